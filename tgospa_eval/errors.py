@@ -68,6 +68,10 @@ def real_number(name: str, value: object) -> float:
         raise ConfigError(f"{name} is {value!r}: must be a number") from None
 
 
+class NothingLeftError(ConfigError):
+    """Filters leave no row of either file: wrong for one pair, a total of 0 for one of many."""
+
+
 class InputError(TgospaError, ValueError):
     """An input file or table is wrong; the message says where, what and the remedy."""
 

@@ -10,6 +10,8 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis import diagnose
+from tgospa_eval.evaluation.diagnosis.clock import find_clock
+from tgospa_eval.evaluation.diagnosis.costs import Sampler
 from tgospa_eval.evaluation.diagnosis.cutoff import suggest_cutoff
 from tgospa_eval.evaluation.diagnosis.sample import SAMPLE
 from tgospa_eval.evaluation.diagnosis.scale import explained, unit_notices
@@ -18,7 +20,8 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports import inspection as documents
-from tgospa_eval.tracks.alignment import SECOND, Alignment
+from tgospa_eval.tracks.alignment import Alignment
+from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 SCHEMA = "tgospa-eval/inspect/1"
@@ -53,8 +56,15 @@ def inspect(
     if any(reading.pixels for _, reading in files):
         warnings += unit_notices(request.unit)
     if sides is not None:
-        document["both"] = both = compare(sides, parameters.cutoff)
-        found = diagnose(sides.read, sides.alignment, time_matching, parameters, distance)
+        document["both"] = both = compare(sides, request)
+        found = diagnose(
+            sides.read,
+            sides.alignment,
+            time_matching,
+            parameters,
+            distance,
+            given=request.recorded,
+        )
         warnings += found
         if both["nearest"] is not None and (explained(found) or distance.name == "iou"):
             both["nearest"]["suggested"] = None  # the distances are not those of errors
@@ -166,9 +176,13 @@ def spread(values: Floats | Ints) -> documents.Extent | None:
     return {"min": float(values.min()), "median": median(values), "max": float(values.max())}
 
 
-def compare(sides: Fitted, cutoff: float) -> documents.PairDocument:
-    """What the two files have in common: steps, the time they cover, space, nearest estimates."""
-    aligned = sides.alignment
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def compare(sides: Fitted, request: EvaluationRequest) -> documents.PairDocument:
+    """What both files have in common: steps, time, another clock, space, nearest estimates."""
+    aligned, parameters = sides.alignment, request.parameters
+    distance = sides.distance.lower_bound
+    sampler = Sampler((aligned.truth, aligned.estimate), parameters, distance)
+    clock = find_clock(sides.digested or sides.read, sampler, request.recorded)
     truth, estimate = sides.read
     return {
         "steps": {
@@ -179,12 +193,21 @@ def compare(sides: Fitted, cutoff: float) -> documents.PairDocument:
         },
         "left_out": {"truth": aligned.left_out[0], "estimate": aligned.left_out[1]},
         "time": _overlap(aligned),
+        "clock": None
+        if clock is None
+        else {
+            "time_scale": clock.time_scale,
+            "time_offset": clock.time_offset,
+            "uncertainty": clock.uncertainty,
+            "saving": clock.saving,
+            "steps": clock.steps,
+        },
         "extent": {
             name: _common_range(a, b)
             for name, a, b in zip(truth.columns, truth.state.T, estimate.state.T, strict=True)
             if len(a) and len(b)
         },
-        "nearest": nearest_estimates(aligned, cutoff, sides.distance),
+        "nearest": nearest_estimates(aligned, parameters.cutoff, sides.distance),
     }
 
 

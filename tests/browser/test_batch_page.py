@@ -36,7 +36,9 @@ def test_it_fits_and_loads_nothing(chromium: Browser, page: Path, width: int) ->
         assert chromium.complaints == []
         assert set(chromium.requests) <= {page.as_uri(), "about:blank"}
     assert len(shades) == 2
-    assert chromium.run("document.querySelectorAll('.plot svg path.curve').length") == 4
+    assert chromium.run("document.querySelectorAll('.plot svg path.curve').length") == 2 * (
+        3 + 2 * 4
+    )
     box = chromium.box(".plot svg")
     assert box["width"] > 0.6 * min(width, 600)
 

@@ -43,8 +43,9 @@ def test_the_page_says_who_is_best_and_what_failed(invoke: Invoke, runs: Path) -
     assert "b/2 out/b/2.csv, line 1: no column for position" in text
     assert "switch a 3 1 m" in text  # jobs, per step
     assert "b 2 of 3 2 m" in text
-    assert "RMS of single steps" in text
-    assert "2 to 3 runs at each step." in text
+    assert "RMS-TGOSPA per time step" in text
+    assert "RMS missed target error of the steps up to t" in text
+    assert "2 to 3 runs at each time." in text
     html = Path("r/report.html").read_text(encoding="utf-8")
     assert "<script" not in html
     assert "default-src 'none'" in html
@@ -80,11 +81,11 @@ def test_a_shard_leaves_the_page_to_the_report(invoke: Invoke, runs: Path) -> No
 
 def test_pictures(invoke: Invoke, runs: Path) -> None:
     answer = invoke(*BATCH, "--per-step", "--pictures", "svg", "--style", "paper")
-    assert "wrote 2 files and 3 pictures to r/" in answer.err
-    for name in ("parts", "heat", "curve"):
+    assert "wrote 2 files and 4 pictures to r/" in answer.err
+    for name in ("parts", "heat", "curve", "curve-parts"):
         assert Path(f"r/{name}.svg").read_bytes().startswith(b"<?xml")
     answer = invoke("batch", "report", "r", "-o", "r", "--pictures", "none")
-    assert "removed 3 of the run before" in answer.err
+    assert "removed 4 of the run before" in answer.err
     assert invoke("batch", "report", "r", "-o", "r", "--pictures", "bmp").status == 2
 
 

@@ -239,7 +239,7 @@ def test_other_truth(gate: Invoke, write: Write) -> None:
     write("t.csv", TRUTH.replace("a,4,4,0", "a,4,4,0.001"))
     answer = gate()
     assert answer.status == 2
-    assert "the truth is not that of the baseline" in answer.out
+    assert "not judged on the same truth (now: " in answer.out
     # The same numbers in another text are the same truth.
     write("t.csv", TRUTH.replace("a,4,4,0", "a,4,4.0,0e0").replace("\n", "\r\n"))
     assert gate().status == 0
@@ -319,7 +319,7 @@ def test_baseline_is_made_for_git(gate: Invoke) -> None:
     text = Path("b.json").read_bytes()
     document = json.loads(text)
     assert text.decode() == json.dumps(document, sort_keys=True, indent=1) + "\n"
-    assert document["schema"] == "tgospa-eval/baseline/1"
+    assert document["schema"] == "tgospa-eval/baseline/2"
     entry = document["pairs"]["pair"]
     assert entry["values"]["total"] == 5 <= entry["values"]["upper_bound"] < 5 + 1e-12
     assert entry["parameters"]["order"] == 1
@@ -357,7 +357,7 @@ def spoil(*keys: str, value: Any) -> Callable[[dict[str, Any]], None]:
         (spoil("values", "counts", value=3), "values.counts.missed is missing"),
         (spoil("values", value=[]), '"values" must be an object'),
         (spoil("parameters", value=None), '"parameters" must be an object'),
-        (spoil("truth", "sha256", value=None), "truth.sha256"),
+        (spoil("judged", "truth_sha256", value=None), "judged.truth_sha256"),
         (spoil("version", value=1), "version"),
         (spoil("options", "cutof", value=1), 'unknown key "cutof"'),
         (spoil("options", "cutoff", value="wide"), "cutoff"),
@@ -382,8 +382,8 @@ def test_edited_by_hand(gate: Invoke, change: Callable[[Any], None], said: str) 
         ('{"schema": "tgospa-eval/result/1"}', 'it has the schema "tgospa-eval/result/1"'),
         ("id,t,x\n1,0,0\n", 'is no baseline but text that begins with "id,t,x"'),
         ("<!doctype html>", "is no baseline but HTML or XML"),
-        ('{"schema": "tgospa-eval/baseline/2", "pairs": {}}', "this version reads"),
-        ('{"schema": "tgospa-eval/baseline/1"}', '"pairs" must be an object'),
+        ('{"schema": "tgospa-eval/baseline/1", "pairs": {}}', "this version reads"),
+        ('{"schema": "tgospa-eval/baseline/2"}', '"pairs" must be an object'),
         ("{\n<<<<<<< HEAD\n", "line 2: not valid JSON (a merge conflict)"),
         ('{"a": 1,\n "a": 2}', '"a" is there twice'),
         ("[" * 100_000, "b.json"),

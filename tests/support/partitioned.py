@@ -58,7 +58,8 @@ def partitioned(result: Result, work: Path, shards: int = 3) -> PartitionedResul
         version=result.version,
         warnings=result.warnings,
         files=result.files,
-        extent=Extent(sizes=result.sizes, occupied=result.occupied, objects=result.objects),
+        judged_on=result.judged_on,
+        extent=Extent(sizes=result.sizes, objects=result.objects),
         tables=tables,
     )
 

@@ -30,6 +30,9 @@ STEPS = "per_step"
 STORED_STEPS, STORED_CURVE = "per_step.rows", "per_step.curve"
 """Columns of the row of a job: how many rows of steps it has, and whether with the curve."""
 
+COST_COLUMNS = ("total", *PARTS)
+"""Columns of costs."""
+
 CURVE_COLUMNS = ("tgospa", "lower_bound", "upper_bound")
 
 
@@ -41,8 +44,8 @@ class StepCosts:
     ----------
     times : list of str
         Steps as they were read.
-    occupied : (T,) int array
-        How many of the steps up to each something exists at.
+    steps : (T,) int array
+        How many of the horizon are no later than each.
     parts : (4, T) float array
         Localisation, missed, false and switch cost, in state units to the power p.
     curve : (3, T) float array, optional
@@ -50,7 +53,7 @@ class StepCosts:
     """
 
     times: list[str]
-    occupied: Ints
+    steps: Ints
     parts: Floats
     curve: Floats | None = None
 
@@ -60,7 +63,7 @@ class StepCosts:
         table, curve = result.per_step_table(), result.curve_table()
         return cls(
             times=list(map(str, table["t"])),
-            occupied=np.cumsum(result.occupied, dtype=np.int32),
+            steps=result.judged_on.so_far.astype(np.int32),
             parts=np.array([table[name] for name in PARTS]),
             curve=np.array([curve[name] for name in CURVE_COLUMNS]) if curve else None,
         )
@@ -94,7 +97,7 @@ def step_table(rows: Sequence[Mapping[str, Any]]) -> "pa.Table | None":
         "finished": np.repeat(np.array([row["finished"] for row, _ in having]), lengths),
         "step": np.concatenate([np.arange(1, size + 1, dtype=np.int32) for size in lengths]),
         "t": pa.array([t for _, steps in having for t in steps.times], pa.string()),
-        "steps": np.concatenate([steps.occupied for _, steps in having]),
+        "steps": np.concatenate([one.steps for _, one in having]),
         **dict(zip(PARTS, parts, strict=True)),
         "total": parts.sum(axis=0),
         **{
@@ -113,21 +116,20 @@ class StoredSteps:
     ----------
     job : (N,) int array
         Whose each is: the number of its row.
-    step, occupied : (N,) int arrays
-        Number of the step from 0, and of those up to it at which something exists.
+    steps : (N,) int array
+        How many of the horizon are no later.
     times : (N,) array of str
         As read.
-    total : (N,) float array
-        Cost.
+    costs : (5, N) float array
+        The whole, and its parts.
     curve : (3, N) float array
         As of `StepCosts`; NaN where it was not asked for.
     """
 
     job: Ints
-    step: Ints
-    occupied: Ints
+    steps: Ints
     times: "np.ndarray[Any, Any]"
-    total: Floats
+    costs: Floats
     curve: Floats
 
 
@@ -145,10 +147,9 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> StoredSteps | None:
     joined = {name: np.concatenate([np.asarray(part[name]) for part in parts]) for name in parts[0]}
     return StoredSteps(
         job=joined["job"],
-        step=joined["step"] - 1,
-        occupied=joined["steps"],
+        steps=joined["steps"],
         times=joined["t"],
-        total=joined["total"],
+        costs=np.array([joined[name] for name in COST_COLUMNS]),
         curve=np.array([joined[f"curve.{name}"] for name in CURVE_COLUMNS]),
     )
 
@@ -161,7 +162,7 @@ def _parts(folder: Path, rows: "pd.DataFrame") -> Iterator[dict[str, Any]]:
         return
     wanted = rows[rows[STORED_STEPS] > 0]
     known = pd.Series(wanted.index, index=pd.MultiIndex.from_frame(wanted[["key", "finished"]]))
-    columns = ["key", "finished", "step", "t", "steps", "total"]
+    columns = ["key", "finished", "step", "t", "steps", *COST_COLUMNS]
     columns += [f"curve.{name}" for name in CURVE_COLUMNS]
     for path in sorted(folder.glob("part-*.parquet")):
         with named(str(path), InputError):

@@ -38,6 +38,7 @@ from tgospa_eval.reports.batch_records import (
     Ranking,
     Verdict,
 )
+from tgospa_eval.tracks.judged import DIGESTS, JUDGE_ALIKE, incomparable, judged_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -65,7 +66,7 @@ class _Paired:
     lower, upper : array, shape (names, pairs)
         Bounds of totals.
     steps : array, shape (names,)
-        Steps at which something exists, of all.
+        Steps of the horizon, of all.
     data : list of tuple of str
         Digests of the estimates, if they are known.
     order : float
@@ -143,6 +144,11 @@ def _ranking(
     common = part[part.groupby("_pair")["_pair"].transform("size") == len(names)]
     if not len(common):
         return f"no truth is evaluated with all values of {label}: they are not ranked"
+    kinds = common.groupby("_pair")[list(DIGESTS)].nunique().max(axis=1)
+    if (kinds > 1).any():
+        jobs = common[common["_pair"] == kinds.index[kinds > 1][0]]
+        wrong = incomparable({row[column]: judged_of(row) for row in jobs.to_dict("records")})
+        return f"{label} is not ranked: {jobs['truth'].iloc[0]}: {wrong}; {JUDGE_ALIKE}"
     paired = _paired(common, column, names)
     count = paired.lower.shape[1]
     enough = count >= LEAST_PAIRS
@@ -175,7 +181,7 @@ def _paired(common: "pd.DataFrame", column: str, names: Sequence[str]) -> _Paire
     ends = zip(upper.sum(axis=1), lower.sum(axis=1), strict=True)
     best = [k for _, k in sorted((end, k) for k, end in enumerate(ends))]
     names = [names[k] for k in best]
-    steps = table["sizes.occupied"].groupby(level=column).sum()
+    steps = table["judged.steps"].groupby(level=column).sum()
     digests = table[ESTIMATE_DIGEST].unstack(column) if ESTIMATE_DIGEST in table else None
     return _Paired(
         names=names,

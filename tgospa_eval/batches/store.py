@@ -103,7 +103,10 @@ class Store:
         with named(str(path), InputError):
             settings: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
             if settings.get("schema") != SCHEMA:
-                raise InputError(f"{path}: its schema is not {SCHEMA}")
+                raise InputError(
+                    f"{path}: its schema is not {SCHEMA}: another version made it; make it anew "
+                    "with batch"
+                )
         return settings
 
     def rows(self) -> "pd.DataFrame":

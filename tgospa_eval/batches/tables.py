@@ -1,7 +1,7 @@
 """Tables of a batch: costs of jobs are added, never their roots.
 
 Of a group of jobs COMBINED is ``(sum of totals)^(1/p)``, per step ``(sum of totals / sum of
-steps)^(1/p)`` with the steps at which something exists, and RMS ``(mean of totals)^(1/p)``, which
+steps)^(1/p)`` with the steps of the horizon, and RMS ``(mean of totals)^(1/p)``, which
 is that of Monte Carlo runs (docs/reference/batch.md). Bounds travel: those of a sum are the sums of
 the bounds.
 """
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 SUMS = (
     "total_lower", "total", "total_upper", *PARTS, *(f"counts.{name}" for name in COUNTED_PARTS),
-    "sizes.occupied",
+    "judged.steps",
 )  # fmt: skip
 
 OF_INTERVALS = ("confidence_lower", "confidence_upper")
@@ -142,7 +142,7 @@ def _summed(groups: "_Groups", *, roots: bool) -> "pd.DataFrame":
     inverse = 1 / groups.orders()
     divisors: dict[str, Any] = {
         "combined": 1.0,
-        "per_step": table["sizes.occupied"],
+        "per_step": table["judged.steps"],
         "rms": table["jobs"],
     }
     for name, divisor in divisors.items():

@@ -16,7 +16,7 @@ from tgospa_eval.common.frozen import dataclass
 NAME = ".tgospa-eval.json"
 SCHEMA = "tgospa-eval/folder/1"
 
-STORE, STORE_SCHEMA = "batch.json", "tgospa-eval/batch/1"
+STORE, STORE_SCHEMA = "batch.json", "tgospa-eval/batch/2"
 """The file by which the store of a batch is known, and its schema."""
 
 OF_DATA = ("simulate", "proof")

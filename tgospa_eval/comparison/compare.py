@@ -12,14 +12,14 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, spoken_in_python, warn_user
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.comparison.entrants import Entrant, outcome
-from tgospa_eval.comparison.ranking import OWN_STEPS
 from tgospa_eval.comparison.ranking import document as ranking_document
 from tgospa_eval.comparison.runs import check_solvers
 from tgospa_eval.comparison.solvers import ONCE, compare_solvers
 from tgospa_eval.comparison.solvers import document as solvers_document
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.evaluate import look, solve
+from tgospa_eval.evaluation.diagnosis import look
+from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.evaluation.prepare import Prepared, fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest, chosen_parameters
 from tgospa_eval.evaluation.sides import (
@@ -31,6 +31,7 @@ from tgospa_eval.evaluation.sides import (
 )
 from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
 from tgospa_eval.evaluation.units import in_units_of_truth
+from tgospa_eval.formats.filters import parse_steps
 from tgospa_eval.reports.comparison import render
 from tgospa_eval.reports.ranking import estimates_columns, pairs_columns
 from tgospa_eval.reports.records import Metric, RankingRecord, SolversRecord
@@ -110,10 +111,13 @@ def compare(  # noqa: PLR0913  (public: settings are keywords)
     distance: str | Distance = "euclidean",
     solver: str | Solver = "certified",
     unit: str | None = None,
-    time_tolerance: float = 0.0,
+    time_tolerance: float | str = 0.0,
     grid: str = "union",
     interpolate: str | None = None,
-    max_gap: float | None = None,
+    max_gap: "float | str | Sequence[float | str] | None" = None,
+    resample: float | str | None = None,
+    steps: str | None = None,
+    outage: float | str | None = None,
     time_offset: float = 0.0,
     time_scale: float = 1.0,
     unit_scale: float = 1.0,
@@ -138,7 +142,7 @@ def compare(  # noqa: PLR0913  (public: settings are keywords)
         The solver of a ranking.
     grid : {"union", "truth"}
         Steps that count; with `solvers` also ``"estimate"`` and ``"common"``.
-    interpolate, max_gap, time_offset, time_scale, unit_scale, mapping
+    interpolate, max_gap, resample, steps, outage, time_offset, time_scale, unit_scale, mapping
         As for `evaluate`; of all estimates.
 
     Returns
@@ -163,7 +167,13 @@ def compare(  # noqa: PLR0913  (public: settings are keywords)
         distance=base,
         solver=as_solver(solver),
         time_matching=TimeMatching(
-            tolerance=time_tolerance, grid=grid, interpolate=interpolate, max_gap=max_gap
+            tolerance=time_tolerance,
+            grid=grid,
+            interpolate=interpolate,
+            max_gap=max_gap,
+            resample=resample,
+            steps=parse_steps(steps),
+            outage=outage,
         ),
         unit=unit,
         defaults=defaults,
@@ -244,12 +254,6 @@ def _ranked(
 ) -> RankingRecord:
     """The document of a ranking."""
     request = pairs.request
-    if len(estimates) > 1 and request.time_matching.grid in OWN_STEPS:
-        raise ConfigError(
-            f"grid={request.time_matching.grid!r} gives each estimate steps of its own, and one "
-            "that stops early leaves out what it misses; to rank estimates choose 'truth' or "
-            "'union'"
-        )
     path = os.fspath(truth) if isinstance(truth, (str, os.PathLike)) else "truth"
     if isinstance(truth, (str, os.PathLike)):
         attributes = (EXISTENCE,) if request.probabilistic else ()

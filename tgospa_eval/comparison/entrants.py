@@ -1,9 +1,7 @@
 """Estimates that are compared: what is needed of their evaluations, and how long each run is."""
 
 from collections.abc import Mapping, Sequence
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
@@ -29,8 +27,10 @@ class Outcome:
         Costs and counts.
     steps : dict of (T,) float arrays
         Costs of each step, by part.
-    moments, times, occupied : (T,) array, list and bool array
-        The steps, as numbers and as they were read, and whether something exists there.
+    moments, times : (T,) array and list
+        The steps, as numbers and as they were read.
+    judged : mapping
+        What it was judged on, as `Judged.record`.
     finished, status : bool, str
         Whether the solver did what was asked, and how it ended.
     input, against, others : dict, and Against and Others or None
@@ -43,7 +43,7 @@ class Outcome:
     steps: dict[str, Floats]
     moments: Times
     times: list[Time]
-    occupied: NDArray[np.bool_]
+    judged: Mapping[str, Any]
     finished: bool
     status: str
     input: Mapping[str, FileRecord]
@@ -63,7 +63,7 @@ def outcome(
         steps={name: result.scale * getattr(split, name) for name in PARTS},
         moments=moments,
         times=result.labels.times,
-        occupied=result.occupied,
+        judged=result.judged,
         finished=bool(result.solver["finished"]),
         status=result.solver["status"],
         input=result.input,
@@ -92,9 +92,5 @@ class Entrant:
 
 
 def durations(entrants: Sequence[Entrant]) -> list[int]:
-    """Steps of each run at which something exists, in the truth or in any estimate; at least 1."""
-    found = []
-    for run in zip(*(entrant.outcomes for entrant in entrants), strict=True):
-        moments = [item.moments[item.occupied] for item in run]
-        found.append(max(len(np.unique(np.concatenate(moments))), 1))
-    return found
+    """Steps of the horizon of each run, at least 1; all entrants are judged on the same ones."""
+    return [max(item.judged["steps"], 1) for item in entrants[0].outcomes]

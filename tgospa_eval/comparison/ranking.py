@@ -20,6 +20,7 @@ from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.against import against_document, differences
 from tgospa_eval.comparison.entrants import Entrant, durations
 from tgospa_eval.comparison.steps import joined, signs
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.other_metrics import joined as joined_metrics
 from tgospa_eval.reports.records import (
     EstimateRecord,
@@ -29,9 +30,7 @@ from tgospa_eval.reports.records import (
     RankingRecord,
 )
 from tgospa_eval.results.records import PARTS, Part
-
-OWN_STEPS = ("estimate", "common")
-"""Grids that depend on the estimate. With the others every row of the truth counts for all."""
+from tgospa_eval.tracks.judged import JUDGE_ALIKE, incomparable
 
 RANKED = "normalised.tgospa"
 """The field of an estimate by which estimates are ranked."""
@@ -55,7 +54,17 @@ def document(
         Every option that changes the number.
     warnings : list of dict
         What looks wrong with the data.
+
+    Raises
+    ------
+    ConfigError
+        Some are judged on another truth, or at other steps, than others.
     """
+    for run, outcomes in enumerate(zip(*(item.outcomes for item in entrants), strict=True)):
+        names = (f"{item.name}, {item.paths[run]}" for item in entrants)
+        wrong = incomparable(dict(zip(names, (one.judged for one in outcomes), strict=True)))
+        if wrong:
+            raise ConfigError(f"no order: {wrong}; {JUDGE_ALIKE}")
     order = parameters["order"]
     steps = durations(entrants)
     per_step = [

@@ -3,19 +3,17 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.comparison.entrants import Outcome
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.fields import floats
-from tgospa_eval.formats.times import TimeError, parse_times
+from tgospa_eval.formats.times import TimeError, places
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.other_metrics import COMPARED
 from tgospa_eval.results.numbers import outward
 from tgospa_eval.results.records import PARTS, Json, OtherMetrics, Time
-from tgospa_eval.results.saved import count_of, unlike
+from tgospa_eval.results.saved import unlike
 from tgospa_eval.tracks.alignment import Times
 
 BESIDE = {"similarity": ("zero", "threshold")}
@@ -30,12 +28,6 @@ def other_parameters(own: Json, first: Json) -> str:
     """In which parameters of the metric two results differ; blank if in none."""
     found = unlike(own["parameters"], first["parameters"])
     return "; ".join(f"{name} is {one}, there {other}" for name, one, other in found)
-
-
-def other_truth(own: Json, first: Json) -> str:
-    """Whether two results are of different truths, in words; blank if they are not."""
-    mine, theirs = (document["input"]["truth"]["sha256"] for document in (own, first))
-    return "" if mine == theirs else "the truth is another one (sha256 of ids, times, states)"
 
 
 def shared_metrics(runs: Sequence[Documents]) -> tuple[list[OtherMetrics], list[Notice]]:
@@ -66,11 +58,9 @@ def outcomes(documents: Documents, paths: Paths) -> list[Outcome]:
     Raises
     ------
     InputError
-        Times are of several kinds or out of order, or it is not said at which steps something
-        exists.
+        Times are of several kinds or out of order.
     """
     moments = _moments(documents, paths)
-    occupied = _occupied(documents, paths)
     return [
         Outcome(
             bracket=_bracket(document),
@@ -84,7 +74,7 @@ def outcomes(documents: Documents, paths: Paths) -> list[Outcome]:
             steps={name: _column(document, name) for name in PARTS},
             moments=moments[k],
             times=_times(document),
-            occupied=occupied[k],
+            judged=document["judged"],
             finished=bool(document["solver"]["finished"]),
             status=document["solver"]["status"],
             input=document["input"],
@@ -111,48 +101,12 @@ def _times(document: Json) -> list[Time]:
 
 
 def _moments(documents: Documents, paths: Paths) -> list[Times]:
-    """The steps of each as places in the order of those of all, exact whatever the numbers are."""
-    times = [_times(document) for document in documents]
-    if len({isinstance(t, str) for own in times for t in own}) > 1:
-        raise InputError(f"{paths[0]}: has times of another kind than other results of its truth")
+    """The steps of each as places in the order of those of all."""
     try:
-        keys = [_keys(own) for own in times]
+        found = places([_times(document) for document in documents])
     except TimeError as error:
         raise InputError(f"{paths[0]}, or a result of its truth: per_step: {error}") from None
-    rank = {key: k for k, key in enumerate(sorted({key for own in keys for key in own}))}
-    found = [np.array([rank[key] for key in own], np.int64) for own in keys]
-    for path, ranks in zip(paths, found, strict=True):
-        if np.any(np.diff(ranks) <= 0):
+    for path, own in zip(paths, found, strict=True):
+        if np.any(np.diff(own) <= 0):
             raise InputError(f"{path}: per_step: times are not in order")
-    return found
-
-
-def _keys(times: list[Time]) -> list[int | float]:
-    """Numbers in the order of the times: themselves, or nanoseconds."""
-    texts = [t for t in times if isinstance(t, str)]
-    if not texts:
-        return [t for t in times if not isinstance(t, str)]
-    found: list[int | float] = parse_times(texts, floats).value.tolist()
-    return found
-
-
-def _occupied(documents: Documents, paths: Paths) -> list[NDArray[np.bool_]]:
-    """At which steps something exists in the truth or an estimate.
-
-    A result has their number, T of its normalised value. At a step that costs something there is
-    something; where the others are not all of one kind, that of T of them, what is perfect cannot
-    be told from what is empty. But a perfect step has a truth, and so another result that is clear
-    has that step, too.
-    """
-    found, is_clear = [], False
-    for document in documents:
-        costly = np.any([_column(document, name) > 0 for name in PARTS[:-1]], axis=0)
-        count = count_of(document)
-        is_full = count == len(costly)
-        is_clear |= is_full or (count > 0 and count == np.count_nonzero(costly))
-        found.append(costly | is_full)
-    if not is_clear and any(document["total"] > 0 for document in documents):
-        raise InputError(
-            f"{paths[0]}: does not say which of its steps are empty; name the files instead"
-        )
-    return found if is_clear else [np.ones(len(own), bool) for own in found]
+    return list(found)

@@ -5,12 +5,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from tgospa_eval._version import __version__
-from tgospa_eval.common.notices import Notice, as_argument, spoken_in_python, warn_user
+from tgospa_eval.common.notices import spoken_in_python, warn_user
 from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Effort
-from tgospa_eval.evaluation.diagnosis import diagnose
-from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
+from tgospa_eval.evaluation.diagnosis import look
 from tgospa_eval.evaluation.localisation import split_localisation
 from tgospa_eval.evaluation.prepare import Fitted, Prepared, Source, fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest, chosen_metrics, chosen_parameters
@@ -23,6 +22,7 @@ from tgospa_eval.evaluation.sides import (
 )
 from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
 from tgospa_eval.evaluation.units import in_units_of_truth
+from tgospa_eval.formats.filters import parse_steps
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.sliding import Sliding
@@ -54,10 +54,13 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     distance: str | Distance = "euclidean",
     solver: str | Solver = "certified",
     unit: str | None = None,
-    time_tolerance: float = 0.0,
+    time_tolerance: float | str = 0.0,
     grid: str = "union",
     interpolate: str | None = None,
-    max_gap: float | None = None,
+    max_gap: "float | str | Sequence[float | str] | None" = None,
+    resample: float | str | None = None,
+    steps: str | None = None,
+    outage: float | str | None = None,
     time_offset: float = 0.0,
     time_scale: float = 1.0,
     unit_scale: float = 1.0,
@@ -107,8 +110,18 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     interpolate : {"estimate", "truth"}, optional
         Brings this side to the stamps of the other one: states on the straight line between two of
         a track that are at most `max_gap` apart, in the unit of the stamps, seconds for ISO times.
-    max_gap : float, optional
-        Needed by `interpolate`.
+    max_gap : float, str, or pair of such, optional
+        Needed by `interpolate` and `resample`; a pair is of truth and estimate. Durations may be
+        texts with a unit where stamps are times: ``"200s"``, ``"20ms"``, ``"2min"``.
+    resample : float or str, optional
+        A common clock: both sides are interpolated at its multiples, from the truth's first stamp
+        to its last. These are the steps, and the horizon.
+    steps : str, optional
+        ``"FIRST:LAST[:EVERY]"``: exactly these steps, empty ones included, and the horizon.
+    outage : float or str, optional
+        With the truth interpolated: where the estimate has no stamp for longer than this, the
+        truth's own stamps are steps too; five of its median intervals by default, ``"none"`` says
+        that it reports only what it sees.
     time_offset, time_scale, unit_scale : float
         The stamps of the estimate are multiplied by `time_scale`, then `time_offset` is added, in
         seconds for ISO times; its states, with covariances and particles, are multiplied by
@@ -187,7 +200,13 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
         distance=base,
         solver=as_solver(solver),
         time_matching=TimeMatching(
-            tolerance=time_tolerance, grid=grid, interpolate=interpolate, max_gap=max_gap
+            tolerance=time_tolerance,
+            grid=grid,
+            interpolate=interpolate,
+            max_gap=max_gap,
+            resample=resample,
+            steps=parse_steps(steps),
+            outage=outage,
         ),
         unit=unit,
         curve=curve,
@@ -205,25 +224,6 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     result = replace(result, warnings=(*found, *result.warnings))
     warn_user(result.warnings)
     return result
-
-
-def look(sides: Fitted, request: EvaluationRequest) -> list[Notice]:
-    """Warnings about two sides, in the words of Python."""
-    aligned, parameters = sides.alignment, request.parameters
-    found = diagnose(
-        sides.read, aligned, request.time_matching, parameters, sides.distance, as_argument
-    )
-    if request.defaults:
-        notice = default_notice(
-            aligned,
-            sides.distance,
-            parameters,
-            request.defaults,
-            as_argument,
-            others=explained(found),
-        )
-        found += [notice] if notice.code else []
-    return found
 
 
 def evaluate_fitted(
@@ -336,6 +336,7 @@ def prove(
         solver=_solver_record(solver, solution, prepared.parameters, met=bounds.met(gap)),
         timings=nested_timings(stopwatch),
         input=prepared.input,
+        judged_on=prepared.judged,
         version=__version__,
         scene=prepared.scene,
         warnings=(*within_rounding(bounds, gap), *rounded_coordinates(prepared, proof)),

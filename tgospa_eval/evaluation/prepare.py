@@ -12,6 +12,7 @@ from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.distances.gating import prepared_pairs
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.axis import Axis, on_axis
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats, Problem
@@ -22,10 +23,10 @@ from tgospa_eval.results.records import FileInfo, FileRecord, Labels
 from tgospa_eval.results.result import Compared, Scene, sizes_of
 from tgospa_eval.tracks.alignment import Alignment, Times, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
+from tgospa_eval.tracks.judged import Judged, digest, judge, whole
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
-    from tgospa_eval.tracks.interpolation import Interpolated
     from tgospa_eval.tracks.step_weights import WeightsByTime
 
 
@@ -41,8 +42,8 @@ class Fitted:
         The same on one grid.
     distance : Distance
         Base distance with what it takes from the data.
-    interpolated : Interpolated, optional
-        Which side was interpolated, and what that took.
+    axis : Axis
+        How both came to their steps.
     digested : pair of Trajectories, optional
         What `read` was before.
     """
@@ -50,7 +51,7 @@ class Fitted:
     read: tuple[Trajectories, Trajectories]
     alignment: Alignment
     distance: Distance
-    interpolated: "Interpolated | None" = None
+    axis: Axis
     digested: tuple[Trajectories, Trajectories] | None = None
 
 
@@ -88,6 +89,8 @@ class Measured:
         Every option that changes the number, but for parameters and those of the solver.
     input : dict
         Rows and digest of either side.
+    judged : Judged
+        The horizon, and the truth that counts.
     scene : Scene
         Where the objects were before the distance prepared them, for pictures.
     step_weights : StepWeights, optional
@@ -102,6 +105,7 @@ class Measured:
     moments: Times
     settings: Mapping[str, object]
     input: Mapping[str, FileRecord]
+    judged: Judged
     scene: Scene
     step_weights: StepWeights | None = None
     existence: tuple[Floats, Floats] | None = None
@@ -204,10 +208,18 @@ def measure(
     # What is digested is what counts.
     with stopwatch.span("report"):
         infos = files or [FileInfo(rows=len(side.step)) for side in sides.digested or sides.read]
+        given = sides.digested or sides.read
         digests = [
-            digest(side.seen_as(distance.kinds), existence=request.probabilistic)
-            for side in sides.digested or sides.read
+            digest(side.seen_as(distance.kinds), existence=request.probabilistic) for side in given
         ]
+        counts = aligned.truth.seen_as(distance.kinds)
+        judged = judge(
+            sides.axis.horizon,
+            counts,
+            digests[0]
+            if sides.read[0] is given[0] and not aligned.left_out[0]
+            else digest(counts, existence=request.probabilistic),
+        )
     with stopwatch.span("distances"):
         truth, estimate = (
             side.seen_as(distance.kinds) for side in (aligned.truth, aligned.estimate)
@@ -237,11 +249,17 @@ def measure(
             **request.recorded,
         },
         input={
-            role: info.record(sha256, left_out)
-            for role, info, sha256, left_out in zip(
-                ("truth", "estimate"), infos, digests, aligned.left_out, strict=True
+            role: info.record(sha256, {"grid": off_grid, "steps": off_steps})
+            for role, info, sha256, off_grid, off_steps in zip(
+                ("truth", "estimate"),
+                infos,
+                digests,
+                aligned.left_out,
+                sides.axis.left_out,
+                strict=True,
             )
         },
+        judged=judged,
         scene=scene,
         step_weights=_weights_of_steps(request.step_weights, truth),
         existence=(
@@ -282,11 +300,9 @@ def fit(
     check_states(truth, estimate, distance, names)
     if request.probabilistic:
         truth, estimate = expected(truth, estimate, names)
-    digested, made = (truth, estimate), None
-    if time_matching.interpolate:
-        from tgospa_eval.evaluation.interpolation import interpolate  # here: few want it
-
-        (truth, estimate), made = interpolate(digested, time_matching, distance, names)
+    digested = truth, estimate
+    axis = on_axis(digested, time_matching, distance, names)
+    truth, estimate = axis.sides
     aligned = align(truth, estimate, time_matching, names)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(
@@ -298,7 +314,7 @@ def fit(
         read=(truth, estimate),
         alignment=aligned,
         distance=fitted,
-        interpolated=made,
+        axis=axis,
         digested=digested,
     )
 
@@ -330,32 +346,6 @@ def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:
         return {}
     order = np.argsort(given.times, kind="stable")
     sha = hashlib.sha256(given.clock.encode())
-    for array in (_whole(given.times[order]), given.cost[order], given.switch[order]):
+    for array in (whole(given.times[order]), given.cost[order], given.switch[order]):
         sha.update(np.ascontiguousarray(array).data)
     return {"step_weights": sha.hexdigest()}
-
-
-def digest(side: Trajectories, *, existence: bool = False) -> str:
-    """SHA-256 of what takes part: columns, ids, times, rows, states, covariances or particles.
-
-    `existence`: whether probabilities of existence do, too.
-    """
-    sha = hashlib.sha256()
-    for texts in (side.columns, side.ids.tolist()):
-        sha.update(repr(list(texts)).encode())
-    arrays = [_whole(side.times)[side.step], side.track, side.state]
-    arrays += side.beside
-    if existence:
-        arrays.append(existence_of(side))
-    for array in arrays:
-        kind = "<i8" if array.dtype.kind == "i" else "<f8"
-        sha.update(kind.encode())
-        sha.update(np.ascontiguousarray(array, dtype=kind).data)
-    return sha.hexdigest()
-
-
-def _whole(times: Times) -> Times:
-    """Times as integers where all are whole: the stamps 0 and 0.0 are the same."""
-    if times.dtype.kind != "f" or not np.all((np.floor(times) == times) & (abs(times) < 2.0**63)):
-        return times
-    return times.astype(np.int64)

@@ -17,7 +17,8 @@ from tgospa_eval.common.notices import spoken_in_python, warn_user
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.evaluate import look, prove, solver_settings
+from tgospa_eval.evaluation.diagnosis import look
+from tgospa_eval.evaluation.evaluate import prove, solver_settings
 from tgospa_eval.evaluation.prepare import Fitted, Measured, fit, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import (
@@ -28,6 +29,7 @@ from tgospa_eval.evaluation.sides import (
 )
 from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
 from tgospa_eval.evaluation.units import in_units_of_truth
+from tgospa_eval.formats.filters import parse_steps
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats
@@ -67,10 +69,13 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
     distance: str | Distance = "euclidean",
     solver: str | Solver = "certified",
     unit: str | None = None,
-    time_tolerance: float = 0.0,
+    time_tolerance: float | str = 0.0,
     grid: str = "union",
     interpolate: str | None = None,
-    max_gap: float | None = None,
+    max_gap: "float | str | Sequence[float | str] | None" = None,
+    resample: float | str | None = None,
+    steps: str | None = None,
+    outage: float | str | None = None,
     time_offset: float = 0.0,
     time_scale: float = 1.0,
     unit_scale: float = 1.0,
@@ -90,9 +95,9 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
         As for `evaluate`.
     cutoff, order, switch_penalty, rho : float or sequence of float
         One of them is a sequence, in any order, without repetitions.
-    distance, solver, unit, time_tolerance, grid, interpolate, max_gap, time_offset, time_scale
+    distance, solver, unit, time_tolerance, grid, interpolate, max_gap, resample, steps, outage
         As for `evaluate`; a time limit holds for each point.
-    unit_scale, step_weights, existence, mapping
+    time_offset, time_scale, unit_scale, step_weights, existence, mapping
         Likewise.
 
     Returns
@@ -140,7 +145,13 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
         distance=chosen,
         solver=as_solver(solver),
         time_matching=TimeMatching(
-            tolerance=time_tolerance, grid=grid, interpolate=interpolate, max_gap=max_gap
+            tolerance=time_tolerance,
+            grid=grid,
+            interpolate=interpolate,
+            max_gap=max_gap,
+            resample=resample,
+            steps=parse_steps(steps),
+            outage=outage,
         ),
         recorded=recorded,
         unit=unit,

@@ -7,7 +7,7 @@ import numpy as np
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.interpolation import as_interpolated, periods_of
+from tgospa_eval.evaluation.axis import on_own_times, periods_of
 from tgospa_eval.evaluation.prepare import Source
 from tgospa_eval.explain import candidates as found
 from tgospa_eval.explain import motion
@@ -63,7 +63,7 @@ def explain(
     stopwatch = stopwatch or Stopwatch()
     begin = stopwatch.elapsed()
     with stopwatch.span("explain"):
-        sides, request = source.sides, as_interpolated(source.request)
+        sides, request = source.sides, on_own_times(source.request)
         assigned = Assigned(result.proof.states, result.proof.weights)
         able = [
             candidate

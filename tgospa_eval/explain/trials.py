@@ -107,7 +107,7 @@ class Trials:
         distance = self.request.distance.settings(sides.read[0].columns)
         if sides.distance is not self.request.distance or "reduce" in distance:
             return False  # the distance is made of the data
-        if not matching.tolerance:
+        if not matching.near:
             return True
         again = fit(sides.read[0], sides.alignment.estimate, self.request).alignment
         return np.array_equal(again.truth.times, sides.alignment.truth.times)
@@ -125,7 +125,7 @@ class Trials:
             np.any((self.present > 0) & (present == 0)),
             np.any((self.present == 0) & (present > 0)),
         )
-        if matching.tolerance:
+        if matching.near:
             return not gone and not new
         plain = matching.grid in ("union", "truth") and isinstance(self.problem.switch_price, float)
         return plain or not gone

@@ -12,6 +12,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.times import TimeError, parse_times
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.durations import Duration, Steps
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray
 
 Flags = NDArray[np.bool_]
@@ -88,6 +89,42 @@ def parse_moments(text: str | None) -> Moments | None:
     if low is not None and high is not None and low > high:
         raise ConfigError(f"--time {quoted(text)}: ends before it begins")
     return Moments(low=low, high=high, clock=str(clock), text=text)
+
+
+def parse_steps(text: str | None) -> Steps | None:
+    """Declared steps, ``FIRST:LAST[:EVERY]``; of ISO times, which contain colons, as it parses.
+
+    Raises
+    ------
+    ConfigError
+        It is none, its ends are of two kinds, or it ends before it begins.
+    """
+    if text is None:
+        return None
+    found: list[Steps] = []
+    parts = text.split(":")
+    for i in range(1, len(parts)):
+        for j in range(i + 1, len(parts) + 1):
+            first, last, every = (
+                ":".join(parts[a:b]).strip() for a, b in ((0, i), (i, j), (j, None))
+            )
+            if j < len(parts) - 1 or not (first and last) or (j < len(parts) and not every):
+                continue
+            try:
+                times = parse_times([first, last], floats)
+                apart = Duration.of(every, "--steps") if every else None
+            except (TimeError, ConfigError):
+                continue
+            low, high = times.value.tolist()
+            found.append(Steps(first=low, last=high, every=apart, clock=times.clock, text=text))
+    if len(found) != 1:
+        raise ConfigError(
+            f"--steps {quoted(text)}: must be FIRST:LAST or FIRST:LAST:EVERY, two numbers or two "
+            "ISO times, and how far apart the steps are, such as 0:99 or 0:10:100ms"
+        )
+    if found[0].first > found[0].last:
+        raise ConfigError(f"--steps {quoted(text)}: ends before it begins")
+    return found[0]
 
 
 def class_named(name: str, there: Collection[str]) -> str | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python, warn_user
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.formats.filters import class_named, is_alike
 from tgospa_eval.formats.options import ROLES, ReadOptions
 from tgospa_eval.text import quoted
@@ -80,7 +80,7 @@ def check_classes(
         if not any(side.has_class(name) for side in those):
             there = sorted({known for side in those for known in side.named})
             shown = ", ".join(map(quoted, there[:10])) or "none"
-            raise ConfigError(
+            raise NothingLeftError(
                 f"{option} {quoted(name)}: no row{of} is of that class; there are {shown}"
             )
 

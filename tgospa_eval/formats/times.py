@@ -5,9 +5,11 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
+from tgospa_eval.formats.fields import floats
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, TimeArray
 
@@ -83,6 +85,32 @@ def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Float
                 "write all times as 64-bit integers",
             )
     return Times(value=value + 0.0, clock="number", text=None)  # + 0.0 makes -0.0 the same step
+
+
+def places(series: Sequence[Sequence[int | float | str]]) -> list[NDArray[np.int64]]:
+    """The times of each series as places in the order of those of all, exact for all numbers.
+
+    Parameters
+    ----------
+    series : sequence of sequence of int, float or str
+        Times as they were read: numbers, or texts that are ISO-8601 times.
+
+    Raises
+    ------
+    TimeError
+        A text is no time, or times are of several kinds.
+    """
+    times = [t for own in series for t in own]
+    texts = [t for t in times if isinstance(t, str)]
+    keys: list[int | float] = [t for t in times if not isinstance(t, str)]
+    if texts:
+        if keys:
+            told = f"{quoted(str(keys[0]))} and {quoted(texts[0])}"
+            raise TimeError(0, f"mixed kinds of time: {told}; write all alike")
+        keys = parse_times(texts, floats).value.tolist()
+    rank = {key: k for k, key in enumerate(sorted(set(keys)))}
+    found = np.array([rank[key] for key in keys], np.int64)
+    return np.split(found, np.cumsum([len(own) for own in series])[:-1])
 
 
 def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> Times:

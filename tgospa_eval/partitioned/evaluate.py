@@ -42,6 +42,7 @@ from tgospa_eval.results.partitioned import Extent, PartitionedResult
 from tgospa_eval.results.records import Costs, FileInfo, FileRecord, Labels, SolverRecord
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.alignment import Alignment, Times, align
+from tgospa_eval.tracks.judged import judge
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
@@ -270,17 +271,7 @@ def _times_of(side: Side) -> Trajectories:
     if side.clock != "number":
         labels = np.empty(len(side.times), dtype=object)
         labels[:] = list(side.shown)
-    none = np.zeros(0, np.int32)
-    return Trajectories(
-        step=none,
-        track=none,
-        state=np.zeros((0, len(side.columns))),
-        ids=np.zeros(0, dtype=object),
-        times=side.times,
-        columns=side.columns,
-        clock=side.clock,
-        labels=labels,
-    )
+    return Trajectories.of_times(side.times, side.columns, side.clock, labels)
 
 
 def _rows(sides: Sequence[Side], times: Times) -> Ints:
@@ -330,6 +321,7 @@ def _result(
         "history": [],
     }
     read = [_input(sides[k], k, found, plan.names[k]) for k in (0, 1)]
+    counts = whole.objects[0]
     return PartitionedResult(
         proof=Costs(parameters=parameters, bounds=whole.bounds, breakdown=whole.breakdown),
         labels=Labels(times=shown.tolist(), truths=[], estimates=[], unit=request.unit),
@@ -347,6 +339,13 @@ def _result(
         solver=record,
         timings={"read": 0, "distances": 0, "solve": {}, "certify": 0, "report": 0, "total": 0},
         input={role: one for role, (one, _) in zip(ROLES, read, strict=True)},
+        judged_on=judge(
+            _times_of(sides[0]),
+            grid.truth,
+            read[0][0]["sha256"],
+            states=int(counts.sum()),
+            at=int(np.count_nonzero(counts)),
+        ),
         version=__version__,
         warnings=(
             *(notice for _, notices in read for notice in notices),
@@ -361,8 +360,7 @@ def _result(
                 "pair_steps": found.entries,
                 "components": found.shards.components,
             },
-            occupied=(whole.objects[0] + whole.objects[1]) > 0,
-            objects=(int(whole.objects[0].sum()), int(whole.objects[1].sum())),
+            objects=(int(counts.sum()), int(whole.objects[1].sum())),
         ),
         tables=tables,
     )
@@ -374,7 +372,7 @@ def _input(side: Side, number: int, found: Evaluated, name: str) -> tuple[FileRe
     info = FileInfo(rows=side.rows, format=side.format, left_out=_left_out(side, blocks))
     digest = combined_digest(side.columns, side.clock, (int(b.digest, 16) for b in blocks))
     warnings = {tuple(one.items()): Notice(**one) for block in blocks for one in block.warnings}
-    record = info.record(digest, sum(block.off_grid for block in blocks))
+    record = info.record(digest, {"grid": sum(block.off_grid for block in blocks)})
     return record, [notice.about(name) for notice in warnings.values()]
 
 

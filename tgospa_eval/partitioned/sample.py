@@ -30,7 +30,12 @@ def look(plan: Plan, grid: Alignment) -> list[Notice]:
     truth, estimate = (side.read(times[first], times[last]).trajectories for side in plan.sides)
     sides = fit(truth, estimate, request, plan.names)
     found = diagnose(
-        sides.read, sides.alignment, request.time_matching, request.parameters, sides.distance
+        sides.read,
+        sides.alignment,
+        request.time_matching,
+        request.parameters,
+        sides.distance,
+        given=request.recorded,
     )
     shown = grid.truth.shown
     return notices + [

@@ -1,19 +1,23 @@
 """Pictures of a batch: values side by side, what costs are made of, curves over steps."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tgospa_eval.common.palette import LIGHT, TRACK_COLOURS, heat_shades
 from tgospa_eval.plots import figure, written
+from tgospa_eval.plots.overtime import name_times
 from tgospa_eval.plots.style import FILLS, SOFT, Style, legend, literal, power, styled, titled
+from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.batch_view import BatchView
-from tgospa_eval.reports.curves import CURVE_KINDS, RmsCurve
+from tgospa_eval.reports.curves import CURVE_KINDS, LINE_NAMES, RmsCurve, RmsLine, on_one_axis
 from tgospa_eval.reports.heat import Heat
+from tgospa_eval.reports.ticks import ROOM
 from tgospa_eval.results.records import PARTS, Part
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -22,12 +26,17 @@ if TYPE_CHECKING:
 DASHES_OF_LINES = ("-", "--", ":", "-.")
 MOST_BARS = 40
 
+PANEL = 0.62
+"""Height of one of many panels, of one that is alone."""
+
 ROW = 0.21
 """Inches of a row with letters."""
 
 
-def draw_curves(curves: Sequence[tuple[int, RmsCurve]], style: Style, unit: str) -> "Figure":
-    """Root mean squares over runs at each step, with bands; a panel for each kind.
+def draw_curves(
+    curves: Sequence[tuple[int, RmsCurve]], style: Style, unit: str, *, parts: bool = False
+) -> "Figure":
+    """RMS-TGOSPA of runs over time, with bands; a panel for each kind.
 
     Parameters
     ----------
@@ -37,32 +46,53 @@ def draw_curves(curves: Sequence[tuple[int, RmsCurve]], style: Style, unit: str)
         Sizes.
     unit : str
         Of the values.
+    parts : bool
+        Whether to draw the parts instead, one below the other, the kinds side by side.
     """
+    lines: Sequence[str] = PARTS if parts else ("total",)
+    curves = [(track, curve) for track, curve in curves if lines[0] in curve.lines]
     kinds = [kind for kind in CURVE_KINDS if any(curve.kind == kind for _, curve in curves)]
-    made, axes = figure(style.width, style.low * len(kinds), len(kinds))
-    titled(axes[0, 0], style, "Root mean square over the runs")
-    lines, names = [], []
-    for axis, kind in zip(axes[:, 0], kinds, strict=True):
-        for track, curve in curves:
-            if curve.kind != kind:
-                continue
-            colour = TRACK_COLOURS[track % len(TRACK_COLOURS)]
-            steps = np.arange(1, len(curve.rms) + 1)
-            low, high = (np.array(end, float) for end in curve.band)
-            axis.fill_between(steps, low, high, color=colour, alpha=0.16, linewidth=0)
-            dashes = DASHES_OF_LINES[track % len(DASHES_OF_LINES)]
-            dot = "o" if len(steps) == 1 else None
-            found = axis.plot(steps, curve.rms, marker=dot, linestyle=dashes, color=colour)
-            if axis is axes[0, 0]:
-                lines += found
-                names.append(literal(curve.name or "all jobs"))
-        axis.set_ylim(0, None)
-        axis.margins(x=0)
-        what = "RMS of single steps" if kind == "step" else "RMS of steps so far"
-        axis.set_ylabel(f"{what} ({literal(unit)})" if unit else what, parse_math=False)
-    axes[-1, 0].set_xlabel("step")
-    legend(made, lines, names, 4 if style.titles else 3)
+    if parts:
+        made, axes = figure(style.width, PANEL * style.low * len(lines), len(lines), len(kinds))
+        for axis, kind in zip(axes[0], kinds, strict=True):
+            axis.set_title(CURVE_KINDS[kind], fontsize="medium", loc="left")
+    else:
+        made, axes = figure(style.width, style.low * len(kinds), len(kinds))
+        axes = axes.T
+        titled(axes[0, 0], style, "Root mean square over the runs")
+    clock, places, ends = on_one_axis([curve for _, curve in curves])
+    drawn: dict[str, Artist] = {}
+    for (row, column), axis in np.ndenumerate(axes):
+        name, kind = lines[row], kinds[column]
+        top = 0.0
+        for (track, curve), at in zip(curves, places, strict=True):
+            if curve.kind == kind:
+                group = literal(curve.name or "all jobs")
+                drawn[group] = _draw_line(axis, at, curve.lines[name], track)
+                top = max(top, curve.lines[name].top)
+        axis.set_ylim(0, ROOM * top or 1.0)
+        name_times(axis, clock, ends, style.width / (len(kinds) if parts else 1))
+        about = LINE_NAMES[name].removeprefix("RMS ").replace(" error", "\nerror")
+        about += "" if parts else f"\n{CURVE_KINDS[kind]}"
+        if not (parts and column):
+            axis.set_ylabel(f"{about} ({literal(unit)})" if unit else about, parse_math=False)
+        if parts and row + 1 < len(lines):
+            axis.set_xlabel("")
+    legend(made, list(drawn.values()), list(drawn), 4 if style.titles else 3)
     return made
+
+
+def _draw_line(axis: "Axes", at: Floats, line: RmsLine, track: int) -> "Artist":
+    """A line with its band."""
+    colour = TRACK_COLOURS[track % len(TRACK_COLOURS)]
+    if line.band:
+        axis.fill_between(at, *line.band, color=colour, alpha=0.16, linewidth=0)
+    looks: dict[str, Any] = {
+        "color": colour,
+        "linestyle": DASHES_OF_LINES[track % len(DASHES_OF_LINES)],
+    }
+    looks |= {"marker": "o"} if len(at) == 1 else {}
+    return axis.plot(at, line.rms, clip_on=False, **looks)[0]
 
 
 def draw_parts(groups: Mapping[str, Mapping[Part, float]], style: Style, about: str) -> "Figure":
@@ -193,6 +223,9 @@ def batch_pictures(
             draw["heat"] = lambda: draw_heat(heat, style, view.unit)
         if view.drawn_curves:
             draw["curve"] = lambda: draw_curves(view.drawn_curves, style, view.unit)
+            draw["curve-parts"] = lambda: draw_curves(
+                view.drawn_curves, style, view.unit, parts=True
+            )
         for name, make in draw.items():
             made = None
             for kind in wanted.formats:

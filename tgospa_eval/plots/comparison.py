@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.plots import COLOURS, MARKERS, figure, label
-from tgospa_eval.plots.clock import Clock, words
 from tgospa_eval.plots.overtime import name_times
+from tgospa_eval.reports.clock import Clock, words
 from tgospa_eval.reports.moments import edges, moments, placed
 from tgospa_eval.reports.records import (
     Ends,

@@ -11,7 +11,7 @@ from tgospa_eval.plots.style import FALSE, INK, SOFT, legend, literal, styled
 from tgospa_eval.plots.views import TIME, is_box, plane_columns
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.page_data import is_map, map_stretch
-from tgospa_eval.tracks.alignment import SECOND
+from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:

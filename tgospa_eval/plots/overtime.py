@@ -9,10 +9,10 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import figure, stairs
-from tgospa_eval.plots.clock import Clock
 from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, styled, titled
 from tgospa_eval.plots.views import View, binned, parts_of, view
 from tgospa_eval.problem.problem import Floats
+from tgospa_eval.reports.clock import Clock
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Baselines: values, options and the truth's digest of each pair, as JSON made for git."""
+"""Baselines: values, options and what was judged of each pair, as JSON made for git."""
 
 import json
 import math
@@ -13,8 +13,9 @@ from tgospa_eval.regression.rules import PROVEN, SPLIT, Key
 from tgospa_eval.results.records import json_text
 from tgospa_eval.results.saved import contradiction, strict_json, unlike
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.judged import JUDGE_ALIKE, fault_of, incomparable
 
-SCHEMA = "tgospa-eval/baseline/1"
+SCHEMA = "tgospa-eval/baseline/2"
 BOUNDS = ("lower_bound", "upper_bound")
 MEASURED = (*PROVEN, *SPLIT)
 BASELINE_VALUES = (*MEASURED, *BOUNDS)
@@ -33,8 +34,8 @@ class Entry:
         Options that were given, by their names in a configuration file.
     parameters : dict
         Every option that changes the number, as in the JSON of a result.
-    truth : str
-        Digest of the truth.
+    judged : mapping
+        What it was judged on, as in the JSON of a result.
     version : str
         Version of the program that made it.
     """
@@ -42,7 +43,7 @@ class Entry:
     values: Mapping[Key, float]
     options: Mapping[str, object]
     parameters: Mapping[str, object]
-    truth: str
+    judged: Mapping[str, Any]
     version: str
 
 
@@ -69,7 +70,7 @@ def make_entry(now: Measured, options: Mapping[str, object]) -> Entry:
         values=values,
         options=dict(options),
         parameters=now.parameters,
-        truth=now.truth,
+        judged=now.judged,
         version=now.version,
     )
 
@@ -80,9 +81,8 @@ def differences(entry: Entry, now: Measured) -> list[str]:
         f"{name} is {own}, in the baseline {other}"
         for name, own, other in unlike(now.parameters, entry.parameters)
     ]
-    if now.truth != entry.truth:
-        found.append("the truth is not that of the baseline (sha256 of ids, times, states)")
-    return found
+    wrong = incomparable({"now": now.judged, "the baseline": entry.judged})
+    return [*found, f"{wrong}; {JUDGE_ALIKE}"] if wrong else found
 
 
 def dump(baseline: Baseline) -> str:
@@ -94,7 +94,7 @@ def dump(baseline: Baseline) -> str:
                 "values": _nested(entry.values),
                 "options": entry.options,
                 "parameters": entry.parameters,
-                "truth": {"sha256": entry.truth},
+                "judged": entry.judged,
                 "version": entry.version,
             }
             for name, entry in baseline.items()
@@ -184,15 +184,16 @@ def _entry(table: Table, where: str) -> Entry:
     values: dict[Key, float] = {}
     for name, group in groups.items():
         values |= {(path if name is None else (name, path)): v for path, v in group.items()}
-    truth = _table(table, "truth", where).get("sha256")
-    version = table.get("version")
-    if not isinstance(truth, str) or not isinstance(version, str):
-        raise ConfigError(f"{where}: truth.sha256 or version is no text; {REMEDY}")
+    version, judged = table.get("version"), _table(table, "judged", where)
+    if not isinstance(version, str):
+        raise ConfigError(f"{where}: version is no text; {REMEDY}")
+    if wrong := fault_of(judged):
+        raise ConfigError(f"{where}: {wrong}; {REMEDY}")
     return Entry(
         values=values,
         options=_table(table, "options", where),
         parameters=_table(table, "parameters", where),
-        truth=truth,
+        judged=judged,
         version=version,
     )
 

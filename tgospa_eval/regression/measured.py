@@ -2,11 +2,13 @@
 
 import json
 from collections.abc import Mapping
+from typing import Any
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.regression.rules import SPLIT, Key, Value
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
+from tgospa_eval.tracks.judged import JUDGED_FIELDS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,8 +23,8 @@ class Measured:
         Of the metric, in state units.
     parameters : mapping
         As in the JSON of a result.
-    truth : str
-        Digest of the truth.
+    judged : mapping
+        What it was judged on, as in the JSON of a result.
     version : str
         Of the program.
     status : str
@@ -34,7 +36,7 @@ class Measured:
     values: Mapping[Key, Value]
     bounds: tuple[float, float]
     parameters: Mapping[str, object]
-    truth: str
+    judged: Mapping[str, Any]
     version: str
     status: str
     certified: bool
@@ -90,7 +92,7 @@ def measured(result: Summary) -> Measured:
         values=found,
         bounds=(result.lower_bound, result.upper_bound),
         parameters=settings,
-        truth=result.input["truth"]["sha256"],
+        judged={name: result.judged[name] for name in JUDGED_FIELDS},
         version=result.version,
         status=str(result.solver["status"]),
         certified=result.certified,

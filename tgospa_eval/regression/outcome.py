@@ -25,6 +25,7 @@ from tgospa_eval.regression.rules import (
 )
 from tgospa_eval.regression.suite import Pair
 from tgospa_eval.results.records import PARTS
+from tgospa_eval.tracks.judged import incomparable
 
 WORST_FIRST = (Verdict.FAIL, Verdict.INCOMPARABLE, Verdict.UNDECIDED, Verdict.PASS)
 OPEN = 1e-6
@@ -272,7 +273,7 @@ def update_notes(before: Entry | None, entry: Entry, now: Measured) -> Iterator[
         yield "new in the baseline"
     elif before == entry:
         yield "unchanged"
-    elif before.truth != entry.truth:
+    elif incomparable({"before": before.judged, "now": entry.judged}):
         yield "the truth is another one than before"
     elif {**before.parameters} != {**entry.parameters}:
         yield "parameters are others than before"

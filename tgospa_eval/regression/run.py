@@ -35,7 +35,16 @@ if TYPE_CHECKING:
 
 INHERITED = (
     *("cutoff", "order", "switch-penalty", "rho", "distance", "grid", "time-tolerance"),
-    *("interpolate", "max-gap", "time-offset", "time-scale", "unit-scale"),
+    *(
+        "interpolate",
+        "max-gap",
+        "resample",
+        "steps",
+        "outage",
+        "time-offset",
+        "time-scale",
+        "unit-scale",
+    ),
     *("unit", "existence", "solver"),
 )
 """Options of a baseline that `evaluate` has as arguments."""

@@ -236,7 +236,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         yield sums + "mean of roots: the plain mean of the values, which is none of these"
     else:
         yield sums + "no mean of roots is taken"
-    steps = tables.rows["sizes.occupied"].dropna() if "sizes.occupied" in tables.rows else ()
+    steps = tables.rows["judged.steps"].dropna() if "judged.steps" in tables.rows else ()
     lengths = sorted(set(map(int, steps)))
     if len(lengths) > 1:
         yield (

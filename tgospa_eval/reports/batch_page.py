@@ -21,8 +21,8 @@ from tgospa_eval.reports.batch import (
 from tgospa_eval.reports.batch_records import Comparison, Ranking
 from tgospa_eval.reports.batch_slices import about_slices_of, slice_tables
 from tgospa_eval.reports.batch_view import METRIC_COLUMNS, BatchView, GroupCosts
-from tgospa_eval.reports.charts import curve_chart
-from tgospa_eval.reports.curves import CURVE_KINDS
+from tgospa_eval.reports.charts import curve_charts
+from tgospa_eval.reports.curves import BANDS
 from tgospa_eval.reports.html import environment, inlined, page_colours
 from tgospa_eval.reports.order import order_in_words, place_in_words
 from tgospa_eval.results.records import PARTS
@@ -49,7 +49,6 @@ def batch_page(view: BatchView) -> str:
     ranking = view.tables.rankings[0] if len(view.tables.rankings) == 1 else None
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
-    charts = (curve_chart(view.drawn_curves, kind, view.unit) for kind in CURVE_KINDS)
     html = (
         environment()
         .get_template("batch.html.j2")
@@ -74,7 +73,8 @@ def batch_page(view: BatchView) -> str:
             heat=view.heat,
             levels=HEAT_LEVELS,
             tracks=len(TRACK_COLOURS),
-            charts=[chart for chart in charts if chart is not None],
+            charts=curve_charts(view.drawn_curves, view.unit),
+            bands=[BANDS[curve.band] for curve in view.tables.curves[:1]],
             curve_groups=len({curve.name for curve in view.tables.curves}),
             costliest=list(_costliest(view, valued)),
             faults=[
@@ -245,7 +245,7 @@ def _costliest(
     """The jobs with the largest cost per step, of each set of parameters by themselves."""
     if len(valued) < 2:
         return
-    each = valued["total"] / valued["sizes.occupied"].clip(lower=1)
+    each = valued["total"] / valued["judged.steps"].clip(lower=1)
     order = each.sort_values(ascending=False, kind="stable").index
     names = list(view.tables.parameters)
     if not names:
@@ -261,7 +261,7 @@ def _losing_most(view: BatchView, jobs: "pd.DataFrame") -> list[dict[str, object
     """Some jobs, with what they lose."""
     found: list[dict[str, object]] = []
     for _, row in jobs.iterrows():
-        steps, power = max(float(row["sizes.occupied"]), 1.0), 1 / float(row["order"])
+        steps, power = max(float(row["judged.steps"]), 1.0), 1 / float(row["order"])
         value = Interval(
             lower=(float(row["total_lower"]) / steps) ** power,
             upper=(float(row["total_upper"]) / steps) ** power,

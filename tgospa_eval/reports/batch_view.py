@@ -131,8 +131,7 @@ class BatchView:
                 expected=int(row["expected"]),
                 values={name: interval(row, name) for name in ("per_step", "combined", "rms")},
                 costs={
-                    name: float(row[name]) / max(float(row["sizes.occupied"]), 1.0)
-                    for name in PARTS
+                    name: float(row[name]) / max(float(row["judged.steps"]), 1.0) for name in PARTS
                 },
                 parameters=tuple(value_in_words(row[name]) for name in self.tables.parameters),
             )

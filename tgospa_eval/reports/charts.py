@@ -8,11 +8,15 @@ from collections.abc import Sequence
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
-from tgospa_eval.reports.curves import CURVE_KINDS, CurveKind, RmsCurve
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.reports.curves import CURVE_KINDS, LINE_NAMES, RmsCurve, RmsLine, on_one_axis
 from tgospa_eval.reports.ticks import ROOM, Tick, round_steps
 
 MOST_POINTS = 400
-"""Of a line; of more steps every second, third ... is drawn."""
+"""Of a line; of more times every second, third ... is drawn."""
+
+ROOM_FOR_TIMES = 60
+"""Room for the names of times."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +34,7 @@ class Line:
     band : str
         The same of what is around it; nothing without.
     last : str
-        Its last value in words, if that is of all steps.
+        Its last value in words, if that is of several steps.
     """
 
     name: str
@@ -53,9 +57,9 @@ class Chart:
     up, across : sequence of Tick
         Of the two axes.
     stride : int
-        Of how many steps one is drawn.
+        Of how many times one is drawn.
     runs : str
-        How many runs there are at a step, in words.
+        How many runs there are, in words.
     across_name : str
         What is across.
     """
@@ -69,94 +73,86 @@ class Chart:
     across_name: str
 
 
-def curve_chart(curves: Sequence[tuple[int, RmsCurve]], kind: CurveKind, unit: str) -> Chart | None:
-    """The curves of one kind; None if there is none.
+def curve_charts(
+    curves: Sequence[tuple[int, RmsCurve]], unit: str
+) -> list[tuple[Chart, list[Chart]]]:
+    """A chart of each kind of curves, with one for each of its parts.
 
     Parameters
     ----------
     curves : sequence of (int, RmsCurve)
         With the number of the colour of each.
-    kind : str
-        Which are drawn.
     unit : str
         Of the values.
     """
-    shown = [(track, curve) for track, curve in curves if curve.kind == kind]
-    if not shown:
-        return None
-    size = max(len(curve.rms) for _, curve in shown)
-    top = max(
-        max([*curve.rms, *(value for value in curve.band[1] if value is not None)])
-        for _, curve in shown
-    )
-    top = ROOM * top or 1.0
-    stride = -(-size // MOST_POINTS)
-    longest = max((curve for _, curve in shown), key=lambda curve: len(curve.rms))
-    times = longest.times
-    by_time = all(t is not None and len(t) <= 8 for t in times) and all(
-        list(curve.times) == list(times[: len(curve.times)]) for _, curve in shown
-    )
-    names = [str(t) for t in times] if by_time else [f"{k:,}" for k in range(1, size + 1)]
-    spread = sorted({count for _, curve in shown for count in (min(curve.runs), max(curve.runs))})
+    found: list[tuple[Chart, list[Chart]]] = []
+    if not curves:
+        return found
+    clock, places, (first, last) = on_one_axis([curve for _, curve in curves])
+    percent = 100.0 / (last - first)
+    marks, names, about_time = clock.ticks(first, last, ROOM_FOR_TIMES)
+    across = [
+        Tick(at=percent * (at - first), text=name) for at, name in zip(marks, names, strict=True)
+    ]
+    for kind, about in CURVE_KINDS.items():
+        lines: dict[str, list[_Drawn]] = {}
+        for (track, curve), at in zip(curves, places, strict=True):
+            for name, line in curve.lines.items() if curve.kind == kind else ():
+                lines.setdefault(name, []).append((track, curve, line, percent * (at - first)))
+        if lines:
+            total, *parts = (
+                _chart(f"{LINE_NAMES[name]} {about}", drawn, unit, (across, about_time))
+                for name, drawn in lines.items()
+            )
+            found.append((total, parts))
+    return found
+
+
+_Drawn = tuple[int, RmsCurve, RmsLine, Floats]
+"""The number of a colour, the curve, what is drawn of it, and where its times are, in percent."""
+
+
+def _chart(title: str, drawn: Sequence[_Drawn], unit: str, across: tuple[list[Tick], str]) -> Chart:
+    top = ROOM * max(line.top for _, _, line, _ in drawn) or 1.0
+    stride = -(-max(len(at) for *_, at in drawn) // MOST_POINTS)
+    runs = sorted({curve.runs for _, curve, _, _ in drawn})
     return Chart(
-        title=CURVE_KINDS[kind],
-        lines=[_line(track, curve, (size, top), stride, unit) for track, curve in shown],
+        title=title,
+        lines=[_line(each, top, stride, unit) for each in drawn],
         up=[Tick(at=_percent(y, top), text=number(y, 4)) for y in round_steps(0.0, top)],
-        across=[Tick(at=_place(k, size), text=names[k]) for k in _marked(names)],
+        across=across[0],
         stride=stride,
-        runs=(f"{spread[0]:,} to " if len(spread) > 1 else "") + counted(spread[-1], "run"),
-        across_name="time" if by_time else "number of the step",
+        runs=(f"{runs[0]:,} to " if len(runs) > 1 else "") + counted(runs[-1], "run"),
+        across_name=across[1],
     )
 
 
-def _line(track: int, curve: RmsCurve, extent: tuple[int, float], stride: int, unit: str) -> Line:
-    size, top = extent
-    chosen = sorted({*range(0, len(curve.rms), stride), len(curve.rms) - 1})
-    points = [(_place(k, size), curve.rms[k]) for k in chosen]
-    low, high = (
-        [(_place(k, size), value) for k in chosen if (value := end[k]) is not None]
-        for end in curve.band
-    )
-    if len(points) == 1:  # a dash, which can be seen
-        points = [(0.0, points[0][1]), (100.0, points[0][1])]
-    around = _path([*high, *reversed(low)], top)
-    last = number(curve.rms[-1], 4)
+def _line(drawn: _Drawn, top: float, stride: int, unit: str) -> Line:
+    track, curve, line, at = drawn
+    size = len(at)
+    chosen = sorted({*range(0, size, stride), size - 1})
+    x = at[chosen].tolist()
+    if size == 1:  # a dash, which can be seen
+        chosen, x = [0, 0], [0.0, 100.0]
+
+    def path(values: Sequence[float]) -> str:
+        places = zip(x, (_percent(values[k], top) for k in chosen), strict=True)
+        return "L".join(f"{across:.2f} {up:.2f}" for across, up in places)
+
+    around = ""
+    if line.band:
+        low, high = map(path, line.band)
+        around = f"M{high}L{'L'.join(reversed(low.split('L')))}Z"
+    last = number(line.rms[-1], 4)
     return Line(
         name=curve.name,
         track=track,
-        # A single point is a dash that can be seen.
-        path=_path(
-            points if len(points) > 1 else [(0.0, points[0][1]), (100.0, points[0][1])], top
-        ),
-        band=f"{around}Z" if around else "",
-        last=f"{last} {unit}".strip() if curve.kind == "growing" else "",
+        path=f"M{path(line.rms)}",
+        band=around,
+        last=f"{last} {unit}".strip() if curve.kind != "step" else "",
     )
-
-
-def _marked(names: Sequence[str]) -> list[int]:
-    """Steps with a label: those at round numbers, or every so many."""
-    try:
-        places = {float(name.replace(",", "")): k for k, name in enumerate(names)}
-        found = [places[each] for each in round_steps(min(places), max(places)) if each in places]
-    except ValueError:
-        found = []
-    if len(found) > 1:
-        return found
-    return sorted({round(k) for k in round_steps(0, len(names) - 1)})
-
-
-def _place(step: int, size: int) -> float:
-    """Of a step, in percent from the left."""
-    return 100.0 * step / max(size - 1, 1)
 
 
 def _percent(value: float, top: float) -> float:
     """Of a value, in percent from the top."""
     return 100.0 * (1.0 - value / top)
-
-
-def _path(points: Sequence[tuple[float, float]], top: float) -> str:
-    """Points joined by lines."""
-    if not points:
-        return ""
-    return "M" + "L".join(f"{x:.2f} {_percent(y, top):.2f}" for x, y in points)

@@ -166,15 +166,17 @@ def _classes(result: Summary) -> Iterator[str]:
 
 
 def _scale(result: Summary) -> Iterator[str]:
-    objects = max(result.objects)
-    if objects:
+    judged = result.judged_on
+    if judged.steps:
         order = result.proof.parameters.order
-        typical = (result.total / objects) ** (1 / order)
         per_step = result.quantity(result.normalised["tgospa"])
-        yield f"  per step             {per_step}  (total / steps)^(1/p)"
-        yield (
-            f"  per object and step  {result.quantity(typical)}  a typical error, misses included"
-        )
+        yield f"  per step             {per_step}  (total / {counted(judged.steps, 'step')})^(1/p)"
+        if judged.truth_states:
+            typical = result.quantity((result.total / judged.truth_states) ** (1 / order))
+            states = counted(judged.truth_states, "state")
+            yield from wrap(
+                f"  per object and step  {typical}  (total / {states} of the truth)^(1/p)", " " * 23
+            )
     if result.calibration is not None:
         yield f"  similarity           {similarity_in_words(result)}"
 

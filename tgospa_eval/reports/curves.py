@@ -1,30 +1,84 @@
-"""Curves over the steps of many runs, as records, and as CSV and JSON."""
+"""Curves over the time of many runs, as records, and as CSV and JSON."""
 
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.reports.files import csv_text
-from tgospa_eval.results.records import Columns, Json, records
+import numpy as np
 
-CurveKind = Literal["step", "growing"]
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.formats.times import TimeError, places
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.reports.clock import Clock, words
+from tgospa_eval.reports.files import csv_text
+from tgospa_eval.reports.moments import moments, placed
+from tgospa_eval.results.records import PARTS, Columns, Json, Time, records
+
+CurveKind = Literal["step", "cumulative", "growing"]
 
 CURVE_KINDS: Mapping[CurveKind, str] = {
-    "step": "RMS of single steps",
-    "growing": "RMS per step of the steps so far",
+    "step": "per time step",
+    "cumulative": "of the steps up to t",
+    "growing": "evaluated up to t",
 }
-"""(mean of the costs of step k)^(1/p); (mean of total(k) / n(k))^(1/p), evaluated up to k."""
+"""What the RMS is of: costs of the step at t; their sum up to t by the steps of the horizon up to
+t; the same of an evaluation of these steps alone."""
 
-POINT_COLUMNS = ("step", "t", "runs", "rms", "lower_bound", "upper_bound", "band_low", "band_high")
-"""Of a table with a row for each step."""
+LINE_NAMES = {
+    "total": "RMS-TGOSPA",
+    "localisation": "RMS localisation error",
+    "missed": "RMS missed target error",
+    "false": "RMS false target error",
+    "switch": "RMS track switch error",
+}
+"""What is drawn of a curve, as papers call it."""
+
+BandKind = Literal["interval", "bootstrap", "percentiles", "deviation"]
+
+BANDS: Mapping[BandKind, str] = {
+    "interval": "95 % intervals of the RMS over the runs, from 6 runs on",
+    "bootstrap": "95 % bootstrap intervals of the RMS over the runs, from 6 runs on",
+    "percentiles": "the 2.5th to the 97.5th percentile of the runs",
+    "deviation": "one standard deviation of the runs to either side",
+}
+"""What bands around curves are; the first by default."""
+
+POINT_COLUMNS = (
+    *("step", "t", "runs", "rms", "lower_bound", "upper_bound", "band_low", "band_high"),
+    *(f"{part}{end}" for part in PARTS for end in ("", "_low", "_high")),
+)
+"""Of a table with a row for each time."""
 
 KIND_COLUMN = "curve"
 """What comes before them where several curves are in one table."""
 
+Band = tuple[Sequence[float], Sequence[float]]
+"""Lower and upper ends."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RmsLine:
+    """Root mean squares at K times.
+
+    Parameters
+    ----------
+    rms : sequence of float
+        Values, in state units.
+    band : pair of sequence of float, optional
+        What is around them; None where there are too few runs.
+    """
+
+    rms: Sequence[float]
+    band: Band | None = None
+
+    @property
+    def top(self) -> float:
+        """The largest of all."""
+        return max((*self.rms, *(self.band[1] if self.band else ())))
+
 
 @dataclass(frozen=True, kw_only=True)
 class RmsCurve:
-    """One curve: of K steps of the runs of a group.
+    """One curve: of the runs of a group, over the K times at which any of them has a step.
 
     Parameters
     ----------
@@ -32,25 +86,26 @@ class RmsCurve:
         Labels of the group, and parameters where those differ; none is called like a column.
     kind : str
         One of `CURVE_KINDS`.
-    times : list of str or None
-        Each step as it was read; None where runs differ.
-    runs : list of int
-        How many runs have the step.
-    rms : list of float
-        Value, in state units.
-    bounds : pair of lists of float, optional
-        Proven bounds of the value; None for single steps, whose costs are of one assignment.
-    band : pair of lists of float or None
-        95 % interval over the runs; None where there are too few.
+    times : sequence of int, float or str
+        As they were read, in order.
+    runs : int
+        How many there are; all count at each time.
+    lines : mapping of str to RmsLine
+        Of the whole cost, ``total``, and of its parts by name; the whole alone where each point is
+        an evaluation of its own.
+    bounds : pair of sequence of float, optional
+        Proven bounds of the values; None where costs are of one assignment.
+    band : str
+        What the bands are, one of `BANDS`.
     """
 
     group: Mapping[str, str]
     kind: CurveKind
-    times: Sequence[str | None]
-    runs: Sequence[int]
-    rms: Sequence[float]
+    times: Sequence[Time]
+    runs: int
+    lines: Mapping[str, RmsLine]
     bounds: tuple[Sequence[float], Sequence[float]] | None
-    band: tuple[Sequence[float | None], Sequence[float | None]]
+    band: BandKind
 
     @property
     def name(self) -> str:
@@ -58,11 +113,37 @@ class RmsCurve:
         return "/".join(self.group.values())
 
     def table(self) -> Columns:
-        """A row for each step."""
-        lower, upper = self.bounds or ([None] * len(self.rms),) * 2
-        steps = range(1, len(self.rms) + 1)
-        columns = (steps, self.times, self.runs, self.rms, lower, upper, *self.band)
+        """A row for each time."""
+        size = len(self.times)
+        none = [None] * size
+        each = {name: (line.rms, *(line.band or (none, none))) for name, line in self.lines.items()}
+        rms, *band = each["total"]
+        columns: list[Sequence[object]] = [range(1, size + 1), self.times, [self.runs] * size]
+        columns += [rms, *(self.bounds or (none, none)), *band]
+        columns += [column for part in PARTS for column in each.get(part, (none,) * 3)]
         return {name: list(values) for name, values in zip(POINT_COLUMNS, columns, strict=True)}
+
+
+def on_one_axis(
+    curves: Sequence[RmsCurve],
+) -> tuple[Clock, list[Floats], tuple[float, float]]:
+    """The axis of the times of all these curves, where on it those of each are, and its ends.
+
+    Times of several kinds have no order: then the axis is that of the numbers of the steps.
+    """
+    try:
+        found = places([curve.times for curve in curves])
+        times = [t for curve in curves for t in curve.times]
+    except TimeError:
+        found = [np.arange(len(curve.times)) for curve in curves]
+        times = [k + 1 for own in found for k in own.tolist()]
+    _, first = np.unique(np.concatenate(found), return_index=True)
+    union = [times[k] for k in first.tolist()]
+    axis = moments(union)
+    at = placed(union, axis)
+    room = 0.0 if len(at) > 1 else 0.5
+    ends = float(at[0]) - room, float(at[-1]) + room
+    return Clock(axis=axis, labels=words(union)), [at[own] for own in found], ends
 
 
 def curves_csv(curves: Sequence[RmsCurve]) -> str:
@@ -70,7 +151,7 @@ def curves_csv(curves: Sequence[RmsCurve]) -> str:
     table: Columns = {}
     for curve in curves:
         own = curve.table()
-        size = len(curve.rms)
+        size = len(curve.times)
         labels = {name: [value] * size for name, value in curve.group.items()}
         for name, column in (labels | {KIND_COLUMN: [curve.kind] * size} | own).items():
             table.setdefault(name, []).extend(column)
@@ -80,6 +161,11 @@ def curves_csv(curves: Sequence[RmsCurve]) -> str:
 def curves_json(curves: Sequence[RmsCurve]) -> list[Json]:
     """All curves, each with its points."""
     return [
-        {"by": dict(curve.group), KIND_COLUMN: curve.kind, "points": records(curve.table())}
+        {
+            "by": dict(curve.group),
+            KIND_COLUMN: curve.kind,
+            "band": curve.band,
+            "points": records(curve.table()),
+        }
         for curve in curves
     ]

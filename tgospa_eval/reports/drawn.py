@@ -65,20 +65,20 @@ Drawn: TypeAlias = tuple[PageData, dict[str, Ints]]
 def curves(result: Summary) -> dict[str, list[float]]:
     """Normalised cumulative cost: at step k the root of the mean cost of the steps up to it.
 
-    (sum_{l <= k} cost(l) / n(k)) ^ (1/p), n(k) the number of those steps at which something
-    exists; the last value of ``total`` is `normalised`. Where the curve was asked for, costs are
+    (sum_{l <= k} cost(l) / n(k)) ^ (1/p), n(k) the number of steps of the horizon up to k; the
+    last value of ``total`` is `normalised`. Where the curve was asked for, costs are
     those of the steps 1..k; else of the assignment of the whole recording, which bound the metric
     of the steps 1..k from above.
     """
-    split, occupied = result.proof.breakdown, np.maximum(np.cumsum(result.occupied), 1)
+    split, steps = result.proof.breakdown, np.maximum(result.judged_on.so_far, 1)
     if result.traced is not None:
         parts = dict(zip(PARTS, result.traced.parts, strict=True))
     else:
         parts = {name: np.cumsum(getattr(split, name)) for name in PARTS}
-    parts["total"] = sum(parts.values(), np.zeros(len(occupied)))
+    parts["total"] = sum(parts.values(), np.zeros(len(steps)))
     parameters = result.proof.parameters
     return {
-        name: (parameters.cutoff * (cost / occupied) ** (1 / parameters.order)).tolist()
+        name: (parameters.cutoff * (cost / steps) ** (1 / parameters.order)).tolist()
         for name, cost in parts.items()
     }
 

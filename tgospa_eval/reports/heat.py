@@ -217,7 +217,7 @@ def _sums(found: "pd.DataFrame", shape: tuple[int, int]) -> tuple[Any, Any, Any,
     if bad.all():
         nothing = np.full(shape, np.nan)
         return nothing, nothing, added(1), added(bad)
-    steps = added(found["sizes.occupied"].fillna(0.0).to_numpy(float))
+    steps = added(found["judged.steps"].fillna(0.0).to_numpy(float))
     orders = found.groupby("_row")["order"].first().reindex(range(shape[0]))
     order = orders.fillna(1.0).to_numpy(float)[:, None]
     valued = added(~bad) > 0

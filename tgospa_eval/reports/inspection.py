@@ -7,8 +7,8 @@ from itertools import zip_longest
 from typing import NotRequired, TypedDict
 
 from tgospa_eval.common.config import WithSettings
-from tgospa_eval.common.figures import number, shortest
-from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.figures import number, plain, shortest
+from tgospa_eval.common.notices import Notice, as_option
 from tgospa_eval.common.words import counted, in_both
 from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines
 from tgospa_eval.results.records import Time
@@ -60,6 +60,16 @@ class Overlap(TypedDict):
     steps: int
 
 
+class Clock(TypedDict):
+    """Another clock of the estimate that fits better, and how much."""
+
+    time_scale: float
+    time_offset: float
+    uncertainty: float
+    saving: float
+    steps: int
+
+
 class Suggested(TypedDict):
     """A cutoff to begin with, and why."""
 
@@ -83,6 +93,7 @@ class PairDocument(TypedDict):
     steps: dict[str, int]
     left_out: dict[str, int]
     time: Overlap | None
+    clock: Clock | None
     extent: dict[str, Extent | None]
     nearest: Nearest | None
 
@@ -120,7 +131,8 @@ def table(document: Inspection) -> str:
     files = [document["truth"], *([document["estimate"]] if "estimate" in document else [])]
     blocks = [_columns(list(_files(files)))]
     if "both" in document:
-        blocks.append(list(_both(document["both"], document["parameters"])))
+        warned = any(warning["code"] == "clock-shift" for warning in document["warnings"])
+        blocks.append(list(_both(document["both"], document["parameters"], warned=warned)))
     lines = [(file["path"], text) for file in files for text in file["notices"]]
     blocks.append([line for path, text in lines for line in _wrap(f"{path}: {text}")])
     warnings = (str(Notice(**record)) for record in document["warnings"])
@@ -194,7 +206,8 @@ def _holes(holes: dict[str, int]) -> str:
     return f"{holes['trajectories']}, {counted(holes['steps'], 'step')}, longest {holes['longest']}"
 
 
-def _both(both: PairDocument, parameters: dict[str, object]) -> Iterator[str]:
+def _both(both: PairDocument, parameters: dict[str, object], *, warned: bool) -> Iterator[str]:
+    """How the files fit; `warned` is whether a warning has the other clock."""
     steps = both["steps"]
     yield in_both(steps["common"], steps["union"]) + (
         f", {steps['joined']} of them joined" if steps["joined"] else ""
@@ -203,6 +216,8 @@ def _both(both: PairDocument, parameters: dict[str, object]) -> Iterator[str]:
         if rows:
             yield f"{counted(rows, 'row')} of the {side} left out (--grid {parameters['grid']})"
     yield from _wrap(_stretch(both["time"]))
+    if both["clock"] is not None and not warned:
+        yield from _wrap(f"  {_clock(both['clock'])}")
     for column, extent in both["extent"].items():
         yield f"  {clip(column, NAME_WIDTH):<{NAME_WIDTH}}" + (
             f"{_interval(extent)} in both" if extent else "the ranges do not overlap"
@@ -236,6 +251,20 @@ def _stretch(time: Overlap | None) -> str:
         return f"both have rows at t = {_moment(time['first'])} only"
     ends = f"{_moment(time['first'])} to {_moment(time['last'])}"
     return f"both have rows from t = {ends}, {counted(time['steps'], 'step')}"
+
+
+def _clock(clock: Clock) -> str:
+    """The stamps of the estimate that fit better."""
+    values = {name: clock[name] for name in ("time_scale", "time_offset")}
+    settings = " ".join(
+        as_option(name, plain(value))
+        for (name, value), neutral in zip(values.items(), (1, 0), strict=True)
+        if value != neutral
+    )
+    return (
+        f"the stamps of the estimate fit better with {settings} (+/- {clock['uncertainty']:g}): "
+        f"{100 * clock['saving']:.0f} % of the cost of {counted(clock['steps'], 'step')} goes away"
+    )
 
 
 def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6) -> str:

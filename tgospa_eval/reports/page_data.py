@@ -158,7 +158,7 @@ def map_stretch(latitudes: Floats) -> float:
 
 
 def _windows(result: Summary, slid: Windows) -> WindowsData:
-    """Of each window (cost / n) ^ (1/p) of each part, n its steps at which something exists."""
+    """Of each window (cost / n) ^ (1/p) of each part, n its steps of the horizon."""
     table = result.windows_table()
     each = np.maximum(np.array(table["steps"]), 1)
     costs = dict(zip(PARTS, slid.parts, strict=True)) | {"total": slid.parts.sum(axis=0)}

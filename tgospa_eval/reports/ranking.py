@@ -124,11 +124,11 @@ def _runs(document: RankingRecord) -> str:
         else f"{steps[0]:,} to {counted(steps[-1], 'step')}"
     )
     if document["runs"] == 1:
-        return f"truth {document['truth'][0]}; {length} at which something exists"
+        return f"truth {document['truth'][0]}; {length}"
     paths = document["truth"]
     shown = paths[0] if len(set(paths)) == 1 else f"{paths[0]} to {paths[-1]}"
     return (
-        f"{document['runs']} runs, truth {shown}; {length} each at which something exists; costs "
+        f"{document['runs']} runs, truth {shown}; {length} each; costs "
         "are means over runs, roots are taken last"
     )
 

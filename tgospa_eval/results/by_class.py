@@ -2,13 +2,12 @@
 
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from importlib import import_module
 from typing import TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import spoken_in_python
@@ -49,12 +48,6 @@ class ByClass(Summary):
         return {name: sum(part[name] for part in parts) for name in parts[0]} | {
             "steps": parts[0]["steps"]
         }
-
-    @property
-    def occupied(self) -> NDArray[np.bool_]:
-        """Steps at which something exists (T,)."""
-        parts = [part.occupied for part in self.results.values()]
-        return np.asarray(np.any(parts, axis=0), bool)
 
     @property
     def objects(self) -> tuple[int, int]:
@@ -171,6 +164,18 @@ def add_up(results: dict[str, Result], files: tuple[FileInfo, FileInfo], read: f
             side: _joined_input(info, {name: part.input[side] for name, part in results.items()})
             for side, info in zip(("truth", "estimate"), files, strict=True)
         },
+        judged_on=replace(
+            first.judged_on,
+            truth_states=sum(part.judged_on.truth_states for part in parts),
+            truth_steps=len(
+                np.unique(np.concatenate([part.proof.states.problem.truth_step for part in parts]))
+            ),
+            truth_sha256=_joined_digest(
+                (name, part.judged_on.truth_sha256)
+                for name, part in results.items()
+                if part.judged_on.truth_states
+            ),
+        ),
         version=first.version,
         split=_sum_of_splits([part.split for part in parts]),
         sliced=tuple(added_up([part.sliced for part in parts])),
@@ -196,9 +201,16 @@ def _sum_of_brackets(found: list[B | None]) -> B | None:
 def _joined_input(info: FileInfo, inputs: dict[str, FileRecord]) -> FileRecord:
     """The record of a file, with the rows that the grid left out and a digest of its classes."""
     # Those of the other file are left out: the truth has a digest of its own.
-    digests = [(name, part["sha256"]) for name, part in inputs.items() if part["rows"]]
-    off_grid = sum(part["left_out"].get("grid", 0) for part in inputs.values())
-    return info.record(hashlib.sha256(repr(digests).encode()).hexdigest(), off_grid)
+    sha256 = _joined_digest((name, one["sha256"]) for name, one in inputs.items() if one["rows"])
+    off = {
+        option: sum(one["left_out"].get(option, 0) for one in inputs.values())
+        for option in ("grid", "steps")
+    }
+    return info.record(sha256, off)
+
+
+def _joined_digest(digests: Iterable[tuple[str, str]]) -> str:
+    return hashlib.sha256(repr(list(digests)).encode()).hexdigest()
 
 
 def _sum_of_splits(splits: list[Mapping[str, float] | None]) -> dict[str, float] | None:

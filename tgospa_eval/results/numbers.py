@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
@@ -29,6 +28,7 @@ from tgospa_eval.results.records import (
 )
 from tgospa_eval.results.similarity import Calibration
 from tgospa_eval.results.slices import Slicing
+from tgospa_eval.tracks.judged import Judged
 
 T = TypeVar("T")
 
@@ -61,6 +61,8 @@ class Numbers(ABC):
         Seconds by stage.
     input : dict
         Rows and digest of either side.
+    judged_on : Judged
+        What it was judged on: the horizon, and the truth that counts.
     version : str
         Version of the package that made it.
     split : mapping of str to float, optional
@@ -93,6 +95,7 @@ class Numbers(ABC):
     solver: SolverRecord
     timings: Timings
     input: Mapping[str, FileRecord]
+    judged_on: Judged
     version: str
     split: Mapping[str, float] | None = None
     traced: Curve | None = None
@@ -231,9 +234,8 @@ class Numbers(ABC):
 
     @property
     def normalised(self) -> dict[str, float]:
-        """``(total / T) ** (1 / order)`` over the T steps at which something exists."""
-        occupied = int(np.count_nonzero(self.occupied))
-        return {"tgospa": self._root(self.proof.breakdown.total / occupied) if occupied else 0.0}
+        """``(total / T) ** (1 / order)`` over the T steps of the horizon."""
+        return {"tgospa": self._root(self.proof.breakdown.total / self.judged_on.each)}
 
     @property
     def parameters(self) -> Mapping[str, object]:
@@ -258,6 +260,11 @@ class Numbers(ABC):
         uncertain = f", {PROBABILITIES}" if self.probabilistic else ""
         return self.proof.parameters.in_words(unit) + weighted + uncertain
 
+    @property
+    def judged(self) -> dict[str, object]:
+        """What the value was judged on: the horizon, and the truth that counts."""
+        return self.judged_on.record()
+
     def per_step_table(self) -> Columns:
         """Cost of each step by kind."""
         split = self.proof.breakdown
@@ -270,13 +277,13 @@ class Numbers(ABC):
     def curve_table(self) -> Columns:
         """The normalised curve (docs/theory/solvers.md): no columns if it was not asked for.
 
-        At each step the metric of the `steps` up to it at which something exists, with its bounds,
-        (cost / steps) ** (1 / order), and the parts of the cost divided by the steps.
+        At each step the metric of the steps up to it with its bounds, and the parts of its cost:
+        (cost / steps) ** (1 / order) and cost / steps, with the `steps` of the horizon up to it.
         """
         traced = self.traced
         if traced is None:
             return {}
-        steps = np.cumsum(self.occupied)
+        steps = self.judged_on.so_far
         each = np.maximum(steps, 1)
         table: Columns = {"t": list(self.labels.times), "steps": steps.tolist()}
         table |= self._rooted(traced, each)
@@ -288,14 +295,13 @@ class Numbers(ABC):
         """The sliding windows: no columns if they were not asked for.
 
         Of each window the metric by itself with its bounds and the parts of its cost, and
-        ``normalised``, (cost / steps) ** (1 / order), over its `steps` at which something exists.
+        ``normalised``, (cost / steps) ** (1 / order), over its `steps` of the horizon.
         """
         slid = self.slid
         if slid is None:
             return {}
         times = self.labels.times
-        so_far = np.append(0, np.cumsum(self.occupied))
-        steps = so_far[slid.last + 1] - so_far[slid.first]
+        steps = self.judged_on.so_far[slid.last] - self.judged_on.before[slid.first]
         table: Columns = {
             "t_first": [times[k] for k in slid.first.tolist()],
             "t_last": [times[k] for k in slid.last.tolist()],
@@ -324,11 +330,6 @@ class Numbers(ABC):
     @abstractmethod
     def sizes(self) -> dict[str, int]:
         """Numbers of trajectories, steps, near pairs, their steps, and components."""
-
-    @property
-    @abstractmethod
-    def occupied(self) -> NDArray[np.bool_]:
-        """Steps at which something exists (T,)."""
 
     @property
     @abstractmethod

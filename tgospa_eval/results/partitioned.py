@@ -4,9 +4,6 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.records import Columns, Json, records
@@ -31,14 +28,11 @@ class Extent:
     ----------
     sizes : mapping of str to int
         ``truth``, ``estimates``, ``steps``, ``candidate_pairs``, ``pair_steps``, ``components``.
-    occupied : (T,) bool array
-        Steps at which something exists.
     objects : pair of int
         States of the truth and of the estimate.
     """
 
     sizes: Mapping[str, int]
-    occupied: NDArray[np.bool_]
     objects: tuple[int, int]
 
 
@@ -49,7 +43,7 @@ class PartitionedResult(Summary):
     Parameters
     ----------
     extent : Extent
-        Sizes, occupied steps, numbers of states.
+        Sizes, numbers of states.
     tables : StoredTables
         Where the tables are.
     """
@@ -61,11 +55,6 @@ class PartitionedResult(Summary):
     def sizes(self) -> dict[str, int]:
         """Numbers of trajectories, steps, near pairs, their steps, and components."""
         return dict(self.extent.sizes)
-
-    @property
-    def occupied(self) -> NDArray[np.bool_]:
-        """Steps at which something exists (T,)."""
-        return self.extent.occupied
 
     @property
     def objects(self) -> tuple[int, int]:

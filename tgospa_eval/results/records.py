@@ -107,12 +107,11 @@ class FileInfo:
     format: str | None = None
     left_out: Mapping[str, int] = field(default_factory=dict)
 
-    def record(self, sha256: str, off_grid: int) -> FileRecord:
-        """The record of the JSON; `off_grid` rows are at steps that do not count."""
-        by_grid = {"grid": off_grid} if off_grid else {}
+    def record(self, sha256: str, off: Mapping[str, int]) -> FileRecord:
+        """The record of the JSON; `off` has rows at steps that do not count, by option."""
         found: FileRecord = {
             "rows": self.rows,
-            "left_out": {**self.left_out, **by_grid},
+            "left_out": {**self.left_out, **{name: rows for name, rows in off.items() if rows}},
             "sha256": sha256,
         }
         if self.format is not None:

@@ -1,7 +1,6 @@
 """The result that a user holds. Knows no solver and no file."""
 
 from collections.abc import Mapping
-from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -159,15 +158,6 @@ class Result(Summary):
     def sizes(self) -> dict[str, int]:
         """Numbers of trajectories, steps, near pairs, their steps, and components."""
         return sizes_of(self.proof.states)
-
-    @cached_property
-    def occupied(self) -> NDArray[np.bool_]:
-        """Steps at which something exists (T,)."""
-        problem = self.proof.states.problem
-        answer = np.zeros(problem.steps, bool)
-        answer[problem.truth_step] = True
-        answer[problem.estimate_step] = True
-        return answer
 
     @property
     def objects(self) -> tuple[int, int]:

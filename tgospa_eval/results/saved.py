@@ -14,6 +14,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.summary import BRACKET, RESULT_SCHEMA
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.judged import fault_of
 
 ACCURACY = ("solver", "gap", "epsilon", "time_limit")
 """Parameters that change the bracket and not the metric: those of two runs may differ."""
@@ -176,20 +177,13 @@ def _fault(document: Json) -> str | None:
     if not all(isinstance(text, str) for text in texts):
         return "not as this program wrote it"
     found = contradiction(values, parameters["order"])
-    if parameters["order"] < 1 or (
-        values["total"] > 0 and not 1 <= count_of(document) <= len(steps)
+    judged = document["judged"]
+    each = (values["total"] / max(judged["steps"], 1)) ** (1 / max(parameters["order"], 1))
+    if parameters["order"] < 1 or not math.isclose(
+        each, values["normalised.tgospa"], rel_tol=ADD_UP
     ):
-        found = "normalised.tgospa or the order"
-    return found and f"values contradict each other: {found}"
-
-
-def count_of(document: Json) -> int:
-    """T of the normalised value, the number of steps at which something exists; 0 if unknown."""
-    if document["total"] == 0:
-        return 0
-    ratio = document["tgospa"] / document["normalised"]["tgospa"]
-    count: int = round(ratio ** document["parameters"]["order"])
-    return count
+        found = "normalised.tgospa, judged.steps or the order"
+    return fault_of(judged) or (found and f"values contradict each other: {found}")
 
 
 def _sum(steps: list[Json], name: str) -> float:

@@ -10,8 +10,6 @@ from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.frozen import dataclass
@@ -37,7 +35,7 @@ LOGGED = (*BRACKET, *PARTS)
 
 PUBLIC = (
     *(*LOGGED, *SPLIT_PARTS, "within_rounding"),
-    *("metric", "counts", "normalised", "parameters", "sizes", "worst", "solver"),
+    *("metric", "counts", "normalised", "parameters", "sizes", "judged", "worst", "solver"),
     *("timings", "input", "version", "warnings", "files", "results"),
     *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
     *("windows", "with_", "slices"),
@@ -99,6 +97,7 @@ class Summary(Numbers, ABC):
             "normalised": self.normalised,
             "parameters": self.parameters,
             "sizes": self.sizes,
+            "judged": self.judged,
             **self._records(),
             "worst": self.worst(),
             "solver": self.solver,
@@ -209,7 +208,7 @@ class Summary(Numbers, ABC):
                 "similarity: the steps are weighted, and the score is of the mean over steps that "
                 "all count the same; leave the weights out"
             )
-        bounds, each = self.proof.bounds, max(int(np.count_nonzero(self.occupied)), 1)
+        bounds, each = self.proof.bounds, self.judged_on.each
         return calibration.similarity(
             self.normalised["tgospa"],
             (self.outward_root(bounds.lower / each, -1), self.outward_root(bounds.upper / each, 1)),

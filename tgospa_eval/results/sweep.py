@@ -32,7 +32,7 @@ class Point:
     certified : bool
         Whether the value is exact.
     normalised : float
-        ``(total / T) ** (1 / order)`` over the T steps at which something exists.
+        ``(total / T) ** (1 / order)`` over the T steps of the horizon.
     localisation, missed, false, switch : float
         Costs; they sum to the total.
     missed_count, false_count, switch_count : float

@@ -4,21 +4,22 @@ Knows no file and no metric.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from functools import partial
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.errors import ConfigError, InputError, real_number
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.durations import SECOND, Duration, Steps
 from tgospa_eval.tracks.trajectories import CLOCKS, Ints, Trajectories
 
 GRIDS = ("union", "truth", "estimate", "common")
 INTERPOLATED = ("estimate", "truth")
-SECOND = 1_000_000_000
-"""Nanoseconds, in which ISO times are counted."""
 
 Times = NDArray[Any]
 """Strictly increasing, int64 or float64."""
@@ -37,26 +38,35 @@ class TimeMatching:
         Steps that count: those of either side, of one side, of both.
     interpolate : {"estimate", "truth"}, optional
         Which side is brought to the stamps of the other one before, see `tracks.interpolation`.
-    max_gap : float, optional
-        The longest time between two states of a track to interpolate across; as `tolerance`.
+    max_gap : float, str, or pair of such, optional
+        The longest time between two states of a track to interpolate across; a pair is of truth
+        and estimate.
+    resample : float or str, optional
+        Both sides are interpolated at the multiples of this, from the truth's first stamp to its
+        last: these are the steps.
+    steps : Steps, optional
+        These are the steps, and no others.
+    outage : float, str, or "none", optional
+        With the truth interpolated, where the estimate has no stamp for longer than this the
+        truth's own stamps are steps too; by default five times the estimate's median interval.
 
     Raises
     ------
     ConfigError
-        The tolerance is negative or not finite, the grid is unknown, or one of the last two is
-        wrong, or given without the other.
+        A duration is negative or not finite, a name is unknown, or settings contradict each other.
     """
 
-    tolerance: float = 0.0
+    tolerance: Duration | float | str = 0.0
     grid: str = "union"
     interpolate: str | None = None
-    max_gap: float | None = None
+    max_gap: "float | str | Sequence[float | str] | None" = None
+    resample: Duration | float | str | None = None
+    steps: Steps | None = None
+    outage: Duration | float | str | None = None
 
     def __post_init__(self) -> None:
-        tolerance = real_number("time tolerance", self.tolerance)
-        if not 0 <= tolerance < math.inf:
-            raise ConfigError(f"time tolerance is {tolerance:g}: must be finite and >= 0")
-        object.__setattr__(self, "tolerance", tolerance)
+        keep = partial(object.__setattr__, self)
+        keep("tolerance", Duration.of(self.tolerance, "time tolerance"))
         if self.grid not in GRIDS:
             allowed = ", ".join(f'"{name}"' for name in GRIDS)
             raise ConfigError(f"grid is {quoted(self.grid)}: must be one of {allowed}")
@@ -65,25 +75,112 @@ class TimeMatching:
                 f'interpolate is {quoted(str(self.interpolate))}: must be "estimate" or "truth"'
             )
         if self.max_gap is not None:
-            gap = real_number("max-gap", self.max_gap)
-            if not 0 < gap < math.inf:
-                raise ConfigError(f"max-gap is {gap:g}: must be finite and > 0")
-            object.__setattr__(self, "max_gap", gap)
-        if self.interpolate and self.max_gap is None:
-            raise ConfigError(
-                f"--interpolate {self.interpolate} needs --max-gap, the longest time between two "
-                "states of a track to interpolate across"
+            keep("max_gap", _gaps(self.max_gap))
+        if self.resample is not None:
+            keep("resample", Duration.of(self.resample, "resample"))
+        if self.outage not in (None, "none"):
+            keep("outage", Duration.of(self.outage, "outage"))
+        self._check_together()
+
+    def _check_together(self) -> None:
+        """Whether the settings fit each other.
+
+        Raises
+        ------
+        ConfigError
+            They do not.
+        """
+        chosen = [
+            option
+            for option, is_given in (
+                (f"--interpolate {self.interpolate}", self.interpolate),
+                ("--resample", self.resample is not None),
             )
-        if self.max_gap is not None and not self.interpolate:
-            raise ConfigError("--max-gap is for --interpolate; say which side, or leave it out")
+            if is_given
+        ]
+        if chosen and self.max_gap is None:
+            raise ConfigError(
+                f"{chosen[0]} needs --max-gap, the longest time between two states of a track to "
+                "interpolate across"
+            )
+        if self.max_gap is not None and not chosen:
+            raise ConfigError(
+                "--max-gap is for --interpolate and --resample; say which, or leave it out"
+            )
+        if len(chosen) > 1:
+            raise ConfigError("--resample interpolates both sides; leave --interpolate out")
+        if self.outage is not None and self.interpolate != "truth":
+            raise ConfigError("--outage is for --interpolate truth; leave it out")
+        decided = ["--steps"] if self.steps else []
+        decided += ["--resample"] if self.resample is not None else []
+        if len(decided) > 1:
+            raise ConfigError("--steps and --resample both say which steps count; leave one out")
+        if decided and self.grid != "union":
+            raise ConfigError(f"{decided[0]} says which steps count; leave --grid out")
+
+    def check_units(self, clock: str) -> None:
+        """Whether durations with units are of stamps that are times.
+
+        Raises
+        ------
+        ConfigError
+            One is not.
+        """
+        for name, value in (
+            ("--time-tolerance", self.tolerance),
+            ("--outage", self.outage),
+            *(("--max-gap", gap) for gap in self.gaps),
+        ):
+            if isinstance(value, Duration):
+                value.check(clock, name)
+
+    @property
+    def gaps(self) -> tuple[Duration, ...]:
+        """The longest gaps of truth and estimate, if there are any."""
+        return cast("tuple[Duration, ...]", self.max_gap or ())
+
+    @property
+    def near(self) -> float:
+        """The tolerance as a number."""
+        return float(self.tolerance)
+
+    @property
+    def on_own_times(self) -> "TimeMatching":
+        """The same for sides that were brought to their steps before."""
+        return replace(self, interpolate=None, max_gap=None, resample=None, steps=None, outage=None)
 
     @property
     def recorded(self) -> dict[str, object]:
         """What changes the number, by the names of the JSON."""
         found: dict[str, object] = {"grid": self.grid, "time_tolerance": self.tolerance}
-        if self.interpolate:
-            found |= {"interpolate": self.interpolate, "max_gap": self.max_gap}
+        for name in ("interpolate", "resample", "outage"):
+            if getattr(self, name) is not None:
+                found[name] = getattr(self, name)
+        if self.max_gap is not None:
+            one, other = self.gaps
+            found["max_gap"] = one if one == other else [one, other]
+        if self.steps is not None:
+            found["steps"] = self.steps.text
         return found
+
+
+def _gaps(given: "float | str | Sequence[float | str]") -> tuple[Duration, Duration]:
+    """The longest gaps of truth and estimate.
+
+    Raises
+    ------
+    ConfigError
+        One is 0, or no duration, or there are more than two.
+    """
+    each = given.split(",") if isinstance(given, str) else given
+    parts = list(each) if isinstance(each, list | tuple) else [each]
+    if not 1 <= len(parts) <= 2:
+        raise ConfigError(f"max-gap has {len(parts)} values: one, or TRUTH,ESTIMATE")
+    gaps = [Duration.of(part, "max-gap") for part in parts]
+    for gap in gaps:
+        if not gap:
+            raise ConfigError(f"max-gap is {gap.text}: must be finite and > 0")
+    return gaps[0], gaps[-1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -152,9 +249,9 @@ def align(
             truth=truth, estimate=estimate, union=steps, common=steps, joined=0, left_out=(0, 0)
         )
     joined = 0
-    if matching.tolerance and len(first) and len(second):
+    if matching.near and len(first) and len(second):
         pairs = nearest(first, second)
-        close = (pairs.apart > 0) & within(pairs.apart, matching.tolerance, (first, second), clock)
+        close = (pairs.apart > 0) & within(pairs.apart, matching.near, (first, second), clock)
         joined = int(np.count_nonzero(close))
         second = second.astype(np.result_type(first, second))
         second[pairs.second[close]] = first[pairs.first[close]]

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
+from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import CLOCKS, Floats, TimeArray, Trajectories
 
-NANO = 1_000_000_000
 EXACT_INTEGERS = 2.0**53
 DIGITS_OF_SUMS = 60
 """More than a stamp, a factor and an offset have together."""
@@ -83,7 +83,7 @@ class Conversion:
         if clock != "number":
             moved = self._calendar(times, clock, name)
             texts = np.empty(len(moved), dtype=object)
-            texts[:] = [_iso(moment, clock) for moment in moved.tolist()]
+            texts[:] = [iso(moment, clock) for moment in moved.tolist()]
             return moved, texts
         from decimal import (  # here: slow to import, and few clocks differ
             Context,
@@ -122,7 +122,7 @@ class Conversion:
             )
         from decimal import Decimal  # here: as above
 
-        by = int((Decimal(repr(self.time_offset)) * NANO).to_integral_value())
+        by = int((Decimal(repr(self.time_offset)) * SECOND).to_integral_value())
         if not all(-(2**63) <= int(end) + by < 2**63 for end in (times[0], times[-1])):
             raise ConfigError(_beyond(name))
         return cast(TimeArray, times + np.int64(by))
@@ -185,9 +185,9 @@ def _beyond(name: str) -> str:
     return f"--time-offset, --time-scale: times of {name} become too large"
 
 
-def _iso(nanoseconds: int, clock: str) -> str:
+def iso(nanoseconds: int, clock: str) -> str:
     """A moment as ISO-8601, in UTC where it has a zone, with the digits that it needs."""
-    seconds, rest = divmod(nanoseconds, NANO)
+    seconds, rest = divmod(nanoseconds, SECOND)
     moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=seconds)
     fraction = f".{rest:09d}".rstrip("0") if rest else ""
     return f"{moment:%Y-%m-%dT%H:%M:%S}{fraction}{'Z' if clock == 'zoned' else ''}"

@@ -91,7 +91,7 @@ def interpolated(
     source = np.concatenate((own, nearer))
     steps = np.concatenate((at[side.step[own]], step))
     order = np.lexsort((side.track[source], steps))
-    state = np.concatenate((side.state[own], _states(side, before, after, share, periods or {})))
+    state = np.concatenate((side.state[own], on_lines(side, before, after, share, periods or {})))
     covariance = side.covariance
     if covariance is not None:
         mixed = _mixed(covariance[before], covariance[after], share)
@@ -113,6 +113,27 @@ def interpolated(
         own=len(own),
         unused=rows - len(own),
     )
+
+
+def at_ticks(
+    side: Trajectories, ticks: Trajectories, tolerance: float, names: tuple[str, str]
+) -> Trajectories:
+    """The rows of a side that are at some stamps, within the tolerance; other parameters as above.
+
+    Raises
+    ------
+    InputError
+        The stamps cannot be compared.
+    """
+    mine, theirs = comparable(side, ticks, names)
+    at, there = np.zeros(len(mine), np.int64), np.zeros(len(mine), bool)
+    if len(mine) and len(theirs):
+        mine = _joined(mine, theirs, tolerance, side.clock)
+        at = np.searchsorted(theirs, mine).clip(max=len(theirs) - 1)
+        there = theirs[at] == mine
+    rows = np.flatnonzero(there[side.step])
+    kept = side.chosen(rows, at[side.step[rows]], theirs)
+    return replace(kept, clock=ticks.clock, labels=ticks.labels)
 
 
 def _joined(mine: Times, theirs: Times, tolerance: float, clock: str) -> Times:
@@ -150,9 +171,10 @@ def _apart(later: Times, earlier: Times) -> Times:
     return np.asarray(np.subtract(later, earlier, dtype=np.float64))
 
 
-def _states(
+def on_lines(
     side: Trajectories, before: Ints, after: Ints, share: Floats, periods: dict[str, float]
 ) -> Floats:
+    """States on the way from some rows to others, at a share of it (N,)."""
     first, second = side.state[before], side.state[after]
     found = _mixed(first, second, share)
     for k, column in enumerate(side.columns):

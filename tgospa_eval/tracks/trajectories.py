@@ -212,6 +212,27 @@ class Trajectories:
         freeze(part)
         return part
 
+    @classmethod
+    def of_times(
+        cls,
+        times: TimeArray,
+        columns: tuple[str, ...],
+        clock: str,
+        labels: NDArray[np.object_] | None = None,
+    ) -> "Trajectories":
+        """Steps without rows."""
+        none = np.zeros(0, np.int32)
+        return cls(
+            step=none,
+            track=none,
+            state=np.zeros((0, len(columns))),
+            ids=np.zeros(0, dtype=object),
+            times=times,
+            columns=columns,
+            clock=clock,
+            labels=labels,
+        )
+
     @property
     def kind(self) -> str:
         """What its states are: ``"point"``, ``"gaussian"`` or ``"cloud"``."""

@@ -170,7 +170,7 @@ def test_costs_are_added_and_roots_are_not() -> None:
     base = {
         "status": "done", "certified": True, "distance": "euclidean", "cutoff": 5.0, "order": 2.0,
         "switch_penalty": 1.0, "localisation": 0.0, "missed": 0.0, "false": 0.0, "switch": 0.0,
-        "counts.missed": 0.0, "counts.false": 0.0, "counts.switch": 0.0, "sizes.occupied": 10,
+        "counts.missed": 0.0, "counts.false": 0.0, "counts.switch": 0.0, "judged.steps": 10,
         "truth": "t", "options": "{}",
     }  # fmt: skip
     rows = pd.DataFrame(

@@ -27,7 +27,9 @@ from tgospa_eval.reports.batch_records import BatchTables, Ranking
 COLUMNS = {
     "status": "done", "certified": True, "distance": "euclidean", "cutoff": 5.0, "order": 2.0,
     "switch_penalty": 1.0, "localisation": 1.0, "missed": 0.0, "false": 0.0, "switch": 0.0,
-    "counts.missed": 0.0, "counts.false": 0.0, "counts.switch": 0.0, "sizes.occupied": 10.0,
+    "counts.missed": 0.0, "counts.false": 0.0, "counts.switch": 0.0, "judged.steps": 10.0,
+    "judged.steps_sha256": "s", "judged.truth_sha256": "t", "judged.truth_states": 5,
+    "judged.truth_steps": 5,
     "options": "{}", "finished": 1,
 }  # fmt: skip
 
@@ -53,7 +55,7 @@ def table(totals: dict[str, Sequence[float]], **more: object) -> pd.DataFrame:
 def failed(rows: pd.DataFrame, which: Iterable[int]) -> pd.DataFrame:
     """The rows, of which some failed."""
     rows = rows.copy()
-    having = [*rows.columns[rows.columns.str.startswith(("total", "counts", "sizes"))], "cutoff",
+    having = [*rows.columns[rows.columns.str.startswith(("total", "counts", "judged"))], "cutoff",
               "distance", "order", "switch_penalty"]  # fmt: skip
     rows[having] = rows[having].astype(object)
     rows.loc[list(which), having] = None

@@ -73,7 +73,7 @@ def test_a_file_that_cannot_be_read(task: Task, tmp_path: Path, name: str) -> No
 def test_a_fault(
     task: Task, monkeypatch: pytest.MonkeyPatch, fault: Exception, message: str
 ) -> None:
-    def fail(*_: object) -> None:
+    def fail(*_: object, **__: object) -> None:
         raise fault
 
     monkeypatch.setattr(run, "evaluate_files", fail)

@@ -123,22 +123,22 @@ def test_times_are_ordered_whatever_they_are(save: Save, invoke: Invoke) -> None
     save("a", truth.replace("0\n1", "1\n1"), truth=truth)
     save("b", f"{truth}9,{stamps[1]},50\n", truth=truth)
     found = ranking(invoke, "a", "b", "-o", "out")
-    assert found["steps"] == [3]
+    assert found["steps"] == [2]
     assert [item["total"] for item in found["estimates"]] == pytest.approx([1, 12.5])
     rows = list(csv.DictReader(io.StringIO(Path("out/per_step.csv").read_text(encoding="utf-8"))))
     assert [row["t"] for row in rows] == [*stamps[::2], *stamps]
 
 
-def test_empty_steps_count_as_in_a_ranking_of_files(save: Save, invoke: Invoke) -> None:
-    """Nothing is at step 3. A perfect step looks like it, but not beside one that errs there."""
+def test_steps_at_which_the_recorder_ran_count(save: Save, invoke: Invoke) -> None:
+    """Nothing is at step 3, and a false target at step 4 makes no step of the truth."""
     truth = TRUTH + "1,3,\n"
-    save("unclear", track(1, 0, 1), truth=truth)
-    save("perfect", track(0, 0, 0), truth=truth)
-    save("clear", track(2, 2, 2), truth=truth)
-    assert ranking(invoke, "unclear", "perfect", "clear")["steps"] == [3]
-    answer = invoke("compare", "unclear", "perfect")
-    assert answer.status == 3
-    assert "unclear/result.json: does not say which of its steps are empty" in answer.err
+    save("a", track(1, 0, 1), truth=truth)
+    save("b", track(2, 0, 1) + "9,4,0\n", truth=truth)
+    found = ranking(invoke, "a", "b")
+    assert found["steps"] == [4]
+    assert [e["normalised"]["tgospa"] for e in found["estimates"]] == pytest.approx(
+        [0.5**0.5, (17.5 / 4) ** 0.5]
+    )
 
 
 def test_perfect_estimates(save: Save, invoke: Invoke) -> None:
@@ -181,7 +181,7 @@ def test_warnings_travel(save: Save, invoke: Invoke) -> None:
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
-        (["moved"], 2, "moved/result.json: cannot be ranked with a/result.json: the truth is "),
+        (["moved"], 2, "no order: not judged on the same truth (a, a/result.json: 3 "),
         (["wide"], 2, "a/result.json: cutoff is 6.0, there 5.0; switch_penalty is 2.0, there 1.0"),
         (["a.csv"], 2, "a.csv: is no saved result, but a is; a saved result is the result.json of"),
         (["none"], 2, "none: is no saved result, but a is"),
@@ -206,12 +206,16 @@ def test_what_cannot_be_ranked(
     assert message in answer.err
 
 
-def test_grids_of_the_estimate_rank_nothing(save: Save, invoke: Invoke) -> None:
-    for name in ("a", "b"):
-        save(name, track(0, 1, 0), "--grid", "common")
-    answer = invoke("compare", "a", "b")
+def test_what_is_judged_on_other_steps_has_no_order(save: Save, invoke: Invoke) -> None:
+    for name, states in (("a", (0, 1, 0)), ("b", (0, 2, 0)), ("early", (0,))):
+        save(name, track(*states), "--grid", "common")
+    assert invoke("compare", "a", "b").status == 0
+    answer = invoke("compare", "a", "early")
     assert (answer.status, answer.out) == (2, "")
-    assert "a/result.json: made with --grid common, which gives each estimate" in answer.err
+    assert (
+        "no order: not judged on the same truth (a, a/result.json: 3 truth states at 3 of 3 steps; "
+        "early, early/result.json: 1 truth states at 1 of 3 steps)"
+    ) in answer.err
 
 
 @pytest.mark.parametrize(
@@ -226,14 +230,19 @@ def test_grids_of_the_estimate_rank_nothing(save: Save, invoke: Invoke) -> None:
         (lambda d: d.update(upper_bound=float("nan")), "NaN is no number of JSON"),
         (lambda d: d.update(missed=True), "missed is true: must be a number, finite and >= 0"),
         (lambda d: d["normalised"].update(tgospa=9.0), "contradict each other: normalised.tgospa"),
-        (lambda d: d["normalised"].update(tgospa=0), "not as this program wrote it"),
+        (lambda d: d["normalised"].update(tgospa=0), "contradict each other: normalised.tgospa"),
         (lambda d: d["counts"].update(false=10**400), "not as this program wrote it"),
-        (lambda d: d["parameters"].update(order=0), "contradict each other: normalised.tgospa or"),
+        (
+            lambda d: d["parameters"].update(order=0),
+            "contradict each other: normalised.tgospa, judged",
+        ),
         (lambda d: d.pop("tgospa"), "'tgospa' is missing"),
+        (lambda d: d.pop("judged"), "'judged' is missing; evaluate again and save the result anew"),
+        (lambda d: d["judged"].update(truth_sha256=5), "judged.truth_sha256 is missing, or not"),
         (lambda d: d.update(per_step=[1]), "not as this program wrote it"),
         (lambda d: d["per_step"].reverse(), "per_step: times are not in order"),
         (lambda d: d["per_step"][1].update(t=None), "t of a step is neither number nor text"),
-        (lambda d: d["per_step"][1].update(t="noon"), "times of another kind"),
+        (lambda d: d["per_step"][1].update(t="noon"), "mixed kinds of time: "),
         (lambda d: [s.update(t=f"day {s['t']}") for s in d["per_step"]], "not a time: "),
         (lambda d: d.update(warnings=[{"code": 1}]), "not as this program wrote it"),
     ],

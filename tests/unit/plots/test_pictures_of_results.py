@@ -31,12 +31,12 @@ from tgospa_eval.plots import (
     plot_worst,
     written,
 )  # fmt: skip
-from tgospa_eval.plots.clock import nice
 from tgospa_eval.plots.lanes import draw_lanes
 from tgospa_eval.plots.result_pictures import Pictures, names_in, result_pictures
 from tgospa_eval.plots.style import literal, power, styled
 from tgospa_eval.plots.views import binned, view
 from tgospa_eval.reports import page_data
+from tgospa_eval.reports.clock import nice
 from tgospa_eval.results.result import Result
 
 Draw = Callable[..., Answer]

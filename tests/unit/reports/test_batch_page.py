@@ -1,16 +1,18 @@
 """Shades, numbers and axes of the page of a batch."""
 
 import itertools
+import re
 
 import pandas as pd
 import pytest
 
 from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, heat_shades
-from tgospa_eval.reports.charts import curve_chart
-from tgospa_eval.reports.curves import RmsCurve
+from tgospa_eval.reports.charts import curve_charts
+from tgospa_eval.reports.curves import RmsCurve, RmsLine
 from tgospa_eval.reports.heat import MOST_SQUARES, Heat, heat_of
 from tgospa_eval.reports.order import first_names, order_in_words
 from tgospa_eval.reports.ticks import round_steps
+from tgospa_eval.results.records import Time
 
 
 def luminance(colour: str) -> float:
@@ -42,11 +44,11 @@ def rows(values: dict[tuple[str, str], float | None], width: float = 0.0) -> pd.
                 "total_lower": None if value is None else value - width,
                 "total_upper": value,
                 "order": None if value is None else 2.0,
-                "sizes.occupied": None if value is None else 1,
+                "judged.steps": None if value is None else 1,
             }
             for (down, across), value in values.items()
         ]
-    ).astype({"total_lower": float, "total_upper": float, "sizes.occupied": float, "order": float})
+    ).astype({"total_lower": float, "total_upper": float, "judged.steps": float, "order": float})
 
 
 def heat(values: dict[tuple[str, str], float | None], width: float = 0.0) -> Heat:
@@ -125,38 +127,46 @@ def test_axes_have_round_numbers() -> None:
     assert round_steps(1, 1) == [1]
 
 
-def curve(times: list[str | None], rms: list[float]) -> RmsCurve:
-    band: list[float | None] = [2 * value for value in rms]
+def curve(times: list[Time], rms: list[float], group: str = "a") -> RmsCurve:
+    line = RmsLine(rms=rms, band=([0.0] * len(rms), [2 * value for value in rms]))
     return RmsCurve(
-        group={"t": "a"},
+        group={"who": group},
         kind="step",
         times=times,
-        runs=[6] * len(rms),
-        rms=rms,
+        runs=6,
+        lines={"total": line, "missed": line},
         bounds=None,
-        band=([0.0] * len(rms), band),
+        band="bootstrap",
     )
 
 
 def test_a_chart_is_in_percent() -> None:
-    chart = curve_chart([(0, curve(["0", "10", "20"], [1.0, 2.0, 1.0]))], "step", "m")
-    assert chart is not None
+    ((chart, (part,)),) = curve_charts([(0, curve([0, 10, 20], [1.0, 2.0, 1.0]))], "m")
     (line,) = chart.lines
     assert line.path == "M0.00 76.19L50.00 52.38L100.00 76.19"
     assert line.band.startswith("M0.00 52.38L50.00 4.76L100.00 52.38L100.00 100.00")
-    assert [(tick.at, tick.text) for tick in chart.across] == [
-        (0.0, "0"), (50.0, "10"), (100.0, "20")
-    ]  # fmt: skip
-    assert curve_chart([], "step", "m") is None
-    # Times that runs do not share are no axis.
-    chart = curve_chart([(0, curve([None, "1"], [1.0, 1.0]))], "step", "")
-    assert chart is not None
-    assert chart.across_name == "number of the step"
+    assert {(0.0, "0"), (50.0, "10"), (100.0, "20")} <= {(t.at, t.text) for t in chart.across}
+    assert (chart.title, chart.across_name) == ("RMS-TGOSPA per time step", "time")
+    assert part.title == "RMS missed target error per time step"
+    assert part.lines == chart.lines
+    assert curve_charts([], "m") == []
+
+
+def test_curves_of_other_times_share_an_axis() -> None:
+    both = [(0, curve([0, 8], [1.0, 2.0])), (1, curve([2, 4.0], [1.0, 2.0], "b"))]
+    ((chart, _),) = curve_charts(both, "")
+    first, second = (re.findall(r"[ML]([\d.]+) ", line.path) for line in chart.lines)
+    assert first == ["0.00", "100.00"]
+    assert second == ["25.00", "50.00"]
+    # Of one time there is a dash that can be seen; times of several kinds are steps.
+    both = [(0, curve(["2026-01-01T00:00:00"], [1.0])), (1, curve([2, 3], [1.0, 2.0], "b"))]
+    ((chart, _),) = curve_charts(both, "")
+    first, second = (re.findall(r"[ML]([\d.]+) ", line.path) for line in chart.lines)
+    assert first == second == ["0.00", "100.00"]
 
 
 def test_a_long_chart_is_thinned() -> None:
-    chart = curve_chart([(0, curve([None] * 1000, [1.0] * 1000))], "step", "")
-    assert chart is not None
+    ((chart, _),) = curve_charts([(0, curve(list(range(1000)), [1.0] * 1000))], "")
     assert chart.stride == 3
     assert chart.lines[0].path.count(" ") == 334
 

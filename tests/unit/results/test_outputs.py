@@ -76,7 +76,7 @@ def test_keys_of_the_json(sample: Result) -> None:
         "schema", "metric", "tgospa", "total", "lower_bound", "upper_bound", "relative_gap",
         "certified", "within_rounding",
         "localisation", "missed", "false", "switch", "counts", "normalised", "parameters", "sizes",
-        "per_step", "switches", "worst", "solver", "timings", "input", "version",
+        "judged", "per_step", "switches", "worst", "solver", "timings", "input", "version",
         "warnings", "files",
     }  # fmt: skip
     assert document["schema"] == "tgospa-eval/result/1"

@@ -18,6 +18,8 @@ from tgospa_eval.reports.batch_records import BatchTables
 if TYPE_CHECKING:
     import pandas as pd
 
+    from tgospa_eval.reports.curves import BandKind
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Batch:
@@ -70,6 +72,7 @@ def batch(  # noqa: PLR0913  (public: settings are keywords)
     with_: str | Iterable[str] = (),
     slices: str | Iterable[str] = (),
     mean_of_roots: bool = False,
+    band: "BandKind | None" = None,
     force: bool = False,
     **options: Any,
 ) -> Batch:
@@ -95,6 +98,8 @@ def batch(  # noqa: PLR0913  (public: settings are keywords)
         Address of a Dask cluster to use instead.
     allow_missing, retry_failed, reports, proof, per_step, curve, mean_of_roots, force : bool
         As the options of the command.
+    band : {"interval", "bootstrap", "percentiles", "deviation"}, optional
+        Bands around the curves of `per_step`.
     with_, slices : str or iterable of str
         As for `evaluate`.
     **options
@@ -136,6 +141,7 @@ def batch(  # noqa: PLR0913  (public: settings are keywords)
         proof=proof,
         per_step=per_step,
         mean_of_roots=mean_of_roots,
+        band=band,
     )
     target = OutputOptions(output=os.fspath(output), force=force, quiet=True)
     worked = work_batch(context, tuple(os.fspath(path) for path in paths), jobs, chosen, target)

@@ -16,11 +16,12 @@ from tgospa_eval.cli.shared.options import (
 )
 
 OF_REPORT = {
-    *("paths", "by", "mean_of_roots", "output", "force", "format_", "pictures", "style"),
+    *("paths", "by", "mean_of_roots", "band", "output", "force", "format_", "pictures", "style"),
     *("config", "quiet"),
 }
 """Parameters that mean something to ``batch report``."""
 
+BAND_KINDS = ("interval", "bootstrap", "percentiles", "deviation")
 LAYOUTS = ("motchallenge", "kitti")
 
 
@@ -85,6 +86,13 @@ def _batch(declaration: str, text: str, **settings: object) -> Option:
             show_default="the first",
         ),
         _batch("--mean-of-roots", "Also show the plain means of the values, which are no sums."),
+        _batch(
+            "--band KIND",
+            "Bands around curves over time: interval or bootstrap, of the RMS; percentiles or "
+            "deviation, of the runs.",
+            type=click.Choice(BAND_KINDS),
+            show_default="interval",
+        ),
         *(item for item in EVALUATION if item.key not in ("by", "jobs")),
         Option(
             "--force",

@@ -37,6 +37,8 @@ from tgospa_eval.formats.guess import file_of
 if TYPE_CHECKING:
     import pandas as pd
 
+    from tgospa_eval.reports.curves import BandKind
+
 
 FAULTS_SHOWN = 10
 """Faults that are shown."""
@@ -60,6 +62,7 @@ class BatchOptions(Values):
     per_step: bool = False
     by: tuple[str, ...] = ()
     mean_of_roots: bool = False
+    band: "BandKind | None" = None
     max_input: float | None = None
 
     def groups(self, known: Collection[str]) -> list[str]:

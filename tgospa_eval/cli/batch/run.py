@@ -45,6 +45,8 @@ from tgospa_eval.evaluation.request import chosen_metrics
 from tgospa_eval.evaluation.slicing import parse_slices
 from tgospa_eval.reports.batch import BATCH_REPORTS
 from tgospa_eval.reports.batch_records import BatchTables
+from tgospa_eval.reports.curves import BANDS
+from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -121,6 +123,8 @@ def work_batch(
         raise ConfigError("--proof is for the folders of --reports")
     if options.curve and not (batch.per_step or batch.reports):
         raise ConfigError("--curve is for --per-step, or for the folders of --reports")
+    if batch.band not in (None, *BANDS):
+        raise ConfigError(f"--band {quoted(batch.band)}: must be one of {', '.join(BANDS)}")
     parse_slices(options.slices)
     if batch.scheduler and batch.workers:
         raise ConfigError("--scheduler has the workers that it has: --workers is for processes")
@@ -163,6 +167,10 @@ def work_batch(
     return Worked(store=store, rows=rows, faults=faults, new=bool(left), tables=tables)
 
 
+NUMBERS_OF_STATES = ("sizes.truth_states", "sizes.estimate_states")
+"""Columns that are 0 in an evaluation of nothing."""
+
+
 def finish_batch(
     worked: Worked, batch: BatchOptions, output: OutputOptions
 ) -> tuple[list[str], int]:
@@ -170,11 +178,19 @@ def finish_batch(
     rows = worked.rows
     # Of shards more is to come; where nothing is new, the page is there.
     whole = shard_of(batch.shard) == (1, 1)
-    if whole and (worked.new or batch.by or not is_written(worked.store)):
+    if whole and (worked.new or batch.by or batch.band or not is_written(worked.store)):
         write_batch(worked.store, worked.tables, output, lenient=True)
     told = list(_faults(rows, worked.faults, written=batch.reports))
+    done = rows[rows["status"] != "failed"] if len(rows) else rows
+    nothing = int((done[list(NUMBERS_OF_STATES)] == 0).all(axis=1).sum()) if len(done) else 0
+    if nothing == len(done) and nothing:
+        told.append(f"no row is left to evaluate in any of {counted(nothing, 'job')}")
     if told:
         return told, 5
+    if nothing and not output.quiet:
+        print_notice(
+            f"no row is left to evaluate in {nothing} of {counted(len(done), 'job')}: a total of 0"
+        )
     opened = len(rows) and (rows["status"] == "open").any()
     return told, ExitStatus.NOT_REACHED if opened else ExitStatus.DONE
 
@@ -275,11 +291,18 @@ def _tables(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchTab
     asked = batch.groups(labels_of(rows))
     by = asked or labels_of(rows)[:1]
     tables = tabulated(rows, by, roots=batch.mean_of_roots)
-    tables = replace(tables, curves=tuple(rms_curves(rows, store.steps(rows), by)))
+    steps = store.steps(rows)
+    curves, told = rms_curves(rows, steps, by, batch.band or "interval")
+    if batch.band and steps is None:
+        told.append("--band is for curves: no steps are stored; --per-step stores them")
     # Without --by nobody asked what there is to compare.
-    notes = tables.notes if asked else ()
     used = store.settings().get("settings_file")
-    return replace(tables, notes=(*notes, *([str(SettingsFile(**used))] if used else ())))
+    notes = (
+        *(tables.notes if asked else ()),
+        *told,
+        *([str(SettingsFile(**used))] if used else ()),
+    )
+    return replace(tables, curves=tuple(curves), notes=notes)
 
 
 def _name(row: Mapping[Any, Any]) -> str:

@@ -161,6 +161,7 @@ def evaluate_job(task: Task) -> Row:
             here.options,
             OutputOptions(quiet=True, config=task.settings_file),
             lambda _: None,
+            one_of_many=True,
         )
         files = files_of(here.job, here.options)
         if key_of(task.job, given_text(task.options), files) != task.key:
@@ -270,7 +271,7 @@ def numbers(result: Summary) -> Row:
         **{name: getattr(result, name) for name in PARTS},
         **{f"counts.{name}": value for name, value in result.counts.items()},
         **{f"sizes.{name}": value for name, value in result.sizes.items()},
-        "sizes.occupied": int(result.occupied.sum()),
+        **{f"judged.{name}": value for name, value in result.judged_on.row().items()},
         "sizes.truth_states": truth,
         "sizes.estimate_states": estimates,
         "cutoff": parameters.cutoff,

@@ -15,10 +15,17 @@ from tgospa_eval.errors import ExitStatus
 if TYPE_CHECKING:
     from tgospa_eval.cli.compare.values import CompareOptions
 
-ELSEWHERE = {"solver", "epsilon", "by", "seed"}  # by: hidden, for it may come from a settings file
-"""Options of everything that evaluates that this verb has not, or in another form."""
+ELSEWHERE = {
+    "solver",
+    "epsilon",
+    "by",
+    "seed",
+    "steps",
+}  # by: hidden, for it may come from a settings file
+"""Options of everything that evaluates that this verb has not, or in another form; `by` is hidden,
+for it may come from a settings file."""
 
-OF_STUDIES = {"targets", "steps", "runs", "scenario", "area", "seed"}
+OF_STUDIES = {"targets", "runs", "scenario", "area", "seed"}
 SHARED = [item for item in EVALUATION if item.key not in ELSEWHERE]
 OF_FILES = {"against", "unit", "by", "with_"} | {
     str(item.name) for item in SHARED if item.section in ("Files", "Filters")
@@ -54,8 +61,9 @@ COMPARE_OPTIONS = (
     _study("--targets NUMBERS", "Numbers of targets, with commas.", default="10,20,50"),
     _study(
         "--steps NUMBERS",
-        "Numbers of time steps, with commas; each with each number of targets.",
-        default="50,100",
+        "Numbers of time steps, with commas; each with each number of targets. Of files instead "
+        "FIRST:LAST[:EVERY], exactly these steps, as of evaluate.",
+        show_default="50,100; of files all their times",
     ),
     _study("--runs N", "Number of scenes of each size.", type=click.IntRange(min=1), default=10),
     _study(
@@ -152,6 +160,8 @@ def command(
 
     if "epsilon" not in given:
         options["epsilon"] = None  # which depends on what is compared
+    if simulate:
+        options |= {"numbers": options["steps"] or "50,100", "steps": None}
     chosen = CompareOptions.of(options)
     if simulate:
         from tgospa_eval.cli.compare.study import study_sizes

@@ -12,7 +12,7 @@ from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.comparison.entrants import Entrant, Outcome, outcome
-from tgospa_eval.comparison.ranking import OWN_STEPS, document
+from tgospa_eval.comparison.ranking import document
 from tgospa_eval.comparison.steps import StepCosts, steps_columns, steps_costs
 from tgospa_eval.distances import Effort
 from tgospa_eval.errors import ConfigError
@@ -38,12 +38,6 @@ def compare_estimates(truth: str, estimates: tuple[str, ...], options: CompareOp
         An option has no meaning, or a file cannot be read.
     """
     solver = _solver(options)
-    grid = options.evaluation.grid
-    if len(estimates) > 1 and grid in OWN_STEPS:
-        raise ConfigError(
-            f"--grid {grid}: gives each estimate steps of its own, and one that stops "
-            "early leaves out what it misses; to rank estimates choose --grid truth or union"
-        )
     estimates, notices = each_estimate(truth, estimates, options.output.output)
     for text in () if options.output.quiet else notices:
         print_notice(text)

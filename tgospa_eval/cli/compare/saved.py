@@ -10,8 +10,7 @@ from tgospa_eval.cli.compare.values import CompareOptions
 from tgospa_eval.cli.shared.notices import notifier
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.comparison.entrants import Entrant, Outcome
-from tgospa_eval.comparison.ranking import OWN_STEPS
-from tgospa_eval.comparison.saved import other_parameters, other_truth, outcomes, shared_metrics
+from tgospa_eval.comparison.saved import other_parameters, outcomes, shared_metrics
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.records import Metric
 from tgospa_eval.results.records import Json
@@ -116,7 +115,7 @@ def _truth(first: Json) -> str:
 
 
 def _check(documents: list[Json], paths: list[str], first: Json, at: str) -> None:
-    """Whether results are of one truth, and of the parameters of the first one of all runs.
+    """Whether results are of the parameters of the first one of all runs.
 
     Raises
     ------
@@ -124,22 +123,12 @@ def _check(documents: list[Json], paths: list[str], first: Json, at: str) -> Non
         They are not; each that differs with what does.
     """
     faults = [
-        f"{path}: cannot be ranked with {other}: {wrong}"
+        f"{path}: cannot be ranked with {at}: {wrong}"
         for path, document in zip(paths, documents, strict=True)
-        for other, wrong in (
-            (at, other_parameters(document, first)),
-            (paths[0], other_truth(document, documents[0])),
-        )
-        if wrong
+        if (wrong := other_parameters(document, first))
     ]
     if faults:
         raise ConfigError(*faults)
-    grid = first["parameters"].get("grid")
-    if len(paths) > 1 and grid in OWN_STEPS:
-        raise ConfigError(
-            f"{paths[0]}: made with --grid {grid}, which gives each estimate steps of its own; "
-            "to rank estimates evaluate with --grid truth or union"
-        )
 
 
 def _common(parameters: list[dict[str, object]]) -> Metric:

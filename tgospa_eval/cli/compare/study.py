@@ -75,6 +75,6 @@ def _study(options: CompareOptions, sizes: StudyOptions) -> Study:
         distance=settings.measure.distance(COLUMNS[scene.state]),
         solvers=options.make_solvers("certified,sinkhorn"),
         targets=numbers("targets", sizes.targets, parsed_whole),
-        steps=numbers("steps", sizes.steps, parsed_whole),
+        steps=numbers("steps", sizes.numbers, parsed_whole),
         runs=sizes.runs,
     )

@@ -100,10 +100,10 @@ class CompareOptions(Values):
 
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions(Values):
-    """Of the scaling study; lists of numbers are texts with commas."""
+    """Of the scaling study; lists of numbers are texts with commas, `numbers` those of steps."""
 
     targets: str
-    steps: str
+    numbers: str
     runs: int
     scenario: str
     area: float

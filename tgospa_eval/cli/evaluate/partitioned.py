@@ -43,7 +43,9 @@ REFUSED: Mapping[str, tuple[object, str]] = {
     "step_weights": (None, FITTING),
     "existence": ("ignore", "leave it out: all objects exist then"),
     "interpolate": (None, "interpolate before, or leave it out"),
-    "time_tolerance": (0.0, "round the times of both sides before, or leave it out"),
+    "resample": (None, "interpolate before, or leave it out"),
+    "steps": (None, "leave it out, or choose a stretch by --time"),
+    "time_tolerance": ("0", "round the times of both sides before, or leave it out"),
     "preprocess": (None, FITTING),
     "solver": ("certified", "leave it out: the solver certified is exact"),
 }

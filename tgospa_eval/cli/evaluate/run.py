@@ -31,6 +31,8 @@ def evaluate_files(
     options: EvaluationOptions,
     output: OutputOptions,
     output_line: Callable[[str], None] = print_notice,
+    *,
+    one_of_many: bool = False,
 ) -> tuple[Summary, bool]:
     """Read, evaluate, and report whether the asked accuracy was reached.
 
@@ -44,13 +46,15 @@ def evaluate_files(
         What to print, and where to write.
     output_line : callable
         What to do with a line for the user; by default it goes to stderr.
+    one_of_many : bool
+        Whether filters may leave nothing, which is then a total of 0.
 
     Raises
     ------
     TgospaError
         Something is wrong with options or files.
     """
-    settings = make_settings(options)
+    settings = replace(make_settings(options), one_of_many=one_of_many)
     calibration = calibration_of(options)
     wanted = None
     if output.output is not None:

@@ -20,8 +20,9 @@ from tgospa_eval.regression.rules import Rule, Verdict
 from tgospa_eval.regression.suite import Pair
 from tgospa_eval.reports.files import write_file
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.judged import judged_of
 
-JUDGED_COLUMNS = ("parameters", "input.truth.sha256", "normalised.tgospa")
+JUDGED_COLUMNS = ("parameters", "judged.truth_sha256", "normalised.tgospa")
 """Columns without which rows cannot be judged."""
 
 
@@ -216,7 +217,7 @@ def _measured(row: Row) -> Measured:
         values=values_of(row, row["cutoff"] ** row["order"]),
         bounds=(row["lower_bound"], row["upper_bound"]),
         parameters=json.loads(row["parameters"]),
-        truth=row["input.truth.sha256"],
+        judged=judged_of(row),
         version=row["version"],
         status=row["message"],
         certified=bool(row["certified"]),

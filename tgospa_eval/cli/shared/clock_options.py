@@ -18,9 +18,27 @@ CLOCK_AND_UNIT = (
         type=click.Choice(INTERPOLATED),
     ),
     _files(
-        "--max-gap DT",
-        "The longest time between two states of a track to interpolate across.",
-        type=float,
+        "--max-gap DT[,DT]",
+        "The longest time between two states of a track to interpolate across; of truth and "
+        "estimate, if they differ: 200s,10s.",
+    ),
+    _files(
+        "--resample S",
+        "A common clock: both files are interpolated at every multiple of S (3s, 200ms, 2min; "
+        "without unit where times are numbers), from the truth's first time to its last, each "
+        "within its --max-gap. The way to compare trackers whose times differ.",
+    ),
+    _files(
+        "--steps FIRST:LAST[:EVERY]",
+        "Exactly these steps are evaluated, and values per step divide by their number; empty "
+        "ones cost nothing and count. EVERY is 1 for whole numbers. Rows at other times are left "
+        "out.  [default: the times of either file; per step of the truth's]",
+    ),
+    _files(
+        "--outage DT",
+        "With --interpolate truth: where the estimate has no time for longer than this, the "
+        "truth's own times are steps, and what is there is missed. none says that the tracker "
+        "reports only when it sees something.  [default: five times its median interval]",
     ),
     _files(
         "--time-offset DT",

@@ -6,7 +6,13 @@ from tgospa_eval.cli.shared.distance import notices
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose, interpolation_notice
+from tgospa_eval.evaluation.diagnosis import (
+    alignment_notices,
+    axis_notices,
+    diagnose,
+    gap_warnings,
+    silence_warnings,
+)
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained, unit_notices
 from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -55,12 +61,20 @@ def pair_notices(
             yield Notice(text=text)
     if any(side.pixels for side in files):
         yield from unit_notices(request.unit)
-    if sides.interpolated is not None:
-        yield interpolation_notice(sides.interpolated, request.time_matching)
+    yield from axis_notices(sides.axis, request.time_matching)
     for text in alignment_notices(aligned, request.time_matching):
         yield Notice(text=text)
-    found = diagnose(sides.read, aligned, request.time_matching, parameters, distance)
+    found = diagnose(
+        sides.read,
+        aligned,
+        request.time_matching,
+        parameters,
+        distance,
+        given=request.recorded,
+    )
     yield from found
+    yield from silence_warnings(sides.axis, parameters)
+    yield from gap_warnings(sides, request)
     if request.defaults:
         yield default_notice(
             aligned,

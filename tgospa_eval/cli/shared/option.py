@@ -42,7 +42,7 @@ TRUSTED_KEYS = frozenset(
         *("distance", "covariance", "periodic", "scale", "unit"),
         *("columns", "truth-columns", "estimate-columns", "a-columns", "b-columns"),
         *("truth-format", "estimate-format", "a-format", "b-format", "in-format"),
-        *("time-tolerance", "grid", "interpolate", "max-gap"),
+        *("time-tolerance", "grid", "steps", "resample", "interpolate", "max-gap", "outage"),
         *("on-duplicate", "on-invalid", "decimal"),
         *("time-offset", "time-scale", "unit-scale"),
         *("time", "class", "truth-class", "estimate-class", "region", "by", "preprocess"),

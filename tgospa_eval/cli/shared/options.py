@@ -139,10 +139,9 @@ FILE_OPTIONS = (
     ),
     _files(
         "--time-tolerance DT",
-        "Times of the two files that differ by at most DT are one step, nearest to nearest; in "
-        "seconds for ISO times.",
-        type=float,
-        default=0.0,
+        "Times of the two files that differ by at most DT are one step, nearest to nearest; 20ms, "
+        "or a number, of seconds for ISO times.",
+        default="0",
     ),
     _files(
         "--grid NAME",

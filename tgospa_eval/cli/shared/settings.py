@@ -1,5 +1,6 @@
 """From the values of the options to records, and with them to files that fit each other."""
 
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -9,7 +10,7 @@ from tgospa_eval.cli.shared.places import check_places
 from tgospa_eval.cli.shared.values import EvaluationOptions
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.checks import check_columns
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.errors import ConfigError, InputError, NothingLeftError
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import (
     OF_TRACKEVAL,
@@ -19,6 +20,7 @@ from tgospa_eval.evaluation.request import (
 )
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.asked import columns_of_each
+from tgospa_eval.formats.filters import parse_steps
 from tgospa_eval.formats.reading import Known, check_classes
 from tgospa_eval.problem.sliding import Sliding
 from tgospa_eval.problem.tgospa import Parameters
@@ -69,8 +71,8 @@ class Settings:
         Attributes by which costs are split.
     step_weights : WeightsByTime, optional
         What each step counts.
-    existence : str
-        Whether probabilities of existence count.
+    existence, one_of_many : str, bool
+        Whether probabilities of existence count, and whether filters may leave nothing.
     """
 
     parameters: Parameters
@@ -89,6 +91,7 @@ class Settings:
     slices: "tuple[SliceBy, ...]" = ()
     step_weights: WeightsByTime | None = None
     existence: str = "ignore"
+    one_of_many: bool = False
 
     @property
     def recorded(self) -> dict[str, object]:
@@ -128,7 +131,8 @@ class Settings:
                 faults.append(error)
         if faults:
             raise type(faults[0])(*dict.fromkeys(line for fault in faults for line in fault.args))
-        self.check(tuple(sides), paths)
+        with suppress(NothingLeftError) if self.one_of_many else nullcontext():
+            self.check(tuple(sides), paths)
         return self.preprocessed(tuple(sides), paths) if roles == ROLES else tuple(sides)
 
     def preprocessed(
@@ -203,7 +207,7 @@ class Settings:
         ):
             used = (name.replace("_", "-") for name in self.recorded)
             given = " and ".join(f"--{name}" for name in used if name.split("-")[-1] in filters)
-            raise ConfigError(f"{given}: no row is left to evaluate")
+            raise NothingLeftError(f"{given}: no row is left to evaluate")
 
     def request(self, columns: tuple[str, ...]) -> EvaluationRequest:
         """What is asked of states with these columns.
@@ -316,6 +320,9 @@ def _settings(options: EvaluationOptions) -> Settings:
             grid=options.grid,
             interpolate=options.interpolate,
             max_gap=options.max_gap,
+            resample=options.resample,
+            steps=parse_steps(options.steps),
+            outage=options.outage,
         ),
         reading=reading,
         each=each,

@@ -49,10 +49,13 @@ class EvaluationOptions(Values):
     estimate_columns: str | None = None
     truth_format: str | None = None
     estimate_format: str | None = None
-    time_tolerance: float = 0.0
+    time_tolerance: str = "0"
     grid: str = "union"
     interpolate: str | None = None
-    max_gap: float | None = None
+    max_gap: str | None = None
+    resample: str | None = None
+    steps: str | None = None
+    outage: str | None = None
     time_offset: float = 0.0
     time_scale: float = 1.0
     unit_scale: float = 1.0

@@ -1,17 +1,21 @@
 """What looks wrong with two sides before anything is solved: clocks, units, axes. Prints nothing.
 
 A warning changes no number. It is raised only where undoing the fault would at least halve the
-per-step GOSPA cost, of a clock at least that of common tracks, where what is near is so by chance,
-or where a side cannot mean what it seems to.
+per-step GOSPA cost, of a clock without what is missed or false either way, where what is near is so
+by chance, or where a side cannot mean what it seems to.
 """
 
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.common.notices import Notice, Spelling, as_option
+from tgospa_eval.common.figures import number
+from tgospa_eval.common.notices import Notice, Spelling, as_argument, as_option
 from tgospa_eval.common.words import counted, in_both
 from tgospa_eval.distances import Distance
+from tgospa_eval.evaluation.axis import Axis, truth_gaps
 from tgospa_eval.evaluation.diagnosis.clock import clock_warnings
 from tgospa_eval.evaluation.diagnosis.costs import Sampler
 from tgospa_eval.evaluation.diagnosis.sides import side_warnings
@@ -21,7 +25,8 @@ from tgospa_eval.tracks.alignment import Alignment, TimeMatching
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
-    from tgospa_eval.tracks.interpolation import Interpolated
+    from tgospa_eval.evaluation.prepare import Fitted
+    from tgospa_eval.evaluation.request import EvaluationRequest
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of states that nobody has
@@ -32,6 +37,7 @@ def diagnose(
     parameters: Parameters,
     distance: Distance,
     spell: Spelling = as_option,
+    given: Mapping[str, object] = MappingProxyType({}),
 ) -> list[Notice]:
     """Warnings about two sides.
 
@@ -49,26 +55,132 @@ def diagnose(
         Base distance.
     spell : callable
         How settings are written in remedies: `as_option` or `as_argument`.
+    given : mapping of str to object
+        Settings with which the estimate was read.
     """
     sampler = Sampler((aligned.truth, aligned.estimate), parameters, distance.lower_bound)
     found = side_warnings(sides)
-    clock = clock_warnings(sides, aligned, matching, sampler, spell)
+    clock = clock_warnings(sides, aligned, matching, sampler, spell, given)
     found += clock
     if not any(notice.code in ("clock-shift", "stamps-near") for notice in clock):
         found += state_warnings(sampler, spell)
     return found
 
 
-def interpolation_notice(made: "Interpolated", matching: TimeMatching) -> Notice:
-    """What was interpolated, and what was not used for it."""
-    side = str(matching.interpolate)
-    other = "truth" if side == "estimate" else "estimate"
-    unused = f", {made.unused:,} at stamps that the {other} does not have are not compared"
-    return Notice(
-        text=f"{side} interpolated at the stamps of the {other}: "
-        f"{counted(made.between, 'state')} between two that are at most {matching.max_gap:.15g} "
-        f"apart, {made.own:,} as they were{unused if made.unused else ''}"
+def look(sides: "Fitted", request: "EvaluationRequest") -> list[Notice]:
+    """Warnings about two sides, in the words of Python."""
+    aligned, parameters = sides.alignment, request.parameters
+    found = diagnose(
+        sides.read,
+        aligned,
+        request.time_matching,
+        parameters,
+        sides.distance,
+        as_argument,
+        request.recorded,
     )
+    found += silence_warnings(sides.axis, parameters, as_argument)
+    found += [notice for notice in gap_warnings(sides, request, as_argument) if notice.code]
+    if request.defaults:
+        from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
+
+        notice = default_notice(
+            aligned,
+            sides.distance,
+            parameters,
+            request.defaults,
+            as_argument,
+            others=explained(found),
+        )
+        found += [notice] if notice.code else []
+    return found
+
+
+def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
+    """What bringing sides to their steps took: interpolated states, and what was not used."""
+    for (side, made), gap in zip(axis.made, _gaps_of(axis, matching), strict=True):
+        other = "truth" if side == "estimate" else "estimate"
+        where = f"the stamps of the {other}"
+        if matching.resample is not None:
+            where = f"{counted(len(axis.horizon.times), 'step')} of the common clock"
+        unused = f", {made.unused:,} at other stamps are not compared"
+        yield Notice(
+            text=f"{side} interpolated at {where}: {counted(made.between, 'state')} between two "
+            f"that are at most {gap:.15g} apart, {made.own:,} as they were"
+            f"{unused if made.unused else ''}"
+        )
+    if matching.steps is not None:
+        first, second = axis.left_out
+        yield Notice(
+            text=f"{counted(len(axis.horizon.times), 'step')} declared; at other times "
+            f"{counted(first, 'row')} of the truth and {second:,} of the estimate are left out"
+        )
+
+
+def _gaps_of(axis: "Axis", matching: TimeMatching) -> list[float]:
+    """The longest gap of each side that was interpolated."""
+    return [matching.gaps[("truth", "estimate").index(side)] for side, _ in axis.made]
+
+
+def silence_warnings(
+    axis: "Axis", parameters: Parameters, spell: Spelling = as_option
+) -> list[Notice]:
+    """Where the estimate has no stamps: how long, and what it costs."""
+    found = axis.silences
+    if found is None:
+        return []
+    total, longest = float(found.lengths.sum()), float(found.lengths.max())
+    longest_of = f", the longest {number(longest, 4)}" if len(found.lengths) > 1 else ""
+    text = (
+        f"the estimate has no stamp for {number(total, 4)} in "
+        f"{counted(len(found.lengths), 'silence')}{longest_of}"
+    )
+    states = f"{counted(found.states, 'state')} of the truth"
+    if not found.charged:
+        return [
+            Notice(
+                code="silences-not-charged",
+                text=f"{text}: silences are not charged, {states} in them are not judged",
+                remedy=f"leave {spell('outage', 'none')} out where the tracker reports at all "
+                "times",
+            )
+        ]
+    cost = found.states * (1 - parameters.rho) * parameters.cutoff**parameters.order
+    return [
+        Notice(
+            code="silences",
+            text=f"{text}: {states} in them are missed, cost {number(cost)}",
+            remedy=f"{spell('outage', 'none')} if the tracker reports only when it sees something",
+        )
+    ]
+
+
+def gap_warnings(
+    sides: "Fitted", request: "EvaluationRequest", spell: Spelling = as_option
+) -> list[Notice]:
+    """Gaps of the truth, and what the estimate reports in them."""
+    if sides.digested is None or not sides.axis.made:
+        return []
+    parameters, matching = request.parameters, request.time_matching
+    found = truth_gaps(sides.digested[0], sides.axis, matching, sides.distance, parameters.cutoff)
+    if found is None:
+        return []
+    ids = ", ".join(found.ids[:3]) + (f" and {len(found.ids) - 3:,} more" * (len(found.ids) > 3))
+    text = (
+        f"the truth has {counted(len(found.lengths), 'gap')} longer than "
+        f"{matching.gaps[0]:.15g}, {number(float(found.lengths.sum()), 4)} in all, of {ids}"
+    )
+    if not found.states:
+        return [Notice(text=text)]
+    cost = found.states * parameters.rho * parameters.cutoff**parameters.order
+    return [
+        Notice(
+            code="truth-gaps",
+            text=f"{text}: {counted(found.states, 'estimate state')} within c of the straight line "
+            f"across are false because the truth is silent, cost up to {number(cost)}",
+            remedy=f"a longer {spell('max_gap', '')} if the truth moves straight in them",
+        )
+    ]
 
 
 def alignment_notices(
@@ -84,8 +196,7 @@ def alignment_notices(
     if aligned.joined:
         pairs = counted(aligned.joined, "pair of stamps was", "pairs of stamps were")
         notices.append(
-            f"{pairs} joined, at most {matching.tolerance:.15g} apart "
-            f"({spell('time_tolerance', '')})"
+            f"{pairs} joined, at most {matching.near:.15g} apart ({spell('time_tolerance', '')})"
         )
     if any(aligned.left_out):
         steps = aligned.union - len(aligned.truth.times)

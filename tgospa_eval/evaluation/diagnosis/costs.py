@@ -10,7 +10,6 @@ computed only where these bounds leave an answer open.
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import places_of
 from tgospa_eval.common.frozen import dataclass
@@ -18,9 +17,7 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance, near_pairs
 from tgospa_eval.distances.points import near_points
 from tgospa_eval.evaluation.diagnosis.pairing import (
-    in_both,
     largest_gains,
-    only_some,
     pair_off,
     ranked,
 )
@@ -107,17 +104,6 @@ class StepCosts:
     def _greedy(self) -> tuple[Floats, Ints]:
         return pair_off(self.objects, self.rows, self.gain, self.steps)
 
-    def only(self, kept: NDArray[np.bool_]) -> "StepCosts":
-        """Without the other estimates."""
-        step = self.objects[1][kept]
-        rows, gain = only_some(kept, self.rows, self.gain)
-        return StepCosts(
-            counts=(self.counts[0], np.bincount(step, minlength=self.steps)),
-            objects=(self.objects[0], step),
-            rows=rows,
-            gain=gain,
-        )
-
     def settle(self) -> None:
         """Make the bounds equal by assignments, but for steps too large for a dense one."""
         from scipy.optimize import linear_sum_assignment  # here: slow to import, hardly ever needed
@@ -198,41 +184,6 @@ def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> flo
     busy = np.count_nonzero((here.upper > 0) | (there.upper > 0))
     cheaper = np.count_nonzero(there.upper < here.upper)
     return saved if saved >= 0.5 and cheaper >= max(CHEAPER * busy, fewest / 2) else 0.0
-
-
-def saving_of_tracks(here: StepCosts, there: StepCosts, tracks: tuple[Ints, Ints]) -> float:
-    """The same where most of the cost is of what is missed or false either way, and left out.
-
-    Only tracks that are there at both moments are compared, whichever were missed at one of them:
-    `tracks` are those of the estimates here and there.
-    What they cost, in units of c^p, is how many more pairs there are here or there than the gain: a
-    pair that is near either here or there only, costs one where it is not. Half of the pairs that
-    there could be must be near there: of another recording, fewer are.
-    """
-    mine, others = in_both((here.objects[1], tracks[0]), (there.objects[1], tracks[1]))
-    here, there = here.only(mine), there.only(others)
-    highest = float((there.unassigned - there.lower).sum())
-    if 2 * highest <= len(here.taken) + float((here.unassigned - here.upper).sum()):
-        return 0.0
-    if 2 * len(there.taken) < np.minimum(*there.counts).sum():
-        return 0.0
-    found = [np.bincount(side.step[side.taken], minlength=side.steps) for side in (here, there)]
-    pairs = np.maximum(*found)
-    here.settle()
-    there.settle()
-    costs = [pairs - (side.unassigned - side.upper) for side in (here, there)]
-    total, left = (float(cost.sum()) for cost in costs)
-    agreeing = np.unique(tracks[1][others][there.rows[1][there.taken]])
-    if (
-        len(agreeing) < FEWEST_TRACKS
-        or pairs.sum() < PAIRED
-        or total < NOTABLE_COST * pairs.sum()
-        or 2 * left > total
-    ):
-        return 0.0
-    busy = np.count_nonzero(pairs)
-    cheaper = np.count_nonzero(costs[1] < costs[0])
-    return 1 - max(left, 0.0) / total if cheaper >= max(CHEAPER * busy, FEWEST_STEPS) else 0.0
 
 
 def falls(share: float, steps: int) -> str:

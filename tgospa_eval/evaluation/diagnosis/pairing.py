@@ -71,28 +71,3 @@ def ranked(turn: Ints, gain: Floats) -> Ints:
     """The pairs that are chosen, round by round, and in each by falling gain."""
     taken = places_of(turn)
     return taken[np.lexsort((-gain[taken], turn[taken]))]
-
-
-def only_some(kept: Flags, rows: Rows, gain: Floats) -> tuple[Rows, Floats]:
-    """The pairs of some estimates, which are counted anew, and their gains."""
-    if kernels is not None:
-        *found, left = kernels.only_some(kept.view(np.uint8), *rows, gain)
-        return (found[0], found[1]), left
-    near = kept[rows[1]]
-    number = np.cumsum(kept, dtype=np.int32) - np.int32(1)
-    return (rows[0][near], number[rows[1][near]]), gain[near]
-
-
-def in_both(first: tuple[Ints, Ints], second: tuple[Ints, Ints]) -> tuple[Flags, Flags]:
-    """Which (step, track) of two lists in order the other one has."""
-    if kernels is not None and first[1].dtype == second[1].dtype == np.int32:
-        found: tuple[Flags, Flags] = kernels.in_both(*first, *second)
-        return found
-    mine, others = (step * np.int64(2**32) + track for step, track in (first, second))
-    return _are_among(mine, others), _are_among(others, mine)
-
-
-def _are_among(numbers: Ints, others: Ints) -> Flags:
-    """Which of some numbers are among others, which are sorted."""
-    after = np.searchsorted(others, numbers, side="right")
-    return np.asarray(after > np.searchsorted(others, numbers))

@@ -77,11 +77,6 @@ class StepRows:
         """They alone, as points."""
         return self.side.seen_as(()).chosen(self.row, self.step, np.arange(len(self.counts)))
 
-    def only(self, is_there: NDArray[np.bool_]) -> "StepRows":
-        """The same without the rows of some steps."""
-        begin, end = self.bounds
-        return StepRows(side=self.side, bounds=np.array((begin, np.where(is_there, end, begin))))
-
 
 def affordable(sides: tuple[Trajectories, Trajectories]) -> int:
     """How many steps may be looked at."""

@@ -13,8 +13,8 @@ from tgospa_eval.evaluation.slicing import DERIVED, Attribute
 from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.text import listed, quoted
-from tgospa_eval.tracks.alignment import SECOND
 from tgospa_eval.tracks.attributes import Values
+from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 INSIDE, OUTSIDE = "inside", "outside"

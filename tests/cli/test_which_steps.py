@@ -1,0 +1,288 @@
+"""Which steps count, and what "per step" divides by: the same for all that are compared."""
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from answer import Answer
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tgospa_eval import ConfigError, compare, evaluate
+
+Invoke = Callable[..., Answer]
+
+METRIC = {"cutoff": 10.0, "switch_penalty": 5.0}
+GIVEN = ("-c", "10", "-g", "5")
+CLOCKS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "truth": {"grid": "truth"},
+    "steps": {"steps": "0:30"},
+    "resample": {"resample": 2, "max_gap": 4},
+    "interpolated estimate": {"interpolate": "estimate", "max_gap": 4},
+    "interpolated truth": {"interpolate": "truth", "max_gap": 4},
+}
+"""Options of time."""
+
+
+def table(states: Mapping[tuple[str, float], float]) -> pd.DataFrame:
+    """A side from places by id and time."""
+    rows = [(name, t, x) for (name, t), x in states.items()]
+    return pd.DataFrame(rows, columns=["id", "t", "x"]).astype({"t": float, "x": float})
+
+
+def truth() -> pd.DataFrame:
+    """Three objects, 100 apart, for 31 steps of 1."""
+    return table({(str(k), t): 100.0 * k + t for k in range(3) for t in range(31)})
+
+
+def tracker(*, silent: tuple[float, float] = (0, 0), error: float = 1.0) -> pd.DataFrame:
+    """Reports of these every second step, half a step late, none within the silence."""
+    stamps = [2 * j + 0.5 for j in range(15)]
+    return table(
+        {
+            (str(k), t): 100.0 * k + t + error
+            for k in range(3)
+            for t in stamps
+            if not silent[0] < t < silent[1]
+        }
+    )
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    """A truth, a tracker, and the same one dead for a third of the time."""
+    for name, side in {
+        "truth": truth(),
+        "alive": tracker(),
+        "dead": tracker(silent=(10, 20)),
+    }.items():
+        side.to_csv(tmp_path / f"{name}.csv", index=False)
+    return tmp_path
+
+
+def value(answer: Answer) -> dict[str, Any]:
+    assert answer.status == 0, answer.err
+    found: dict[str, Any] = json.loads(answer.out)
+    return found
+
+
+def test_a_silence_is_charged(files: Path, invoke: Invoke) -> None:
+    clock = ("--interpolate", "truth", "--max-gap", "4", "--format", "json", *GIVEN)
+    alive = value(invoke("truth.csv", "alive.csv", *clock))
+    dead = value(invoke("truth.csv", "dead.csv", *clock))
+    assert alive["total"] == pytest.approx(45)
+    # Ten stamps of the truth, from 9 to 20, and three objects at each, 50 for each miss.
+    assert dead["missed"] == 50 * 3 * 12
+    assert dead["normalised"]["tgospa"] == pytest.approx((dead["total"] / 31) ** 0.5)
+    (warned,) = [notice for notice in dead["warnings"] if notice["code"] == "silences"]
+    assert "no stamp for 12 in 1 silence: 36 states of the truth in them" in warned["text"]
+    free = value(invoke("truth.csv", "dead.csv", *clock, "--outage", "none"))
+    assert free["missed"] == 0
+    assert "silences are not charged" in json.dumps(free["warnings"])
+    longer = value(invoke("truth.csv", "dead.csv", *clock, "--outage", "12"))
+    assert longer["missed"] == 0
+    assert alive["judged"]["truth_sha256"] != dead["judged"]["truth_sha256"]
+
+
+def test_who_is_judged_at_other_steps_has_no_order(files: Path, invoke: Invoke) -> None:
+    clock = ("--interpolate", "truth", "--max-gap", "4", "--outage", "none", *GIVEN)
+    answer = invoke("compare", "truth.csv", "alive.csv", "dead.csv", *clock, "-q")
+    assert (answer.status, answer.out) == (2, "")
+    assert (
+        "no order: not judged on the same truth (alive, alive.csv: 45 truth states at 15 of 31 "
+        "steps; dead, dead.csv: 30 truth states at 10 of 31 steps); evaluate all with"
+    ) in answer.err
+    gate = ("gate", "truth.csv", "alive.csv", "--baseline", "base.json", *clock, "-q")
+    assert invoke(*gate, "--update-baseline").status == 0
+    Path("alive.csv").write_bytes(Path("dead.csv").read_bytes())
+    answer = invoke(*gate)
+    assert answer.status == 2
+    assert "not judged on the same truth (now: 30 truth states at 10 of 31 steps" in answer.out
+
+
+def test_no_ranking_of_a_batch_either(files: Path, invoke: Invoke) -> None:
+    for run in "12":
+        Path(f"gt_{run}.csv").write_bytes(Path("truth.csv").read_bytes())
+        for name in ("alive", "dead"):
+            Path(f"{name}_{run}.csv").write_bytes(Path(f"{name}.csv").read_bytes())
+    batch = ("batch", "--truth", "gt_{run}.csv", "--estimate", "{tracker}_{run}.csv", *GIVEN, "-q",
+             "--by", "tracker")  # fmt: skip
+    answer = invoke(*batch, "--interpolate", "truth", "--max-gap", "4", "-o", "own")
+    assert answer.status == 0
+    assert "tracker is not ranked: gt_1.csv: not judged on the same truth" in " ".join(
+        answer.out.split()
+    )
+    answer = invoke(*batch, "--resample", "2", "--max-gap", "4", "-o", "common")
+    assert "not ranked" not in answer.out
+    rows = [line.split() for line in answer.out.splitlines()]
+    assert [row[0] for row in rows if row[:1] and row[0] in ("alive", "dead")][:2] == [
+        "alive",
+        "dead",
+    ]
+
+
+def test_false_alarms_at_empty_times_raise_the_value_per_step() -> None:
+    known, alive = truth(), tracker()
+    alarms = table({(f"f{k}", 1000.0 + k): 0.0 for k in range(25)})
+    before = evaluate(known, alive, **METRIC)
+    after = evaluate(known, pd.concat([alive, alarms]), **METRIC)
+    assert before.judged == after.judged
+    assert after.total == pytest.approx(before.total + 25 * 50)
+    assert after.normalised["tgospa"] == pytest.approx((after.total / 31) ** 0.5)
+
+
+def test_a_pair_has_one_value_per_step_in_all_verbs(files: Path, invoke: Invoke) -> None:
+    alarms = table({(f"f{k}", 1000.0 + k): 0.0 for k in range(25)})
+    alarms.to_csv("alive.csv", index=False, mode="a", header=False)
+    one = value(invoke("truth.csv", "alive.csv", *GIVEN, "--format", "json"))
+    each = one["normalised"]["tgospa"]
+    both = value(
+        invoke("compare", "truth.csv", "alive.csv", "dead.csv", *GIVEN, "--format", "json")
+    )
+    assert both["steps"] == [31]
+    assert each in [
+        pytest.approx(item["normalised"]["tgospa"], rel=1e-12) for item in both["estimates"]
+    ]
+    gate = ("gate", "truth.csv", "alive.csv", "--baseline", "base.json", *GIVEN)
+    assert invoke(*gate, "--update-baseline").status == 0
+    entry = json.loads(Path("base.json").read_text(encoding="utf-8"))["pairs"]
+    assert next(iter(entry.values()))["values"]["normalised"]["tgospa"] == pytest.approx(each)
+    batch = ("batch", "--truth", "truth.csv", "--estimate", "al{name}.csv", *GIVEN, "-o", "res")
+    assert invoke(*batch, "--pictures", "none").status == 0
+    rows = pd.read_parquet("res/jobs")
+    assert rows["normalised.tgospa"].tolist() == [pytest.approx(each, rel=1e-12)]
+    assert rows["judged.steps"].tolist() == [31]
+
+
+def test_declared_steps_count_whether_something_exists_or_not() -> None:
+    found = evaluate(truth(), tracker(), **METRIC, steps="0:99", time_tolerance=0.5)
+    assert (found.judged["steps"], found.judged["truth_states"]) == (100, 93)
+    assert found.normalised["tgospa"] == pytest.approx((found.total / 100) ** 0.5)
+    part = evaluate(truth(), tracker(), **METRIC, steps="10:19")
+    assert part.judged["truth_states"] == 30
+    assert part.input["truth"]["left_out"] == {"steps": 63}
+    tenths = table({("a", k / 10): 0.0 for k in range(11)})
+    exact = evaluate(tenths, tenths, **METRIC, steps="0:1:0.1")
+    assert (exact.judged["truth_states"], exact.total) == (11, 0)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"steps": "5:1"}, "ends before it begins"),
+        ({"steps": "0:1:0"}, "more than 0 apart"),
+        ({"steps": "0:1e9:1"}, "at most 10,000,000 are evaluated"),
+        ({"steps": "0:1.5"}, "say how far apart the steps are"),
+        ({"steps": "later"}, "must be FIRST:LAST"),
+        ({"steps": "0:9", "grid": "truth"}, "says which steps count"),
+        ({"steps": "0:9", "resample": 1, "max_gap": 2}, "leave one out"),
+        ({"resample": 1}, "needs max_gap"),
+        ({"resample": "3s", "max_gap": 9}, "plain numbers, whose unit is not known"),
+        ({"max_gap": 3}, "is for"),
+        ({"resample": "3 parsecs", "max_gap": 9}, "must be a number, or one with a unit"),
+        ({"outage": 3}, "is for interpolate"),
+        ({"time_tolerance": "20ms"}, "plain numbers"),
+    ],
+)
+def test_what_does_not_fit(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        evaluate(truth(), tracker(), **METRIC, **options)
+
+
+def test_durations_have_units_where_stamps_are_times() -> None:
+    def iso(side: pd.DataFrame) -> pd.DataFrame:
+        stamps = pd.Timestamp("2026-05-01T08:00:00Z") + pd.to_timedelta(side["t"], unit="s")
+        return side.assign(t=stamps.dt.strftime("%Y-%m-%dT%H:%M:%S.%fZ"))
+
+    plain = evaluate(truth(), tracker(), **METRIC, resample=2, max_gap=(4, 3))
+    found = evaluate(
+        iso(truth()), iso(tracker()), **METRIC, resample="2s", max_gap=("4000ms", "0.05min")
+    )
+    assert found.total == plain.total
+    assert found.judged["steps"] == plain.judged["steps"] == 16
+    assert found.parameters["max_gap"] == [4.0, 3.0]
+    assert evaluate(iso(truth()), iso(tracker()), **METRIC, time_tolerance="500ms").total == (
+        evaluate(truth(), tracker(), **METRIC, time_tolerance=0.5).total
+    )
+
+
+def test_gaps_of_the_truth_are_told() -> None:
+    known = truth()
+    known = known[~((known["id"] == "1") & known["t"].between(10, 20))]
+    found = evaluate(known, tracker(), **METRIC, resample=1, max_gap=4)
+    (told,) = [notice for notice in found.warnings if notice.code == "truth-gaps"]
+    assert "the truth has 1 gap longer than 4, 12 in all, of 1: 11 estimate states" in told.text
+    assert "cost up to 550" in told.text
+    assert found.counts["false"] == 11
+
+
+def test_a_class_that_a_sequence_has_not_is_nothing(tmp_path: Path, invoke: Invoke) -> None:
+    car = "id,t,x,class\n1,0,0,car\n1,1,1,car\n"
+    for folder in ("gt", "out"):
+        Path(folder).mkdir()
+        Path(folder, "0.csv").write_text(car, encoding="utf-8")
+        Path(folder, "1.csv").write_text(car + "2,1,9,bike\n", encoding="utf-8")
+    batch = ("batch", "--truth", "gt/{run}.csv", "--estimate", "out/{run}.csv", *GIVEN)
+    answer = invoke(*batch, "--class", "bike", "-o", "bikes")
+    assert answer.status == 0
+    assert "no row is left to evaluate in 1 of 2 jobs: a total of 0" in answer.err
+    rows = pd.read_parquet("bikes/jobs")
+    assert rows["judged.steps"].tolist() == [2, 2]
+    answer = invoke(*batch, "--class", "train", "-o", "trains")
+    assert answer.status == 5
+    assert "no row is left to evaluate in any of 2 jobs" in answer.err
+    assert invoke("gt/0.csv", "out/0.csv", *GIVEN, "--class", "bike").status == 2
+
+
+scenes = st.lists(
+    st.tuples(st.integers(0, 2), st.integers(0, 30), st.floats(-6, 6)), min_size=1, max_size=40
+)
+
+
+@pytest.mark.parametrize("clock", CLOCKS)
+@given(scene=scenes, at=st.integers(-5, 35))
+def test_another_false_state_never_lowers_the_value_per_step(
+    clock: str, scene: list[tuple[int, int, float]], at: int
+) -> None:
+    """It is farther than c from every truth."""
+    states = {(str(k), float(t)): 100.0 * k + t + error for k, t, error in scene}
+    more = table(states | {("far", float(at)): -5000.0})
+    options = METRIC | CLOCKS[clock]
+    before = evaluate(truth(), table(states), **options)
+    after = evaluate(truth(), more, **options)
+    if clock != "interpolated truth":  # where the estimate decides which steps there are
+        assert before.judged == after.judged
+    if before.judged == after.judged:
+        assert after.upper_bound >= before.lower_bound
+        assert after.normalised["tgospa"] >= before.normalised["tgospa"] * (1 - 1e-12)
+
+
+@pytest.mark.parametrize("clock", ["default", "truth", "steps", "interpolated truth"])
+@given(scene=scenes, gone=st.sets(st.integers(0, 39), min_size=1))
+def test_a_tracker_that_says_less_is_never_better(
+    clock: str, scene: list[tuple[int, int, float]], gone: set[int]
+) -> None:
+    """Its states lie within c / 2^(1/p) of their truth, and it has no switches."""
+    states = {(str(k), float(t)): 100.0 * k + t + error for k, t, error in scene}
+    left = {key: x for n, (key, x) in enumerate(states.items()) if n not in gone}
+    options = METRIC | {"switch_penalty": 0.0} | CLOCKS[clock]
+    before = evaluate(truth(), table(states), **options)
+    after = evaluate(truth(), table(left), **options)
+    if before.judged == after.judged:
+        assert after.upper_bound >= before.lower_bound
+    else:
+        assert clock == "interpolated truth"
+        with pytest.raises(ConfigError, match="no order: not judged on the same"):
+            compare(truth(), {"more": table(states), "less": table(left)}, **options)
+
+
+def test_the_horizon_of_an_empty_truth_is_that_of_the_steps() -> None:
+    nothing = truth().iloc[:0]
+    found = evaluate(nothing, tracker(), **METRIC)
+    assert found.judged["steps"] == 15
+    assert np.isclose(found.total, 45 * 50)

@@ -1,0 +1,179 @@
+"""The offset of the clock of an estimate: found where the scene determines it, else nothing."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tgospa_eval import TgospaWarning, Trajectories, evaluate
+from tgospa_eval.simulation import SCENARIOS, Scene, Tracker, simulate
+
+Run = Callable[..., Any]
+Write = Callable[[str, str], str]
+
+BEGIN = datetime(2024, 5, 1, 12, tzinfo=UTC)
+
+
+def moment(second: float, *, iso: bool) -> str:
+    if not iso:
+        return f"{second:.4f}".rstrip("0").rstrip(".")
+    return f"{BEGIN + timedelta(microseconds=round(second * 1e6)):%Y-%m-%dT%H:%M:%S.%f}Z"
+
+
+def table(side: Trajectories, moments: np.ndarray, *, iso: bool) -> str:
+    rows = zip(side.step, side.track, side.state, strict=True)
+    lines = (
+        f"{side.ids[k]},{moment(float(moments[s]), iso=iso)},{x:.5f},{y:.5f}"
+        for s, k, (x, y) in rows
+    )
+    return "\n".join(["id,t,x,y", *lines, ""])
+
+
+def clock(invoke: Run, truth: str, estimate: str, *options: str) -> Any:
+    done = invoke("inspect", truth, estimate, "-c", "10", *options, "--format", "json")
+    assert done.status == 0, done.err
+    return json.loads(done.out)["both"]["clock"]
+
+
+def every(side: Trajectories, count: int, first: int) -> Trajectories:
+    """Of so many steps one, counted from `first`."""
+    rows = np.flatnonzero(side.step % count == first)
+    times = side.times[first::count]
+    return side.chosen(rows, (side.step[rows] - first) // count, times)
+
+
+def found(invoke: Run, write: Write, seed: int, *, moved: bool) -> tuple[Any, float, float]:
+    """What is said of a scene, the offset that it has, and half its step.
+
+    In every other scene the two sides have other moments of the same motion.
+    """
+    rng = np.random.default_rng([seed, moved])
+    scenario = list(SCENARIOS)[seed % len(SCENARIOS)]
+    step = (1.0, 3.0, 0.1)[seed // 2 % 3]
+    iso, parts = bool(seed // 6 % 2), 1 + (seed % 2) * int(rng.integers(1, 4))
+    steps = int(rng.integers(40, 150))
+    scene = Scene(scenario=scenario, targets=int(rng.integers(2, 12)), steps=steps * parts)
+    tracker = Tracker(
+        noise=float(rng.choice([0.1, 0.5, 1.0, 2.0])),
+        detection=float(rng.uniform(0.7, 1)),
+        false_rate=float(rng.choice([0, 0.2, 1.0])),
+        confirmation=int(rng.integers(0, 4)),
+        swaps=float(rng.choice([0, 0.5])),
+        fragmentation=float(rng.choice([0, 0.02])),
+    )
+    truth, estimate = simulate(scene, tracker, rng)
+    truth, estimate = every(truth, parts, 0), every(estimate, parts, int(rng.integers(parts)))
+    long = steps * step
+    offsets = (
+        24.7,
+        3600.0,
+        step * float(rng.integers(1, 8)),
+        float(rng.uniform(-1, 1)) * long,
+        float(rng.uniform(0, 7200)),
+    )
+    offset = round(offsets[seed % 5], 3) if moved else 0.0
+    stamps = [side.times * step / parts for side in (truth, estimate)]
+    files = (
+        write("truth.csv", table(truth, stamps[0], iso=iso)),
+        write("estimate.csv", table(estimate, stamps[1] + offset, iso=iso)),
+    )
+    return clock(invoke, *files), offset, step / 2
+
+
+@pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.slow)])
+def test_found_within_half_a_step(invoke: Run, write: Write, count: int) -> None:
+    """Offsets up to two hours, at least 95 % of them; nothing is said of what has none."""
+    right = 0
+    for seed in range(count):
+        said, offset, half = found(invoke, write, seed, moved=True)
+        right += abs((said["time_offset"] if said else 0.0) + offset) <= half
+        said, *_ = found(invoke, write, seed, moved=False)
+        assert said is None, (seed, said)
+    assert right >= 0.95 * count
+
+
+def lines(
+    path: Callable[[np.ndarray], np.ndarray], steps: int = 120, noise: float = 0.5, offset: int = 0
+) -> tuple[Trajectories, Trajectories]:
+    """Truth (T, k, 2) by time, and an estimate with noise whose stamps are so many steps late."""
+    states = path(np.arange(steps, dtype=float)[:, None])
+    rng = np.random.default_rng(0)
+    truth = Trajectories.from_array(states)
+    estimate = Trajectories.from_array(states + rng.normal(0, noise, states.shape))
+    return truth, replace(estimate, times=estimate.times + offset)
+
+
+def in_plane(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return np.stack(np.broadcast_arrays(x, y), axis=-1)
+
+
+PLACES = np.array([[10.0, 60.0, 150.0]])
+SILENT = {
+    "parked": lambda t: in_plane(PLACES + 0 * t, PLACES),
+    "on circles": lambda t: in_plane(
+        PLACES + 30 * np.cos(2 * np.pi * t / 20), 30 * np.sin(2 * np.pi * t / 20)
+    ),
+    "queueing": lambda t: in_plane(5.0 * np.arange(40) - 5.0 * (t % 1) + 0 * t, 0.0),
+}
+
+
+@pytest.mark.parametrize("motion", SILENT)
+def test_nothing_where_the_data_do_not_say(invoke: Run, write: Write, motion: str) -> None:
+    """At rest, where every shift fits; in periods, of which several fit alike."""
+    for offset in (0, 7):
+        sides = lines(SILENT[motion], offset=offset)
+        files = (
+            write(f"{k}.csv", table(side, side.times, iso=False)) for k, side in enumerate(sides)
+        )
+        assert clock(invoke, *files) is None
+
+
+def test_nothing_of_another_recording_or_of_few_pairs(invoke: Run, write: Write) -> None:
+    scene = Scene(scenario="dense", targets=20, steps=60)
+    (truth, _), (_, other) = (
+        simulate(scene, Tracker(noise=1.0), np.random.default_rng(seed)) for seed in (1, 2)
+    )
+    first = write("t.csv", table(truth, truth.times, iso=False))
+    second = write("e.csv", table(other, other.times, iso=False))
+    assert clock(invoke, first, second) is None
+    few = "id,t,x,y\n" + "".join(f"1,{k},{9 * k},0\n" for k in range(6))
+    late = "id,t,x,y\n" + "".join(f"1,{k + 40},{9 * k},0\n" for k in range(6))
+    assert clock(invoke, write("t.csv", few), write("e.csv", late)) is None
+
+
+def test_one_target_at_constant_velocity(invoke: Run, write: Write) -> None:
+    """Positions are taken to be unbiased; the table says what no warning has."""
+    truth, estimate = lines(lambda t: in_plane(2 * t + [[0.0]], 0.0), noise=2.0, offset=1)
+    files = (
+        write("t.csv", table(truth, truth.times, iso=False)),
+        write("e.csv", table(estimate, estimate.times, iso=False)),
+    )
+    said = clock(invoke, *files)
+    assert said["time_offset"] == -1
+    assert 0.05 < said["uncertainty"] < 0.5  # two of 2 / (2 sqrt(120)) = 0.09
+    assert said["saving"] < 0.5
+    done = invoke("inspect", *files, "-c", "10")
+    assert "fit better with --time-offset -1 (+/- " in done.out
+    assert "warning: the clock" not in done.out
+
+
+def test_the_offset_that_is_proposed_works(invoke: Run, write: Write) -> None:
+    """With another offset given before it, an hour of a time zone, and in Python."""
+    scene = Scene(scenario="crossing", targets=5, steps=80)
+    truth, estimate = simulate(scene, Tracker(noise=0.5), np.random.default_rng(3))
+    first = write("t.csv", table(truth, truth.times * 3.0, iso=True))
+    second = write("e.csv", table(estimate, estimate.times * 3.0 + 3600, iso=True))
+    done = invoke(first, second, "-c", "10", "-g", "5")
+    assert "be 3600 s ahead (+/- " in done.err
+    assert "use --time-offset -3600;" in done.err
+    assert "use --time-offset -3600;" in invoke(first, second, "--time-offset", "-90").err
+    assert (
+        "warning" not in invoke(first, second, "-c", "10", "-g", "5", "--time-offset", "-3600").err
+    )
+    late = replace(estimate, times=estimate.times + 24.7)
+    with pytest.warns(TgospaWarning, match=r"use time_offset=-24\.7;"):
+        evaluate(truth, late, 10.0, 2, 5.0)

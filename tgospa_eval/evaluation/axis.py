@@ -1,0 +1,306 @@
+"""The steps that count, and both sides at them: docs/how-to/which-steps-count.md."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.distances import Distance, Effort
+from tgospa_eval.distances.gating import prepared_pairs
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.tracks.alignment import TimeMatching, Times, align, comparable
+from tgospa_eval.tracks.durations import SECOND, Duration, multiples
+from tgospa_eval.tracks.trajectories import Trajectories
+
+if TYPE_CHECKING:
+    from tgospa_eval.tracks.interpolation import Interpolated
+
+Sides = tuple[Trajectories, Trajectories]
+
+TURN = 360.0
+"""Degrees of longitude."""
+
+SILENCE = 5
+"""Median intervals of the estimate's stamps that are a silence, where nobody says how long."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Silences:
+    """Where the estimate has no stamps.
+
+    Parameters
+    ----------
+    lengths : (K,) float array
+        How long each is, in seconds or the unit of the stamps.
+    ticks : (N,) array
+        The truth's own stamps in them.
+    states : int
+        The truth's states at these.
+    charged : bool
+        Whether these stamps are steps.
+    """
+
+    lengths: Times
+    ticks: Times
+    states: int
+    charged: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Axis:
+    """Both sides at the steps that were asked for, before they are aligned.
+
+    Parameters
+    ----------
+    sides : pair of Trajectories
+        Truth and estimate.
+    horizon : Trajectories
+        What has the stamps of the horizon: the truth as it was read, or declared steps.
+    made : tuple of (str, Interpolated)
+        Which side was interpolated, and what that took.
+    left_out : pair of int
+        Rows at stamps that are no declared steps.
+    silences : Silences, optional
+        Of the estimate, where the truth is interpolated.
+    """
+
+    sides: Sides
+    horizon: Trajectories
+    made: "tuple[tuple[str, Interpolated], ...]" = ()
+    left_out: tuple[int, int] = (0, 0)
+    silences: Silences | None = None
+
+
+def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]:
+    """Periods of the state columns that wrap around."""
+    periods = dict(distance.settings(columns).get("periodic", {}))
+    if distance.name == "haversine":
+        periods["lon"] = TURN
+    return periods
+
+
+def on_axis(
+    sides: Sides, matching: TimeMatching, distance: Distance, names: tuple[str, str]
+) -> Axis:
+    """Both sides at the steps that are asked for.
+
+    Raises
+    ------
+    ConfigError, InputError
+        Durations do not fit the stamps, or a side cannot be interpolated.
+    """
+    matching.check_units(sides[0].clock if len(sides[0].times) else sides[1].clock)
+    axis = Axis(sides=sides, horizon=sides[0])
+    if matching.resample is not None:
+        return _resampled(axis, matching, distance, names)
+    if matching.interpolate:
+        axis = _interpolated(axis, matching, distance, names)
+    if matching.steps is not None:
+        from tgospa_eval.tracks.interpolation import at_ticks  # here: few want it
+
+        ticks = _stamped(matching.steps.ticks(), axis.horizon, matching.steps.clock)
+        first, second = (
+            at_ticks(side, ticks, matching.near, (name, "--steps"))
+            for side, name in zip(axis.sides, names, strict=True)
+        )
+        left_out = (
+            len(axis.sides[0].step) - len(first.step),
+            len(axis.sides[1].step) - len(second.step),
+        )
+        axis = replace(axis, sides=(first, second), horizon=ticks, left_out=left_out)
+    return axis
+
+
+def _resampled(
+    axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str]
+) -> Axis:
+    """Both at multiples of a duration, from the truth's first stamp to its last."""
+    truth = axis.horizon
+    assert isinstance(matching.resample, Duration)
+    found = truth.times[:0]
+    if len(truth.times):
+        ends = truth.times[[0, -1]].tolist()
+        found = multiples(ends[0], ends[1], matching.resample, truth.clock)
+    ticks = _stamped(found, truth, truth.clock)
+    made = [
+        _made(side, ticks, gap, matching, distance, (name, "--resample"))
+        for side, gap, name in zip(axis.sides, matching.gaps, names, strict=True)
+    ]
+    return Axis(
+        sides=(replace_times(made[0].side, ticks), replace_times(made[1].side, ticks)),
+        horizon=ticks,
+        made=tuple(zip(("truth", "estimate"), made, strict=True)),
+    )
+
+
+def replace_times(side: Trajectories, ticks: Trajectories) -> Trajectories:
+    """A side without rows, at the stamps of the other: interpolation leaves it as it is."""
+    if len(side.step) or not len(ticks.times):
+        return side
+    return replace(side, times=ticks.times, clock=ticks.clock, labels=ticks.labels)
+
+
+def _interpolated(
+    axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str]
+) -> Axis:
+    """One side at the stamps of the other, and the truth's own where the estimate is silent."""
+    which = ("truth", "estimate").index(str(matching.interpolate))
+    side, other = axis.sides[which], axis.sides[1 - which]
+    gap = matching.gaps[which]
+    silences = None
+    if which == 0:
+        silences = _silences(side, other, matching, names)
+        if silences is not None and silences.charged and len(silences.ticks):
+            union = np.union1d(other.times, silences.ticks)
+            other = _stamped(union, other, other.clock, side)
+    made = _made(side, other, gap, matching, distance, (names[which], names[1 - which]))
+    sides = (made.side, axis.sides[1]) if which == 0 else (axis.sides[0], made.side)
+    return replace(axis, sides=sides, made=((str(matching.interpolate), made),), silences=silences)
+
+
+def _made(
+    side: Trajectories,
+    other: Trajectories,
+    gap: Duration,
+    matching: TimeMatching,
+    distance: Distance,
+    names: tuple[str, str],
+) -> "Interpolated":
+    from tgospa_eval.tracks.interpolation import interpolated  # here: few want it
+
+    return interpolated(
+        side.seen_as(distance.kinds),
+        other,
+        max_gap=float(gap),
+        tolerance=matching.near,
+        periods=periods_of(distance, side.columns),
+        names=names,
+    )
+
+
+def _silences(
+    truth: Trajectories, estimate: Trajectories, matching: TimeMatching, names: tuple[str, str]
+) -> Silences | None:
+    """Intervals without stamps of the estimate, from the truth's first stamp to its last.
+
+    Longer than `TimeMatching.outage`, or than `SILENCE` median intervals.
+    """
+    own, ticks = comparable(truth, estimate, names)
+    if not len(own) or not len(ticks):
+        return None
+    second = SECOND if truth.clock != "number" else 1
+    ends = np.concatenate((own[:1], ticks[(ticks > own[0]) & (ticks < own[-1])], own[-1:]))
+    lengths = np.diff(ends) / second
+    intervals = np.diff(ticks) / second
+    longest = SILENCE * float(np.median(intervals)) if len(intervals) else 0.0
+    if isinstance(matching.outage, Duration):
+        longest = float(matching.outage)
+    silent = lengths > longest
+    if not silent.any():
+        return None
+    # A stamp of the truth is in the interval that ends with or after it.
+    place = np.searchsorted(ends, own, side="left") - 1
+    inside = silent[place.clip(0, len(silent) - 1)] & ~np.isin(own, ticks)
+    return Silences(
+        lengths=lengths[silent],
+        ticks=own[inside],
+        states=int(np.count_nonzero(inside[truth.step])),
+        charged=matching.outage != "none",
+    )
+
+
+def _stamped(
+    times: Times, like: Trajectories, clock: str, labelled: Trajectories | None = None
+) -> Trajectories:
+    """Steps without rows; times are shown as those of `like` and `labelled` are, or as ISO."""
+    labels = None
+    if clock != "number":
+        from tgospa_eval.tracks.conversion import iso  # here: as above
+
+        labels = np.empty(len(times), dtype=object)
+        known = {
+            stamp: text
+            for side in (like, labelled)
+            if side is not None and side.labels is not None
+            for stamp, text in zip(side.times.tolist(), side.labels, strict=True)
+        }
+        labels[:] = [known.get(stamp) or iso(stamp, clock) for stamp in times.tolist()]
+    return Trajectories.of_times(times, like.columns, clock, labels)
+
+
+def on_own_times(request: EvaluationRequest) -> EvaluationRequest:
+    """The same of sides that were brought to their steps before."""
+    return replace(request, time_matching=request.time_matching.on_own_times)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TruthGaps:
+    """Where a truth has two states that are too far apart in time to interpolate across.
+
+    Parameters
+    ----------
+    lengths : (K,) array
+        How long each is, in seconds or the unit of the stamps.
+    ids : list of str
+        The objects that have some.
+    states : int
+        Estimate states within the cutoff of the straight line across one.
+    """
+
+    lengths: Times
+    ids: list[str]
+    states: int
+
+
+def truth_gaps(
+    truth: Trajectories, axis: Axis, matching: TimeMatching, distance: Distance, cutoff: float
+) -> TruthGaps | None:
+    """The gaps of an interpolated truth, and what estimates report in them.
+
+    Parameters
+    ----------
+    truth : Trajectories
+        As it was read.
+    axis : Axis
+        Both sides at their steps.
+    matching, distance, cutoff
+        With which they are compared.
+    """
+    if matching.interpolate != "truth" and matching.resample is None:
+        return None
+    order = np.argsort(truth.track, kind="stable")
+    track, time = truth.track[order], truth.times[truth.step[order]]
+    second = SECOND if truth.clock != "number" else 1
+    apart = np.diff(time) / second
+    wide = (track[1:] == track[:-1]) & (apart > float(matching.gaps[0]))
+    if not wide.any():
+        return None
+    narrow, estimate = axis.sides
+    widest = Duration.of(float(apart[wide].max()), "max-gap")
+    line = _made(truth, narrow, widest, matching, distance, ("truth", "estimate")).side
+    known = set(zip(narrow.step.tolist(), _named(narrow), strict=True))
+    rows = [
+        row
+        for row, key in enumerate(zip(line.step.tolist(), _named(line), strict=True))
+        if key not in known
+    ]
+    states = 0
+    if rows and len(estimate.step):
+        chosen = np.array(rows)
+        line = line.chosen(chosen, line.step[chosen], line.times)
+        pair = align(line, estimate.seen_as(distance.kinds), TimeMatching(tolerance=matching.near))
+        effort = Effort(jobs=1, stopwatch=Stopwatch())
+        sides, prepared = distance.prepared((pair.truth, pair.estimate), effort)
+        near = prepared_pairs(sides, cutoff, prepared, effort)
+        states = len(np.unique(near.estimate_row))
+    return TruthGaps(
+        lengths=apart[wide],
+        ids=sorted({str(truth.ids[i]) for i in track[1:][wide].tolist()}),
+        states=states,
+    )
+
+
+def _named(side: Trajectories) -> list[str]:
+    return [str(side.ids[i]) for i in side.track.tolist()]

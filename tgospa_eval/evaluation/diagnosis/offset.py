@@ -1,0 +1,360 @@
+"""How far the clock of the estimate is off: the shift of its stamps that fits the truth best.
+
+    G(shift) = sum over steps of the estimate of  max over disjoint pairs of  sum 1 - (d / c)^p,
+
+with the truth on straight lines between its states. Pairs that are near, whatever their times, say
+which shifts are worth a look; G makes these finer. A shift is named only if all others that are
+as well covered fit worse, by more than what differs from one stretch of the recording to the next
+explains: targets at rest, or on a circle, name none.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.arrays import median, places_of
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.distances import Distance
+from tgospa_eval.evaluation.diagnosis.costs import NOTABLE_COST, PAIRED, StepCosts, step_costs
+from tgospa_eval.evaluation.diagnosis.sample import FEWEST_STEPS, StepRows
+from tgospa_eval.evaluation.diagnosis.timeline import Timeline
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.tracks.trajectories import Ints, Trajectories
+
+SAMPLED, SAMPLED_TIMES = 600, 300
+"""Rows of the estimate that are looked at, and steps, at most."""
+
+PAIRS = 1_000_000
+"""Near pairs that are looked at."""
+
+CANDIDATES = 32
+"""Shifts that are worth a look."""
+
+PROMISING = 0.4
+"""Share of the largest gain from which on a shift is made finer."""
+
+HALVINGS = 7
+"""Of the time between moments, to the finest difference of shifts."""
+
+DOUBLINGS = 5
+"""Of that time, to the largest difference of shifts that are compared around the best one."""
+
+STRETCHES = 20
+"""Stretches of the recording whose gains are compared."""
+
+SIGNIFICANT = 4.0
+"""Standard errors by which any other shift must be worse."""
+
+LOCAL = 6.0
+"""Times the uncertainty: a rival that is farther away is another maximum, and nothing is named."""
+
+COMPARABLE, ALIKE = 1 / 3, 1 / 2
+"""Shares of the steps within the truth, and of the gain there, that make another shift a rival."""
+
+ROBUST = 16.0
+"""Times the median of (d / c)^p of pairs: those farther apart say little of small shifts."""
+
+LEAST_ERROR = 1 / 400
+"""Of (d / c)^p: errors that are smaller are taken to be as large."""
+
+ENOUGH_NEAR = 1 / 3
+"""Share of the pairs that there could be, that must be near."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """How well a shift fits.
+
+    Parameters
+    ----------
+    shift : float
+        What is added to the stamps of the estimate.
+    costs : StepCosts
+        Of the truths at these moments, and the estimates.
+    inside : (S,) bool array, optional
+        Steps that are then within the recording of the truth; all by default.
+    sharp : float
+        >= 1, what (d / c)^p is multiplied by, as if the cutoff were smaller.
+    """
+
+    shift: float
+    costs: StepCosts
+    inside: NDArray[np.bool_] | bool = True
+    sharp: float = 1.0
+
+    @cached_property
+    def gain(self) -> Floats:
+        """What pairs save at each step, in units of c^p (S,)."""
+        taken = self.costs.taken
+        gain = (1 - self.sharp * (1 - self.costs.gain[taken])).clip(0)
+        found = np.bincount(self.costs.step[taken], gain, minlength=self.costs.steps)
+        return np.asarray(found, np.float64)  # integers where there is none
+
+    @property
+    def sharpest(self) -> float:
+        """What leaves a gain to pairs that are not much farther apart than usual."""
+        lost = (1 - self.costs.gain[self.costs.taken]).clip(0)
+        usual = median(lost) if len(lost) else 1.0
+        return 1 / min(max(ROBUST * usual, LEAST_ERROR), 1.0)
+
+    @cached_property
+    def total(self) -> float:
+        """Of the gain."""
+        return float(self.gain.sum())
+
+    @cached_property
+    def pairs(self) -> Ints:
+        """Pairs of each step (S,)."""
+        return np.bincount(self.costs.step[self.costs.taken], minlength=self.costs.steps)
+
+    @property
+    def is_close(self) -> bool:
+        """Whether a good part of what could be near is."""
+        most = int(np.minimum(*self.costs.counts).sum())
+        steps = np.count_nonzero(self.pairs)
+        return int(self.pairs.sum()) >= max(PAIRED, ENOUGH_NEAR * most) and bool(
+            steps >= FEWEST_STEPS
+        )
+
+    def better(self, other: "Fit") -> float:
+        """By how many standard errors it fits better than another one."""
+        return _significance(self.gain - other.gain)
+
+    def excels(self, other: "Fit") -> bool:
+        """Whether another one is no rival: it fits worse where both are within the truth.
+
+        Neither is one that has too few of these steps, or far less gain there.
+        """
+        both = self.inside & other.inside
+        if (
+            np.count_nonzero(both) < COMPARABLE * np.count_nonzero(self.inside)
+            or other.gain[both].sum() < ALIKE * self.gain[both].sum()
+        ):
+            return True
+        return _significance((self.gain - other.gain)[both]) >= SIGNIFICANT
+
+
+def _significance(values: Floats) -> float:
+    """Sum over steps, in standard errors that the sums of stretches tell."""
+    count = min(STRETCHES, len(values))
+    if not count:
+        return 0.0
+    sums = np.add.reduceat(values, np.arange(count) * len(values) // count)
+    total = float(sums.sum())
+    spread = float(np.square(sums - sums.mean()).sum()) * count / max(count - 1, 1)
+    if spread > 1e-24 * total * total:
+        return total / float(np.sqrt(spread))
+    return float(np.sign(total)) * np.inf if total else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Offset:
+    """A shift of the stamps of the estimate that fits better than all others.
+
+    Parameters
+    ----------
+    shift : float
+        What is added to them.
+    uncertainty : float
+        Two standard errors.
+    saving : float
+        Share of the per-step GOSPA cost that goes away, without what is missed or false either way.
+    steps : int
+        Steps that were looked at.
+    """
+
+    shift: float
+    uncertainty: float
+    saving: float
+    steps: int
+
+
+class Search:
+    """For the shift of the estimate that fits best.
+
+    Parameters
+    ----------
+    sides : pair of Trajectories
+        Truth and estimate as read.
+    moments : pair of (T,) float arrays
+        Their stamps on one clock, as far as that is known.
+    parameters : Parameters
+        Cutoff and order.
+    distance : Distance
+        Base distance of states without covariances.
+    """
+
+    def __init__(
+        self,
+        sides: tuple[Trajectories, Trajectories],
+        moments: tuple[Floats, Floats],
+        parameters: Parameters,
+        distance: Distance,
+    ) -> None:
+        self.truth, self.estimate = (side.seen_as(()) for side in sides)
+        self.moments, self.parameters, self.distance = moments, parameters, distance
+        self.steps = self._sampled()
+        self.rows = StepRows.of(self.estimate, self.steps)
+
+    def _sampled(self) -> Ints:
+        """Steps of the estimate that have rows, evenly spread."""
+        counts = np.bincount(self.estimate.step, minlength=len(self.estimate.times))
+        there = places_of(counts)
+        by_rows = int(SAMPLED * len(there) / max(int(counts.sum()), 1))
+        count = min(len(there), SAMPLED_TIMES, max(by_rows, FEWEST_STEPS))
+        return there[np.arange(count) * len(there) // max(count, 1)]
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether there is enough to look at."""
+        return (
+            len(self.steps) >= FEWEST_STEPS
+            and all(bool(np.isfinite(own).all()) for own in self.moments)
+            and len(self.timeline.moments) > 1
+        )
+
+    @cached_property
+    def timeline(self) -> Timeline:
+        """Of the truth."""
+        return Timeline.of(self.truth, self.moments[0], self.parameters.cutoff, self.distance)
+
+    def fit(self, shift: float, sharp: float = 1.0) -> Fit:
+        """Of a shift, with another cutoff than that of the evaluation if need be."""
+        wanted = self.moments[1][self.steps] + shift
+        truth = self.timeline.at(wanted)
+        return Fit(
+            shift,
+            step_costs(truth, self.rows, self.parameters, self.distance),
+            inside=(wanted >= self.moments[0][0]) & (wanted <= self.moments[0][-1]),
+            sharp=sharp,
+        )
+
+    def offset(self, others: Iterable[float], here: "Search | None" = None) -> Offset | None:
+        """The shift that fits best, or None where the data do not say.
+
+        Parameters
+        ----------
+        others : iterable of float
+            Shifts that are worth a look anyway.
+        here : Search, optional
+            One whose shift by 0 is how things are, where that is on another clock.
+        """
+        tried = [self.fit(shift) for shift in (0.0, *others, *self._candidates())]
+        best = max(tried, key=lambda one: one.total)
+        best = self._finer(best, self.fit)
+        if not best.is_close:
+            return None
+        sharp = best.sharpest
+
+        def fit(shift: float) -> Fit:
+            return self.fit(shift, sharp)
+
+        tried = [replace(one, sharp=sharp) for one in (*tried, best)]
+        most = max(one.total for one in tried)
+        tried += [self._finer(one, fit) for one in tried if one.total >= PROMISING * most]
+        best = max(tried, key=lambda one: one.total)
+        now = (here or self).fit(0.0, sharp)
+        if best.better(now) < SIGNIFICANT:
+            return None
+        uncertainty, reach = self._spread(best, tried, fit)
+        if reach > max(LOCAL * uncertainty, self.timeline.apart):
+            return None
+        first, last = (here or self).fit(0.0), self.fit(best.shift)
+        pairs = float(np.maximum(first.pairs, last.pairs).sum())
+        cost = pairs - first.total
+        if cost < NOTABLE_COST * pairs:
+            return None
+        return Offset(
+            shift=best.shift,
+            uncertainty=uncertainty,
+            saving=1 - max(pairs - last.total, 0.0) / cost,
+            steps=len(self.steps),
+        )
+
+    def _finer(self, best: Fit, fit: Callable[[float], Fit]) -> Fit:
+        """The local maximum from there on."""
+        step = self.timeline.apart
+        while step >= self.timeline.apart / 2**HALVINGS:
+            near = (fit(best.shift + sign * step) for sign in (1, -1))
+            moved = max(near, key=lambda one: one.total)
+            if moved.total > best.total and moved.shift != best.shift:
+                best = moved
+            else:
+                step /= 2
+        return best
+
+    def _spread(
+        self, best: Fit, tried: list[Fit], fit: Callable[[float], Fit]
+    ) -> tuple[float, float]:
+        """Two standard errors of the shift, and how far the farthest rival is.
+
+        Near its maximum G is a parabola plus a line that noise tilts: what is lost by a shift, in
+        its own standard errors, grows with the shift, and is 1 at two standard errors of the best.
+        """
+        widths = self.timeline.apart * 2.0 ** np.arange(-HALVINGS, DOUBLINGS + 1)
+        uncertainty = float(widths[0])
+        reach = max(
+            (abs(one.shift - best.shift) for one in tried if not best.excels(one)), default=0.0
+        )
+        for sign in (1, -1):
+            around = [fit(best.shift + sign * float(width)) for width in widths]
+            losses = [best.better(one) for one in around]
+            first = max((k + 1 for k, loss in enumerate(losses) if loss < 1), default=0)
+            if first == len(widths):
+                return np.inf, np.inf
+            if first:
+                uncertainty = max(
+                    uncertainty,
+                    float(widths[first]) / max(losses[first], 1.0),
+                    float(widths[first - 1]) if np.isinf(losses[first]) else 0.0,
+                )
+            reach = max(
+                reach, *(abs(one.shift - best.shift) * (not best.excels(one)) for one in around)
+            )
+        return uncertainty, reach
+
+    def _candidates(self) -> Floats:
+        """Shifts at which the most estimates are near a truth: local maxima of their gains."""
+        near, row = self._near_at_any_time()
+        if not len(near.gain):
+            return np.zeros(0)
+        theirs = self.moments[1][self.steps][self.rows.step[row]]
+        ours = self.timeline.moments[self.timeline.side.step]
+        shift = ours[near.rows[0]] - theirs[near.rows[1]]
+        low = float(shift.min())
+        place = np.rint((shift - low) / self.timeline.apart).astype(np.int64)
+        size = int(place.max()) + 1
+        key = near.rows[1] * np.int64(size) + place  # the nearest truth of each estimate counts
+        order = np.argsort(key, kind="stable")
+        first = places_of(np.diff(key[order], prepend=-1))
+        most = np.maximum.reduceat(near.gain[order], first)
+        places, at = np.unique(key[order[first]] % size, return_inverse=True)
+        score = np.bincount(at, most)
+        before = np.where(np.diff(places, prepend=-2) == 1, np.roll(score, 1), 0.0)
+        after = np.where(np.diff(places, append=size + 1) == 1, np.roll(score, -1), 0.0)
+        peaks = places_of((score > before) & (score >= after))
+        peaks = peaks[np.argsort(-score[peaks], kind="stable")][:CANDIDATES]
+        return np.asarray(low + self.timeline.apart * places[peaks])
+
+    def _near_at_any_time(self) -> tuple[StepCosts, Ints]:
+        """Pairs that are near, whatever their times, of some rows of the sample, and these."""
+        side, size = self.timeline.side, len(self.rows.row)
+        truths = StepRows(side=side, bounds=np.array([[0], [len(side.step)]]))
+
+        def near(chosen: Ints) -> StepCosts:
+            rows = self.rows.row[chosen]
+            some = self.estimate.chosen(
+                rows, np.zeros(len(rows), np.int32), self.estimate.times[:1]
+            )
+            estimates = StepRows(side=some, bounds=np.array([[0], [len(rows)]]))
+            return step_costs(truths, estimates, self.parameters, self.distance)
+
+        few = np.arange(0, size, -(-size // STRETCHES))
+        each = max(len(near(few).gain) / len(few), 1.0)
+        count = min(size, max(STRETCHES, int(PAIRS / each)))
+        chosen = np.arange(count) * size // count
+        return near(chosen), chosen

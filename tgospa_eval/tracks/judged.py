@@ -1,0 +1,202 @@
+"""What a value is judged on: the horizon, and the truth that counts. One home for all verbs.
+
+Values per step divide by the horizon H: the stamps of the truth's file, or those that were
+declared; never by stamps of an estimate. Two values are comparable where both digests agree.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import counted
+from tgospa_eval.tracks.existence import existence_of
+from tgospa_eval.tracks.trajectories import Ints, TimeArray, Trajectories
+
+JUDGED_FIELDS = {
+    "steps": int,
+    "steps_sha256": str,
+    "truth_states": int,
+    "truth_steps": int,
+    "truth_sha256": str,
+}
+"""What comparisons read of a record."""
+
+
+DIGESTS = ("judged.steps_sha256", "judged.truth_sha256")
+"""Columns of a table of results that are equal where values are comparable."""
+
+JUDGE_ALIKE = "evaluate all with --grid truth, or on a common clock by --steps or --resample"
+"""What makes values comparable."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Judged:
+    """What a value is judged on.
+
+    Parameters
+    ----------
+    steps : int
+        Size of the horizon.
+    before, so_far : (T,) int arrays
+        How many stamps of the horizon are earlier than each evaluated step, and no later.
+    ends : tuple of int, float or str
+        Its first and last stamp, as they were read; empty where it has none.
+    steps_sha256 : str
+        Digest of its stamps.
+    truth_states, truth_steps : int
+        States of the truth that count, and at how many steps.
+    truth_sha256 : str
+        Digest of these.
+    """
+
+    steps: int
+    before: Ints
+    so_far: Ints
+    ends: tuple[int | float | str, ...]
+    steps_sha256: str
+    truth_states: int
+    truth_steps: int
+    truth_sha256: str
+
+    @property
+    def each(self) -> int:
+        """What costs are divided by: the steps, at least 1."""
+        return max(self.steps, 1)
+
+    def row(self) -> dict[str, object]:
+        """The same for a table, where a column is of one type."""
+        return {
+            name: str(value) if name in ("first", "last") else value
+            for name, value in self.record().items()
+        }
+
+    def record(self) -> dict[str, object]:
+        """As it stands in the JSON document."""
+        first, last = (self.ends[0], self.ends[-1]) if self.ends else (None, None)
+        return {
+            "steps": self.steps,
+            "first": first,
+            "last": last,
+            "steps_sha256": self.steps_sha256,
+            "truth_states": self.truth_states,
+            "truth_steps": self.truth_steps,
+            "truth_sha256": self.truth_sha256,
+        }
+
+
+def judge(
+    horizon: Trajectories,
+    truth: Trajectories,
+    sha256: str,
+    *,
+    states: int | None = None,
+    at: int | None = None,
+) -> Judged:
+    """What an evaluation is judged on.
+
+    Parameters
+    ----------
+    horizon : Trajectories
+        What has the stamps of the horizon.
+    truth : Trajectories
+        The truth on the evaluated steps, those states that count.
+    sha256 : str
+        Digest of these.
+    states, at : int, optional
+        How many there are, and at how many steps, where `truth` has no rows.
+    """
+    ticks = horizon.times if len(horizon.times) else truth.times
+    shown = horizon.shown if len(horizon.times) else truth.shown
+    return Judged(
+        steps=len(ticks),
+        before=np.searchsorted(ticks, truth.times),
+        so_far=np.searchsorted(ticks, truth.times, side="right"),
+        ends=tuple(shown[[0, -1]].tolist()) if len(ticks) else (),
+        steps_sha256=digest_of_times(ticks, truth.clock),
+        truth_states=len(truth.step) if states is None else states,
+        truth_steps=_distinct(truth.step) if at is None else at,
+        truth_sha256=sha256,
+    )
+
+
+def _distinct(step: Ints) -> int:
+    """How many different steps, of rows in their order; np.unique imports numpy.ma, slowly."""
+    return int(np.count_nonzero(step[1:] != step[:-1])) + bool(len(step))
+
+
+def incomparable(records: Mapping[str, Mapping[str, Any]]) -> str:
+    """Why values of these names have no order, in words: who was judged on how much; else blank.
+
+    Parameters
+    ----------
+    records : mapping of str to mapping
+        What each was judged on, as `Judged.record`.
+    """
+    first, *others = records.values()
+    differing = [
+        what
+        for what, name in (("steps", "steps_sha256"), ("truth", "truth_sha256"))
+        if any(other[name] != first[name] for other in others)
+    ]
+    if not differing:
+        return ""
+    sizes = "; ".join(
+        f"{name}: {one['truth_states']:,} truth states at {one['truth_steps']:,} of "
+        f"{counted(one['steps'], 'step')}"
+        for name, one in records.items()
+    )
+    return f"not judged on the same {' and '.join(differing)} ({sizes})"
+
+
+def judged_of(row: Mapping[str, Any]) -> dict[str, Any]:
+    """What a comparison reads, of the row of a table."""
+    return {name: row[f"judged.{name}"] for name in JUDGED_FIELDS}
+
+
+def fault_of(record: Mapping[str, object]) -> str:
+    """What is wrong with a record that was read, in words; blank if nothing is."""
+    for name, kind in JUDGED_FIELDS.items():
+        value = record.get(name)
+        if not isinstance(value, kind) or isinstance(value, bool):
+            return f"judged.{name} is missing, or not as this program wrote it"
+    return ""
+
+
+def digest_of_times(ticks: TimeArray, clock: str) -> str:
+    """SHA-256 of some times."""
+    sha = hashlib.sha256(clock.encode())
+    _add(sha, whole(ticks))
+    return sha.hexdigest()
+
+
+def digest(side: Trajectories, *, existence: bool = False) -> str:
+    """SHA-256 of what takes part: columns, ids, times, rows, states, covariances or particles.
+
+    `existence`: whether probabilities of existence do, too.
+    """
+    sha = hashlib.sha256()
+    for texts in (side.columns, side.ids.tolist()):
+        sha.update(repr(list(texts)).encode())
+    arrays = [whole(side.times)[side.step], side.track, side.state]
+    arrays += side.beside
+    if existence:
+        arrays.append(existence_of(side))
+    for array in arrays:
+        _add(sha, array)
+    return sha.hexdigest()
+
+
+def whole(times: TimeArray) -> TimeArray:
+    """Times as integers where all are whole: the stamps 0 and 0.0 are the same."""
+    if times.dtype.kind != "f" or not np.all((np.floor(times) == times) & (abs(times) < 2.0**63)):
+        return times
+    return times.astype(np.int64)
+
+
+def _add(sha: Any, array: np.ndarray[Any, Any]) -> None:
+    kind = "<i8" if array.dtype.kind == "i" else "<f8"
+    sha.update(kind.encode())
+    sha.update(np.ascontiguousarray(array, dtype=kind).data)
