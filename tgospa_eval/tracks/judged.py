@@ -144,7 +144,7 @@ def incomparable(records: Mapping[str, Mapping[str, Any]]) -> str:
     if not differing:
         return ""
     sizes = "; ".join(
-        f"{name}: {one['truth_states']:,} truth states at {one['truth_steps']:,} of "
+        f"{name}: {counted(one['truth_states'], 'truth state')} at {one['truth_steps']:,} of "
         f"{counted(one['steps'], 'step')}"
         for name, one in records.items()
     )

@@ -350,7 +350,7 @@ def test_grids_that_judge_estimates_on_other_steps_give_no_order(
     answer = invoke("compare", *paths, "--grid", grid, "-q")
     assert (answer.status, answer.out) == (2, "")
     assert "no order: not judged on the same truth (early, " in answer.err
-    assert "1 truth states at 1 of 3 steps" in answer.err
+    assert "1 truth state at 1 of 3 steps" in answer.err
     assert invoke("compare", *paths[:2], "--grid", grid, "-q", "--against", "per-step-gospa",
                   "-c", "5").status == 0  # fmt: skip
     ranked = invoke("compare", *paths, "--grid", "truth", "-q", "-c", "5").out

@@ -214,7 +214,7 @@ def test_what_is_judged_on_other_steps_has_no_order(save: Save, invoke: Invoke) 
     assert (answer.status, answer.out) == (2, "")
     assert (
         "no order: not judged on the same truth (a, a/result.json: 3 truth states at 3 of 3 steps; "
-        "early, early/result.json: 1 truth states at 1 of 3 steps)"
+        "early, early/result.json: 1 truth state at 1 of 3 steps)"
     ) in answer.err
 
 
