@@ -20,12 +20,12 @@ from tgospa_eval.evaluation.sides import (
     as_sides,
     as_solver,
 )
+from tgospa_eval.evaluation.sliding import Sliding, in_words
 from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
 from tgospa_eval.evaluation.units import in_units_of_truth
 from tgospa_eval.formats.filters import parse_steps
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
-from tgospa_eval.problem.sliding import Sliding
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.tgospa import Parameters, check_underflow
 from tgospa_eval.results.records import FileInfo, MetricSums, OtherMetrics, SolverRecord, Timings
@@ -65,8 +65,8 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     time_scale: float = 1.0,
     unit_scale: float = 1.0,
     curve: bool = False,
-    window: int | None = None,
-    every: int | None = None,
+    window: int | str | None = None,
+    every: int | str | None = None,
     with_: str | Sequence[str] = (),
     rho: float = 0.5,
     step_weights: "StepWeightsLike | None" = None,
@@ -128,10 +128,11 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
         `unit_scale`, but for periodic ones.
     curve : bool
         Whether to evaluate the steps up to each step as well, for `Result.curve`.
-    window : int, optional
-        Steps of sliding windows that are evaluated as well, for `Result.windows`.
-    every : int, optional
-        Steps from one window to the next, at most `window`; half of it by default.
+    window : int or str, optional
+        Length of sliding windows that are evaluated as well, for `Result.windows`: steps, or a time
+        with a unit, such as ``"30min"``, where stamps are times.
+    every : int or str, optional
+        From one window to the next, alike, at most `window`; half of it by default.
     with_ : str or sequence of str
         Other metrics to evaluate beside it, for `Result.with_`: ``"hota"``, ``"clear"``,
         ``"identity"`` (these need the extra ``mot``), ``"gospa"``.
@@ -321,7 +322,12 @@ def prove(
         from tgospa_eval.evaluation.windows import slide  # here: only when it is asked for
 
         with stopwatch.span("windows"):
-            slid = slide(*whole, sliding, *known)
+            slid = slide(*whole, sliding.spans(prepared.moments), *known)
+            slid = replace(
+                slid,
+                size=sliding.shown(prepared.states.problem.steps),
+                every=in_words(sliding.every),
+            )
     with stopwatch.span("report"):
         split = split_localisation(prepared, proof)
     gap = solver.gap if solver.proves else GAP

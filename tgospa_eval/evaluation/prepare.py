@@ -309,6 +309,8 @@ def fit(
             f"--grid {time_matching.grid}: no step is left, none of {aligned.union:,} counts; if "
             "the clocks differ, see --time-tolerance"
         )
+    if request.sliding is not None:
+        request.sliding.check(aligned.truth.clock)
     fitted = distance.fitted((aligned.truth, aligned.estimate))
     return Fitted(
         read=(truth, estimate),

@@ -9,7 +9,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.problem.sliding import Sliding
+from tgospa_eval.evaluation.sliding import Sliding
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weighting import NEEDS_SYMMETRY
 from tgospa_eval.solvers import Solver

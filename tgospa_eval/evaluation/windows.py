@@ -18,7 +18,6 @@ from tgospa_eval.evaluation.endings import Endings
 from tgospa_eval.problem.certificate import ROUNDOFF, fair_prices
 from tgospa_eval.problem.prefixes import Cells, costs_so_far, whole_prices
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
-from tgospa_eval.problem.sliding import Sliding
 from tgospa_eval.problem.solution import Reduced, Windows
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import changes
@@ -31,7 +30,7 @@ def slide(
     weights: Ints,
     prices: Floats,
     solver: Certified,
-    sliding: Sliding,
+    spans: tuple[Ints, Ints],
     reduced: tuple[Reduced, ...] = (),
     progress: Progress | None = None,
 ) -> Windows:
@@ -47,8 +46,8 @@ def slide(
         Prices of its column slots, 0 or more.
     solver : Certified
         What solves stretches, and to which gap; its time limit is that of all of them together.
-    sliding : Sliding
-        Which windows.
+    spans : pair of (K,) int arrays
+        First and last step of each window, in order.
     reduced : tuple of Reduced
         What is known of the whole at smaller cutoffs.
     progress : Progress, optional
@@ -56,7 +55,7 @@ def slide(
         solution of the whole proves.
     """
     problem = states.problem
-    first, last = sliding.spans(problem.steps)
+    first, last = spans
     prices = fair_prices(prices)
     stretches = _Stretches.of(states, first, last)
     found = _Brackets(len(stretches.block))
@@ -76,7 +75,7 @@ def slide(
             own = rest[group]
             found.put(own, *_solved(Alone(endings, saved, *stretches.some(own)), solver, limit))
             done += len(own)
-    return _added(problem, unpaired_by_step(states), found, stretches, (first, last), sliding.every)
+    return _added(problem, unpaired_by_step(states), found, stretches, spans)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -182,7 +181,6 @@ def _added(
     found: _Brackets,
     stretches: _Stretches,
     spans: tuple[Ints, Ints],
-    every: int,
 ) -> Windows:
     """Sums of the stretches of each window, and of the objects in it that are near to none."""
     first, last = spans
@@ -222,7 +220,6 @@ def _added(
     return Windows(
         first=first,
         last=last,
-        every=every,
         lower=np.clip(lower, 0.0, upper),
         upper=upper,
         parts=shown,

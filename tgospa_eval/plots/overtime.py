@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import figure, stairs
 from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, styled, titled
@@ -135,7 +134,7 @@ def draw_windows(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
         values=found["lines"],
         axis="per step of the window",
     )
-    title = f"Windows of {counted(found['size'], 'step')}, each at its middle"
+    title = f"Windows of {found['size']}, each at its middle"
     return _draw_lines(seen, style, parts, lines, title)
 
 

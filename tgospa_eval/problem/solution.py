@@ -180,10 +180,12 @@ class Windows(Brackets):
     ----------
     first, last : (N,) int arrays
         The first and the last step of each, of the T steps.
-    every : int
-        Steps from one to the next; the last may be nearer to the one before.
+    size, every : str
+        Length of each, and from one to the next, in words; blank until they are known. The last
+        may be nearer to the one before.
     """
 
     first: Ints
     last: Ints
-    every: int
+    size: str = ""
+    every: str = ""

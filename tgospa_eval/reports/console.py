@@ -228,11 +228,10 @@ def _windows(result: Summary) -> Iterator[str]:
     known = "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
     if size == 1:
         known = "proven exact" if met.all() else "an upper bound"
-    every = f", one every {counted(slid.every, 'step')}" if size > 1 else ""
-    length = counted(int(slid.last[0] - slid.first[0]) + 1, "step")
+    every = f", one every {slid.every}" if size > 1 else ""
     value = np.array(table["tgospa"])
     middle = f"median {number(float(np.median(value)), 5)}, " if size > SHOWN else ""
-    title = f"TGOSPA of {counted(size, 'window')} of {length}{every}: {middle}{known}"
+    title = f"TGOSPA of {counted(size, 'window')} of {slid.size}{every}: {middle}{known}"
     note = "; they do not add up; the worst of which no two overlap:" if size > 1 else ""
     yield from wrap(f"{title}{note}", " " * 10)
     worst = _apart(slid, np.argsort(-value, kind="stable"))

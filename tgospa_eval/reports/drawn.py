@@ -16,9 +16,9 @@ MOST_STRETCHES = 600
 
 
 class WindowsData(TypedDict):
-    """Sliding windows: numbers of first and last steps, values, and roots of costs per step."""
+    """Sliding windows: length, first and last steps, values, and roots of costs per step."""
 
-    size: int
+    size: str
     first: list[int]
     last: list[int]
     tgospa: list[float]

@@ -164,7 +164,7 @@ def _windows(result: Summary, slid: Windows) -> WindowsData:
     costs = dict(zip(PARTS, slid.parts, strict=True)) | {"total": slid.parts.sum(axis=0)}
     parameters = result.proof.parameters
     return {
-        "size": int((slid.last - slid.first).max(initial=0)) + 1,
+        "size": slid.size,
         "first": slid.first.tolist(),
         "last": slid.last.tolist(),
         "tgospa": rounded(table["tgospa"]),

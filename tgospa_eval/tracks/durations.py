@@ -68,12 +68,13 @@ class Duration(float):
         if isinstance(value, bool) or not isinstance(value, int | float | np.number):
             raise ConfigError(f"{name} is {given!r}: must be a number, or a text such as 20ms")
         if not 0 <= value < math.inf:
-            raise ConfigError(f"{name} is {given}: must be finite and >= 0")
+            shown = quoted(given) if isinstance(given, str) else given
+            raise ConfigError(f"{name} is {shown}: must be finite and >= 0")
         made = cls(value)
         made.text, made.unit = str(given), unit
         return made
 
-    def check(self, clock: str, name: str) -> None:
+    def check(self, clock: str, name: str, remedy: str = "give a number in their unit") -> None:
         """Whether stamps of this kind have seconds, if it has a unit.
 
         Raises
@@ -83,8 +84,8 @@ class Duration(float):
         """
         if self.unit and clock == "number":
             raise ConfigError(
-                f"{name} {self.text}: the times are plain numbers, whose unit is not known; give a "
-                "number in their unit"
+                f"{name} {self.text}: the times are plain numbers, whose unit is not known; "
+                f"{remedy}"
             )
 
     @property

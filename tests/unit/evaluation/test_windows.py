@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from answer import Answer
 from hypothesis import given, settings
@@ -16,8 +17,8 @@ from strategies import ORDERS, SWITCH, pairs_of_sets, scene
 from tgospa_eval import Certified, Exact, evaluate
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.ending_bounds import Alone
+from tgospa_eval.evaluation.sliding import Sliding
 from tgospa_eval.plots import plot_windows
-from tgospa_eval.problem.sliding import Sliding
 
 Invoke = Callable[..., Answer]
 Write = Callable[[str, str], str]
@@ -106,10 +107,16 @@ def test_by_hand() -> None:
 
 
 def test_the_last_window_ends_with_the_last_step() -> None:
-    assert [part.tolist() for part in Sliding(size=4, every=3).spans(9)] == [[0, 3, 5], [3, 6, 8]]
-    assert [part.tolist() for part in Sliding(size=4, every=3).spans(10)] == [[0, 3, 6], [3, 6, 9]]
-    assert [part.tolist() for part in Sliding(size=4, every=3).spans(2)] == [[0], [1]]
-    assert [part.tolist() for part in Sliding(size=4, every=3).spans(0)] == [[], []]
+    assert [part.tolist() for part in Sliding(size=4, every=3).spans(np.arange(9))] == [
+        [0, 3, 5],
+        [3, 6, 8],
+    ]
+    assert [part.tolist() for part in Sliding(size=4, every=3).spans(np.arange(10))] == [
+        [0, 3, 6],
+        [3, 6, 9],
+    ]
+    assert [part.tolist() for part in Sliding(size=4, every=3).spans(np.arange(2))] == [[0], [1]]
+    assert [part.tolist() for part in Sliding(size=4, every=3).spans(np.arange(0))] == [[], []]
     assert Sliding.asked(5, None) == Sliding(size=5, every=2)
     assert Sliding.asked(1, None) == Sliding(size=1, every=1)
     assert Sliding.asked(None, None) is None
@@ -122,13 +129,65 @@ def test_the_last_window_ends_with_the_last_step() -> None:
         (2.5, None, "window is 2.5: must be a whole number"),
         (True, None, "window is True"),
         (3, 0, "every is 0: must be a whole number"),
-        (3, 4, "every is 4: must be at most the 3 steps of a window"),
+        (3, 4, "every is 4 steps: must be at most the 3 steps of a window"),
         (None, 4, "every is given without window"),
+        (
+            "2.5",
+            None,
+            'window is "2.5": must be a whole number of steps, 1 or more, or a time with',
+        ),
+        ("0min", None, 'window is "0min": must be'),
+        ("3 days", None, 'window is "3 days": must be a number, or one with a unit'),
+        ("30min", 4, "window is 30min and every is 4 steps: give both in steps, or both as times"),
+        ("30min", "1h", "every is 1h: must be at most the 30min of a window"),
+        ("30min", None, "window 30min: the times are plain numbers, .*; give a number of steps"),
     ],
 )
 def test_wrong_windows_are_refused(window: Any, every: Any, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         evaluate(np.zeros((2, 1, 1)), np.zeros((2, 1, 1)), window=window, every=every)
+
+
+def test_windows_of_time_are_separate_evaluations(tmp_path: Path, invoke: Invoke) -> None:
+    # Scans come every 2 to 7 s, and none for 50 s: a window of time has as many as there are.
+    rng = np.random.default_rng(5)
+    seconds = np.cumsum(rng.integers(2, 8, 60))
+    seconds[30:] += 50
+    stamps = pd.Timestamp("2026-05-01T10:00:00") + pd.to_timedelta(seconds, unit="s")
+    sides = []
+    for noise in (0.0, 1.0):
+        rows = pd.DataFrame(
+            [
+                (k, t, 9.0 * k, s / 5)
+                for s, t in zip(seconds, stamps, strict=True)
+                for k in range(3)
+            ],
+            columns=["id", "t", "x", "y"],
+        )
+        rows["x"] += noise * rng.normal(size=len(rows))
+        sides.append(rows[rng.random(len(rows)) > 0.1 * noise])
+    options = {"cutoff": 5, "order": 1, "switch_penalty": 2}
+    whole = evaluate(*sides, **options, window="30s", every="10s")
+    table = whole.windows
+    begin = stamps[0] + pd.to_timedelta(np.arange(0, seconds[-1] - seconds[0] - 29, 10), unit="s")
+    spans = [(low, low + pd.Timedelta("30s")) for low in begin]
+    spans.append((stamps[-1] - pd.Timedelta("29.999999999s"), stamps[-1] + pd.Timedelta("1ns")))
+    expected = []
+    for low, high in spans:
+        parts = [side[(side["t"] >= low) & (side["t"] < high)] for side in sides]
+        if len(parts[0]):
+            expected.append(evaluate(*parts, **options))
+    assert len(expected) < len(spans)  # in the silence is no window
+    alone = [(one.labels.times[0], one.labels.times[-1], one.tgospa) for one in expected]
+    alone = list(dict.fromkeys(alone))
+    assert table["t_first"].tolist() == [first for first, _, _ in alone]
+    assert table["t_last"].tolist() == [last for _, last, _ in alone]
+    assert table["tgospa"].tolist() == pytest.approx([value for _, _, value in alone], rel=1e-9)
+    for name, side in zip(("truth", "estimate"), sides, strict=True):
+        side.to_csv(tmp_path / f"{name}.csv", index=False)
+    files = [str(tmp_path / f"{name}.csv") for name in ("truth", "estimate")]
+    shown = invoke(*files, "-c", "5", "-p", "1", "-g", "2", "--window", "2min").out
+    assert "windows of 2min, one every 1min" in " ".join(shown.split())
 
 
 def test_a_window_may_be_asked_for_of_any_length() -> None:

@@ -66,16 +66,15 @@ class Files(Verb):
         ),
         Option(
             "--window W",
-            "Evaluate each window of W steps by itself as well: where in a long recording a "
-            "tracker fails. Windows begin at the first step and every S steps after it.",
+            "Evaluate each window of W steps by itself as well, or of a time: 30min. Where in a "
+            "long recording does a tracker fail? Windows begin at the first step and every S after "
+            "it.",
             section="Output",
-            type=int,
         ),
         Option(
             "--every S",
-            "Steps from one window to the next, at most W.",
+            "From one window to the next: steps, or a time as W is; at most W.",
             section="Output",
-            type=int,
             show_default="half of W",
         ),
         Option(

@@ -79,8 +79,8 @@ class EvaluationOptions(Values):
     memory: int | None = None
     scheduler: str | None = None
     curve: bool = False
-    window: int | None = None
-    every: int | None = None
+    window: str | None = None
+    every: str | None = None
     explain: bool = False
     similarity: float | None = None
     with_: str | None = None
