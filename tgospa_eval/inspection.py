@@ -57,14 +57,7 @@ def inspect(
         warnings += unit_notices(request.unit)
     if sides is not None:
         document["both"] = both = compare(sides, request)
-        found = diagnose(
-            sides.read,
-            sides.alignment,
-            time_matching,
-            parameters,
-            distance,
-            given=request.recorded,
-        )
+        found = [notice for notice in diagnose(sides, request) if notice.code]
         warnings += found
         if both["nearest"] is not None and (explained(found) or distance.name == "iou"):
             both["nearest"]["suggested"] = None  # the distances are not those of errors
@@ -182,7 +175,7 @@ def compare(sides: Fitted, request: EvaluationRequest) -> documents.PairDocument
     aligned, parameters = sides.alignment, request.parameters
     distance = sides.distance.lower_bound
     sampler = Sampler((aligned.truth, aligned.estimate), parameters, distance)
-    clock = find_clock(sides.digested or sides.read, sampler, request.recorded)
+    clock = find_clock(sides.given, sampler, request.recorded)
     truth, estimate = sides.read
     return {
         "steps": {

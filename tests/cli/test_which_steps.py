@@ -89,6 +89,18 @@ def test_a_silence_is_charged(files: Path, invoke: Invoke) -> None:
     assert alive["judged"]["truth_sha256"] != dead["judged"]["truth_sha256"]
 
 
+def test_a_silence_is_no_fault_of_the_clock_and_an_hour_is_one(files: Path, invoke: Invoke) -> None:
+    clock = ("--interpolate", "truth", "--max-gap", "4", *GIVEN)
+    answer = invoke("truth.csv", "dead.csv", *clock)
+    assert "no stamp for 12 in 1 silence" in answer.err
+    assert "are in both files, and what exists" not in answer.err
+    ahead = tracker()
+    ahead["t"] += 9.25
+    ahead.to_csv("ahead.csv", index=False)
+    answer = invoke("truth.csv", "ahead.csv", *clock)
+    assert "the clock of the estimate seems to be" in answer.err
+
+
 def test_who_is_judged_at_other_steps_has_no_order(files: Path, invoke: Invoke) -> None:
     clock = ("--interpolate", "truth", "--max-gap", "4", "--outage", "none", *GIVEN)
     answer = invoke("compare", "truth.csv", "alive.csv", "dead.csv", *clock, "-q")
@@ -260,6 +272,45 @@ def test_another_false_state_never_lowers_the_value_per_step(
     if before.judged == after.judged:
         assert after.upper_bound >= before.lower_bound
         assert after.normalised["tgospa"] >= before.normalised["tgospa"] * (1 - 1e-12)
+
+
+@pytest.mark.parametrize("clock", CLOCKS)
+def test_another_false_state_never_improves_a_rank(
+    clock: str, tmp_path: Path, invoke: Invoke
+) -> None:
+    """Nor RMS values over runs, nor the root mean square of any step."""
+    rng = np.random.default_rng(3)
+    given = [
+        part
+        for name, value in CLOCKS[clock].items()
+        for part in ("--" + name.replace("_", "-"), str(value))
+    ]
+    batch = ("batch", "--truth", "{run}/truth.csv", "--estimate", "{run}/{tracker}.csv", "--by",
+             "tracker", *GIVEN, *given, "--per-step", "--format", "json", "-q")  # fmt: skip
+    better: list[tuple[dict[str, Any], dict[str, list[int]], dict[float, float]]] = []
+    for run in "12":
+        Path(run).mkdir()
+        truth().to_csv(f"{run}/truth.csv", index=False)
+        for name in "ab":
+            side = tracker(error=float(rng.uniform(0.5, 5)))
+            side[rng.random(len(side)) > 0.2].to_csv(f"{run}/{name}.csv", index=False)
+    for more in ("", "far,7,-5000\nfar,12.5,-5000\nfar,-3,-5000\n"):
+        with Path("2/b.csv").open("a", encoding="utf-8") as file:
+            file.write(more)
+        found = value(invoke(*batch, "-o", f"out{len(better)}"))
+        group = next(one for one in found["groups"] if one["tracker"] == "b")
+        places = {one["name"]: one["place"] for one in found["ranking"]}
+        steps = pd.read_csv(f"out{len(better)}/curve.csv")
+        steps = steps[(steps["tracker"] == "b") & (steps["curve"] == "step")]
+        better.append((group, places, dict(zip(steps["t"], steps["rms"], strict=True))))
+    before, after = better
+    for name in ("per_step", "rms", "combined"):
+        assert after[0][name] >= before[0][name] * (1 - 1e-12)
+    if clock == "interpolated truth":  # each tracker has steps of its own
+        assert not after[1]
+    else:
+        assert before[1]["b"] <= after[1]["b"]
+    assert all(after[2][t] >= rms * (1 - 1e-12) for t, rms in before[2].items())
 
 
 @pytest.mark.parametrize("clock", ["default", "truth", "steps", "interpolated truth"])

@@ -36,23 +36,23 @@ class Fitted:
 
     Parameters
     ----------
+    given : pair of Trajectories
+        Truth and estimate, each on its own times.
     read : pair of Trajectories
-        Truth and estimate, each on its own times, or interpolated at those of the other.
+        The same, brought to the steps that were asked for.
     alignment : Alignment
         The same on one grid.
     distance : Distance
         Base distance with what it takes from the data.
     axis : Axis
         How both came to their steps.
-    digested : pair of Trajectories, optional
-        What `read` was before.
     """
 
+    given: tuple[Trajectories, Trajectories]
     read: tuple[Trajectories, Trajectories]
     alignment: Alignment
     distance: Distance
     axis: Axis
-    digested: tuple[Trajectories, Trajectories] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -207,17 +207,17 @@ def measure(
     distance, aligned, time_matching = sides.distance, sides.alignment, request.time_matching
     # What is digested is what counts.
     with stopwatch.span("report"):
-        infos = files or [FileInfo(rows=len(side.step)) for side in sides.digested or sides.read]
-        given = sides.digested or sides.read
+        infos = files or [FileInfo(rows=len(side.step)) for side in sides.given]
         digests = [
-            digest(side.seen_as(distance.kinds), existence=request.probabilistic) for side in given
+            digest(side.seen_as(distance.kinds), existence=request.probabilistic)
+            for side in sides.given
         ]
         counts = aligned.truth.seen_as(distance.kinds)
         judged = judge(
             sides.axis.horizon,
             counts,
             digests[0]
-            if sides.read[0] is given[0] and not aligned.left_out[0]
+            if sides.read[0] is sides.given[0] and not aligned.left_out[0]
             else digest(counts, existence=request.probabilistic),
         )
     with stopwatch.span("distances"):
@@ -300,8 +300,8 @@ def fit(
     check_states(truth, estimate, distance, names)
     if request.probabilistic:
         truth, estimate = expected(truth, estimate, names)
-    digested = truth, estimate
-    axis = on_axis(digested, time_matching, distance, names)
+    given = truth, estimate
+    axis = on_axis(given, time_matching, distance, names)
     truth, estimate = axis.sides
     aligned = align(truth, estimate, time_matching, names)
     if aligned.union and not len(aligned.truth.times):
@@ -313,11 +313,11 @@ def fit(
         request.sliding.check(aligned.truth.clock)
     fitted = distance.fitted((aligned.truth, aligned.estimate))
     return Fitted(
+        given=given,
         read=(truth, estimate),
         alignment=aligned,
         distance=fitted,
         axis=axis,
-        digested=digested,
     )
 
 

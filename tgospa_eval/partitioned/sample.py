@@ -29,14 +29,7 @@ def look(plan: Plan, grid: Alignment) -> list[Notice]:
     first, last = middle(plan.rows, LOOKED_AT)
     truth, estimate = (side.read(times[first], times[last]).trajectories for side in plan.sides)
     sides = fit(truth, estimate, request, plan.names)
-    found = diagnose(
-        sides.read,
-        sides.alignment,
-        request.time_matching,
-        request.parameters,
-        sides.distance,
-        given=request.recorded,
-    )
+    found = diagnose(sides, request)
     shown = grid.truth.shown
     return notices + [
         notice.about(f"from step {shown[first]} to {shown[last]}") for notice in found

@@ -8,14 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from runs import warnings_of
 
 from tgospa_eval import TgospaWarning, evaluate, read_trajectories, sweep
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.distances import DISTANCES
-from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.simulation import SCENARIOS, Scene, Tracker, simulate
-from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Run = Callable[..., Any]
@@ -30,9 +28,7 @@ def sample(quickstart: tuple[str, str]) -> Sides:
 
 
 def found(truth: Trajectories, estimate: Trajectories, cutoff: float = 10.0) -> list[Notice]:
-    parameters = Parameters(cutoff=cutoff, order=2, switch_penalty=5)
-    aligned = align(truth, estimate)
-    return diagnose((truth, estimate), aligned, TimeMatching(), parameters, DISTANCES["euclidean"])
+    return warnings_of(truth, estimate, Parameters(cutoff=cutoff, order=2, switch_penalty=5))
 
 
 def moved(side: Trajectories, change: Callable[[np.ndarray], Any]) -> Trajectories:

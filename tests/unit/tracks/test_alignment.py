@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from runs import warnings_of
 from strategies import scene
 
 from tgospa_eval import evaluate
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
+from tgospa_eval.evaluation.diagnosis import alignment_notices
 from tgospa_eval.evaluation.diagnosis.costs import step_costs
 from tgospa_eval.evaluation.diagnosis.sample import StepRows
 from tgospa_eval.problem.tgospa import Parameters
@@ -123,7 +124,7 @@ def shift_of(truth: np.ndarray, estimate: np.ndarray, cutoff: float = 3.0) -> st
     """What the warning says of the clock."""
     sides = Trajectories.from_array(truth), Trajectories.from_array(estimate)
     parameters = Parameters(cutoff=cutoff, order=2, switch_penalty=0)
-    found = diagnose(sides, align(*sides), TimeMatching(), parameters, EUCLIDEAN)
+    found = warnings_of(*sides, parameters)
     return next((notice.text for notice in found if notice.code == "clock-shift"), None)
 
 
@@ -216,10 +217,7 @@ def test_notices_on_empty_sides() -> None:
     for sides in ((empty, empty), (side([1, 2]), empty), (empty, side([1]))):
         aligned = align(*sides)
         assert alignment_notices(aligned, TimeMatching())[0].startswith("0 of ")
-        codes = [
-            notice.code
-            for notice in diagnose(sides, aligned, TimeMatching(), parameters, EUCLIDEAN)
-        ]
+        codes = [notice.code for notice in warnings_of(*sides, parameters)]
         assert codes[: sum(not len(one.step) for one in sides)] == ["empty-side"] * len(
             codes[: 2 if sides[0] is sides[1] else 1]
         )

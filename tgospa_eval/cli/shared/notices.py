@@ -10,8 +10,6 @@ from tgospa_eval.evaluation.diagnosis import (
     alignment_notices,
     axis_notices,
     diagnose,
-    gap_warnings,
-    silence_warnings,
 )
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained, unit_notices
 from tgospa_eval.evaluation.prepare import Fitted
@@ -64,17 +62,8 @@ def pair_notices(
     yield from axis_notices(sides.axis, request.time_matching)
     for text in alignment_notices(aligned, request.time_matching):
         yield Notice(text=text)
-    found = diagnose(
-        sides.read,
-        aligned,
-        request.time_matching,
-        parameters,
-        distance,
-        given=request.recorded,
-    )
+    found = diagnose(sides, request)
     yield from found
-    yield from silence_warnings(sides.axis, parameters)
-    yield from gap_warnings(sides, request)
     if request.defaults:
         yield default_notice(
             aligned,

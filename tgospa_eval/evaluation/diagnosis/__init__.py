@@ -5,8 +5,7 @@ per-step GOSPA cost, of a clock without what is missed or false either way, wher
 by chance, or where a side cannot mean what it seems to.
 """
 
-from collections.abc import Iterator, Mapping
-from types import MappingProxyType
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +13,6 @@ import numpy as np
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.notices import Notice, Spelling, as_argument, as_option
 from tgospa_eval.common.words import counted, in_both
-from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.axis import Axis, truth_gaps
 from tgospa_eval.evaluation.diagnosis.clock import clock_warnings
 from tgospa_eval.evaluation.diagnosis.costs import Sampler
@@ -22,7 +20,6 @@ from tgospa_eval.evaluation.diagnosis.sides import side_warnings
 from tgospa_eval.evaluation.diagnosis.states import state_warnings
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching
-from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.prepare import Fitted
@@ -31,63 +28,40 @@ if TYPE_CHECKING:
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of states that nobody has
 def diagnose(
-    sides: tuple[Trajectories, Trajectories],
-    aligned: Alignment,
-    matching: TimeMatching,
-    parameters: Parameters,
-    distance: Distance,
-    spell: Spelling = as_option,
-    given: Mapping[str, object] = MappingProxyType({}),
+    sides: "Fitted", request: "EvaluationRequest", spell: Spelling = as_option
 ) -> list[Notice]:
-    """Warnings about two sides.
+    """Warnings about two sides, and what is to be told of gaps of the truth.
 
     Parameters
     ----------
-    sides : pair of Trajectories
-        Truth and estimate as read.
-    aligned : Alignment
-        The same, aligned.
-    matching : TimeMatching
-        How.
-    parameters : Parameters
-        Cutoff and order of the per-step GOSPA cost.
-    distance : Distance
-        Base distance.
+    sides : Fitted
+        Truth and estimate.
+    request : EvaluationRequest
+        What is asked of them.
     spell : callable
         How settings are written in remedies: `as_option` or `as_argument`.
-    given : mapping of str to object
-        Settings with which the estimate was read.
     """
-    sampler = Sampler((aligned.truth, aligned.estimate), parameters, distance.lower_bound)
-    found = side_warnings(sides)
-    clock = clock_warnings(sides, aligned, matching, sampler, spell, given)
+    aligned, parameters = sides.alignment, request.parameters
+    sampler = Sampler((aligned.truth, aligned.estimate), parameters, sides.distance.lower_bound)
+    found = side_warnings(sides.read)
+    clock = clock_warnings(sides, request, sampler, spell)
     found += clock
     if not any(notice.code in ("clock-shift", "stamps-near") for notice in clock):
         found += state_warnings(sampler, spell)
-    return found
+    found += silence_warnings(sides.axis, parameters, spell)
+    return found + gap_warnings(sides, request, spell)
 
 
 def look(sides: "Fitted", request: "EvaluationRequest") -> list[Notice]:
     """Warnings about two sides, in the words of Python."""
-    aligned, parameters = sides.alignment, request.parameters
-    found = diagnose(
-        sides.read,
-        aligned,
-        request.time_matching,
-        parameters,
-        sides.distance,
-        as_argument,
-        request.recorded,
-    )
-    found += silence_warnings(sides.axis, parameters, as_argument)
-    found += [notice for notice in gap_warnings(sides, request, as_argument) if notice.code]
+    found = [notice for notice in diagnose(sides, request, as_argument) if notice.code]
     if request.defaults:
         from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
 
         notice = default_notice(
-            aligned,
+            sides.alignment,
             sides.distance,
-            parameters,
+            request.parameters,
             request.defaults,
             as_argument,
             others=explained(found),
@@ -159,10 +133,10 @@ def gap_warnings(
     sides: "Fitted", request: "EvaluationRequest", spell: Spelling = as_option
 ) -> list[Notice]:
     """Gaps of the truth, and what the estimate reports in them."""
-    if sides.digested is None or not sides.axis.made:
+    if not sides.axis.made:
         return []
     parameters, matching = request.parameters, request.time_matching
-    found = truth_gaps(sides.digested[0], sides.axis, matching, sides.distance, parameters.cutoff)
+    found = truth_gaps(sides.given[0], sides.axis, matching, sides.distance, parameters.cutoff)
     if found is None:
         return []
     ids = ", ".join(found.ids[:3]) + (f" and {len(found.ids) - 3:,} more" * (len(found.ids) > 3))

@@ -27,6 +27,9 @@ from tgospa_eval.tracks.trajectories import Trajectories
 if TYPE_CHECKING:
     from fractions import Fraction
 
+    from tgospa_eval.evaluation.prepare import Fitted
+    from tgospa_eval.evaluation.request import EvaluationRequest
+
 COMMON_SHARE = 0.9
 """Share of common steps below which something is probably wrong with the clocks."""
 
@@ -56,32 +59,26 @@ RATES = 3.0
 
 
 def clock_warnings(
-    sides: tuple[Trajectories, Trajectories],
-    aligned: Alignment,
-    matching: TimeMatching,
-    sampler: Sampler,
-    spell: Spelling,
-    given: Mapping[str, object],
+    sides: "Fitted", request: "EvaluationRequest", sampler: Sampler, spell: Spelling
 ) -> list[Notice]:
     """What looks wrong with the times of the two sides; parameters as of `diagnose`."""
-    found = [_few_common(sides, aligned, matching, spell)]
-    clock = None if _looks_sound(sampler) else find_clock(sides, sampler, given)
+    found = [_few_common(sides, request.time_matching, spell)]
+    clock = None if _looks_sound(sampler) else find_clock(sides.given, sampler, request.recorded)
     if clock is not None and clock.saving >= WORTH:
-        found.append(_clock_warning(clock, sides[0].clock, spell))
+        found.append(_clock_warning(clock, sides.given[0].clock, spell))
     else:
-        found.append(_near_misses((sides[0].times, sides[1].times), aligned, matching, spell))
+        times = sides.read[0].times, sides.read[1].times
+        found.append(_near_misses(times, sides.alignment, request.time_matching, spell))
     return [notice for notice in found if notice]
 
 
-def _few_common(
-    sides: tuple[Trajectories, Trajectories],
-    aligned: Alignment,
-    matching: TimeMatching,
-    spell: Spelling,
-) -> Notice | None:
+def _few_common(sides: "Fitted", matching: TimeMatching, spell: Spelling) -> Notice | None:
+    aligned, silences = sides.alignment, sides.axis.silences
     steps, meaning = len(aligned.truth.times), "what exists at another is missed or false"
     if matching.grid == "common":  # of two rates the lower one may be wholly in the other
-        steps, meaning = min(len(side.times) for side in sides), "the others are left out"
+        steps, meaning = min(len(side.times) for side in sides.read), "the others are left out"
+    if silences is not None and silences.charged:  # which has a warning of its own
+        steps -= len(silences.ticks)
     if not steps or aligned.common >= COMMON_SHARE * steps:
         return None
     share = f"{100 * aligned.common / steps:.0f} %"
@@ -89,7 +86,7 @@ def _few_common(
         code="steps-unmatched",
         text=f"only {share} of the steps are in both files, and {meaning}",
         remedy=f"if the clocks differ, see {spell('time_tolerance', '')}, "
-        f"{spell('time_offset', '')}, {spell('interpolate', '')} and {spell('grid', '')}",
+        f"{spell('time_offset', '')} and {spell('resample', '')}",
     )
 
 
