@@ -28,7 +28,7 @@ JUDGED_FIELDS = {
 DIGESTS = ("judged.steps_sha256", "judged.truth_sha256")
 """Columns of a table of results that are equal where values are comparable."""
 
-JUDGE_ALIKE = "evaluate all with --grid truth, or on a common clock by --steps or --resample"
+JUDGE_ALIKE = "evaluate all on a common clock, --resample, or with --steps or --grid truth"
 """What makes values comparable."""
 
 

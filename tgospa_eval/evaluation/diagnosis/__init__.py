@@ -20,6 +20,7 @@ from tgospa_eval.evaluation.diagnosis.sides import side_warnings
 from tgospa_eval.evaluation.diagnosis.states import state_warnings
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching
+from tgospa_eval.tracks.durations import Duration
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.prepare import Fitted
@@ -80,7 +81,7 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
         unused = f", {made.unused:,} at other stamps are not compared"
         yield Notice(
             text=f"{side} interpolated at {where}: {counted(made.between, 'state')} between two "
-            f"that are at most {gap:.15g} apart, {made.own:,} as they were"
+            f"that are at most {gap.text} apart, {made.own:,} as they were"
             f"{unused if made.unused else ''}"
         )
     if matching.steps is not None:
@@ -91,7 +92,7 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
         )
 
 
-def _gaps_of(axis: "Axis", matching: TimeMatching) -> list[float]:
+def _gaps_of(axis: "Axis", matching: TimeMatching) -> list[Duration]:
     """The longest gap of each side that was interpolated."""
     return [matching.gaps[("truth", "estimate").index(side)] for side, _ in axis.made]
 
@@ -142,7 +143,7 @@ def gap_warnings(
     ids = ", ".join(found.ids[:3]) + (f" and {len(found.ids) - 3:,} more" * (len(found.ids) > 3))
     text = (
         f"the truth has {counted(len(found.lengths), 'gap')} longer than "
-        f"{matching.gaps[0]:.15g}, {number(float(found.lengths.sum()), 4)} in all, of {ids}"
+        f"{matching.gaps[0].text}, {number(float(found.lengths.sum()), 4)} in all, of {ids}"
     )
     if not found.states:
         return [Notice(text=text)]
