@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 
 from tgospa_eval.batches import jobs
 from tgospa_eval.batches.jobs import Plan
@@ -32,7 +33,8 @@ from tgospa_eval.engines.processes import Processes
 from tgospa_eval.engines.spread import Engine
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import runs_inside
-from tgospa_eval.formats.guess import file_of
+from tgospa_eval.formats.filters import parse_moments
+from tgospa_eval.formats.guess import file_of, files_at
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,6 +44,10 @@ if TYPE_CHECKING:
 
 FAULTS_SHOWN = 10
 """Faults that are shown."""
+
+
+DECIDING = ("steps", "resample", "grid", "interpolate")
+"""Options that say which steps count, in place of what a benchmark declares."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,13 +87,18 @@ class BatchOptions(Values):
         return Cluster(self.scheduler) if self.scheduler else Processes(self.workers)
 
 
-def planned(paths: tuple[str, ...], batch: BatchOptions, output: str | None) -> Plan:
+def planned(
+    paths: tuple[str, ...], batch: BatchOptions, options: EvaluationOptions, output: str | None
+) -> Plan:
     """The jobs that the arguments name in one of three ways."""
     if batch.layout:
         if len(paths) != 2:
             raise ConfigError(f"--layout {batch.layout} takes two folders, GT TRACKERS")
         sequences = jobs.read_sequences(batch.seqmap) if batch.seqmap else ()
-        return jobs.of_layout(batch.layout, *paths, sequences, output)
+        plan = jobs.of_layout(batch.layout, *paths, sequences, output)
+        if any(name in options.given for name in DECIDING):
+            return plan
+        return jobs.with_frames(plan, batch.layout, paths[0], batch.seqmap)
     if batch.truth and batch.estimate and not paths:
         inside = functools.cache(functools.partial(runs_inside, max_input=batch.max_input))
         return jobs.of_patterns(batch.truth, batch.estimate, output=output, inside=inside)
@@ -155,6 +166,9 @@ def tasks_of(
             own = typed_options(ctx, dict(job.options), f"job {job.name}")
             chosen = replace(shared, **own)  # type: ignore[arg-type]
             given = given_text(chosen)
+        elif job.frames:
+            chosen = _on_frames(shared, job.frames, job.truth)
+            given = given_text(chosen)
         folder = None
         if batch.reports:
             folder = folder_of(str(output.output), job.labels, job.options)
@@ -169,6 +183,27 @@ def tasks_of(
             store=os.path.join(str(output.output), SETTINGS_FILE),
             settings_file=output.config,
         )
+
+
+def _on_frames(
+    options: EvaluationOptions, frames: tuple[int, int], where: str
+) -> EvaluationOptions:
+    """With these frames as steps, those of them that are within --time.
+
+    Raises
+    ------
+    ConfigError
+        The range of time is none of frames.
+    """
+    first, last = frames
+    moments = parse_moments(options.time)
+    if moments is not None:
+        found = np.arange(first, last + 1)
+        found = found[moments.inside(found, "number", where)]
+        if not len(found):
+            return options
+        first, last = found[[0, -1]].tolist()
+    return replace(options, steps=f"{first}:{last}")
 
 
 def left_over(tasks: list[Task], before: "pd.DataFrame", *, retry_failed: bool) -> Iterator[Task]:
@@ -190,4 +225,5 @@ def left_over(tasks: list[Task], before: "pd.DataFrame", *, retry_failed: bool) 
 
 def size_of(task: Task) -> int:
     """Bytes of both files: the largest jobs come first, so that none is left at the end alone."""
-    return sum(os.path.getsize(file_of(path)) for path in (task.job.truth, task.job.estimate))
+    paths = (file_of(path) for path in (task.job.truth, task.job.estimate))
+    return sum(os.path.getsize(file) for path in paths for file in files_at(path))
