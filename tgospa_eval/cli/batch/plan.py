@@ -10,7 +10,7 @@ import click
 import numpy as np
 
 from tgospa_eval.batches import jobs
-from tgospa_eval.batches.jobs import Plan
+from tgospa_eval.batches.jobs import Job, Plan
 from tgospa_eval.batches.per_step import STORED_CURVE, STORED_STEPS
 from tgospa_eval.batches.store import SETTINGS_FILE
 from tgospa_eval.cli.batch.files import folder_of
@@ -98,7 +98,8 @@ def planned(
         plan = jobs.of_layout(batch.layout, *paths, sequences, output)
         if any(name in options.given for name in DECIDING):
             return plan
-        return jobs.with_frames(plan, batch.layout, paths[0], batch.seqmap)
+        plan = jobs.with_frames(plan, batch.layout, paths[0], batch.seqmap)
+        return replace(plan, jobs=tuple(_within(job, options.time) for job in plan.jobs))
     if batch.truth and batch.estimate and not paths:
         inside = functools.cache(functools.partial(runs_inside, max_input=batch.max_input))
         return jobs.of_patterns(batch.truth, batch.estimate, output=output, inside=inside)
@@ -109,6 +110,22 @@ def planned(
         "name the jobs by --truth PATTERN --estimate PATTERN, by a manifest, or by --layout NAME "
         "GT TRACKERS"
     )
+
+
+def _within(job: Job, time: str | None) -> Job:
+    """With those of its frames that are within --time.
+
+    Raises
+    ------
+    ConfigError
+        The range of time is none of frames.
+    """
+    moments = parse_moments(time)
+    if job.frames is None or moments is None:
+        return job
+    frames = np.arange(job.frames[0], job.frames[1] + 1)
+    frames = frames[moments.inside(frames, "number", job.truth)]
+    return replace(job, frames=(int(frames[0]), int(frames[-1])) if len(frames) else None)
 
 
 def check_missing(plan: Plan, batch: BatchOptions) -> None:
@@ -167,7 +184,8 @@ def tasks_of(
             chosen = replace(shared, **own)  # type: ignore[arg-type]
             given = given_text(chosen)
         elif job.frames:
-            chosen = _on_frames(shared, job.frames, job.truth)
+            first, last = job.frames
+            chosen = replace(shared, steps=f"{first}:{last}")
             given = given_text(chosen)
         folder = None
         if batch.reports:
@@ -183,27 +201,6 @@ def tasks_of(
             store=os.path.join(str(output.output), SETTINGS_FILE),
             settings_file=output.config,
         )
-
-
-def _on_frames(
-    options: EvaluationOptions, frames: tuple[int, int], where: str
-) -> EvaluationOptions:
-    """With these frames as steps, those of them that are within --time.
-
-    Raises
-    ------
-    ConfigError
-        The range of time is none of frames.
-    """
-    first, last = frames
-    moments = parse_moments(options.time)
-    if moments is not None:
-        found = np.arange(first, last + 1)
-        found = found[moments.inside(found, "number", where)]
-        if not len(found):
-            return options
-        first, last = found[[0, -1]].tolist()
-    return replace(options, steps=f"{first}:{last}")
 
 
 def left_over(tasks: list[Task], before: "pd.DataFrame", *, retry_failed: bool) -> Iterator[Task]:

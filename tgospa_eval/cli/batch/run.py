@@ -28,7 +28,7 @@ from tgospa_eval.cli.batch.plan import (
 )
 from tgospa_eval.cli.batch.worker import (
     NOT_WRITTEN,
-    OUTSIDE,
+    OFF_STEPS,
     UNSEEN,
     Task,
     evaluate_job,
@@ -192,15 +192,15 @@ def finish_batch(
         print_notice(
             f"no row is left to evaluate in {nothing} of {counted(len(done), 'job')}: a total of 0"
         )
-    for text in () if output.quiet else _outside(done):
+    for text in () if output.quiet else _left_out(done):
         print_notice(text)
     opened = len(rows) and (rows["status"] == "open").any()
     return told, ExitStatus.NOT_REACHED if opened else ExitStatus.DONE
 
 
-def _outside(done: "pd.DataFrame") -> Iterator[str]:
+def _left_out(done: "pd.DataFrame") -> Iterator[str]:
     """How many rows are at none of the steps that were declared, if any are."""
-    counts = done.reindex(columns=list(OUTSIDE.values())).fillna(0).astype(int)
+    counts = done.reindex(columns=list(OFF_STEPS.values())).fillna(0).astype(int)
     some = done[(counts > 0).any(axis=1)].to_dict("records")
     if some:
         of_truth, of_estimate = counts.sum()

@@ -38,7 +38,7 @@ NOT_WRITTEN = "not_written"
 UNSEEN = "unseen"
 """Where a row names the file that its worker did not see, on its way to who looks for it too."""
 
-OUTSIDE = {role: f"input.{role}.left_out.steps" for role in ("truth", "estimate")}
+OFF_STEPS = {role: f"input.{role}.left_out.steps" for role in ("truth", "estimate")}
 """Columns with how many rows of each side are at none of the steps that were declared."""
 
 NAMING_FILES = ("covariance", "inner_cov", "step_weights")
@@ -289,7 +289,9 @@ def numbers(result: Summary) -> Row:
         "distance": str(result.parameters["distance"]),
         "parameters": json.dumps(result.parameters, sort_keys=True),
         **{f"input.{role}.sha256": side["sha256"] for role, side in result.input.items()},
-        **{name: result.input[role]["left_out"].get("steps", 0) for role, name in OUTSIDE.items()},
+        **{
+            name: result.input[role]["left_out"].get("steps", 0) for role, name in OFF_STEPS.items()
+        },
         **result.other_numbers,
         **{f"with.{name}": value for name, value in result.sums.items()},
     }
