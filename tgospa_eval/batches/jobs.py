@@ -305,8 +305,8 @@ def _frames_of_seqinfo(path: str) -> tuple[int, int] | None:
 def _seqmap_in(folder: str) -> str | None:
     """The seqmap of the training sequences of KITTI, or the only one."""
     there = glob.glob(os.path.join(glob.escape(folder), f"{SEQMAP}*"))
-    training = [path for path in there if path.endswith(f"{SEQMAP}.training")]
-    return next(iter(training or there)) if training or len(there) == 1 else None
+    chosen = [path for path in there if path.endswith(".training")] or there
+    return chosen[0] if len(chosen) == 1 else None
 
 
 def _frames_of_seqmap(path: str, names: Collection[str]) -> dict[str, tuple[int, int]]:

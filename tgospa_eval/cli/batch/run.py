@@ -183,6 +183,8 @@ def finish_batch(
         write_batch(worked.store, worked.tables, output, lenient=True)
     told = list(_faults(rows, worked.faults, written=batch.reports))
     done = rows[rows["status"] != "failed"] if len(rows) else rows
+    for text in () if output.quiet else _left_out(done):
+        print_notice(text)
     nothing = int((done[list(NUMBERS_OF_STATES)] == 0).all(axis=1).sum()) if len(done) else 0
     if nothing == len(done) and nothing:
         told.append(f"no row is left to evaluate in any of {counted(nothing, 'job')}")
@@ -192,8 +194,6 @@ def finish_batch(
         print_notice(
             f"no row is left to evaluate in {nothing} of {counted(len(done), 'job')}: a total of 0"
         )
-    for text in () if output.quiet else _left_out(done):
-        print_notice(text)
     opened = len(rows) and (rows["status"] == "open").any()
     return told, ExitStatus.NOT_REACHED if opened else ExitStatus.DONE
 
