@@ -1,6 +1,7 @@
 """Which steps count, and what "per step" divides by: the same for all that are compared."""
 
 import json
+import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from answer import Answer
+from checkout import SAMPLES
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -337,3 +339,194 @@ def test_the_horizon_of_an_empty_truth_is_that_of_the_steps() -> None:
     found = evaluate(nothing, tracker(), **METRIC)
     assert found.judged["steps"] == 15
     assert np.isclose(found.total, 45 * 50)
+
+
+MOT = ("batch", "--layout", "motchallenge", "gt", "out", *GIVEN, "-o", "r", "--workers", "1")
+KITTI = ("batch", "--layout", "kitti", "gt", "out", *GIVEN, "-o", "r", "--workers", "1")
+BOX = ",10,10,20,20,1,-1,-1,-1\n"
+LABEL = " Car 0 0 -1 10 10 30 30 1 1 1 1 1 1 0 1\n"
+
+
+def written(path: str, text: str) -> None:
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    Path(path).write_text(text, encoding="utf-8")
+
+
+def stored(invoke: Invoke) -> pd.DataFrame:
+    """The jobs of the store r."""
+    answer = invoke("batch", "report", "r", "--format", "json")
+    return pd.DataFrame(json.loads(answer.out)["jobs"])
+
+
+def seqinfo(name: str, length: object) -> None:
+    written(f"gt/{name}/seqinfo.ini", f"[Sequence]\nname={name}\nseqLength={length}\n")
+
+
+@pytest.fixture
+def sequences(invoke: Invoke) -> None:  # which goes to a folder of its own
+    """Two sequences of 10 and 20 frames, with an object in the first three."""
+    for name, length in (("A", 10), ("B", 20)):
+        seqinfo(name, length)
+        written(f"gt/{name}/gt/gt.txt", "".join(f"{t},1,10,10,20,20,1,1,1\n" for t in (1, 2, 3)))
+        written(f"out/x/data/{name}.txt", "1,7,90,90,20,20,1,-1,-1,-1\n")
+        written(f"out/y/data/{name}.txt", f"1,7{BOX}12,8{BOX}")
+
+
+@pytest.mark.usefixtures("sequences")
+def test_steps_of_motchallenge_are_the_frames_of_seqinfo(invoke: Invoke) -> None:
+    answer = invoke(*MOT, "--by", "tracker", "--format", "json", "--per-step")
+    assert answer.status == 0, answer.err
+    document = json.loads(answer.out)
+    rows = stored(invoke).set_index(["label.tracker", "label.sequence"])
+    assert rows["judged.steps"].to_dict() == {
+        (tracker, name): length for tracker in "xy" for name, length in (("A", 10), ("B", 20))
+    }
+    # 50 for each miss; x has none of three and a false alarm, y one, and one beyond the end of A.
+    assert rows["total"].to_dict() == pytest.approx(
+        {("x", "A"): 200, ("x", "B"): 200, ("y", "A"): 100, ("y", "B"): 150}
+    )
+    assert rows["normalised.tgospa"]["y", "B"] == pytest.approx((150 / 20) ** 0.5)
+    # Sequences of different lengths are one group, and ranked.
+    assert [(g["tracker"], g["jobs"]) for g in document["groups"]] == [("x", 2), ("y", 2)]
+    assert document["groups"][1]["per_step"] == pytest.approx((250 / 30) ** 0.5)
+    assert {one["name"] for one in document["ranking"]} == {"x", "y"}
+    assert {point["t"] for point in document["curves"][0]["points"]} == set(range(1, 21))
+    assert "y/A: 0 rows of the truth and 1 of the estimate at other times than the" in answer.err
+    # The same of a single evaluation.
+    single = invoke(
+        "gt/A/gt/gt.txt", "out/y/data/A.txt", *GIVEN, "--steps", "1:10", "--format", "json"
+    )
+    result = json.loads(single.out)
+    assert result["normalised"]["tgospa"] == rows["normalised.tgospa"]["y", "A"]
+    assert result["judged"]["steps_sha256"] == rows["judged.steps_sha256"]["y", "A"]
+
+
+@pytest.mark.usefixtures("sequences")
+def test_a_changed_seqinfo_is_another_horizon(invoke: Invoke) -> None:
+    assert invoke(*MOT).status == 0
+    seqinfo("A", 5)
+    answer = invoke(*MOT)
+    assert "2 jobs of 4 done before" in answer.err
+    rows = stored(invoke)
+    assert rows["judged.steps"].tolist() == [5, 20, 5, 20]
+    assert "4 jobs of 4 done before" in invoke(*MOT).err
+
+
+@pytest.mark.usefixtures("sequences")
+@pytest.mark.parametrize(
+    ("options", "steps"),
+    [
+        (("--steps", "0:99"), [100, 100]),
+        (("--grid", "truth"), [3, 3]),
+        (("--resample", "1", "--max-gap", "2"), [3, 3]),
+        (("--interpolate", "estimate", "--max-gap", "2"), [3, 3]),
+        (("--time", "3:"), [8, 18]),
+        (("--time", "15:"), [0, 6]),
+    ],
+)
+def test_options_that_say_which_steps_count_win(
+    invoke: Invoke, options: tuple[str, ...], steps: list[int]
+) -> None:
+    answer = invoke(*MOT, *options)
+    assert answer.status in (0, 5), answer.err
+    assert stored(invoke)["judged.steps"].tolist() == steps * 2
+
+
+@pytest.mark.usefixtures("sequences")
+@pytest.mark.parametrize(
+    ("length", "message"),
+    [
+        ("ten", 'gt/A/seqinfo.ini, line 3: seqLength is "ten"; it must be the number of frames'),
+        ("", 'line 3: seqLength is ""'),
+        ("0", 'line 3: seqLength is "0"'),
+        ("10.0", 'line 3: seqLength is "10.0"'),
+        ("10000001", "the number of frames, 1 to 10,000,000"),
+        ("1" * 5000, "line 3: seqLength is"),
+        ("10\nseqLength=11", "line 4: seqLength is said twice, and differs"),
+        ("10\nauthor=\udcfc", "line 4: not UTF-8 (byte 0xfc); save it as UTF-8"),
+    ],
+)
+def test_a_seqinfo_without_meaning_is_named(invoke: Invoke, length: str, message: str) -> None:
+    text = f"[Sequence]\nname=A\nseqLength={length}\n"
+    Path("gt/A/seqinfo.ini").write_bytes(text.encode("utf-8", "surrogateescape"))
+    answer = invoke(*MOT)
+    assert (answer.status, answer.out, Path("r").exists()) == (3, "", False)
+    assert message in answer.err
+    assert len(answer.err.splitlines()) == 1
+    assert invoke(*MOT, "--steps", "1:10").status == 0  # which needs none
+
+
+@pytest.mark.usefixtures("sequences")
+def test_sequences_without_a_length_keep_the_steps_of_their_truth(invoke: Invoke) -> None:
+    Path("gt/A/seqinfo.ini").write_text("\ufeff[Sequence]\r\nname=A\r\n", encoding="utf-8")
+    answer = invoke(*MOT)
+    notice = "gt: no seqinfo.ini with seqLength for A: per step divides by the times of the truth's"
+    assert answer.status == 0
+    assert answer.err.count(notice) == 1
+    assert stored(invoke)["judged.steps"].tolist() == [3, 20, 3, 20]
+    Path("gt/A/seqinfo.ini").write_text("\ufeff[Sequence]\r\nSEQLENGTH : 9\r\n", encoding="utf-8")
+    assert notice not in invoke(*MOT).err
+    assert stored(invoke)["judged.steps"].tolist() == [9, 20, 9, 20]
+    assert notice not in invoke(*MOT, "-q").err
+
+
+def test_steps_of_kitti_are_the_frames_of_the_seqmap(invoke: Invoke) -> None:
+    """The last number is how many there are: frames 0 to 153 of 154."""
+    for name in ("0000", "0001"):
+        written(f"gt/label_02/{name}.txt", f"0 1{LABEL}3 1{LABEL}")
+        written(f"out/x/data/{name}.txt", f"9 1{LABEL}10 1{LABEL}")
+    told = "gt: no frames in evaluate_tracking.seqmap.training for"
+    assert f"{told} 0000, 0001: per step" in invoke(*KITTI).err
+    assert stored(invoke)["judged.steps"].tolist() == [2, 2]
+    written("gt/evaluate_tracking.seqmap.training", "0000 empty 000000 000010\n")
+    written("gt/evaluate_tracking.seqmap.test", "0000 empty 000000 000099\n0001 empty 0 99\n")
+    answer = invoke(*KITTI)
+    assert f"{told} 0001: per step" in answer.err
+    assert "x/0000: 0 rows of the truth and 1 of the estimate" in answer.err
+    rows = stored(invoke)
+    assert rows["judged.steps"].tolist() == [10, 2]
+    assert rows["total"].tolist() == pytest.approx([150, 200])
+    assert rows["normalised.tgospa"][0] == pytest.approx(15**0.5)
+    # A map of names selects; one with frames goes before that of the folder.
+    written("names", "0000\n")
+    rerun = [*KITTI[:-3], "s", *KITTI[-2:], "--seqmap"]
+    assert invoke(*rerun, "names").status == 0
+    assert pd.read_parquet("s/jobs")["judged.steps"].tolist() == [10]
+    written("frames", "0001,empty,000002,000012\n")
+    rerun[rerun.index("s")] = "u"
+    assert invoke(*rerun, "frames").status == 0
+    (row,) = pd.read_parquet("u/jobs").to_dict("records")
+    assert (row["judged.steps"], row["judged.first"], row["judged.last"]) == (10, "2", "11")
+    written("frames", "0001 empty 000010 000010\n")
+    answer = invoke(*rerun, "frames")
+    assert answer.status == 3
+    assert 'frames, line 1: "000010 000010" must be the first frame and the one after' in answer.err
+
+
+def test_steps_of_nuscenes_are_the_samples(invoke: Invoke) -> None:
+    """Those without an annotation too; the folder of tables is a truth of a batch."""
+    shutil.copytree(SAMPLES / "formats" / "v1.0-mini", "tables/v1.0-mini")
+    annotations = Path("tables/v1.0-mini/sample_annotation.json")
+    times = {
+        one["token"]: one["timestamp"]
+        for one in json.loads(Path("tables/v1.0-mini/sample.json").read_text(encoding="utf-8"))
+    }
+    early = sorted(times.values())[5]
+    kept = [
+        one
+        for one in json.loads(annotations.read_text(encoding="utf-8"))
+        if times[one["sample_token"]] <= early
+    ]
+    annotations.write_text(json.dumps(kept), encoding="utf-8")
+    written("out/none.json", '{"meta": {}, "results": {}}')
+    for run in ("--truth", "tables/v1.0-mini", "--estimate", "out/{tracker}.json"), ("m.csv",):
+        written("m.csv", "truth,estimate\ntables/v1.0-mini,out/none.json\n")
+        store = ("-o", f"r{len(run)}", "--workers", "1")
+        answer = invoke("batch", *run, "-c", "2", "-g", "1", *store)
+        assert answer.status == 0, answer.err
+        (row,) = pd.read_parquet(f"{store[1]}/jobs").to_dict("records")
+        assert row["judged.steps"] == len(times) == 12
+        assert row["judged.truth_steps"] == 6
+        assert row["normalised.tgospa"] == pytest.approx((row["total"] / 12) ** 0.5)
+    annotations.write_text("[]", encoding="utf-8")
+    assert "done before" not in invoke("batch", *run, "-c", "2", "-g", "1", *store).err

@@ -4,24 +4,33 @@ Knows paths and labels; of recordings at most the names of runs are read that on
 """
 
 import csv
+import glob
 import itertools
 import os
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 
 from tgospa_eval.common import patterns
+from tgospa_eval.common.figures import parsed_whole
 from tgospa_eval.common.files import named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import runs_inside
-from tgospa_eval.formats.guess import file_of
+from tgospa_eval.formats.guess import file_of, is_table_folder
+from tgospa_eval.formats.text.convert import decode, load
 from tgospa_eval.text import listed, quoted
+from tgospa_eval.tracks.durations import MAX_STEPS
 
 LAYOUTS = {
     "motchallenge": ("{sequence}/gt/gt.txt", "{tracker}/data/{sequence}.txt"),
     "kitti": ("label_02/{sequence}.txt", "{tracker}/data/{sequence}.txt"),
 }
 """Patterns of truth and estimates in the folders of a benchmark, as TrackEval has them."""
+
+SEQINFO, SEQMAP = "seqinfo.ini", "evaluate_tracking.seqmap"
+DECLARED_IN = {"motchallenge": f"{SEQINFO} with seqLength", "kitti": f"frames in {SEQMAP}.training"}
+"""What declares the length of a sequence, in a benchmark."""
 
 PATHS = ("truth", "estimate")
 """Columns of a manifest that are no label."""
@@ -42,12 +51,15 @@ class Job:
         Paths.
     options : mapping of str to str
         Its own options, by their names on the command line.
+    frames : pair of int, optional
+        First and last frame of its sequence, where a benchmark declares them.
     """
 
     labels: Mapping[str, str]
     truth: str
     estimate: str
     options: Mapping[str, str] = field(default_factory=dict)
+    frames: tuple[int, int] | None = None
 
     @property
     def name(self) -> str:
@@ -154,10 +166,14 @@ def _without_estimate(
 
 
 def _is_there(path: str, inside: patterns.Inside) -> bool:
-    """Whether there is a file, and the element of a cell in it that the path may name."""
+    """Whether there are data, and the element of a cell in the file that the path may name."""
     file = file_of(path)
     has = file == path or not path.endswith("}") or path[len(file) + 1 :] in inside(file)
-    return os.path.isfile(file) and has
+    return _has_data(file) and has
+
+
+def _has_data(path: str) -> bool:
+    return os.path.isfile(path) or is_table_folder(path)
 
 
 def of_layout(
@@ -220,13 +236,102 @@ def _elsewhere(layout: str, shape: str, folder: str) -> str:
 
 def read_sequences(path: str) -> list[str]:
     """The names of a seqmap: one a line, below the heading ``name``."""
-    with named(path, InputError), open(path, encoding="utf-8") as file:
-        lines = [line.split(",")[0].split()[:1] for line in file.read().splitlines()]
-    names = [words[0] for words in lines if words]
+    names = [words[0] for words in _words(path) if words]
     names = names[1:] if names[:1] == ["name"] else names
     if not names:
         raise InputError(f"{path}: names no sequence; a seqmap has one a line")
     return names
+
+
+def with_frames(plan: Plan, layout: str, truth: str, seqmap: str | None = None) -> Plan:
+    """The same with the frames that a benchmark declares of each sequence.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the layout.
+    layout, truth : str
+        Its name, and the folder of the truth.
+    seqmap : str, optional
+        Of KITTI: where frames are looked for first.
+
+    Raises
+    ------
+    InputError
+        A declaration has no meaning.
+    """
+    names = list(dict.fromkeys(job.labels["sequence"] for job in plan.jobs))
+    if layout == "motchallenge":
+        found = {name: _frames_of_seqinfo(os.path.join(truth, name, SEQINFO)) for name in names}
+    else:
+        found = dict.fromkeys(names)
+        for path in (seqmap, _seqmap_in(truth)):
+            lacking = [name for name in names if found[name] is None]
+            found |= _frames_of_seqmap(path, lacking) if path and lacking else {}
+    lacking = [name for name in names if found[name] is None]
+    notice = (
+        f"{truth}: no {DECLARED_IN[layout]} for {listed(lacking, 3)}: per step divides by the "
+        "times of the truth's file"
+    )
+    return replace(
+        plan,
+        jobs=tuple(replace(job, frames=found[job.labels["sequence"]]) for job in plan.jobs),
+        notices=(*plan.notices, *([notice] if lacking else ())),
+    )
+
+
+def _frames_of_seqinfo(path: str) -> tuple[int, int] | None:
+    """Frames 1 to seqLength of MOTChallenge's description of a sequence; None if it has none."""
+    if not os.path.lexists(path):
+        return None
+    found = None
+    for number, line in enumerate(decode(load(path), path).split("\n"), 1):
+        said = re.fullmatch(r"\s*seqLength\s*[=:](.*)", line, re.IGNORECASE)
+        if said is None:
+            continue
+        where = f"{path}, line {number}"
+        length = parsed_whole(said[1])
+        if length is None or not 1 <= length <= MAX_STEPS:
+            raise InputError(
+                f"{where}: seqLength is {quoted(said[1].strip())}; it must be the number of "
+                f"frames, 1 to {MAX_STEPS:,}"
+            )
+        if found not in (None, (1, length)):
+            raise InputError(f"{where}: seqLength is said twice, and differs")
+        found = (1, length)
+    return found
+
+
+def _seqmap_in(folder: str) -> str | None:
+    """The seqmap of the training sequences of KITTI, or the only one."""
+    there = glob.glob(os.path.join(glob.escape(folder), f"{SEQMAP}*"))
+    chosen = [path for path in there if path.endswith(".training")] or there
+    return chosen[0] if len(chosen) == 1 else None
+
+
+def _frames_of_seqmap(path: str, names: Collection[str]) -> dict[str, tuple[int, int]]:
+    """Frames of some sequences, of lines such as ``0000 empty 000000 000154``.
+
+    The last number is no frame: the sequence 0000 of KITTI has 154, the frames 0 to 153.
+    """
+    found: dict[str, tuple[int, int]] = {}
+    for number, words in enumerate(_words(path), 1):
+        if len(words) < 4 or words[0] not in names:
+            continue
+        first, end = map(parsed_whole, words[2:4])
+        if first is None or end is None or not 0 <= first < end <= MAX_STEPS:
+            raise InputError(
+                f"{path}, line {number}: {quoted(' '.join(words[2:4]))} must be the first frame "
+                f"and the one after the last, from 0 to {MAX_STEPS:,}, such as 000000 000154"
+            )
+        if found.setdefault(words[0], (first, end - 1)) != (first, end - 1):
+            raise InputError(f"{path}, line {number}: {words[0]} is there twice, and differs")
+    return found
+
+
+def _words(path: str) -> list[list[str]]:
+    """The words of each line of a seqmap."""
+    return [line.replace(",", " ").split() for line in decode(load(path), path).split("\n")]
 
 
 def of_manifest(path: str, options: Collection[str]) -> Plan:
@@ -264,7 +369,7 @@ def of_manifest(path: str, options: Collection[str]) -> Plan:
             estimate=os.path.join(folder, values["estimate"]),
             options={name: text for name, text in values.items() if name in options and text},
         )
-        absent = [name for name in (job.truth, job.estimate) if not os.path.isfile(file_of(name))]
+        absent = [name for name in (job.truth, job.estimate) if not _has_data(file_of(name))]
         faults += [f"{path}, line {line}: there is no file {name}" for name in absent]
         if not absent:
             jobs.append(job)

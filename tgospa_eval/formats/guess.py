@@ -40,6 +40,8 @@ VISDRONE_CLASSES = tuple(map(str, range(1, 12)))
 
 SAMPLES = "sample.json"
 """The table of nuScenes that has the times."""
+TABLES_READ = ("category.json", "instance.json", SAMPLES, "sample_annotation.json", "scene.json")
+"""All that are read of it."""
 RESULTS = r'\{(?s:.*?)"results"\s*:\s*\{'
 """How results of nuScenes begin; what is before is short."""
 
@@ -61,6 +63,13 @@ def file_of(path: str) -> str:
 def is_table_folder(path: str) -> bool:
     """Whether a path is a folder with the tables of nuScenes."""
     return os.path.isfile(os.path.join(path, SAMPLES))
+
+
+def files_at(path: str) -> list[str]:
+    """The files that are read of a path: those of nuScenes' tables in a folder, or itself."""
+    if not is_table_folder(path):
+        return [path]
+    return [file for name in TABLES_READ if os.path.isfile(file := os.path.join(path, name))]
 
 
 def guess(path: str, data: bytes) -> str:

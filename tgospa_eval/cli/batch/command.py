@@ -49,7 +49,11 @@ def _batch(declaration: str, text: str, **settings: object) -> Option:
             "Folders GT TRACKERS as a benchmark has them: motchallenge or kitti.",
             type=click.Choice(LAYOUTS),
         ),
-        _batch("--seqmap FILE", "Only the sequences in this file, of a --layout.", type=PATH),
+        _batch(
+            "--seqmap FILE",
+            "Only the sequences in this file, of a --layout; of kitti with their frames.",
+            type=PATH,
+        ),
         _batch(
             "-o, --output DIR",
             "The store: a folder that the same command goes on with. Of batch report: where to "

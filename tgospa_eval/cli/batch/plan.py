@@ -7,9 +7,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 
 from tgospa_eval.batches import jobs
-from tgospa_eval.batches.jobs import Plan
+from tgospa_eval.batches.jobs import Job, Plan
 from tgospa_eval.batches.per_step import STORED_CURVE, STORED_STEPS
 from tgospa_eval.batches.store import SETTINGS_FILE
 from tgospa_eval.cli.batch.files import folder_of
@@ -32,7 +33,8 @@ from tgospa_eval.engines.processes import Processes
 from tgospa_eval.engines.spread import Engine
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import runs_inside
-from tgospa_eval.formats.guess import file_of
+from tgospa_eval.formats.filters import parse_moments
+from tgospa_eval.formats.guess import file_of, files_at
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,6 +44,10 @@ if TYPE_CHECKING:
 
 FAULTS_SHOWN = 10
 """Faults that are shown."""
+
+
+DECIDING = ("steps", "resample", "grid", "interpolate")
+"""Options that say which steps count, in place of what a benchmark declares."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,13 +87,19 @@ class BatchOptions(Values):
         return Cluster(self.scheduler) if self.scheduler else Processes(self.workers)
 
 
-def planned(paths: tuple[str, ...], batch: BatchOptions, output: str | None) -> Plan:
+def planned(
+    paths: tuple[str, ...], batch: BatchOptions, options: EvaluationOptions, output: str | None
+) -> Plan:
     """The jobs that the arguments name in one of three ways."""
     if batch.layout:
         if len(paths) != 2:
             raise ConfigError(f"--layout {batch.layout} takes two folders, GT TRACKERS")
         sequences = jobs.read_sequences(batch.seqmap) if batch.seqmap else ()
-        return jobs.of_layout(batch.layout, *paths, sequences, output)
+        plan = jobs.of_layout(batch.layout, *paths, sequences, output)
+        if any(name in options.given for name in DECIDING):
+            return plan
+        plan = jobs.with_frames(plan, batch.layout, paths[0], batch.seqmap)
+        return replace(plan, jobs=tuple(_within(job, options.time) for job in plan.jobs))
     if batch.truth and batch.estimate and not paths:
         inside = functools.cache(functools.partial(runs_inside, max_input=batch.max_input))
         return jobs.of_patterns(batch.truth, batch.estimate, output=output, inside=inside)
@@ -98,6 +110,22 @@ def planned(paths: tuple[str, ...], batch: BatchOptions, output: str | None) -> 
         "name the jobs by --truth PATTERN --estimate PATTERN, by a manifest, or by --layout NAME "
         "GT TRACKERS"
     )
+
+
+def _within(job: Job, time: str | None) -> Job:
+    """With those of its frames that are within --time.
+
+    Raises
+    ------
+    ConfigError
+        The range of time is none of frames.
+    """
+    moments = parse_moments(time)
+    if job.frames is None or moments is None:
+        return job
+    frames = np.arange(job.frames[0], job.frames[1] + 1)
+    frames = frames[moments.inside(frames, "number", job.truth)]
+    return replace(job, frames=(int(frames[0]), int(frames[-1])) if len(frames) else None)
 
 
 def check_missing(plan: Plan, batch: BatchOptions) -> None:
@@ -155,6 +183,10 @@ def tasks_of(
             own = typed_options(ctx, dict(job.options), f"job {job.name}")
             chosen = replace(shared, **own)  # type: ignore[arg-type]
             given = given_text(chosen)
+        elif job.frames:
+            first, last = job.frames
+            chosen = replace(shared, steps=f"{first}:{last}")
+            given = given_text(chosen)
         folder = None
         if batch.reports:
             folder = folder_of(str(output.output), job.labels, job.options)
@@ -190,4 +222,5 @@ def left_over(tasks: list[Task], before: "pd.DataFrame", *, retry_failed: bool) 
 
 def size_of(task: Task) -> int:
     """Bytes of both files: the largest jobs come first, so that none is left at the end alone."""
-    return sum(os.path.getsize(file_of(path)) for path in (task.job.truth, task.job.estimate))
+    paths = (file_of(path) for path in (task.job.truth, task.job.estimate))
+    return sum(os.path.getsize(file) for path in paths for file in files_at(path))

@@ -28,6 +28,7 @@ from tgospa_eval.cli.batch.plan import (
 )
 from tgospa_eval.cli.batch.worker import (
     NOT_WRITTEN,
+    OFF_STEPS,
     UNSEEN,
     Task,
     evaluate_job,
@@ -128,7 +129,7 @@ def work_batch(
     parse_slices(options.slices)
     if batch.scheduler and batch.workers:
         raise ConfigError("--scheduler has the workers that it has: --workers is for processes")
-    plan = planned(paths, batch, output.output)
+    plan = planned(paths, batch, options, output.output)
     for text in () if output.quiet else plan.notices:
         print_notice(text)
     check_missing(plan, batch)
@@ -182,6 +183,8 @@ def finish_batch(
         write_batch(worked.store, worked.tables, output, lenient=True)
     told = list(_faults(rows, worked.faults, written=batch.reports))
     done = rows[rows["status"] != "failed"] if len(rows) else rows
+    for text in () if output.quiet else _left_out(done):
+        print_notice(text)
     nothing = int((done[list(NUMBERS_OF_STATES)] == 0).all(axis=1).sum()) if len(done) else 0
     if nothing == len(done) and nothing:
         told.append(f"no row is left to evaluate in any of {counted(nothing, 'job')}")
@@ -193,6 +196,19 @@ def finish_batch(
         )
     opened = len(rows) and (rows["status"] == "open").any()
     return told, ExitStatus.NOT_REACHED if opened else ExitStatus.DONE
+
+
+def _left_out(done: "pd.DataFrame") -> Iterator[str]:
+    """How many rows are at none of the steps that were declared, if any are."""
+    counts = done.reindex(columns=list(OFF_STEPS.values())).fillna(0).astype(int)
+    some = done[(counts > 0).any(axis=1)].to_dict("records")
+    if some:
+        of_truth, of_estimate = counts.sum()
+        others = f" and {counted(len(some) - 1, 'more job')}" if len(some) > 1 else ""
+        yield (
+            f"{_name(some[0])}{others}: {counted(of_truth, 'row')} of the truth and "
+            f"{of_estimate:,} of the estimate at other times than the declared steps are left out"
+        )
 
 
 def _faults(rows: "pd.DataFrame", faults: Sequence[Row], *, written: bool) -> Iterator[str]:

@@ -23,7 +23,7 @@ from tgospa_eval.common.files import reason
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.memory import is_of_memory
 from tgospa_eval.errors import InputError, TgospaError
-from tgospa_eval.formats.guess import file_of
+from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.proof import PROOF_FOLDER
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import RESULT_SCHEMA, Summary
@@ -37,6 +37,9 @@ NOT_WRITTEN = "not_written"
 
 UNSEEN = "unseen"
 """Where a row names the file that its worker did not see, on its way to who looks for it too."""
+
+OFF_STEPS = {role: f"input.{role}.left_out.steps" for role in ("truth", "estimate")}
+"""Columns with how many rows of each side are at none of the steps that were declared."""
 
 NAMING_FILES = ("covariance", "inner_cov", "step_weights")
 """Options that may name a file."""
@@ -125,7 +128,13 @@ def key_of(
 
 
 def digest_of(path: str) -> bytes:
-    """Of the bytes of a file. What cannot be read counts as nothing; the job will say so."""
+    """Of the bytes of a file, or of those of a folder that are read.
+
+    What cannot be read counts as nothing; the job will say so.
+    """
+    files = files_at(path)
+    if files != [path]:
+        return b"".join(Path(name).name.encode() + digest_of(name) for name in files)
     with suppress(OSError), open(path, "rb", buffering=0) as file:
         start = file.read(SMALL)
         more = hashlib.file_digest(file, "sha256").digest() if len(start) == SMALL else b""
@@ -280,6 +289,9 @@ def numbers(result: Summary) -> Row:
         "distance": str(result.parameters["distance"]),
         "parameters": json.dumps(result.parameters, sort_keys=True),
         **{f"input.{role}.sha256": side["sha256"] for role, side in result.input.items()},
+        **{
+            name: result.input[role]["left_out"].get("steps", 0) for role, name in OFF_STEPS.items()
+        },
         **result.other_numbers,
         **{f"with.{name}": value for name, value in result.sums.items()},
     }
