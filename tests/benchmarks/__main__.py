@@ -185,7 +185,7 @@ PARTS: dict[str, Callable[[Plan, Store], list[Table]]] = {
 @click.option("--small", is_flag=True, help="Everything in its smallest size: tries the machinery.")
 @click.option("--fresh", is_flag=True, help="Forget earlier measurements.")
 @click.option("--markdown", is_flag=True, help="Print the tables as Markdown.")
-def main(  # noqa: PLR0913  (an argument for each option)
+def main(
     *,
     parts: str,
     settings: tuple[str, ...],

@@ -43,7 +43,7 @@ def dense_costs(
     return costs
 
 
-def tgospa_lp(  # noqa: PLR0913  (the letters of the definition)
+def tgospa_lp(
     truth: Array,
     estimate: Array,
     c: float,

@@ -99,7 +99,7 @@ class Compared:
 
 
 @spoken_in_python(reads=False)
-def compare(  # noqa: PLR0913  (public: settings are keywords)
+def compare(
     truth: "TrajectoriesLike",
     estimates: "Estimates | TrajectoriesLike",
     cutoff: float | None = None,

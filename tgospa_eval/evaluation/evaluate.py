@@ -44,7 +44,7 @@ GAP = 1e-9
 
 
 @spoken_in_python(reads=False)
-def evaluate(  # noqa: PLR0913  (public: settings are keywords)
+def evaluate(
     truth: "TrajectoriesLike",
     estimate: "TrajectoriesLike",
     cutoff: float | None = None,

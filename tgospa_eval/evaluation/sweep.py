@@ -58,7 +58,7 @@ Values = float | Sequence[float] | Floats
 
 
 @spoken_in_python(reads=False)
-def sweep(  # noqa: PLR0913  (public: settings are keywords)
+def sweep(
     truth: "TrajectoriesLike",
     estimate: "TrajectoriesLike",
     cutoff: "Values | None" = None,

@@ -125,7 +125,7 @@ def _loaded(file: str, max_input: float | None) -> bytes:
 
 
 @spoken_in_python()
-def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
+def read_trajectories(
     path: str | os.PathLike[str],
     *,
     role: str = "truth",

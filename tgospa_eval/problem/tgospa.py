@@ -107,7 +107,7 @@ class Parameters:
             return 1e100
 
 
-def tgospa_problem(  # noqa: PLR0913  (arrays by name, as the fields of Problem)
+def tgospa_problem(
     *,
     parameters: Parameters,
     steps: int,

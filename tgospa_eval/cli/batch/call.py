@@ -53,7 +53,7 @@ class Batch:
 
 
 @spoken_in_python(reads=False)
-def batch(  # noqa: PLR0913  (public: settings are keywords)
+def batch(
     *paths: "str | os.PathLike[str]",
     output: "str | os.PathLike[str]",
     truth: str | None = None,

@@ -141,7 +141,7 @@ class Reduction:
         return best[0] + centre, best[1]
 
 
-def reduce_cloud(  # noqa: PLR0913  (public: settings are keywords)
+def reduce_cloud(
     points: ArrayLike,
     weights: ArrayLike | None,
     size: int,
