@@ -12,10 +12,10 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, spoken_in_python, warn_user
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.comparison.entrants import Entrant, outcome
-from tgospa_eval.comparison.ranking import document as ranking_document
+from tgospa_eval.comparison.ranking import ranking_document
 from tgospa_eval.comparison.runs import check_solvers
 from tgospa_eval.comparison.solvers import ONCE, compare_solvers
-from tgospa_eval.comparison.solvers import document as solvers_document
+from tgospa_eval.comparison.solvers import solvers_document
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import look

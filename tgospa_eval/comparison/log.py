@@ -25,7 +25,7 @@ from tgospa_eval.results.records import PARTS
 Key = tuple[int, int, int]
 Kind: TypeAlias = type | tuple[type, ...]
 
-SCHEMA = "tgospa-eval/study/1"
+LOG_SCHEMA = "tgospa-eval/study/1"
 LOG_NAME = "runs.jsonl"
 
 LOCKED_BYTE = 1 << 40
@@ -86,7 +86,7 @@ class Log:
     def __init__(self, folder: str, settings: Mapping[str, object]) -> None:
         self.path = Path(folder) / LOG_NAME
         header = {
-            "schema": SCHEMA,
+            "schema": LOG_SCHEMA,
             "version": __version__,
             "machine": machine(),
             "settings": settings,
@@ -176,7 +176,7 @@ class Log:
 
     def _check(self, header: object) -> None:
         """The settings must be the same."""
-        if not isinstance(header, dict) or header.get("schema") != SCHEMA:
+        if not isinstance(header, dict) or header.get("schema") != LOG_SCHEMA:
             self._refuse()
         own, other = _flat(self.header), _flat(header)
         for name in [*own, *other]:

@@ -36,7 +36,7 @@ RANKED = "normalised.tgospa"
 """The field of an estimate by which estimates are ranked."""
 
 
-def document(
+def ranking_document(
     entrants: Sequence[Entrant],
     truths: Sequence[str],
     parameters: Metric,

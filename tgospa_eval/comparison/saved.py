@@ -8,7 +8,8 @@ from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.comparison.entrants import Outcome
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.times import TimeError, places
+from tgospa_eval.formats.times import TimeError
+from tgospa_eval.formats.times import places as places_of_times
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.other_metrics import COMPARED
 from tgospa_eval.results.numbers import outward
@@ -103,7 +104,7 @@ def _times(document: Json) -> list[Time]:
 def _moments(documents: Documents, paths: Paths) -> list[Times]:
     """The steps of each as places in the order of those of all."""
     try:
-        found = places([_times(document) for document in documents])
+        found = places_of_times([_times(document) for document in documents])
     except TimeError as error:
         raise InputError(f"{paths[0]}, or a result of its truth: per_step: {error}") from None
     for path, own in zip(paths, found, strict=True):

@@ -96,7 +96,7 @@ def compare_solvers(
     return Comparison(runs=tuple(runs))
 
 
-def document(
+def solvers_document(
     comparison: Comparison,
     prepared: Prepared,
     left_out: dict[str, str],

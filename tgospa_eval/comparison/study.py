@@ -213,7 +213,7 @@ def _recorded(made: Run) -> SceneRun:
     }
 
 
-def document(study: Study, records: Sequence[SceneRecord], machine: str) -> StudyRecord:
+def study_document(study: Study, records: Sequence[SceneRecord], machine: str) -> StudyRecord:
     """The JSON document: mean and spread of each size and solver."""
     by_size: dict[Size, list[tuple[SceneRecord, Comparison]]] = {size: [] for size in study.sizes}
     for record in records:

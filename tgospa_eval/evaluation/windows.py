@@ -58,7 +58,7 @@ def slide(
     first, last = spans
     prices = fair_prices(prices)
     stretches = _Stretches.of(states, first, last)
-    found = _Brackets(len(stretches.block))
+    found = _WindowBrackets(len(stretches.block))
     complete = stretches.complete(states)
     block = stretches.block[complete]
     found.put(complete, *_of_blocks(states, weights, prices, reduced, block))
@@ -128,7 +128,7 @@ class _Stretches:
         return self.block[chosen], self.begin[chosen], self.end[chosen]
 
 
-class _Brackets:
+class _WindowBrackets:
     """Of every stretch costs by kind, a lower bound, and how much the costs may be too small."""
 
     def __init__(self, size: int) -> None:
@@ -178,7 +178,7 @@ def _solved(alone: Alone, solver: Certified, limit: Limit) -> tuple[Floats, Floa
 def _added(
     problem: Problem,
     unpaired: Floats,
-    found: _Brackets,
+    found: _WindowBrackets,
     stretches: _Stretches,
     spans: tuple[Ints, Ints],
 ) -> Windows:

@@ -131,11 +131,6 @@ def unit_scale(across: str, up: str, stretch: float) -> float | None:
     return {("lon", "lat"): stretch, ("lat", "lon"): 1 / stretch}.get((across, up), 1.0)
 
 
-def _named(column: str, unit: str) -> str:
-    inside = f" ({literal(unit)})" if unit and column not in ("lat", "lon") else ""
-    return literal(column) + inside
-
-
 def _lines(
     axis: "Axes", side: Side, place: tuple[Floats, Floats], style: Style, seen: View, *, many: bool
 ) -> "dict[str, Artist]":

@@ -31,11 +31,11 @@ def sweep_figure(found: Sweep) -> "Figure":
     x = [point.value for point in points]
     made, axes = figure(11.0, 4.6, rows=2, columns=4)
     for axis, name in zip(axes[0], PARTS, strict=True):
-        _line(axis, x, [getattr(point, name) for point in points], PARTS.index(name))
+        _sweep_line(axis, x, [getattr(point, name) for point in points], PARTS.index(name))
         label(axis, "", "cost" if name == PARTS[0] else "", name)
     _value(axes[1, 0], x, points)
     for axis, name in zip(axes[1, 1:], COUNTED_PARTS, strict=True):
-        _line(axis, x, [getattr(point, f"{name}_count") for point in points], PARTS.index(name))
+        _sweep_line(axis, x, [getattr(point, f"{name}_count") for point in points], PARTS.index(name))
         label(axis, "", "", f"number, {name}")
     band = found.unchanged("missed_count", "false_count")
     for axis in axes.flat:
@@ -71,7 +71,7 @@ def _value(axis: "Axes", x: list[float], points: Sequence[Point]) -> None:
     label(axis, "", "", "TGOSPA")
 
 
-def _line(axis: "Axes", x: list[float], y: list[float], k: int) -> None:
+def _sweep_line(axis: "Axes", x: list[float], y: list[float], k: int) -> None:
     axis.plot(x, y, "-", marker=MARKERS[k], ms=4, color=LIGHT[PARTS[k]], clip_on=False)
 
 

@@ -80,13 +80,13 @@ ROUNDING_GAP = 1e-9
 
 def measured(result: Summary) -> Measured:
     """What a gate judges of a result."""
-    found = _values(result)
+    found = _measured_values(result)
     if result.per_class_table():
         from tgospa_eval.results.by_class import ByClass  # here: few evaluate classes apart
 
         assert isinstance(result, ByClass)
         for name, part in result.results.items():
-            found |= {(name, str(path)): value for path, value in _values(part).items()}
+            found |= {(name, str(path)): value for path, value in _measured_values(part).items()}
     settings = json.loads(json.dumps(result.parameters, allow_nan=False))  # as they come back
     return Measured(
         values=found,
@@ -126,7 +126,7 @@ def values_of(numbers: Mapping[str, float], scale: float) -> dict[Key, Value]:
     return found
 
 
-def _values(result: Summary) -> dict[Key, Value]:
+def _measured_values(result: Summary) -> dict[Key, Value]:
     numbers = {
         "total": result.total,
         "total_lower": result.total_bounds[0],

@@ -30,7 +30,7 @@ def _document(found: Explanation, *, folded: bool) -> Document:
         lines=[
             parameters_of(_metric(found)),
             sizes_in_words(result.sizes),
-            "total " + number(result.total) + ": " + ", ".join(_parts(found)),
+            "total " + number(result.total) + ": " + ", ".join(_repair_parts(found)),
             *_worst(found),
         ],
         tables=[repair_table(result, found, folded=folded)] if found.repairs else [],
@@ -44,7 +44,7 @@ def _metric(found: Explanation) -> Metric:
     return {name: used[name] for name in Metric.__annotations__ if name in used}  # type: ignore[return-value]
 
 
-def _parts(found: Explanation) -> Iterator[str]:
+def _repair_parts(found: Explanation) -> Iterator[str]:
     for name, _, share, _, _ in part_rows(found.result):
         yield f"{name} {share}"
 

@@ -47,7 +47,7 @@ def estimates_document(document: RankingRecord) -> Document:
             *_against_tables(document),
             *_other_tables(document),
         ],
-        notes=list(_notes(document)),
+        notes=list(_ranking_notes(document)),
         warnings=[str(Notice(**record)) for record in document["warnings"]],
     )
 
@@ -246,7 +246,7 @@ def _other_tables(document: RankingRecord) -> Iterator[Table]:
     )
 
 
-def _notes(document: RankingRecord) -> Iterator[str]:
+def _ranking_notes(document: RankingRecord) -> Iterator[str]:
     estimates = document["estimates"]
     for item in estimates:
         for which, made in enumerate(item["runs"], start=1):

@@ -54,7 +54,7 @@ def solvers_document(document: SolversRecord) -> Document:
                 ],
             ),
         ],
-        notes=list(_notes(document)),
+        notes=list(_solver_notes(document)),
         warnings=[str(Notice(**record)) for record in document["warnings"]],
     )
 
@@ -95,7 +95,7 @@ def _agreement(document: SolversRecord) -> str:
     return f"{subject} {verb}: TGOSPA is between {low} and {high}{unit}"
 
 
-def _notes(document: SolversRecord) -> Iterator[str]:
+def _solver_notes(document: SolversRecord) -> Iterator[str]:
     once = document["seconds"]
     yield "once for all: " + ", ".join(f"{name} {value:.4f}" for name, value in once.items())
     for run in document["runs"]:

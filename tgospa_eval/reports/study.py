@@ -17,7 +17,7 @@ def study_document(document: StudyRecord) -> Document:
         title=_study_title(document),
         lines=list(_study_lines(document)),
         tables=[_times_table(document), _rms_table(document)],
-        notes=list(_notes(document)),
+        notes=list(_study_notes(document)),
     )
 
 
@@ -128,7 +128,7 @@ def _rms_table(document: StudyRecord) -> Table:
     )
 
 
-def _notes(document: StudyRecord) -> Iterator[str]:
+def _study_notes(document: StudyRecord) -> Iterator[str]:
     yield (
         "m targets, T steps; seconds of solving and proof; error: the total is at most so much "
         "above the true one, relative; bound's: the lower bound is at most so much below it; "

@@ -12,7 +12,7 @@ from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.comparison.entrants import Entrant, Outcome, outcome
-from tgospa_eval.comparison.ranking import document
+from tgospa_eval.comparison.ranking import ranking_document
 from tgospa_eval.comparison.steps import StepCosts, steps_columns, steps_costs
 from tgospa_eval.distances import Effort
 from tgospa_eval.errors import ConfigError
@@ -75,7 +75,7 @@ def ranked(
     warnings: list[dict[str, str]],
 ) -> Ranked:
     """The document of a ranking, its tables, and the costs of the steps."""
-    answer = document(entrants, truths, parameters, warnings)
+    answer = ranking_document(entrants, truths, parameters, warnings)
     best = answer["estimates"][0]["name"]
     tables = {"per_step.csv": csv_text(steps_columns(entrants, best))}
     if answer["pairs"]:

@@ -7,7 +7,7 @@ from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.comparison.runs import name_of, takes_long
-from tgospa_eval.comparison.solvers import ONCE, compare_solvers, document
+from tgospa_eval.comparison.solvers import ONCE, compare_solvers, solvers_document
 from tgospa_eval.plots.comparison import solver_pictures
 from tgospa_eval.reports.records import SolversRecord
 from tgospa_eval.solvers import SOLVERS
@@ -42,7 +42,7 @@ def compare_files(truth: str, estimate: str, options: CompareOptions) -> bool:
         for solver in chosen[len(found.runs) :]:
             left_out[name_of(solver)] = "interrupted before its turn"
         once = {name: stopwatch.spans.get(span, 0.0) for name, span in ONCE.items()}
-        return document(found, prepared, left_out, once, pairs.warnings)
+        return solvers_document(found, prepared, left_out, once, pairs.warnings)
 
     answer = run(work, stopwatch, show=not quiet)
     show(answer, options.output, {}, lambda: solver_pictures(answer))

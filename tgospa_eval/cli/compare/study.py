@@ -13,7 +13,7 @@ from tgospa_eval.common.figures import parsed_whole
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.comparison.log import Log, machine
-from tgospa_eval.comparison.study import Study, carry_out, document
+from tgospa_eval.comparison.study import Study, carry_out, study_document
 from tgospa_eval.plots.comparison import study_pictures
 from tgospa_eval.reports.folders import STUDY, probe_folder
 from tgospa_eval.reports.records import StudyRecord
@@ -44,7 +44,7 @@ def study_sizes(options: CompareOptions, sizes: StudyOptions) -> bool:
 
             known = {} if log is None else log.known
             keep = (lambda _: None) if log is None else log.keep
-            return document(study, carry_out(study, known, keep, notify), machine())
+            return study_document(study, carry_out(study, known, keep, notify), machine())
 
         if not quiet and log is not None and log.known:
             scenes = counted(len(log.known), "scene is", "scenes are")

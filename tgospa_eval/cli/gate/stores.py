@@ -92,10 +92,10 @@ def judge_stores(given: Given, first: str, second: str | None) -> Report:
     rules = {name: given.rules(pair, baseline=bool(path)) for name, pair in stored.pairs.items()}
     old = load_baseline(path) if path else None
     if path and gate.update_baseline:
-        return _update(stored, old or {}, path)
+        return _update_store(stored, old or {}, path)
     missing = f"no such file: {path}" if old is None else f"not in {path}"
     outcomes = [
-        _outcome(stored, pair, (old or {}).get(name), rules[name])
+        _store_outcome(stored, pair, (old or {}).get(name), rules[name])
         if name in stored.faults or not path or (old and name in old)
         else Outcome.of(pair, Verdict.INCOMPARABLE, missing)
         for name, pair in stored.pairs.items()
@@ -224,7 +224,7 @@ def _measured(row: Row) -> Measured:
     )
 
 
-def _outcome(stored: _Stored, pair: Pair, entry: Entry | None, rules: list[Rule]) -> Outcome:
+def _store_outcome(stored: _Stored, pair: Pair, entry: Entry | None, rules: list[Rule]) -> Outcome:
     """The verdict on a job."""
     if pair.name in stored.faults:
         return Outcome.of(pair, Verdict.ERROR, stored.faults[pair.name])
@@ -240,7 +240,7 @@ def _with_row(outcome: Outcome, row: Row) -> Outcome:
     return replace(outcome, seconds=float(row["seconds"]), warnings=warnings)
 
 
-def _update(stored: _Stored, old: Baseline, path: str) -> Report:
+def _update_store(stored: _Stored, old: Baseline, path: str) -> Report:
     """Make the baseline of all jobs, or not at all, and list what changed."""
     if stored.faults:
         raise InputError(*(f"{name}: {fault}" for name, fault in stored.faults.items()))

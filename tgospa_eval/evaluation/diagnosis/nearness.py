@@ -104,7 +104,7 @@ def _is_chance(
     still = StepRows.of(truth)
     for line in _lines((truth, estimate), parameters.cutoff, distance):
         moved = (
-            StepRows.of(_displaced(estimate, way * move * line))
+            StepRows.of(_displaced_by(estimate, way * move * line))
             for move in MOVES
             for way in (1, -1)
         )
@@ -158,5 +158,5 @@ def _lines(
         yield line
 
 
-def _displaced(estimate: Trajectories, by: Floats) -> Trajectories:
+def _displaced_by(estimate: Trajectories, by: Floats) -> Trajectories:
     return with_state(estimate, estimate.state + by)
