@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from tgospa_eval.results.explanation import Explanation
     from tgospa_eval.results.result import Result
     from tgospa_eval.results.sweep import Sweep
-    from tgospa_eval.simulation.usual import simulate
+    from tgospa_eval.simulation.settings import simulate
     from tgospa_eval.solvers.certified import Certified
     from tgospa_eval.solvers.exact import Exact
     from tgospa_eval.solvers.sinkhorn import Sinkhorn
@@ -51,7 +51,7 @@ _HOME = {
     "evaluate": "evaluation.evaluate",
     "gate": "regression.run",
     "read_trajectories": "formats",
-    "simulate": "simulation.usual",
+    "simulate": "simulation.settings",
     "sweep": "evaluation.sweep",
     "verify": "proof.check",
 }

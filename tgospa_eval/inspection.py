@@ -11,10 +11,8 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.clock import find_clock
-from tgospa_eval.evaluation.diagnosis.costs import Sampler
-from tgospa_eval.evaluation.diagnosis.cutoff import suggest_cutoff
-from tgospa_eval.evaluation.diagnosis.sample import SAMPLE
-from tgospa_eval.evaluation.diagnosis.scale import explained, unit_notices
+from tgospa_eval.evaluation.diagnosis.costs import SAMPLE, Sampler
+from tgospa_eval.evaluation.diagnosis.scale import explained, suggest_cutoff, unit_notices
 from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading

@@ -11,7 +11,7 @@ from scenes import Scene
 from yardsticks import CUTOFF, ORDER, SWITCH_PENALTY, distance_table, gain_programme
 
 from tgospa_eval import Certified, Exact, Sinkhorn, evaluate
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Problem

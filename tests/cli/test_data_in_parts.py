@@ -16,11 +16,11 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
-from tgospa_eval.batches.lock import locked
+from tgospa_eval.batches.store import locked
 from tgospa_eval.cli.evaluate import partitioned, work
 from tgospa_eval.cli.evaluate.work import work_folder
 from tgospa_eval.cli.shared import in_parts
-from tgospa_eval.cli.shared.large_data import Size
+from tgospa_eval.cli.shared.options import Size
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.partitioned import run, sides

@@ -20,8 +20,7 @@ import pytest
 
 from tgospa_eval.cli.shared import progress as shown
 from tgospa_eval.cli.shared.progress import Display, bracket, line
-from tgospa_eval.common.progress import Progress, StoppedError
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Progress, StoppedError, Stopwatch
 from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.evaluation.prepare import fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -30,7 +29,7 @@ from tgospa_eval.plots.result_pictures import DRAWN
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers import Solver, batches, certified, exact
-from tgospa_eval.solvers.bracket_progress import share_of_digits
+from tgospa_eval.solvers.block_costs import share_of_digits
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.exact import Exact
 from tgospa_eval.solvers.sinkhorn import Sinkhorn

@@ -8,8 +8,7 @@ from oracles import lagrangian_bound, tgospa_lp
 from strategies import ORDERS, SWITCH, pairs_of_sets, scene
 
 from tgospa_eval import Certified, ConfigError, Exact, Sinkhorn, evaluate
-from tgospa_eval.common.solver_status import Status
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Problem

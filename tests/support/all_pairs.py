@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from tgospa_eval.distances import Distance, gating, near_pairs, points, search
+from tgospa_eval.distances import Distance, gating, near_pairs
+from tgospa_eval.distances import gating as points
+from tgospa_eval.distances import gating as search
 from tgospa_eval.tracks.trajectories import Trajectories
 
 WAYS = {

@@ -26,12 +26,12 @@ from tgospa_eval import (
     simulate,
     verify,
 )
-from tgospa_eval.cli.batch.plan import BatchOptions
+from tgospa_eval.cli.batch.run import BatchOptions
 from tgospa_eval.cli.simulate.values import SceneOptions
 from tgospa_eval.comparison import solvers
-from tgospa_eval.comparison.runs import Run, run_here
+from tgospa_eval.comparison.entrants import Run, run_here
 from tgospa_eval.evaluation.prepare import Prepared
-from tgospa_eval.simulation.usual import USUAL_ERRORS, usual_tracker
+from tgospa_eval.simulation.settings import USUAL_ERRORS, usual_tracker
 from tgospa_eval.solvers import Solver
 
 METRIC = ("-c", "10", "-g", "5")

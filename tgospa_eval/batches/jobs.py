@@ -12,9 +12,9 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 
 from tgospa_eval.common import patterns
-from tgospa_eval.common.figures import parsed_whole
 from tgospa_eval.common.files import named
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import parsed_whole
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import runs_inside
 from tgospa_eval.formats.guess import file_of, is_table_folder

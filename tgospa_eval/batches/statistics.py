@@ -25,9 +25,8 @@ from tgospa_eval.batches.resampling import (
     permutations_of,
     without_each,
 )
-from tgospa_eval.common.brackets import equal, less, places
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.interval import Interval
+from tgospa_eval.common.interval import Interval, equal, less, places
 from tgospa_eval.common.words import natural
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.batch_records import (

@@ -4,16 +4,19 @@ A part is written beside and renamed, so whoever is killed leaves all that was f
 nothing half. Of several rows with one key the last that is done counts.
 """
 
+import errno
+import importlib
 import json
 import os
 import time
 import uuid
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.batches.per_step import STEP_FOLDER, STEPS, StoredSteps, read_steps, step_table
+from tgospa_eval.common import files
 from tgospa_eval.common.files import named, reason
 from tgospa_eval.common.manifest import STORE, STORE_SCHEMA
 from tgospa_eval.common.words import install
@@ -21,6 +24,78 @@ from tgospa_eval.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+ALL_BYTES = 2**31 - 1
+"""Bytes of a lock file that are locked on Windows for all shards; each shard has one byte."""
+
+NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
+"""Errors of file systems that have none, such as Lustre without the option flock."""
+
+
+@contextmanager
+def locked(folder: Path, shard: tuple[int, int], said: Path | None = None) -> Iterator[None]:
+    """Keep other processes from the same jobs; those of other shards may work meanwhile.
+
+    The system gives the locks back when a process ends, however it does.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the lock is.
+    shard : pair of int
+        Number of the shard, from 0, and how many there are.
+    said : Path, optional
+        What the user has named, where that is another.
+
+    Raises
+    ------
+    ConfigError
+        A process is at work on them, or the folder cannot be written.
+    """
+    with ExitStack() as stack:
+        try:
+            _take(stack, folder, shard)
+        except (BlockingIOError, PermissionError):
+            raise ConfigError(
+                f"-o {said or folder}: another process is at work on it; wait, or name another"
+            ) from None
+        except OSError as error:
+            if error.errno not in NO_LOCKS:
+                raise
+            files.announce(
+                f"-o {said or folder}: no locks there; let nothing else work on it meanwhile"
+            )
+        yield
+
+
+def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
+    """Take the locks; those of POSIX may be shared, those of Windows are of ranges of bytes."""
+    number, count = shard
+
+    def opened(name: str) -> Any:
+        with files.named(f"-o {folder}", ConfigError, "cannot be written"):
+            return stack.enter_context((folder / name).open("a+"))  # NFS shares what can be read
+
+    whole = opened(".lock")
+    try:
+        fcntl: Any = importlib.import_module("fcntl")
+    except ModuleNotFoundError:  # on Windows
+        windows: Any = importlib.import_module("msvcrt")
+        whole.seek(0 if count == 1 else (count * (count - 1) // 2 + number) % ALL_BYTES)
+        windows.locking(whole.fileno(), windows.LK_NBLCK, ALL_BYTES if count == 1 else 1)
+        return
+    own = opened(f".lock-{number}-of-{count}")
+    fcntl.flock(whole, (fcntl.LOCK_SH if count > 1 else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    fcntl.flock(own, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+# -------------------------------------------------------------------------------------------------
+# The store of a batch: settings once, and a row for each job in parts that appear whole.
+#
+# A part is written beside and renamed, so whoever is killed leaves all that was finished
+# before, and
+# nothing half. Of several rows with one key the last that is done counts.
 
 SCHEMA, SETTINGS_FILE = STORE_SCHEMA, STORE
 PART_FOLDER = "jobs"

@@ -12,11 +12,16 @@ import click
 
 from tgospa_eval.cli.group import cli
 from tgospa_eval.cli.guard import guarded
-from tgospa_eval.cli.shared.interrupts import heard
-from tgospa_eval.cli.shared.streams import check_stdout, check_written, print_notice, print_notices
+from tgospa_eval.cli.shared.streams import (
+    check_stdout,
+    check_written,
+    heard,
+    print_notice,
+    print_notices,
+)
 from tgospa_eval.cli.verbs import CONFIG
 from tgospa_eval.common import files
-from tgospa_eval.common.memory import is_of_memory
+from tgospa_eval.common.machine import is_of_memory
 from tgospa_eval.errors import ConfigError, ExitStatus, TgospaError
 
 NEW_OBJECTS = 50_000

@@ -8,10 +8,36 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import field
+from enum import StrEnum
 from typing import Generic, TypeVar
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.solver_status import Status
+
+
+class Status(StrEnum):
+    """Why a solver stopped."""
+
+    SOLVED = "solved"
+    NOT_SOLVED = "not solved"
+    LATE = "stopped by the time limit"
+    INTERRUPTED = "interrupted"
+    MET = "the bracket is met"
+    SETTLED = "the bracket has stopped narrowing"
+    FULL = "columns are full to 1e-06"
+    SWEPT = "reached 2,000 sweeps"
+    HIGHS_FAILED = "HiGHS failed"
+    CLARABEL_FAILED = "failed"
+
+    @property
+    def good(self) -> bool:
+        """Whether there was nothing left to do."""
+        return self in (Status.SOLVED, Status.MET)
+
+
+# -------------------------------------------------------------------------------------------------
+# What is known of long work while it goes on, and how it is stopped before its end.
+#
+# Those who do the work write it, whoever waits for it reads it; where nobody does, nothing is kept.
 
 T = TypeVar("T")
 
@@ -186,3 +212,79 @@ class Limit:
     def status(self) -> Status:
         """Why there is none."""
         return Status.INTERRUPTED if self.progress.stop.is_set() else Status.LATE
+
+
+# -------------------------------------------------------------------------------------------------
+# Where the time went: a stopwatch that adds up named, nestable spans.
+
+
+class Stopwatch:
+    """Adds up the seconds spent under each name; a name may be a path, ``"solve/lp"``.
+
+    Parameters
+    ----------
+    clock : callable, optional
+        Returns seconds; replaced in tests.
+
+    Attributes
+    ----------
+    spans : dict
+        Seconds by name.
+    work : int
+        States times half sweeps that were done.
+    busy : float
+        Seconds of all threads together that the sweeps took.
+    stage : str
+        Name of the innermost span that is open, for progress.
+    notify : callable
+        Takes a sentence for the user, before work that takes long; does nothing by default.
+    progress : Progress
+        Of the work that is timed.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._clock = clock
+        self._start = clock()
+        self.spans: dict[str, float] = {}
+        self.work = 0
+        self.busy = 0.0
+        self.stage = ""
+        self.notify: Callable[[str], None] = lambda _: None
+        self.progress = Progress()
+
+    @contextmanager
+    def span(self, name: str) -> Iterator[None]:
+        """Add the time until the end of the block to `name`, also when the block raises."""
+        begin = self._clock()
+        outer, self.stage = self.stage, name
+        try:
+            yield
+        finally:
+            self.stage = outer
+            self.add(name, self._clock() - begin)
+
+    def add(self, name: str, seconds: float) -> None:
+        """Add seconds that were measured elsewhere."""
+        self.spans[name] = self.spans.get(name, 0.0) + seconds
+
+    def beside(self) -> "Stopwatch":
+        """A fresh one for a part of the work, which notifies and stops as this one does."""
+        part = Stopwatch(self._clock)
+        part.notify, part.progress = self.notify, self.progress
+        return part
+
+    def absorb(self, other: "Stopwatch") -> None:
+        """Add what another one measured."""
+        for name, seconds in other.spans.items():
+            self.add(name, seconds)
+        self.work += other.work
+        self.busy += other.busy
+
+    @property
+    def nanoseconds(self) -> float:
+        """Time of a state in half a sweep."""
+        return 1e9 * self.busy / self.work if self.work else 0.0
+
+    def elapsed(self) -> float:
+        """Seconds since this stopwatch was made."""
+        return self._clock() - self._start

@@ -10,12 +10,10 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, spoken_in_python, warn_user
-from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.comparison.entrants import Entrant, outcome
+from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.comparison.entrants import Entrant, check_solvers, outcome
 from tgospa_eval.comparison.ranking import ranking_document
-from tgospa_eval.comparison.runs import check_solvers
-from tgospa_eval.comparison.solvers import ONCE, compare_solvers
-from tgospa_eval.comparison.solvers import solvers_document
+from tgospa_eval.comparison.solvers import ONCE, compare_solvers, solvers_document
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import look
@@ -23,19 +21,18 @@ from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.evaluation.prepare import Prepared, fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest, chosen_parameters
 from tgospa_eval.evaluation.sides import (
+    StepWeightsLike,
     TrajectoriesLike,
     as_distance,
     as_sides,
     as_solver,
+    as_step_weights,
     as_trajectories,
+    in_units_of_truth,
 )
-from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
-from tgospa_eval.evaluation.units import in_units_of_truth
 from tgospa_eval.formats.filters import parse_steps
-from tgospa_eval.reports.comparison import render
-from tgospa_eval.reports.ranking import estimates_columns, pairs_columns
+from tgospa_eval.reports.comparison import estimates_columns, pairs_columns, render, solvers_columns
 from tgospa_eval.reports.records import Metric, RankingRecord, SolversRecord
-from tgospa_eval.reports.solvers import solvers_columns
 from tgospa_eval.results.records import json_text
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.alignment import TimeMatching
@@ -44,7 +41,7 @@ from tgospa_eval.tracks.existence import EXISTENCE
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tgospa_eval.evaluation.stone_soup import Components
+    from tgospa_eval.evaluation.sides import Components
 
 
 COMMAND = r"; to [a-z ]+: tgospa-eval compare [A-Z ]+"

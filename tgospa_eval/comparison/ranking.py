@@ -14,23 +14,143 @@ from typing import cast
 import numpy as np
 
 from tgospa_eval._version import __version__
-from tgospa_eval.common.brackets import EQUAL, equal, less, places
-from tgospa_eval.common.interval import Interval
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.interval import EQUAL, Interval, equal, less, places
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.comparison import SCHEMA
-from tgospa_eval.comparison.against import against_document, differences
-from tgospa_eval.comparison.entrants import Entrant, durations
-from tgospa_eval.comparison.steps import joined, signs
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.comparison.entrants import (
+    Entrant,
+    Outcome,
+    against_document,
+    differences,
+    durations,
+)
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.other_metrics import joined as joined_metrics
+from tgospa_eval.formats.times import TimeError
+from tgospa_eval.formats.times import places as places_of_times
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.reports.other_metrics import COMPARED
 from tgospa_eval.reports.records import (
+    RULES,
     EstimateRecord,
     Metric,
     PairRecord,
     PerStepRecord,
     RankingRecord,
 )
-from tgospa_eval.results.records import PARTS, Part
+from tgospa_eval.results.numbers import outward
+from tgospa_eval.results.records import PARTS, Columns, Json, OtherMetrics, Part, Time
+from tgospa_eval.results.saved import unlike
+from tgospa_eval.tracks.alignment import Times
 from tgospa_eval.tracks.judged import JUDGE_ALIKE, incomparable
+
+StepCosts = tuple[list[Time], dict[str, list[float]]]
+"""Times, and costs of the steps by estimate."""
+
+
+def steps_columns(entrants: Sequence[Entrant], best: str) -> Columns:
+    """Costs of each step, run, and estimate, and the differences to the best estimate's.
+
+    A step that an estimate's evaluation has not, because nothing is there, costs nothing.
+    """
+    extra = [] if entrants[0].outcomes[0].against is None else ["gospa", *RULES]
+    differences = ["difference", *(f"difference_{name}" for name in PARTS)]
+    names = ["run", "t", "estimate", *PARTS, "total", *differences, *extra]
+    table: Columns = {name: [] for name in names}
+    leader = next(entrant for entrant in entrants if entrant.name == best)
+    for entrant in entrants:
+        for run, (item, first) in enumerate(zip(entrant.outcomes, leader.outcomes, strict=True)):
+            own, other = joined(item, first)
+            table["run"] += [run + 1] * len(own.times)
+            table["t"] += own.times
+            table["estimate"] += [entrant.name] * len(own.times)
+            for name in PARTS:
+                table[name] += own.costs[name].tolist()
+                table[f"difference_{name}"] += (own.costs[name] - other.costs[name]).tolist()
+            table["total"] += own.total.tolist()
+            table["difference"] += (own.total - other.total).tolist()
+            for rule in extra:
+                table[rule] += own.costs[rule].tolist()
+    return table
+
+
+def steps_costs(entrants: Sequence[Entrant]) -> StepCosts:
+    """Times, and the cost of each step by estimate, mean over runs.
+
+    None where the runs differ in length; of runs with other times each the numbers of the steps.
+    """
+    found: dict[str, list[float]] = {}
+    times: list[list[Time]] = []
+    for entrant in entrants:
+        runs = []
+        for run, item in enumerate(entrant.outcomes):
+            rivals = [other.outcomes[run] for other in entrants]
+            named = {m: t for o in rivals for m, t in zip(o.moments.tolist(), o.times, strict=True)}
+            moments = np.array(sorted(named), item.moments.dtype)
+            times.append([named[m] for m in moments.tolist()])
+            costs = np.zeros(len(moments))
+            costs[np.searchsorted(moments, item.moments)] = sum(item.steps.values())
+            runs.append(costs)
+        if len({len(costs) for costs in runs}) > 1:
+            return [], {}
+        found[entrant.name] = np.mean(runs, axis=0).tolist()
+    same = all(other == times[0] for other in times)
+    return (times[0] if same else [*range(1, len(times[0]) + 1)]), found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Joined:
+    """Costs by name on the steps of two outcomes; 0 at those that one has not."""
+
+    times: list[Time]
+    costs: dict[str, Floats]
+
+    @property
+    def total(self) -> Floats:
+        """Cost of each step."""
+        total: Floats = sum((self.costs[name] for name in PARTS), np.zeros(len(self.times)))
+        return total
+
+
+def joined(first: Outcome, second: Outcome) -> tuple[Joined, Joined]:
+    """Costs of both on the steps of either."""
+    moments = np.union1d(first.moments, second.moments)
+    times: dict[int, Time] = {}
+    for item in (second, first):
+        times |= zip(np.searchsorted(moments, item.moments).tolist(), item.times, strict=True)
+    shown = [times[k] for k in range(len(moments))]
+    own, other = (_spread(item, moments) for item in (first, second))
+    return Joined(times=shown, costs=own), Joined(times=shown, costs=other)
+
+
+def _spread(item: Outcome, moments: Times) -> dict[str, Floats]:
+    """Costs by name, and the values of other rules, at these steps."""
+    at = np.searchsorted(moments, item.moments)
+    found: dict[str, Floats] = {}
+    for name, values in (item.steps | (item.against.values if item.against else {})).items():
+        found[name] = np.zeros(len(moments))
+        found[name][at] = values
+    return found
+
+
+def signs(own: Joined, other: Joined) -> Floats:
+    """Whether each step costs less (-1), the same but for rounding (0), or more (1)."""
+    small = np.abs(own.total - other.total) <= EQUAL * np.maximum(own.total, other.total)
+    return np.where(small, 0.0, np.sign(own.total - other.total))
+
+
+# -------------------------------------------------------------------------------------------------
+# Several estimates of one truth: proven order, and what the differences are made of.
+#
+# With several runs of each (Monte Carlo) costs are averaged over the runs, and roots are taken
+# last:
+# ``tgospa`` is (mean total)^(1/p), its normalised form (mean of total / T)^(1/p), for p = 2 the
+# root
+# of the mean square over runs. Averages of brackets bracket the averages. Ranked is the normalised
+# form, in which each run counts the same however long it is; where runs differ in length the
+# order of
+# the mean totals may be another, and `opposed` marks it.
 
 RANKED = "normalised.tgospa"
 """The field of an estimate by which estimates are ranked."""
@@ -229,3 +349,102 @@ def _mean(brackets: Sequence[Interval]) -> Interval:
         lower=float(np.mean([bracket.lower for bracket in brackets])),
         upper=float(np.mean([bracket.upper for bracket in brackets])),
     )
+
+
+# -------------------------------------------------------------------------------------------------
+# Saved results as what a ranking needs of evaluations. Solves nothing.
+
+BESIDE = {"similarity": ("zero", "threshold")}
+FIELDS_SHOWN = {**COMPARED, **BESIDE}
+"""Names of the numbers of other metrics that a ranking shows, by metric."""
+
+Documents = Sequence[Json]
+Paths = Sequence[str]
+
+
+def other_parameters(own: Json, first: Json) -> str:
+    """In which parameters of the metric two results differ; blank if in none."""
+    found = unlike(own["parameters"], first["parameters"])
+    return "; ".join(f"{name} is {one}, there {other}" for name, one, other in found)
+
+
+def shared_metrics(runs: Sequence[Documents]) -> tuple[list[OtherMetrics], list[Notice]]:
+    """Other metrics that all results of one run have; and a notice of those that are left out.
+
+    Those of several runs are ratios of counts over all of them, and cannot be had from the ratios
+    of each.
+    """
+    each: list[OtherMetrics] = [document.get("with", {}) for run in runs for document in run]
+    first = each[0] if len(runs) == 1 else {}
+    shared = [
+        name
+        for name in first
+        if all(name in found and found[name].keys() == first[name].keys() for found in each)
+        and first[name].keys() >= {*FIELDS_SHOWN.get(name, ())}
+    ]
+    left_out = sorted({name for found in each for name in found} - {*shared, *BESIDE})
+    notices = [
+        Notice(text=f"not shown: {name}; it needs a single run, and all results of it")
+        for name in left_out
+    ]
+    return [{name: found[name] for name in shared} for found in each[: len(runs[0])]], notices
+
+
+def outcomes(documents: Documents, paths: Paths) -> list[Outcome]:
+    """What a ranking needs of the results of one run, which are of the same truth.
+
+    Raises
+    ------
+    InputError
+        Times are of several kinds or out of order.
+    """
+    moments = _moments(documents, paths)
+    return [
+        Outcome(
+            bracket=_bracket(document),
+            parts={
+                "localisation": document["localisation"],
+                "missed": document["missed"],
+                "false": document["false"],
+                "switch": document["switch"],
+            },
+            counts=document["counts"],
+            steps={name: _column(document, name) for name in PARTS},
+            moments=moments[k],
+            times=_times(document),
+            judged=document["judged"],
+            finished=bool(document["solver"]["finished"]),
+            status=document["solver"]["status"],
+            input=document["input"],
+        )
+        for k, document in enumerate(documents)
+    ]
+
+
+def _bracket(document: Json) -> Interval:
+    """The bounds of the total, from those of the value, rounded outward once more."""
+    order = document["parameters"]["order"]
+    return Interval(
+        lower=outward(document["lower_bound"] ** order, -1),
+        upper=outward(document["upper_bound"] ** order, 1),
+    )
+
+
+def _column(document: Json, name: str) -> Floats:
+    return np.array([step[name] for step in document["per_step"]], float)
+
+
+def _times(document: Json) -> list[Time]:
+    return [step["t"] for step in document["per_step"]]
+
+
+def _moments(documents: Documents, paths: Paths) -> list[Times]:
+    """The steps of each as places in the order of those of all."""
+    try:
+        found = places_of_times([_times(document) for document in documents])
+    except TimeError as error:
+        raise InputError(f"{paths[0]}, or a result of its truth: per_step: {error}") from None
+    for path, own in zip(paths, found, strict=True):
+        if np.any(np.diff(own) <= 0):
+            raise InputError(f"{path}: per_step: times are not in order")
+    return list(found)

@@ -6,12 +6,11 @@ from functools import cached_property, partial
 from typing import cast
 
 from tgospa_eval._version import __version__
-from tgospa_eval.common.brackets import excess, narrowest, overlap, shortfall
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.interval import Interval
+from tgospa_eval.common.interval import Interval, excess, narrowest, overlap, shortfall
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.comparison import SCHEMA
-from tgospa_eval.comparison.runs import NO_COSTS, Run, failed, name_of, run_apart
+from tgospa_eval.comparison.entrants import NO_COSTS, Run, failed, name_of, run_apart
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.reports.records import Metric, SolverRun, SolversRecord
 from tgospa_eval.solvers import Solver

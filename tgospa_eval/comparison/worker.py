@@ -14,9 +14,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
-from tgospa_eval.common.progress import Progress, Task
-from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.comparison.runs import reason, run_here, warm_up
+from tgospa_eval.common.progress import Progress, Stopwatch, Task
+from tgospa_eval.comparison.entrants import reason, run_here, warm_up
 from tgospa_eval.errors import SolverError, TgospaError
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.solvers import Solver

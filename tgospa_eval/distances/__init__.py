@@ -14,10 +14,11 @@ if TYPE_CHECKING:
     from tgospa_eval.distances.boxes import IoU
     from tgospa_eval.distances.clouds.distance import CloudWasserstein, PairCloudWasserstein
     from tgospa_eval.distances.clouds.reduction import Reduction, reduce_cloud
-    from tgospa_eval.distances.clouds.sampling import resample_cloud, restrict_cloud
     from tgospa_eval.distances.clouds.transport import (
         cloud_wasserstein,
         cross_covariance,
+        resample_cloud,
+        restrict_cloud,
         transport_plan,
     )
     from tgospa_eval.distances.gaussian import GaussianWasserstein, gaussian_wasserstein

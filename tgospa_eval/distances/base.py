@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.tracks.trajectories import Ints, Trajectories

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Effort
 from tgospa_eval.distances.gating import prepared_pairs
 from tgospa_eval.evaluation.request import EvaluationRequest

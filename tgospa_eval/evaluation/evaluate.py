@@ -6,23 +6,31 @@ from typing import TYPE_CHECKING, cast
 
 from tgospa_eval._version import __version__
 from tgospa_eval.common.notices import spoken_in_python, warn_user
-from tgospa_eval.common.solver_status import Status
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.distances import Distance, Effort
 from tgospa_eval.evaluation.diagnosis import look
-from tgospa_eval.evaluation.localisation import split_localisation
+from tgospa_eval.evaluation.localisation import (
+    rounded_coordinates,
+    split_localisation,
+    within_rounding,
+)
 from tgospa_eval.evaluation.prepare import Fitted, Prepared, Source, fit, prepare
-from tgospa_eval.evaluation.request import EvaluationRequest, chosen_metrics, chosen_parameters
-from tgospa_eval.evaluation.rounding import rounded_coordinates, within_rounding
+from tgospa_eval.evaluation.request import (
+    EvaluationRequest,
+    Sliding,
+    chosen_metrics,
+    chosen_parameters,
+    in_words,
+)
 from tgospa_eval.evaluation.sides import (
+    StepWeightsLike,
     TrajectoriesLike,
     as_distance,
     as_sides,
     as_solver,
+    as_step_weights,
+    in_units_of_truth,
 )
-from tgospa_eval.evaluation.sliding import Sliding, in_words
-from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
-from tgospa_eval.evaluation.units import in_units_of_truth
 from tgospa_eval.formats.filters import parse_steps
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
@@ -35,8 +43,8 @@ from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.existence import EXISTENCE
 
 if TYPE_CHECKING:
+    from tgospa_eval.evaluation.sides import Components
     from tgospa_eval.evaluation.slicing import SliceBy
-    from tgospa_eval.evaluation.stone_soup import Components
     from tgospa_eval.solvers.certified import Certified
 
 GAP = 1e-9
@@ -319,7 +327,7 @@ def prove(
         with stopwatch.span("curve"):
             traced = trace(*whole, *known)
     if sliding is not None:
-        from tgospa_eval.evaluation.windows import slide  # here: only when it is asked for
+        from tgospa_eval.evaluation.curve import slide  # here: only when it is asked for
 
         with stopwatch.span("windows"):
             slid = slide(*whole, sliding.spans(prepared.moments), *known)

@@ -1,12 +1,69 @@
 """What the cost of localisation is made of: means and spreads, distances and existence."""
 
+import math
+
 import numpy as np
 
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.distances.base import Sides
 from tgospa_eval.evaluation.prepare import Prepared
+from tgospa_eval.problem.solution import Bounds
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.result import Proof
+
+LARGE = 1e7
+"""Coordinates below this have nine decimals of which all are kept."""
+
+ROUNDED_DIGIT = 2e-10
+"""Relative error of a total from the rounding of decimals that is worth a warning."""
+
+
+def within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
+    """Whether the value itself is one of the last places of the states."""
+    if not bounds.within_rounding(gap):
+        return ()
+    return (
+        Notice(
+            code="within-rounding",
+            text="the value is within the rounding of the distances: only its bounds are known",
+            remedy="coordinates with a nearby origin keep more digits",
+        ),
+    )
+
+
+def rounded_coordinates(prepared: Prepared, proof: Proof) -> tuple[Notice, ...]:
+    """Whether decimals of large coordinates are so rounded that ten digits of the total are not.
+
+    Let u be the distance of neighbouring doubles; a decimal is off by u / sqrt(12), a difference by
+    sqrt(2) times that, and the cost d^p of an assigned pair by p d^(p - 1) times that. These are
+    independent, so their squares add up.
+    """
+    largest = max(np.abs(side.state).max(initial=0.0) for side in prepared.sides)
+    scene = prepared.scene
+    if largest < LARGE or all((side % 1 == 0).all() for side in (scene.truth, scene.estimate)):
+        return ()
+    states, cutoff, order = proof.states, proof.parameters.cutoff, proof.parameters.order
+    used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
+    slope = order * states.problem.cost[states.entry[used]] ** (1 - 1 / order)
+    spacing = float(np.spacing(largest))
+    error = float(np.linalg.norm(slope)) * spacing / math.sqrt(6) / cutoff
+    total = proof.breakdown.total
+    if not ROUNDED_DIGIT * total < error < total:  # where all is rounding, the bounds say so
+        return ()
+    return (
+        Notice(
+            code="rounded-coordinates",
+            text=f"coordinates up to {largest:.3g} are {spacing:.2g} apart as floating-point "
+            f"numbers: digit {math.ceil(-math.log10(error / total))} of the "
+            "total may come from their rounding",
+            remedy="coordinates with a nearby origin keep more digits",
+        ),
+    )
+
+
+# -------------------------------------------------------------------------------------------------
+# What the cost of localisation is made of: means and spreads, distances and existence.
 
 BLOCK = 1 << 16
 """Pairs whose distances are taken apart at a time."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.distances.gating import prepared_pairs
@@ -17,8 +17,13 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats, Problem
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import Parameters, tgospa_problem
-from tgospa_eval.problem.weighting import StepWeights, weight_existence, weight_steps
+from tgospa_eval.problem.tgospa import (
+    Parameters,
+    StepWeights,
+    tgospa_problem,
+    weight_existence,
+    weight_steps,
+)
 from tgospa_eval.results.records import FileInfo, FileRecord, Labels
 from tgospa_eval.results.result import Compared, Scene, sizes_of
 from tgospa_eval.tracks.alignment import Alignment, Times, align

@@ -2,31 +2,190 @@
 
 import os
 from collections.abc import Collection, Iterable, Mapping, Sequence, Set
+from dataclasses import replace
 from operator import index
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
 
 import numpy as np
 
+from tgospa_eval.common.words import more
 from tgospa_eval.distances import DISTANCES, Distance
+from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.objects import (
     ArrayLike,
     TimedArray,
     empty_like,
+    from_rows,
     is_timed_array,
+    numbers_of,
     of_array,
     of_mapping,
     of_timed_array,
+    times_of,
 )
-from tgospa_eval.evaluation.stone_soup import Components, TrackLike, of_tracks
 from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.columns.asked import BOX
+from tgospa_eval.problem.problem import Floats
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.conversion import Conversion
+from tgospa_eval.tracks.step_weights import WeightsByTime, repeated
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from tgospa_eval.tracks.clouds import Cloud
+
+
+def in_units_of_truth(
+    sides: tuple[Trajectories, Trajectories],
+    distance: Distance,
+    time_offset: float,
+    time_scale: float,
+    unit_scale: float,
+) -> tuple[tuple[Trajectories, Trajectories], dict[str, object]]:
+    """Both sides, the estimate with other stamps and states, and what of that is recorded.
+
+    Raises
+    ------
+    ConfigError
+        A number is out of range, or not for such times or columns.
+    InputError
+        The two sides do not fit each other.
+    """
+    conversion = Conversion(time_offset=time_offset, time_scale=time_scale, unit_scale=unit_scale)
+    if not conversion.recorded:
+        return sides, {}
+    truth, estimate = sides
+    if conversion.unit_scale != 1:
+        check_columns(truth, estimate, ("truth", "estimate"))
+        check_states(truth, estimate, distance, ("truth", "estimate"))
+        angles = tuple(distance.settings(truth.columns).get("periodic", ()))
+        conversion = replace(conversion, angles=angles)
+    return (truth, conversion(estimate, "estimate")), dict(conversion.recorded)
+
+
+# -------------------------------------------------------------------------------------------------
+# Tracks and ground-truth paths of Stone Soup, by their attributes, as Trajectories.
+
+
+class TrackLike(Protocol):
+    """A track or a ground-truth path of Stone Soup.
+
+    Its states have ``timestamp``, ``state_vector`` or ``mean``, and perhaps ``covar``.
+    """
+
+    @property
+    def id(self) -> object:
+        """What it is called."""
+
+    @property
+    def states(self) -> Sequence[Any]:
+        """Its states, in order."""
+
+
+Components: TypeAlias = "Sequence[int] | Sequence[Sequence[int]]"
+"""Of state vectors those to compare; for both sides, or a pair of such."""
+
+
+def of_tracks(
+    tracks: Iterable[Any],
+    name: str,
+    columns: tuple[str, ...] | None,
+    mapping: Sequence[int] | None,
+    kinds: tuple[str, ...],
+) -> Trajectories:
+    """Tracks and ground-truth paths of Stone Soup, by their attributes.
+
+    Of several states at one time the last counts, as of ``last_timestamp_generator`` there: an
+    update after its prediction. What `kinds` names of ``"gaussian"`` and ``"cloud"`` is read:
+    ``covar``, or the particles that are the columns of ``state_vector``, with their ``weight``.
+
+    Raises
+    ------
+    ConfigError
+        Components are not chosen, or not there.
+    InputError
+        A state has no time, or is not of numbers; an id is there twice.
+    """
+    ids, track, times, states, covariances, clouds = [], [], [], [], [], []
+    for number, path in enumerate(tracks):
+        ids.append(getattr(path, "id", number))
+        where = f"{name}, track {quoted(ids[-1])}"
+        if not isinstance(path.states, Iterable):
+            raise InputError(f"{where}: states is of the type {type(path.states).__name__}")
+        by_time = {getattr(state, "timestamp", None): state for state in path.states}
+        for moment, state in by_time.items():
+            if moment is None:
+                raise InputError(f"{where}: a state without timestamp")
+            vector = getattr(state, "mean", None)
+            vector = getattr(state, "state_vector", None) if vector is None else vector
+            if vector is None:
+                raise InputError(f"{where}: a state without state_vector")
+            chosen = _components(mapping, np.size(vector), name)
+            track.append(number)
+            times.append(moment)
+            states.append(numbers_of(vector, where).ravel()[chosen])
+            if "cloud" in kinds:
+                clouds.append(_cloud(state, chosen, where))
+            spread = getattr(state, "covar", None) if "gaussian" in kinds else None
+            if spread is not None:
+                covariances.append(numbers_of(spread, where)[np.ix_(chosen, chosen)])
+    if covariances and len(covariances) < len(states):
+        raise InputError(f"{name}: some states have a covariance and others not; all or none")
+    spreads: Floats | list[Cloud] | None = np.array(covariances) if covariances else None
+    if any(len(points) > 1 for points, _ in clouds):
+        spreads = clouds
+    size = len(states[0]) if states else len(mapping or (0,))
+    return from_rows(
+        name,
+        ids,
+        (np.arange(len(track)), np.array(track, np.int64)),
+        np.array(states, np.float64).reshape(-1, size),
+        times_of(times, name),
+        columns,
+        spreads,
+    )
+
+
+def _cloud(state: Any, chosen: list[int], where: str) -> "Cloud":
+    """Particles of a state (N, d) and their weights; one where it is a point."""
+    points = numbers_of(state.state_vector, where)
+    points = points.reshape(len(points), -1)[chosen].T
+    weights = getattr(state, "weight", None)
+    if weights is None:
+        return points, np.full(len(points), 1 / len(points))
+    weights = numbers_of(weights, where).ravel()
+    if len(weights) != len(points) or not (weights >= 0).all() or not weights.sum() > 0:
+        raise InputError(
+            f"{where}: {len(points)} particles and {len(weights)} weights; one for each, >= 0 and "
+            "not all 0"
+        )
+    return points, weights / weights.sum()
+
+
+def _components(mapping: Sequence[int] | None, size: int, name: str) -> list[int]:
+    """Which components of state vectors of a size are compared."""
+    if mapping is None:
+        if size == 1:
+            return [0]
+        raise ConfigError(
+            f"{name}: state vectors have {size} components, and do not say which are the position; "
+            "choose those to compare, mapping=(0, 2) for x and y of (x, vx, y, vy)"
+        )
+    chosen = list(mapping)
+    if not chosen or len(set(chosen)) < len(chosen) or not set(chosen) <= set(range(size)):
+        raise ConfigError(
+            f"mapping is {tuple(mapping)}: must be different components of the state vectors of "
+            f"{name}, from 0 to {size - 1}"
+        )
+    return chosen
+
+
+# -------------------------------------------------------------------------------------------------
+# What a user gives of a side, as `Trajectories`; names of distances and solvers as records.
 
 
 class ArrowTable(Protocol):
@@ -227,3 +386,85 @@ def as_distance(distance: str | Distance) -> Distance:
     if not isinstance(distance, str) or distance not in DISTANCES:
         raise ConfigError(f"no distance {quoted(distance)}; there are {', '.join(DISTANCES)}")
     return DISTANCES[distance]
+
+
+# -------------------------------------------------------------------------------------------------
+# What a Python user gives as weights of steps, as `WeightsByTime`.
+
+StepWeightsLike: TypeAlias = (
+    "Mapping[object, float] | pd.Series[float] | pd.DataFrame | ArrowTable | Floats | str | "
+    "os.PathLike[str]"
+)
+"""Time to weight, a table ``t, weight[, switch_weight]``, an array (T,), a path."""
+
+GIVEN = "step_weights"
+
+
+def as_step_weights(given: "StepWeightsLike | None") -> WeightsByTime | None:
+    """Any accepted form of the weights of steps.
+
+    Raises
+    ------
+    ConfigError
+        It is of no accepted type.
+    InputError
+        A time or a weight is none, or a time is there twice.
+    """
+    if given is None:
+        return None
+    if isinstance(given, (str, os.PathLike)):
+        from tgospa_eval.formats.text.step_weights import read_step_weights
+
+        return read_step_weights(os.fspath(given))
+    import pandas as pd  # here: files do without
+
+    if isinstance(given, pd.Series):  # by its index, as a mapping
+        given = dict(given.items())
+    frame = as_frame(given, GIVEN)
+    if frame is None and isinstance(given, Mapping):
+        frame = pd.DataFrame({"t": list(given.keys()), "weight": list(given.values())})
+    if frame is None and isinstance(given, (np.ndarray, list, tuple)):
+        if np.ndim(given) != 1:
+            raise InputError(
+                f"{GIVEN}: an array of shape {np.shape(given)}; one weight a step, (T,)"
+            )
+        frame = pd.DataFrame({"t": np.arange(len(given)), "weight": given})
+    if frame is None:
+        raise ConfigError(
+            f"{GIVEN} is of the type {type(given).__name__}: must be a mapping from time to "
+            "weight, a table with the columns t and weight, an array (T,) or a path"
+        )
+    return _of_frame(frame)
+
+
+def _of_frame(frame: "pd.DataFrame") -> WeightsByTime:
+    """A table ``t, weight[, switch_weight]``."""
+    from tgospa_eval.formats.frames import frame_times
+
+    columns = {str(name): frame[name] for name in frame.columns}
+    lacking = [name for name in ("t", "weight") if name not in columns]
+    if lacking:
+        raise InputError(f"{GIVEN}: no column {lacking[0]}; it has t, weight and switch_weight")
+    times = frame_times(columns["t"], GIVEN)
+    again = repeated(times.value)
+    if again is not None:
+        row, _, count = again
+        shown = columns["t"].iloc[row]
+        raise InputError(f"{GIVEN}, row {row}: t = {shown} is there twice{more(count)}")
+    cost = _weights(columns["weight"], "weight")
+    switch = _weights(columns.get("switch_weight", columns["weight"]), "switch_weight")
+    return WeightsByTime(times=times.value, cost=cost, switch=switch, clock=times.clock, name=GIVEN)
+
+
+def _weights(column: "pd.Series", header: str) -> Floats:
+    try:
+        values = column.to_numpy(dtype=np.float64, na_value=np.nan)
+    except (TypeError, ValueError):
+        raise InputError(f'{GIVEN}, column "{header}": not numbers') from None
+    odd = np.flatnonzero(~((values >= 0) & np.isfinite(values)))
+    if len(odd):
+        raise InputError(
+            f'{GIVEN}, row {odd[0]}, column "{header}": {values[odd[0]]:g}{more(len(odd))}; '
+            "write a finite number >= 0, 0 for a step that does not count"
+        )
+    return values

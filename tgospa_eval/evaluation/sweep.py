@@ -14,7 +14,7 @@ import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.common.notices import spoken_in_python, warn_user
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import look
@@ -22,13 +22,14 @@ from tgospa_eval.evaluation.evaluate import prove, solver_settings
 from tgospa_eval.evaluation.prepare import Fitted, Measured, fit, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import (
+    StepWeightsLike,
     TrajectoriesLike,
     as_distance,
     as_sides,
     as_solver,
+    as_step_weights,
+    in_units_of_truth,
 )
-from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
-from tgospa_eval.evaluation.units import in_units_of_truth
 from tgospa_eval.formats.filters import parse_steps
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
@@ -45,7 +46,7 @@ from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.existence import EXISTENCE
 
 if TYPE_CHECKING:
-    from tgospa_eval.evaluation.stone_soup import Components
+    from tgospa_eval.evaluation.sides import Components
 
 CONCAVE = ("cutoff", "switch_penalty")
 """Parameters along which prices between those of two neighbours are good for something."""

@@ -6,14 +6,23 @@ Costs are in units of c^p. What is said here only decides what is tried: `explai
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.distances import Distance
 from tgospa_eval.explain import edits
-from tgospa_eval.explain.assigned import Assigned, Stretch
-from tgospa_eval.explain.edits import Edit
-from tgospa_eval.problem.problem import Ints
+from tgospa_eval.explain.edits import NO_PARTNER, Assigned, Edit, Held, Rows, Stretch
+from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
+from tgospa_eval.problem.states import States
+from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.solvers.warm_start import SavedSolution
+from tgospa_eval.tracks.attributes import chosen
+from tgospa_eval.tracks.existence import EXISTENCE
+from tgospa_eval.tracks.trajectories import Trajectories
 
 HALVES = 2
 """Halves of a switch from one estimate to another."""
@@ -227,3 +236,457 @@ def _cut(assigned: Assigned, track: int, rows: Ints) -> Candidate:
         begin=begin,
         end=end,
     )
+
+
+# -------------------------------------------------------------------------------------------------
+# Components as repairs leave them, as copies in one problem at steps of their own.
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Original:
+    """What is solved, and how.
+
+    Parameters
+    ----------
+    problem : Problem
+        Before any repair.
+    held : Held
+        Its assignment.
+    priced : Priced
+        Its prices.
+    """
+
+    problem: Problem
+    held: Held
+    priced: "Priced"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Copy:
+    """The components that an edit touches.
+
+    Parameters
+    ----------
+    original : Original
+        What is edited.
+    edit : Edit
+        How.
+    blocks : (B,) bool array
+        Components of the original that it touches.
+    truth_in, estimate_in : bool arrays
+        Tracks that it consists of: those of the components, and tracks without one that it changes;
+        of estimates the new ones come last.
+    near : Problem, optional
+        The rows that edits add as its estimates, with all truths.
+    rows, entries : int arrays
+        Those of `near` that this edit adds.
+    """
+
+    original: Original
+    edit: Edit
+    blocks: Mask
+    truth_in: Mask
+    estimate_in: Mask
+    near: Problem | None
+    rows: Ints
+    entries: Ints
+
+    @property
+    def size(self) -> int:
+        """About how many rows and entries it has."""
+        problem = self.original.problem
+        whole = len(problem.cost) + len(problem.truth_step) + len(problem.estimate_step)
+        return int(whole * np.count_nonzero(self.truth_in) / max(len(self.truth_in), 1)) + 1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Priced:
+    """Prices by estimate and first step of their slot."""
+
+    estimate: Ints
+    step: Ints
+    price: Floats
+
+
+def priced(states: States, prices: Floats) -> Priced:
+    """The prices more than 0 of estimates; those of blocks whose columns are truths are nothing."""
+    paid = np.flatnonzero(prices > 0)
+    node = states.columns.node[paid]
+    direct = np.flatnonzero(~states.transposed[states.node_block[node]])
+    paid, node = paid[direct], node[direct]
+    track = np.zeros(states.nodes, np.int64)
+    track[states.pair_column] = states.pair_estimate
+    return Priced(
+        estimate=track[node], step=states.columns.step[paid].astype(np.int64), price=prices[paid]
+    )
+
+
+def joined(copies: list[Copy], problem: Problem) -> tuple[Problem, SavedSolution]:
+    """One problem of all copies, each at steps of its own, and where its solution may begin."""
+    parts: dict[str, list[Any]] = {}
+    warm: dict[str, list[Any]] = {}
+    truths = estimates = truth_rows = estimate_rows = 0
+    for number, copy in enumerate(copies):
+        first = number * problem.steps
+        rows = _rows(copy)
+        own = _entries(copy, rows)
+        for name, value in (
+            ("truth_step", problem.truth_step[rows.truth] + first),
+            ("truth_track", rows.truth_number[problem.truth_track[rows.truth]] + truths),
+            ("truth_price", problem.truth_price[rows.truth]),
+            ("estimate_step", rows.step + first),
+            ("estimate_track", rows.track + estimates),
+            ("estimate_price", rows.price),
+            ("truth_row", own[0] + truth_rows),
+            ("estimate_row", own[1] + estimate_rows),
+            ("cost", own[2]),
+        ):
+            parts.setdefault(name, []).append(value)
+        for name, value in _warm(copy, rows, first):
+            shift = {"truth": truths, "estimate": estimates, "price_of": estimates}.get(name, 0)
+            warm.setdefault(name, []).append(value + shift if shift else value)
+        truths += int(np.count_nonzero(copy.truth_in))
+        estimates += int(np.count_nonzero(copy.estimate_in))
+        truth_rows, estimate_rows = truth_rows + len(rows.truth), estimate_rows + len(rows.step)
+    arrays: dict[str, Any] = {name: np.concatenate(values) for name, values in parts.items()}
+    steps = len(copies) * problem.steps
+    price = problem.switch_price
+    if not isinstance(price, float):
+        price = np.tile(np.append(price, 0.0), len(copies))[:-1]
+    near = [copy.near for copy in copies if copy.near is not None]
+    whole = Problem(
+        steps=steps,
+        truths=truths,
+        estimates=estimates,
+        switch_price=price,
+        cost_error=max(part.cost_error for part in (problem, *near)),
+        cost_slack=max(part.cost_slack for part in (problem, *near)),
+        rounding=problem.rounding,
+        **arrays,
+    )
+    return whole, _saved({k: np.concatenate(v) for k, v in warm.items()}, whole)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _CopyRows:
+    """Rows of a copy: of truths those of the problem, of estimates with new tracks, in order.
+
+    `place` is where each old row is here, and each that is added, -1 for others.
+    """
+
+    truth: Ints
+    truth_number: Ints
+    estimate_number: Ints
+    step: Ints
+    track: Ints
+    price: Floats
+    place: Ints
+
+
+def _rows(copy: Copy) -> _CopyRows:
+    problem, edit = copy.original.problem, copy.edit
+    chosen = np.flatnonzero(copy.estimate_in[problem.estimate_track])
+    track = edit.tracks(problem.estimate_track[chosen], problem.estimate_step[chosen])
+    chosen, track = chosen[track >= 0], track[track >= 0]
+    step, price = problem.estimate_step[chosen], problem.estimate_price[chosen]
+    sources = len(problem.estimate_step)
+    if copy.near is not None and edit.added is not None:
+        step = np.concatenate((step, copy.near.estimate_step[copy.rows]))
+        track = np.concatenate((track, np.full(len(copy.rows), edit.added.track[0])))
+        price = np.concatenate((price, copy.near.estimate_price[copy.rows]))
+    number = np.cumsum(copy.estimate_in) - 1
+    track = number[track]
+    order = np.lexsort((track, step))
+    back = np.empty(len(order), np.int64)
+    back[order] = np.arange(len(order))
+    place = np.full(sources + len(copy.rows), -1)
+    place[chosen] = back[: len(chosen)]
+    place[sources:] = back[len(chosen) :]
+    return _CopyRows(
+        truth=np.flatnonzero(copy.truth_in[problem.truth_track]),
+        truth_number=np.cumsum(copy.truth_in) - 1,
+        estimate_number=number,
+        step=step[order],
+        track=track[order],
+        price=price[order],
+        place=place,
+    )
+
+
+def _entries(copy: Copy, rows: _CopyRows) -> tuple[Ints, Ints, Floats]:
+    """Rows of the entries of a copy, and their costs."""
+    problem = copy.original.problem
+    truth_place = np.full(len(problem.truth_step), -1)
+    truth_place[rows.truth] = np.arange(len(rows.truth))
+    truth, estimate = truth_place[problem.truth_row], rows.place[problem.estimate_row]
+    kept = np.flatnonzero((truth >= 0) & (estimate >= 0))
+    truth, estimate, cost = truth[kept], estimate[kept], problem.cost[kept]
+    if copy.near is not None and len(copy.entries):
+        near, at = copy.near, np.zeros(len(copy.near.estimate_step), np.int64)
+        at[copy.rows] = len(problem.estimate_step) + np.arange(len(copy.rows))
+        truth = np.concatenate((truth, truth_place[near.truth_row[copy.entries]]))
+        estimate = np.concatenate((estimate, rows.place[at[near.estimate_row[copy.entries]]]))
+        cost = np.concatenate((cost, near.cost[copy.entries]))
+    order = np.lexsort((estimate, truth))
+    return truth[order].astype(np.int32), estimate[order].astype(np.int32), cost[order]
+
+
+def _warm(copy: Copy, rows: _CopyRows, first: int) -> Iterator[tuple[str, Ints | Floats]]:
+    """The assignment and the prices at hand, with the names of tracks after the edit."""
+    held, priced, edit = copy.original.held, copy.original.priced, copy.edit
+    mine = np.flatnonzero(copy.truth_in[held.truth])
+    moved = np.isin(held.estimate[mine], list(edit.pieces))
+    still = mine[~moved]
+    pieces = [(still, held.estimate[still], held.begin[still], held.end[still])]
+    for name, parts in edit.pieces.items():
+        own = mine[held.estimate[mine] == name]
+        for piece in parts:
+            begin, end = (
+                np.maximum(held.begin[own], piece.begin),
+                np.minimum(held.end[own], piece.end),
+            )
+            some = begin <= end
+            pieces.append(
+                (own[some], np.full(np.count_nonzero(some), piece.to), begin[some], end[some])
+            )
+    which, track, begin, end = (np.concatenate(part) for part in zip(*pieces, strict=True))
+    yield "truth", rows.truth_number[held.truth[which]]
+    yield "estimate", rows.estimate_number[track]
+    yield "begin", begin + first
+    yield "end", end + first
+    yield "weight", held.weight[which]
+    became = edit.tracks(priced.estimate, priced.step)
+    paid = np.flatnonzero((became >= 0) & copy.estimate_in[np.maximum(became, 0)])
+    yield "price_of", rows.estimate_number[became[paid]]
+    yield "price_at", priced.step[paid] + first
+    yield "price", priced.price[paid]
+
+
+def _saved(warm: dict[str, Any], problem: Problem) -> SavedSolution:
+    pair = (warm["truth"] * problem.estimates + warm["estimate"]) * problem.steps
+    order = np.argsort(pair + warm["begin"], kind="stable")
+    slot = warm["price_of"] * problem.steps + warm["price_at"]
+    by_slot = np.argsort(slot, kind="stable")
+    return SavedSolution(
+        begin=(pair + warm["begin"])[order],
+        end=(pair + warm["end"])[order],
+        weight=warm["weight"][order],
+        slot=slot[by_slot],
+        price=warm["price"][by_slot],
+    )
+
+
+# -------------------------------------------------------------------------------------------------
+# Repairs that make or move states: gaps filled, tracks extended, the whole estimate moved.
+#
+# What they would save at the assignment at hand is measured by the base distance, of Gaussians and
+# clouds by one of their means that is no larger.
+
+LONGEST_EXTENSION = 50
+"""Steps by which a track is extended at most."""
+
+BEHIND = 5
+"""States from which the velocity of an extension is taken, or as many as there are."""
+
+SHIFTS = (1, 2, 3, 4, 5)
+SAMPLED_PAIRS = 4000
+"""Assigned pairs that are looked at for a shift."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Places:
+    """Where everything is, for estimates of what repairs save.
+
+    Parameters
+    ----------
+    truth, estimate : Trajectories
+        On the grid.
+    moments : (T,) float array
+        Its stamps, as numbers.
+    distance : Distance
+        One that compares states without covariances.
+    parameters : Parameters
+        The cutoff, and the order.
+    period : (d,) float array
+        Of each column, infinite where it is not periodic.
+    existence : (R,) float array, optional
+        Probability of each estimate row, where these count.
+    """
+
+    truth: Trajectories
+    estimate: Trajectories
+    moments: Floats
+    distance: Distance
+    parameters: Parameters
+    period: Floats
+    existence: Floats | None = None
+
+    def costs(self, state: Floats, row: Ints) -> Floats:
+        """``(d / c)^p`` of states and truths (N,), infinite where there is no truth."""
+        there = row >= 0
+        apart = self.distance(state[there], self.truth.state[row[there]])
+        found = np.full(len(row), np.inf)
+        found[there] = (apart / self.parameters.cutoff) ** self.parameters.order
+        return found
+
+    def apart(self, first: Floats, second: Floats) -> Floats:
+        """The difference of states, the shorter way round where a column is periodic."""
+        delta = second - first
+        turns = np.rint(delta / self.period)
+        return delta - np.where(turns == 0, 0.0, turns * np.where(turns == 0, 1.0, self.period))
+
+
+def filled(assigned: Assigned, places: Places, most: int) -> Iterator[Candidate]:
+    """Gaps of tracks, filled on straight lines between their ends."""
+    tracks, side = assigned.estimate, assigned.estimate.side
+    left, right = tracks.order[:-1], tracks.order[1:]
+    size = side.step[right].astype(np.int64) - side.step[left] - 1
+    gap = np.flatnonzero((side.track[left] == side.track[right]) & (size > 0))
+    left, right, size = left[gap], right[gap], size[gap]
+    which = np.repeat(np.arange(len(gap)), size)
+    step = concatenated(side.step[left].astype(np.int64) + 1, size)
+    a, b = left[which], right[which]
+    begin, end = (places.moments[side.step[row]] for row in (a, b))
+    share = ((places.moments[step] - begin) / (end - begin))[:, None]
+    states = places.estimate.state
+    state = states[a] + share * places.apart(states[a], states[b])
+    truth = np.where(assigned.follows[left] >= 0, assigned.follows[left], assigned.follows[right])
+    saved = _added_saves(assigned, places, state, (truth[which], step), side.price[a])
+    saving = sum_by(which, saved, len(gap))
+    first = np.cumsum(size) - size
+    for k in np.argsort(-saving, kind="stable")[:most].tolist():
+        rows = slice(int(first[k]), int(first[k] + size[k]))
+        spread = places.estimate.covariance
+        covariance = None
+        if spread is not None:
+            covariance = spread[a[rows]] + share[rows] * (spread[b[rows]] - spread[a[rows]])
+        likely = places.existence
+        if likely is not None:
+            likely = likely[a[rows]] + share[rows, 0] * (likely[b[rows]] - likely[a[rows]])
+        made = Rows(
+            step=step[rows],
+            track=np.full(len(step[rows]), side.track[left[k]]),
+            state=state[rows],
+            covariance=covariance,
+            attributes=_certainty(likely),
+        )
+        yield _with_rows("fill", float(saving[k]), made)
+
+
+def _certainty(existence: Floats | None) -> dict[str, Floats]:
+    """The attribute of rows that exist with a probability."""
+    return {} if existence is None else {EXISTENCE: existence}
+
+
+def _with_rows(kind: str, saving: float, made: Rows) -> Candidate:
+    order = np.argsort(made.step)
+    rows = Rows(
+        step=made.step[order],
+        track=made.track,
+        state=made.state[order],
+        covariance=None if made.covariance is None else made.covariance[order],
+        attributes=chosen(made.attributes, order),
+    )
+    return Candidate(
+        kind=kind,
+        saving=saving,
+        edit=edits.add(rows),
+        tracks=(int(made.track[0]),),
+        begin=int(made.step.min()),
+        end=int(made.step.max()),
+    )
+
+
+def _added_saves(
+    assigned: Assigned, places: Places, state: Floats, wanted: tuple[Ints, Ints], price: Floats
+) -> Floats:
+    """What new states save (N,), each of which is to follow a truth at a step."""
+    row = assigned.truth.find(*wanted)
+    row = np.where((row >= 0) & (assigned.followed[row] < 0), row, NO_PARTNER)
+    alone = assigned.problem.truth_price
+    missed = alone[row] if len(alone) else np.zeros(len(row))
+    cost = np.minimum(places.costs(state, row), 1.0) * (missed + price)
+    return np.where(row >= 0, missed - cost, -price)
+
+
+def extended(assigned: Assigned, places: Places, most: int) -> Iterator[Candidate]:
+    """Tracks that go on at either end, at constant velocity, while the truth is missed."""
+    tracks, side = assigned.estimate, assigned.estimate.side
+    there = np.flatnonzero(np.diff(tracks.first) > 0)
+    first, last = tracks.first[there], tracks.first[there + 1] - 1
+    states, moments = places.estimate.state, places.moments
+    ahead = np.arange(1, LONGEST_EXTENSION + 1)
+    found: list[tuple[float, int, Ints, Floats, int]] = []
+    for sign, edge, behind in (
+        (1, last, np.maximum(first, last - BEHIND + 1)),
+        (-1, first, np.minimum(last, first + BEHIND - 1)),
+    ):
+        row, far = tracks.order[edge], tracks.order[behind]
+        truth = assigned.follows[row]
+        own = np.flatnonzero(truth >= 0)
+        row, far, truth = row[own], far[own], truth[own]
+        now = moments[side.step[row]]
+        past = now - moments[side.step[far]]
+        away = places.apart(states[far], states[row])
+        speed = away / np.where(past == 0, 1.0, past)[:, None]
+        step = side.step[row].astype(np.int64)[:, None] + sign * ahead
+        inside = (step >= 0) & (step < len(moments))
+        at = np.where(inside, step, 0)
+        state = states[row][:, None] + (moments[at] - now[:, None])[..., None] * speed[:, None]
+        wanted = np.repeat(truth, LONGEST_EXTENSION), np.where(inside, step, -1).ravel()
+        price = np.repeat(side.price[row], LONGEST_EXTENSION)
+        flat = state.reshape(-1, states.shape[1])
+        saved = _added_saves(assigned, places, flat, wanted, price).reshape(step.shape)
+        sums = np.cumsum(saved, axis=1)
+        size = np.argmax(sums, axis=1) + 1
+        for k in np.argsort(-sums.max(axis=1, initial=0.0), kind="stable")[:most].tolist():
+            n = int(size[k])
+            gain = float(sums[k, n - 1])
+            found.append((gain, int(side.track[row[k]]), step[k, :n], state[k, :n], int(row[k])))
+    spread = places.estimate.covariance
+    for saving, track, added, made, source in found:
+        covariance = None if spread is None else np.repeat(spread[source][None], len(added), axis=0)
+        likely = places.existence
+        rows = Rows(
+            step=added,
+            track=np.full(len(added), track),
+            state=made,
+            covariance=covariance,
+            attributes=_certainty(None if likely is None else np.full(len(added), likely[source])),
+        )
+        yield _with_rows("extend", saving, rows)
+
+
+def shifted(assigned: Assigned, places: Places) -> Iterator[Candidate]:
+    """The whole estimate some steps earlier or later: the shift that would save most."""
+    side, problem = assigned.estimate.side, assigned.problem
+    row = np.flatnonzero(assigned.follows >= 0)
+    row = row[:: -(-len(row) // SAMPLED_PAIRS) or 1]
+    truth, step = assigned.follows[row], side.step[row].astype(np.int64)
+    here = problem.truth_price[assigned.truth.find(truth, step)] + side.price[row]
+    now = float((here - assigned.cost[row]).sum())
+    scale = np.count_nonzero(assigned.follows >= 0) / max(len(row), 1)
+    found = []
+    for shift in (sign * size for size in SHIFTS for sign in (-1, 1)):
+        there = assigned.truth.find(truth, step + shift)
+        cost = np.minimum(places.costs(places.estimate.state[row], there), 1.0)
+        found.append((float(((1.0 - cost) * here).sum()) - now, shift))
+    saving, shift = max(found)
+    yield Candidate(kind="shift", saving=saving * scale, edit=Edit(shift=shift))
+
+
+def moved(assigned: Assigned, places: Places) -> Iterator[Candidate]:
+    """The whole estimate without the median difference to what it follows."""
+    side, problem = assigned.estimate.side, assigned.problem
+    row = np.flatnonzero(assigned.follows >= 0)
+    if not len(row):
+        return
+    there = assigned.truth.find(assigned.follows[row], side.step[row])
+    states = places.estimate.state
+    offset = np.median(places.apart(places.truth.state[there], states[row]), axis=0)
+    cost = np.minimum(places.costs(states[row] - offset, there), 1.0)
+    both = problem.truth_price[there] + side.price[row]
+    saving = float((assigned.cost[row] - cost * both).sum())
+    yield Candidate(kind="offset", saving=saving, edit=Edit(offset=offset))

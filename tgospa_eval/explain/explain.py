@@ -4,18 +4,16 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from tgospa_eval.common.figures import number
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import on_own_times, periods_of
 from tgospa_eval.evaluation.prepare import Source
 from tgospa_eval.explain import candidates as found
-from tgospa_eval.explain import motion
-from tgospa_eval.explain.assigned import Assigned
-from tgospa_eval.explain.candidates import Candidate
-from tgospa_eval.explain.direct import Trial
-from tgospa_eval.explain.motion import Places
-from tgospa_eval.explain.trials import Trials
+from tgospa_eval.explain import candidates as motion
+from tgospa_eval.explain.candidates import Candidate, Places
+from tgospa_eval.explain.edits import Assigned
+from tgospa_eval.explain.trials import Trial, Trials
 from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.numbers import outward
 from tgospa_eval.results.records import Columns

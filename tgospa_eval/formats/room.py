@@ -6,7 +6,7 @@ import stat
 import sys
 from contextlib import suppress
 
-from tgospa_eval.common.memory import available_memory
+from tgospa_eval.common.machine import available_memory
 from tgospa_eval.errors import InputError
 
 GIGABYTE = 1e9

@@ -11,18 +11,16 @@ import numpy as np
 from tgospa_eval._version import __version__
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.common.solver_status import Status
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.common.words import natural
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.checks import check_columns
-from tgospa_eval.engines.processes import Processes
+from tgospa_eval.engines.processes import Processes, Standing
 from tgospa_eval.engines.spread import Engine
-from tgospa_eval.engines.standing import Standing
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import nested_timings, solver_settings
+from tgospa_eval.evaluation.localisation import within_rounding
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.evaluation.rounding import within_rounding
 from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.input.digests import changed_file, combined_digest

@@ -9,7 +9,7 @@ from tgospa_eval.partitioned.tables import Naming, write_per_step, write_tracks
 from tgospa_eval.partitioned.tasks import run_tasks
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Breakdown
-from tgospa_eval.results.stored_tables import IN_PARTS, StoredTables, name_of
+from tgospa_eval.results.partitioned import IN_PARTS, StoredTables, name_of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

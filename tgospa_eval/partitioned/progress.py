@@ -5,7 +5,7 @@ import os
 import time
 from collections.abc import Mapping
 
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.partitioned.share import Share
 from tgospa_eval.problem.tgospa import Parameters
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.engines.processes import Standing
 from tgospa_eval.engines.spread import Engine
-from tgospa_eval.engines.standing import Standing
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.add_up import Whole, add_up
 from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks

@@ -7,17 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.partitioned.share import ENTRY, Share
 from tgospa_eval.partitioned.shuffle import entries_of
 from tgospa_eval.partitioned.tasks import left_until, writing
-from tgospa_eval.problem.certificate import prove
+from tgospa_eval.problem.certificate import prove, unpaired_prices
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Ints, Problem
 from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.tgospa import Parameters
-from tgospa_eval.problem.unassigned import unpaired_prices
 from tgospa_eval.solvers.certified import Certified
 
 ASSIGNED_PAIR = np.dtype([*ENTRY.descr, ("weight", "<f8")])

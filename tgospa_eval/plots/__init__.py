@@ -9,9 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import LIGHT
-from tgospa_eval.common.words import install
+from tgospa_eval.common.words import install, number
 from tgospa_eval.problem.problem import Floats
 
 if TYPE_CHECKING:
@@ -22,9 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.patches import StepPatch
 
     from tgospa_eval.plots.lanes import plot_lanes
-    from tgospa_eval.plots.overtime import plot_costs, plot_cumulative, plot_windows
+    from tgospa_eval.plots.overtime import plot_costs, plot_cumulative, plot_windows, plot_worst
     from tgospa_eval.plots.plane import plot_plane
-    from tgospa_eval.plots.worst import plot_worst
 
 __all__ = [
     "plot_costs",

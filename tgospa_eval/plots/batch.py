@@ -10,10 +10,9 @@ from tgospa_eval.plots import figure, written
 from tgospa_eval.plots.overtime import name_times
 from tgospa_eval.plots.style import FILLS, SOFT, Style, legend, literal, power, styled, titled
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.reports.batch_view import BatchView
+from tgospa_eval.reports.batch_view import BatchView, Heat
+from tgospa_eval.reports.clock import ROOM
 from tgospa_eval.reports.curves import CURVE_KINDS, LINE_NAMES, RmsCurve, RmsLine, on_one_axis
-from tgospa_eval.reports.heat import Heat
-from tgospa_eval.reports.ticks import ROOM
 from tgospa_eval.results.records import PARTS, Part
 
 if TYPE_CHECKING:

@@ -9,16 +9,111 @@ import numpy as np
 from tgospa_eval.common.palette import TRACK_COLOURS
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.overtime import time_axis
-from tgospa_eval.plots.shapes import outlines
 from tgospa_eval.plots.style import FALSE, INK, MISSED, SOFT, Style, legend, literal, styled, titled
-from tgospa_eval.plots.views import TIME, Side, View, plane_columns, view
+from tgospa_eval.plots.views import TIME, Side, View, is_box, plane_columns, view
 from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.reports.page_data import is_map, map_stretch
 from tgospa_eval.results.summary import Summary
+from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+SIGMAS = 2
+FEW = 30
+"""Trajectories up to which shapes do not hide one another."""
+
+CORNERS = 48
+"""Of an ellipse."""
+
+APART = 2.0
+"""Distance of two shapes of a trajectory, in sizes of the first."""
+
+
+def outlines(axis: "Axes", seen: View, across: str, up: str, style: Style) -> "dict[str, Artist]":
+    """Draw them where the two columns show them; returns entries of a legend."""
+    boxes = seen.data["boxes"]
+    if len(seen.truth.ids) + len(seen.estimate.ids) > FEW:
+        return {}
+    if boxes and (across, up) not in (("left", "top"), ("centre x", "centre y")):
+        return {}
+    if not boxes and (not seen.data["spread"] or across == up or TIME in (across, up)):
+        return {}
+    from matplotlib.collections import PolyCollection
+
+    handles: dict[str, Artist] = {}
+    for side in (seen.truth, seen.estimate):
+        row, shapes = _boxes(side) if boxes else ellipses(seen, side, across, up)
+        if not len(row):
+            continue
+        reach = (shapes.max(axis=1) / 2 - shapes.min(axis=1) / 2).max(axis=1)
+        middle = np.stack([side.axes[across][row], side.axes[up][row]], axis=1)
+        kept = spaced(side.row["track"][row], middle, APART * reach)
+        truth = side.name == "truth"
+        colours = np.array(TRACK_COLOURS)[side.row["track"][row[kept]] % len(TRACK_COLOURS)]
+        looks: dict[str, Any] = {"facecolors": "none", "edgecolors": INK if truth else colours}
+        looks |= {"linewidths": 0.9 if style.titles else 0.5, "zorder": 2.3}
+        looks["linestyles"] = (0, (4, 2)) if truth else "-"
+        made = PolyCollection(list(shapes[kept]), label=f"{side.name}/shapes", **looks)
+        axis.add_collection(made)
+        what = "box" if boxes else f"{SIGMAS}-sigma"
+        handles[f"{what}, {side.name}"] = made
+    return handles
+
+
+def ellipses(seen: View, side: Side, across: str, up: str) -> tuple[Ints, Floats]:
+    """Rows that are drawn with a spread, and outlines (K, CORNERS, 2), of those that have any.
+
+    Of two components with deviations s, t and correlation r the n-sigma outline is
+    (n s cos u, n t sin(u + arcsin r)), 0 <= u < 2 pi; `reports.drawn` says how these are encoded.
+    """
+    how, names = seen.data["spread"], seen.data["columns"]
+    if "row" not in side.spread:
+        return np.zeros(0, np.int64), np.zeros((0, CORNERS, 2))
+    chosen = [names.index(name) for name in (across, up)]
+
+    def deviation(k: int) -> Floats:
+        level = side.spread[str(k * (k + 3) // 2)]
+        deviation = how["largest"][k] * np.exp(-level / how["fine"])
+        return np.asarray(np.where(level >= how["faint"], 0.0, deviation), float)
+
+    s, t = (deviation(k) for k in chosen)
+    i, j = max(chosen), min(chosen)
+    turn = side.spread[str(i * (i + 1) // 2 + j)] / how["angle"]
+    there = np.flatnonzero((s > 0) | (t > 0))
+    row = side.spread["row"][there]
+    u = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
+    x = side.axes[across][row, None] + SIGMAS * s[there, None] * np.cos(u)
+    y = side.axes[up][row, None] + SIGMAS * t[there, None] * np.sin(u + turn[there, None])
+    return row, np.stack([x, y], axis=2)
+
+
+def _boxes(side: Side) -> tuple[Ints, Floats]:
+    """All rows, and corners (R, 4, 2)."""
+    left, top, width, height = (side.axes[name] for name in ("left", "top", "width", "height"))
+    x = np.stack([left, left + width, left + width, left], axis=1)
+    y = np.stack([top, top, top + height, top + height], axis=1)
+    return np.arange(len(left)), np.stack([x, y], axis=2)
+
+
+def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
+    """The first of each track, and each next one that is beyond the reach of the last."""
+    kept = []
+    last = -1
+    for k in range(len(track)):
+        new = last < 0 or track[last] != track[k]
+        if new or np.abs(middle[k] - middle[last]).max() > max(reach[last], reach[k]):
+            kept.append(k)
+            last = k
+    return np.array(kept, np.int64)
+
+
+# -------------------------------------------------------------------------------------------------
+# Trajectories in the plane, with what was missed, false and switched where it happened.
 
 VECTOR_POINTS = 40_000
 """Points that are drawn as lines and marks in vector files; more become dots."""
@@ -239,3 +334,132 @@ def rows_of_switches(seen: View) -> Ints:
     wanted = switches["truth"].astype(np.int64) * key + switches["step"].astype(np.int64)
     found = np.searchsorted(row["track"] * key + row["step"], wanted, side="right") - 1
     return np.asarray(np.maximum(found, 0))
+
+
+# -------------------------------------------------------------------------------------------------
+# What was read, before anything is compared: the plane, and who is there when.
+
+LOOKS = (
+    {"color": SOFT, "linewidth": 2.2, "alpha": 0.55},
+    {"color": FALSE, "linewidth": 0.9},
+)
+"""Of truth and estimate: what is above lets what is below be seen."""
+
+NAMED = 30
+"""Most trajectories that are named beside their lines."""
+
+INCHES_ACROSS, INCHES_UP = 9.0, 4.2
+"""Of the picture."""
+
+
+def plot_inspection(
+    sides: Sequence[tuple[str, Trajectories]], *, unit: str = "", style: str = "screen"
+) -> "Figure":
+    """Trajectories in the plane, and a line for each over the times at which it has states.
+
+    Parameters
+    ----------
+    sides : sequence of (str, Trajectories)
+        Name and content of the truth, and of an estimate.
+    unit : str
+        Of the states.
+    style : {"screen", "paper"}
+        As of other pictures.
+
+    Raises
+    ------
+    ConfigError
+        matplotlib is not installed.
+    """
+    columns = sides[0][1].columns
+    boxes = is_box(columns)
+    across, up = plane_columns(columns, None, boxes=boxes)
+    begin = min((side.times[0] for _, side in sides if len(side.times)), default=0)
+    clock = next((side.clock for _, side in sides if len(side.times)), "number")
+    with styled(style):
+        made, ((plane, presence),) = figure(INCHES_ACROSS, INCHES_UP, 1, 2)
+        handles: dict[str, Artist] = {}
+        below = 0
+        for (name, side), looks in zip(sides, LOOKS, strict=False):
+            order, breaks = _runs(side)
+            moments = _moments(side, begin)
+            axes = {TIME: moments, **_places(side)}
+            drawn = plane.plot(
+                *(_broken(axes[key][order], breaks) for key in (across, up)),
+                marker=".",
+                markersize=2,
+                **looks,
+            )
+            handles[literal(name)] = drawn[0]
+            presence.plot(
+                _broken(moments[order], breaks),
+                _broken(below + side.track[order].astype(float), breaks),
+                marker="|",
+                markersize=3,
+                **looks,
+            )
+            below += len(side.ids)
+        _name(plane, *(_named(name, unit) for name in (across, up)))
+        seconds = clock != "number"
+        _name(presence, f"s since {literal(_first(sides))}" if seconds else "t", "trajectory")
+        presence.invert_yaxis()
+        if below <= NAMED:
+            ids = [str(name) for _, side in sides for name in side.ids.tolist()]
+            presence.set_yticks(range(below), [literal(name) for name in ids], parse_math=False)
+        scale = unit_scale(across, up, _stretch(sides))
+        if scale is not None:
+            plane.set_aspect(scale, adjustable="datalim")
+        if boxes:
+            plane.invert_yaxis()
+        legend(made, list(handles.values()), list(handles), 2)
+        return made
+
+
+def _runs(side: Trajectories) -> tuple[Ints, Ints]:
+    """Rows by track, and where a track ends or has a hole."""
+    order = np.argsort(side.track, kind="stable")
+    track, step = side.track[order], side.step[order]
+    return order, np.flatnonzero((np.diff(track) != 0) | (np.diff(step) > 1)) + 1
+
+
+def _broken(values: Floats, breaks: Ints) -> Floats:
+    return np.insert(values.astype(float), breaks, np.nan)
+
+
+def _moments(side: Trajectories, begin: float) -> Floats:
+    times = side.times if side.clock == "number" else (side.times - begin) / SECOND
+    return np.asarray(times, np.float64)[side.step]
+
+
+def _places(side: Trajectories) -> dict[str, Floats]:
+    """State columns by name; of boxes the centres as well."""
+    found = dict(zip(side.columns, side.state.T, strict=True))
+    if is_box(side.columns):
+        found["centre x"] = found["left"] + found["width"] / 2
+        found["centre y"] = found["top"] + found["height"] / 2
+    return found
+
+
+def _stretch(sides: Sequence[tuple[str, Trajectories]]) -> float:
+    """Of a map, by the states of all sides; else 1."""
+    if not is_map(sides[0][1].columns):
+        return 1.0
+    return map_stretch(np.concatenate([_places(side)["lat"] for _, side in sides]))
+
+
+def _first(sides: Sequence[tuple[str, Trajectories]]) -> str:
+    """The first time, as read."""
+    firsts = [(side.times[0], side.shown[0]) for _, side in sides if len(side.times)]
+    return str(min(firsts)[1])
+
+
+def _named(column: str, unit: str) -> str:
+    inside = f" ({literal(unit)})" if unit and column not in ("lat", "lon", TIME) else ""
+    return literal(column) + inside
+
+
+def _name(axis: "Axes", across: str, up: str) -> None:
+    axis.xaxis.set_label_text(across, parse_math=False)
+    axis.yaxis.set_label_text(up, parse_math=False)
+    for spine in ("left", "bottom"):
+        axis.spines[spine].set_color(INK)

@@ -11,8 +11,7 @@ from tgospa_eval.plots import FILES, available, written
 from tgospa_eval.plots.style import STYLES, styled
 from tgospa_eval.plots.views import is_box, parts_of, plane_columns, view
 from tgospa_eval.reports.drawn import Drawn
-from tgospa_eval.reports.files import result_texts
-from tgospa_eval.reports.folders import RESULT, probe_folder, write_texts
+from tgospa_eval.reports.files import RESULT, probe_folder, result_texts, write_texts
 from tgospa_eval.reports.page_data import document
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.summary import Summary
@@ -90,9 +89,8 @@ def result_pictures(
     if not wanted.formats:
         return {}
     from tgospa_eval.plots.lanes import draw_lanes
-    from tgospa_eval.plots.overtime import draw_costs, draw_cumulative, draw_windows
+    from tgospa_eval.plots.overtime import draw_costs, draw_cumulative, draw_windows, draw_worst
     from tgospa_eval.plots.plane import draw_plane
-    from tgospa_eval.plots.worst import draw_worst
 
     seen, parts = view(result, drawn), parts_of(wanted.components)
     files: dict[str, bytes] = {}

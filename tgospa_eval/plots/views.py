@@ -14,9 +14,8 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.reports.clock import Clock, words
+from tgospa_eval.reports.clock import Clock, edges, placed, words
 from tgospa_eval.reports.drawn import Drawn, PageData
-from tgospa_eval.reports.moments import edges, placed
 from tgospa_eval.reports.page_data import NONE, document, is_map
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
@@ -49,7 +48,7 @@ class Side:
     axes : dict
         Of these rows what the plane can show, by name.
     spread : dict
-        What is around states: ``row``, and the entries of `reports.spreads` by number.
+        What is around states: ``row``, and the entries of `reports.drawn` by number.
     """
 
     name: str

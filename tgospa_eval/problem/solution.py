@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
-from tgospa_eval.common.solver_status import Status
+from tgospa_eval.common.progress import Status
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States
 

@@ -6,15 +6,15 @@ from dataclasses import replace
 from typing import Self
 
 from tgospa_eval.common.config import SettingsFile
-from tgospa_eval.common.figures import number
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
-from tgospa_eval.regression.baseline import BASELINE_VALUES, Baseline, Entry, differences
-from tgospa_eval.regression.measured import Measured
-from tgospa_eval.regression.rules import (
+from tgospa_eval.common.words import number
+from tgospa_eval.regression.baseline import BASELINE_VALUES, Baseline, Entry, Measured, differences
+from tgospa_eval.regression.suite import (
     STATUS,
     Finding,
     Key,
+    Pair,
     Rule,
     Value,
     Verdict,
@@ -23,7 +23,6 @@ from tgospa_eval.regression.rules import (
     name_of,
     worst,
 )
-from tgospa_eval.regression.suite import Pair
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.tracks.judged import incomparable
 

@@ -1,19 +1,30 @@
 """What a gate found: a table of 80 columns, JSON, Markdown for a pull request."""
 
 import math
-from collections.abc import Iterator
+import os
+from collections.abc import Iterable, Iterator
 from textwrap import TextWrapper
 
 from tgospa_eval.common.config import settings_field
-from tgospa_eval.common.figures import number
-from tgospa_eval.regression.outcome import Outcome, Report
-from tgospa_eval.regression.rules import Finding, Verdict
-from tgospa_eval.regression.suite import ONLY_PAIR
-from tgospa_eval.reports import escape
-from tgospa_eval.reports.escape import markdown_code
-from tgospa_eval.reports.tables import WIDTH, Row, Table, markdown_lines, text_lines
+from tgospa_eval.common.files import is_missing, named, patience
+from tgospa_eval.common.words import number
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.regression.outcome import Outcome, Report, texts
+from tgospa_eval.regression.suite import ONLY_PAIR, Finding, Verdict
+from tgospa_eval.reports import tables as escape
+from tgospa_eval.reports.tables import (
+    WIDTH,
+    Row,
+    Table,
+    markdown_code,
+    markdown_lines,
+    text_lines,
+    workflow_data,
+    workflow_property,
+    xml,
+)
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.text import ending, visible
+from tgospa_eval.text import clipped, ending, visible
 
 SCHEMA = "tgospa-eval/gate/1"
 WIDTHS = (16, 20, 11, 11, 11, 0)
@@ -200,3 +211,166 @@ def _cell(value: float | None) -> str:
 
 GATE_REPORTS = {"table": table, "json": json_report, "markdown": markdown}
 """What ``--format`` of the gate prints, by name."""
+
+
+# -------------------------------------------------------------------------------------------------
+# What a gate found for GitHub Actions: annotations and the step summary, within GitHub's limits.
+#
+# Ten errors and ten warnings of a step are shown, and a summary of at most 1 MiB.
+
+MOST_ANNOTATIONS = 10
+"""Annotations of one kind that GitHub shows of a step."""
+
+LONGEST = 1000
+"""Characters of a message."""
+
+SUMMARY = 1_000_000
+"""Bytes of the step summary."""
+
+CUT = "\n*The rest does not fit into a step summary; see the log or the JUnit report.*\n"
+
+
+def annotations(report: Report) -> Iterator[str]:
+    """Workflow commands: an error for each pair that does not pass, a warning if one warns."""
+    errors = [
+        (title(outcome), "\n".join((outcome.verdict, *outcome.notes)))
+        for outcome in report.outcomes
+        if outcome.status
+    ]
+    warnings = [
+        _warning(outcome) for outcome in report.outcomes if outcome.warned or outcome.warnings
+    ]
+    for kind, found in (("error", errors), ("warning", warnings)):
+        shown = found if len(found) <= MOST_ANNOTATIONS else found[: MOST_ANNOTATIONS - 1]
+        for name, text in shown:
+            yield _command(kind, f"TGOSPA gate: {name}", text)
+        if len(found) > len(shown):
+            rest = found[len(shown) :]
+            names = ", ".join(name for name, _ in rest)
+            yield _command(kind, f"TGOSPA gate: {len(rest)} more pairs", names)
+
+
+def _warning(outcome: Outcome) -> tuple[str, str]:
+    broken = ", ".join(f"{finding.rule.text}" for finding in outcome.warned)
+    lines = [f"broken or undecided, for a warning only: {broken}"] if broken else []
+    return title(outcome), "\n".join((*lines, *(notice.sentence for notice in outcome.warnings)))
+
+
+def _command(kind: str, heading: str, text: str) -> str:
+    message = "\n".join(map(visible, text.split("\n")))
+    if len(message) > LONGEST:
+        message = message[: LONGEST - 3] + "..."
+    heading = workflow_property(clipped(heading, LONGEST))
+    return f"::{kind} title={heading}::{workflow_data(message)}"
+
+
+def append_summary(report: Report, path: str | None) -> None:
+    """Append the Markdown report to the step summary, whole lines as far as they fit.
+
+    Outside of GitHub Actions there is none, and nothing is done.
+
+    Raises
+    ------
+    ConfigError
+        The system refuses to write the file.
+    """
+    if not path:
+        return
+    with named(f"--github: {path}", ConfigError, "cannot be written"):
+        used = 0 if is_missing(path) else os.stat(path).st_size
+        with patience(path, "a reader of"), open(path, "ab") as file:
+            file.write(summary(report, SUMMARY - used))
+
+
+def summary(report: Report, room: int) -> bytes:
+    """The Markdown report in at most so many bytes."""
+    lines = [f"{line}\n".encode() for line in (*github_lines(report), "")]
+    if sum(map(len, lines)) <= room:
+        return b"".join(lines)
+    room -= len(CUT.encode())
+    shown = []
+    for line in lines:
+        room -= len(line)
+        if room < 0:
+            break
+        shown.append(line)
+    return b"".join((*shown, CUT.encode())) if shown else b""
+
+
+# -------------------------------------------------------------------------------------------------
+# What a gate found as JUnit XML, as Jenkins and GitLab read it: one case for each rule.
+#
+# A rule that is broken is a failure, what could not be judged an error; a warning passes with a
+# text.
+# Written by hand: to import a library for XML takes as long as a small evaluation.
+
+SUITE = "tgospa-eval gate"
+
+
+def junit(report: Report) -> str:
+    """The report as a document."""
+    cases = [
+        case
+        for outcome in report.outcomes
+        for case in _cases(outcome, report.told(*outcome.warnings))
+    ]
+    attributes = {
+        "name": SUITE,
+        "tests": str(len(cases)),
+        "failures": str(sum("<failure " in case for case in cases)),
+        "errors": str(sum("<error " in case for case in cases)),
+        "time": f"{sum(outcome.seconds for outcome in report.outcomes):.3f}",
+    }
+    return "".join(
+        (
+            '<?xml version="1.0" encoding="UTF-8"?>\n',
+            f"<testsuites{_attributes(attributes)}>\n",
+            f" <testsuite{_attributes(attributes | {'skipped': '0'})}>\n",
+            *cases,
+            " </testsuite>\n</testsuites>\n",
+        )
+    )
+
+
+def _cases(outcome: Outcome, told: list[str]) -> Iterator[str]:
+    """A case for each rule, or one for what could not be judged; the first has time and lines."""
+    text = "\n".join(outcome.notes)
+    if not outcome.findings:
+        result = _result("error", outcome.verdict, text) if outcome.status else ""
+        yield _case(outcome, "gate", outcome.seconds, result + _output(told))
+    for place, finding in enumerate(outcome.findings):
+        verdict = shown_verdict(finding)
+        mark = "" if finding.now.proven else " (split, not proven)"
+        lower, upper, limit = texts(finding.now.lower, finding.now.upper, finding.limit)
+        about = f"{finding.rule.path} is between {lower} and {upper}, allowed is {limit}{mark}"
+        if finding.verdict is Verdict.INCOMPARABLE:
+            about = f"there is no {finding.rule.path}"
+        result, lines = "", [] if place else told
+        if finding.rule.warns and verdict != Verdict.PASS:
+            lines = [f"{verdict}: {about}", *lines]
+        elif verdict == Verdict.FAIL:
+            result = _result("failure", verdict, text, about)
+        elif verdict != Verdict.PASS:
+            result = _result("error", verdict, text, about)
+        seconds = 0.0 if place else outcome.seconds
+        yield _case(outcome, finding.rule.text, seconds, result + _output(lines))
+
+
+def _case(outcome: Outcome, name: str, seconds: float, result: str) -> str:
+    about = {"classname": title(outcome), "name": name, "time": f"{seconds:.3f}"}
+    inner = f">\n   {result}\n  </testcase>\n" if result else " />\n"
+    return f"  <testcase{_attributes(about)}{inner}"
+
+
+def _result(kind: str, verdict: str, text: str, message: str = "") -> str:
+    about = {"type": verdict, "message": message or text.partition("\n")[0]}
+    return f"<{kind}{_attributes(about)}>{xml(text)}</{kind}>"
+
+
+def _output(lines: Iterable[str]) -> str:
+    text = "\n".join(lines)
+    return f"<system-out>{xml(text)}</system-out>" if text else ""
+
+
+def _attributes(values: dict[str, str]) -> str:
+    return "".join(f' {name}="{xml(value)}"' for name, value in values.items())

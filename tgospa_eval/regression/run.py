@@ -12,20 +12,20 @@ from tgospa_eval.common.notices import in_python, spoken_in_python
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import evaluate
 from tgospa_eval.evaluation.sides import TrajectoriesLike
-from tgospa_eval.regression.baseline import dump, load, make_entry
-from tgospa_eval.regression.measured import Measured, measured
+from tgospa_eval.regression.baseline import Measured, dump, load, make_entry, measured
 from tgospa_eval.regression.outcome import Outcome, Report, change, compare, update_notes
 from tgospa_eval.regression.report import GATE_REPORTS
-from tgospa_eval.regression.rules import (
+from tgospa_eval.regression.suite import (
     DEFAULT,
+    ONLY_PAIR,
     Finding,
+    Pair,
     Rule,
     Verdict,
     parse_maximum,
     parse_rule,
     split_rules,
 )
-from tgospa_eval.regression.suite import ONLY_PAIR, Pair
 from tgospa_eval.reports.files import write_file
 
 if TYPE_CHECKING:

@@ -5,13 +5,13 @@ import math
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.common.figures import number
 from tgospa_eval.common.interval import Interval
-from tgospa_eval.common.words import counted
-from tgospa_eval.reports.batch_files import batch_csv, batch_json
+from tgospa_eval.common.words import counted, number
 from tgospa_eval.reports.batch_records import BatchTables, Comparison, Ranking, value_in_words
-from tgospa_eval.reports.batch_slices import about_slices_of, slice_tables
-from tgospa_eval.reports.order import (
+from tgospa_eval.reports.curves import curves_json
+from tgospa_eval.reports.files import csv_text
+from tgospa_eval.reports.other_metrics import direction, grouped_table, other_records
+from tgospa_eval.reports.phrases import (
     MOST_NAMED,
     best_cells,
     best_of,
@@ -19,13 +19,146 @@ from tgospa_eval.reports.order import (
     order_in_words,
     place_in_words,
 )
-from tgospa_eval.reports.other_metrics import direction, grouped_table, other_records
+from tgospa_eval.reports.slices import about_slices, group_tables
 from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
-from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.records import PARTS, Columns, json_text, records
+from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.text import listed
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+def slice_tables(tables: BatchTables) -> Iterator[Table]:
+    """Costs of the groups split by attributes, where that was asked for."""
+    groups = [(_names_of(tables, one.group), one.slicings) for one in tables.slices]
+    yield from group_tables(list(tables.heads.values()), groups)
+
+
+def _names_of(tables: BatchTables, group: int) -> tuple[str, ...]:
+    return tables.named(tables.groups.iloc[group])
+
+
+def slices_of_groups(tables: BatchTables) -> Columns:
+    """The same as columns, with what tells groups apart in front; none if there are no slices."""
+    parts = [(_names_of(tables, one.group), slices_columns(one.slicings)) for one in tables.slices]
+    if not parts:
+        return {}
+    heads: Columns = {
+        name: [names[k] for names, part in parts for _ in part["by"]]
+        for k, name in enumerate(tables.heads.values())
+    }
+    joined = {name: [v for _, part in parts for v in part[name]] for name in parts[0][1]}
+    return {name: heads[name] for name in heads if name not in joined} | joined
+
+
+def about_slices_of(tables: BatchTables) -> Iterator[str]:
+    """What slices are, where there are some."""
+    yield from about_slices([one for group in tables.slices for one in group.slicings])
+
+
+# -------------------------------------------------------------------------------------------------
+# Tables of a batch for programs: CSV and JSON.
+
+STORED = "slices"
+"""Column of rows with the slices of each job, as text."""
+
+THRESHOLDS = ".at."
+"""In names of columns with a list in each row: a number for each threshold of HOTA."""
+
+
+def batch_csv(tables: BatchTables) -> str:
+    """A row for each job."""
+    return csv_text(
+        {
+            str(name): [value if value == value else None for value in column.tolist()]
+            for name, column in tables.rows.items()
+            if THRESHOLDS not in str(name) and name != STORED
+        }
+    )
+
+
+def batch_json(tables: BatchTables) -> str:
+    """Groups, rankings, comparisons, slices, curves and jobs."""
+    return json_text(
+        {
+            "schema": "tgospa-eval/batch/1",
+            "by": list(tables.by),
+            "groups": _records(tables.groups),
+            "ranking": [row for ranking in tables.rankings for row in _ranked(ranking)],
+            "comparisons": [row for ranking in tables.rankings for row in _compared(ranking)],
+            "notes": list(tables.notes),
+            **({"curves": curves_json(tables.curves)} if tables.curves else {}),
+            **({"slices": records(slices_of_groups(tables))} if tables.slices else {}),
+            "jobs": _records(tables.rows),
+        }
+    )
+
+
+def _ranked(ranking: Ranking) -> Iterator[dict[str, object]]:
+    """A row for each that is ranked."""
+    for item in ranking.entries:
+        yield {
+            "name": item.name,
+            "parameters": dict(ranking.parameters),
+            "jobs": ranking.jobs,
+            "of_jobs": ranking.all_jobs,
+            "place": list(item.place),
+            "combined": item.combined.upper,
+            "combined_lower": item.combined.lower,
+            "per_step": item.per_step.upper,
+            "per_step_lower": item.per_step.lower,
+            "confidence": _pair(item.confidence),
+            "statistical_place": item.statistical_place and list(item.statistical_place),
+        }
+
+
+def _compared(ranking: Ranking) -> Iterator[dict[str, object]]:
+    """A row for each pair of them; nothing is concluded where there are too few pairs of jobs."""
+    for pair in ranking.comparisons:
+        found = pair.inference
+        yield {
+            "first": pair.first,
+            "second": pair.second,
+            "parameters": dict(ranking.parameters),
+            "jobs": ranking.jobs,
+            "pairs": ranking.pairs,
+            "verdict": pair.verdict,
+            "difference": _pair(pair.difference),
+            "lower": found and found.confidence.lower,
+            "upper": found and found.confidence.upper,
+            "p_value": found and found.p_value,
+            "p_holm": found and found.p_holm,
+            "significant": found and found.significant,
+            "permutations": ranking.permutations,
+            "seed": ranking.seed,
+        }
+
+
+def _pair(bounds: Interval | None) -> list[float] | None:
+    return None if bounds is None else [bounds.lower, bounds.upper]
+
+
+def _records(frame: "pd.DataFrame") -> list[dict[str, object]]:
+    """The rows as plain values, None for what is not there."""
+    return [
+        {
+            str(name): _plain(str(name), value)
+            for name, value in row.items()
+            if THRESHOLDS in str(name) or value == value
+        }
+        for row in frame.to_dict("records")
+    ]
+
+
+def _plain(name: str, value: Any) -> Any:
+    if name == STORED:
+        return json.loads(value)
+    return list(value) if THRESHOLDS in name else value
+
+
+# -------------------------------------------------------------------------------------------------
+# Tables of a batch as text, Markdown, LaTeX, CSV and JSON.
 
 NARROW = 1e-9
 """Relative width of a bracket below which one number is shown."""

@@ -1,15 +1,566 @@
 """Documents of `compare` in the formats that are printed. Computes nothing that is not in them."""
 
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import Literal, get_args
 
 from tgospa_eval.common.config import SettingsFile
+from tgospa_eval.common.interval import Interval
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted, number
 from tgospa_eval.reports.files import csv_text
-from tgospa_eval.reports.ranking import estimates_columns, estimates_document, estimates_paper
-from tgospa_eval.reports.records import Comparison
-from tgospa_eval.reports.solvers import solvers_columns, solvers_document
-from tgospa_eval.reports.study import study_columns, study_document
-from tgospa_eval.reports.tables import Document, as_latex, as_markdown, as_text
-from tgospa_eval.results.records import Columns, json_text
+from tgospa_eval.reports.other_metrics import compared_table, direction, other_columns
+from tgospa_eval.reports.phrases import (
+    EXACT,
+    ORDERS,
+    PROOFS,
+    SPLIT_NOTE,
+    TO_RANK,
+    TO_STUDY,
+    best_cells,
+    best_of,
+    columns,
+    error_of,
+    or_dash,
+    order_in_words,
+    parameters_of,
+    place_in_words,
+    size_of,
+    unit_of,
+)
+from tgospa_eval.reports.records import (
+    RULES,
+    Comparison,
+    EstimateRecord,
+    PairRecord,
+    RankingRecord,
+    Seconds,
+    SolverRun,
+    SolversRecord,
+    Spread,
+    StudyRecord,
+)
+from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
+from tgospa_eval.results.records import PARTS, Columns, json_text
+
+TIES = (
+    "where assignments of a step cost the same, SciPy's is taken, with the objects in the order of "
+    "their ids; other tie rules may count other switches"
+)
+
+
+def estimates_document(document: RankingRecord) -> Document:
+    """Several estimates of one truth, or one with per-step GOSPA beside it."""
+    return Document(
+        kind=_what(document),
+        title=_order(document),
+        lines=[_runs(document), parameters_of(document["parameters"])],
+        tables=[
+            _normalised_table(document, places=True),
+            *_pair_tables(document),
+            _costs_table(document["estimates"]),
+            *_against_tables(document),
+            *_other_tables(document),
+        ],
+        notes=list(_ranking_notes(document)),
+        warnings=[str(Notice(**record)) for record in document["warnings"]],
+    )
+
+
+def estimates_paper(document: RankingRecord) -> Document:
+    """What goes into a paper: roots per step, RMS over runs."""
+    page = estimates_document(document)
+    return replace(page, tables=[_normalised_table(document), *_other_tables(document)], notes=())
+
+
+def estimates_columns(document: RankingRecord) -> Columns:
+    """A row for each estimate, plain numbers."""
+    items = document["estimates"]
+    table = columns(items, ["name"])
+    for k, end in enumerate(("best", "worst")):
+        table[f"place_{end}"] = [item["place"][k] for item in items]
+    per_step = [item["normalised"] for item in items]
+    table |= columns(per_step, per_step[0], "normalised_")
+    table |= columns(items, ("tgospa", "lower_bound", "total", "total_lower", *PARTS))
+    table |= columns([item["counts"] for item in items], items[0]["counts"], "count_")
+    steps = [item["per_step_gospa"] for item in items if item["per_step_gospa"] is not None]
+    if steps:
+        table["gospa_total"] = [step["total"] for step in steps]
+        for rule in RULES:
+            names = ("switches", "halves", "total", "mean")
+            table |= columns([step[rule] for step in steps], names, f"{rule}_")
+    return table | other_columns([item.get("with", {}) for item in items])
+
+
+def pairs_columns(document: RankingRecord) -> Columns:
+    """A row for each pair of estimates: the second less the first, costs per step."""
+    pairs = document["pairs"]
+    table = columns(pairs, ("first", "second", "verdict", "opposed"))
+    for k, end in enumerate(("lower", "upper")):
+        table[f"per_step_total_{end}"] = [pair["per_step"]["total"][k] for pair in pairs]
+    table |= columns([pair["per_step"] for pair in pairs], PARTS, "per_step_")
+    table |= columns([pair["steps"] for pair in pairs], ("better", "worse"), "steps_")
+    names = ("mean", "standard_error", "first_less", "second_less")
+    return table | columns([pair["per_run"] for pair in pairs], names, "per_run_")
+
+
+def _order(document: RankingRecord) -> str:
+    estimates, unit = document["estimates"], unit_of(document["parameters"])
+    if len(estimates) == 1:
+        item = estimates[0]
+        value = _between(item["lower_bound"], item["tgospa"])
+        mean = "" if document["runs"] == 1 else f", of the mean total of {document['runs']} runs"
+        return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
+    return order_in_words(
+        "TGOSPA per step",
+        [item["name"] for item in estimates],
+        [(item["place"][0], item["place"][1]) for item in estimates],
+        {(pair["first"], pair["second"]): pair["verdict"] for pair in document["pairs"]},
+    )
+
+
+def _what(document: RankingRecord) -> str:
+    """What this is, and what to type for what it is not."""
+    count = len(document["estimates"])
+    if count > 1:
+        return f"Ranking of {count} estimates; {TO_STUDY}"
+    if document["estimates"][0]["per_step_gospa"] is not None:
+        return f"TGOSPA beside per-step GOSPA for one estimate; {TO_RANK}"
+    if document["runs"] == 1:
+        return f"TGOSPA beside other metrics for one estimate; {TO_RANK}"
+    return f"Mean over the runs of one estimate; {TO_RANK}"
+
+
+def _runs(document: RankingRecord) -> str:
+    steps = sorted(set(document["steps"]))
+    length = (
+        counted(steps[0], "step")
+        if len(steps) == 1
+        else f"{steps[0]:,} to {counted(steps[-1], 'step')}"
+    )
+    if document["runs"] == 1:
+        return f"truth {document['truth'][0]}; {length}"
+    paths = document["truth"]
+    shown = paths[0] if len(set(paths)) == 1 else f"{paths[0]} to {paths[-1]}"
+    return (
+        f"{document['runs']} runs, truth {shown}; {length} each; costs "
+        "are means over runs, roots are taken last"
+    )
+
+
+def _normalised_table(document: RankingRecord, *, places: bool = False) -> Table:
+    """What is ranked, and its parts; with places where there are several."""
+    runs, order = document["runs"], document["parameters"]["order"]
+    places = places and len(document["estimates"]) > 1
+    mean = "" if runs == 1 else (f", RMS of {runs}" if order == 2 else f", mean of {runs}")
+    return Table(
+        head=(f"per step{mean}", *(["place"] if places else []), "TGOSPA", *PARTS),
+        rows=[
+            (
+                item["name"],
+                *([_place(item, document["pairs"])] if places else []),
+                _between(item["normalised"]["lower_bound"], item["normalised"]["tgospa"]),
+                *(number(item["normalised"][name], 4) for name in PARTS),
+            )
+            for item in document["estimates"]
+        ],
+        bold=frozenset(
+            (row, k)
+            for row in best_of([item["place"] for item in document["estimates"]])
+            for k in range(2 + places)
+        ),
+    )
+
+
+def _costs_table(estimates: list[EstimateRecord]) -> Table:
+    """Value, total and its parts, each in its own unit."""
+    roots = [Interval(lower=item["lower_bound"], upper=item["tgospa"]) for item in estimates]
+    totals = [Interval(lower=item["total_lower"], upper=item["total"]) for item in estimates]
+    return Table(
+        head=("costs", "TGOSPA", "total", "local.", "missed", "false", "switch"),
+        rows=[
+            (
+                item["name"],
+                _between(root.lower, root.upper),
+                _between(total.lower, total.upper),
+                *(number(item[name], 5) for name in PARTS),
+            )
+            for item, root, total in zip(estimates, roots, totals, strict=True)
+        ],
+        bold=best_cells({1: roots, 2: totals}, [range(len(estimates))]),
+    )
+
+
+def _pair_tables(document: RankingRecord) -> Iterator[Table]:
+    """Differences to the first estimate, costs per step."""
+    first = document["estimates"][0]["name"]
+    pairs = [pair for pair in document["pairs"] if pair["first"] == first]
+    if not pairs:
+        return
+    head = ("cost/step", "order", "local.", "missed", "false", "switch", "steps -/+", "runs -/+")
+    columns = len(head) + (document["runs"] > 1)
+    rows = []
+    for pair in pairs:
+        difference, steps, runs = pair["per_step"], pair["steps"], pair["per_run"]
+        low, high = difference["total"]
+        cells = (
+            "+0" if pair["verdict"] == "equal" else _between(low, high, "+"),
+            ORDERS[pair["verdict"]],
+            *(f"{difference[name]:+.3g}" for name in PARTS),
+            f"{steps['better']}/{steps['worse']}",
+            f"{runs['second_less']}/{runs['first_less']}",
+        )
+        rows.append((pair["second"], *cells)[:columns])
+    yield Table(head=(f"vs {first}", *head)[:columns], rows=rows)
+
+
+def opposed(document: RankingRecord) -> Iterator[str]:
+    """Warnings: pairs whose mean totals are the other way round, for runs differ in length."""
+    for pair in document["pairs"]:
+        if pair["opposed"]:
+            yield (
+                f"warning: {pair['first']} is before {pair['second']} by TGOSPA per step, in "
+                "which each run counts the same, but has the larger mean total, in which long runs "
+                "count more"
+            )
+
+
+def _against_tables(document: RankingRecord) -> Iterator[Table]:
+    """TGOSPA, per-step GOSPA, and the two rules, for each estimate."""
+    order = document["parameters"]["order"]
+    rows: list[tuple[str, float, float | None, float | None]] = []
+    for item in document["estimates"]:
+        step = item["per_step_gospa"]
+        if step is None:
+            return
+        name = f"{item['name']}: " if len(document["estimates"]) > 1 else ""
+        rows.append((f"{name}TGOSPA", item["total"], item["counts"]["switch"], None))
+        rows.append((f"{name}GOSPA, summed", step["total"], None, None))
+        for rule, title in RULES.items():
+            found = step[rule]
+            rows.append((f"{name}{title}", found["total"], found["switches"], found["mean"]))
+    yield Table(
+        head=("sum over steps of values^p", "total", "root", "switches", "mean of steps"),
+        rows=[
+            (
+                name,
+                number(total),
+                number(total ** (1 / order)),
+                "" if count is None else number(count),
+                "" if mean is None else number(mean, 5),
+            )
+            for name, total, count, mean in rows
+        ],
+    )
+
+
+def _other_tables(document: RankingRecord) -> Iterator[Table]:
+    items = document["estimates"]
+    return compared_table(
+        [item["name"] for item in items], [item.get("with", {}) for item in items]
+    )
+
+
+def _ranking_notes(document: RankingRecord) -> Iterator[str]:
+    estimates = document["estimates"]
+    for item in estimates:
+        for which, made in enumerate(item["runs"], start=1):
+            if not made["finished"]:
+                run = f" run {which}" if document["runs"] > 1 else ""
+                yield f"{item['name']}{run}: {made['status']}"
+    if len(estimates) > 1:
+        found = {pair["verdict"] for pair in document["pairs"]}
+        yield "; ".join(
+            [
+                *(text for verdict, text in PROOFS.items() if verdict in found),
+                "steps -/+: at how many the estimate costs less or more than the first",
+            ]
+        )
+    yield SPLIT_NOTE
+    yield from opposed(document)
+    name = f"{estimates[0]['name']}: " if len(estimates) > 1 else ""
+    for sentence in estimates[0].get("differences", ()):
+        yield name + sentence
+    if estimates[0]["per_step_gospa"] is not None:
+        yield TIES
+    yield from direction(estimates[0].get("with", {}))
+
+
+def _between(low: float, high: float, sign: str = "") -> str:
+    """One number if both are the same as they are shown, else both."""
+    texts = [f"{value:{sign}.6g}" for value in (low, high)]
+    return texts[1] if texts[0] == texts[1] else " to ".join(texts)
+
+
+def _place(item: EstimateRecord, pairs: list[PairRecord]) -> str:
+    best, worst = item["place"]
+    shared = any(
+        pair["verdict"] == "equal" and item["name"] in (pair["first"], pair["second"])
+        for pair in pairs
+    )
+    return place_in_words(best, worst, shared=shared)
+
+
+# -------------------------------------------------------------------------------------------------
+# Solvers compared on one estimate, as a document and as a table.
+
+MEMORY: tuple[Literal["before", "peak"], ...] = ("before", "peak")
+
+
+def solvers_document(document: SolversRecord) -> Document:
+    """One problem through several solvers."""
+    runs = document["runs"]
+    return Document(
+        kind=f"Comparison of solvers; {TO_RANK}",
+        title=_agreement(document),
+        lines=[size_of(document["sizes"]), parameters_of(document["parameters"])],
+        tables=[
+            Table(
+                head=("run", "TGOSPA", "lower bound", "error", "bound's error", "iterations"),
+                rows=[
+                    (
+                        run["name"],
+                        or_dash(run["tgospa"], ".9g"),
+                        or_dash(run["lower_bound"], ".9g"),
+                        error_of(run["error"]),
+                        error_of(run["lower_error"]),
+                        or_dash(run["iterations"], "d"),
+                    )
+                    for run in runs
+                ],
+            ),
+            Table(
+                head=("seconds", "all", "prepare", "sweeps", "programme", "rest", "proof", "MB"),
+                rows=[
+                    (
+                        run["name"],
+                        *(or_dash(s, ".4f") for s in _split(run["seconds"])),
+                        _memory(run),
+                    )
+                    for run in runs
+                ],
+            ),
+        ],
+        notes=list(_solver_notes(document)),
+        warnings=[str(Notice(**record)) for record in document["warnings"]],
+    )
+
+
+def solvers_columns(document: SolversRecord) -> Columns:
+    """A row for each run, plain numbers."""
+    runs = document["runs"]
+    names = (
+        *("name", "solver", "epsilon", "tgospa", "lower_bound", "total", "total_lower", "error"),
+        *("lower_error", *PARTS, "iterations", "status", "finished"),
+    )
+    table = columns(runs, names)
+    split = [_split(run["seconds"]) for run in runs]
+    for k, name in enumerate(("all", "prepare", "sweeps", "programme", "rest", "proof")):
+        table[f"{name}_seconds"] = [row[k] for row in split]
+    for name in MEMORY:
+        table[f"{name}_bytes"] = [run["memory"] and run["memory"][name] for run in runs]
+    return table
+
+
+def _agreement(document: SolversRecord) -> str:
+    referee, unit = document["referee"], unit_of(document["parameters"])
+    if not document["agree"]:
+        pairs = "; ".join(f"{a} and {b}" for a, b in document["contradictions"])
+        return (
+            f"The brackets of {pairs} do not overlap: one of these proofs is wrong. This is an "
+            "error of this program or of its arithmetic, not of your data; please report it"
+        )
+    if referee is None:
+        return "No solver has an answer"
+    count = sum(run["total"] is not None for run in document["runs"])
+    which = "Both" if count == 2 else f"All {count}"
+    subject = "The bracket" if count == 1 else f"{which} brackets overlap; together they"
+    verb = "says" if count == 1 else "say"
+    low, high = f"{referee['lower_bound']:.9g}", f"{referee['upper_bound']:.9g}"
+    if low == high:
+        return f"{subject} {verb}: TGOSPA = {high}{unit}"
+    return f"{subject} {verb}: TGOSPA is between {low} and {high}{unit}"
+
+
+def _solver_notes(document: SolversRecord) -> Iterator[str]:
+    once = document["seconds"]
+    yield "once for all: " + ", ".join(f"{name} {value:.4f}" for name, value in once.items())
+    for run in document["runs"]:
+        if run["status"] != "solved":
+            yield f"{run['name']}: {run['status']}"
+    for name, reason in document["left_out"].items():
+        yield f"{name} left out: {reason}"
+
+
+def _split(seconds: Seconds | None) -> tuple[float | None, ...]:
+    """Solving and proof together, and what they consist of."""
+    if seconds is None:
+        return (None,) * 6
+    stages = seconds["stages"]
+    named = [
+        stages.get("preparation", 0.0) + stages.get("build", 0.0),
+        stages.get("sweeps", 0.0),
+        stages.get("lp", 0.0),
+    ]
+    rest = max(seconds["solve"] - sum(named), 0.0)
+    return seconds["solve"] + seconds["certify"], *named, rest, seconds["certify"]
+
+
+def _memory(run: SolverRun) -> str:
+    memory = run["memory"]
+    return "-" if memory is None else f"{(memory['peak'] - memory['before']) / 1e6:.1f}"
+
+
+# -------------------------------------------------------------------------------------------------
+# A scaling study, as a document, a report and a table.
+
+
+def study_document(document: StudyRecord) -> Document:
+    """Solvers on synthetic scenes of many sizes."""
+    return Document(
+        kind="Scaling study on simulated scenes; on your files: tgospa-eval compare TRUTH A",
+        title=_study_title(document),
+        lines=list(_study_lines(document)),
+        tables=[_times_table(document), _rms_table(document)],
+        notes=list(_study_notes(document)),
+    )
+
+
+def study_report(document: StudyRecord, pictures: list[str]) -> str:
+    """The report as Markdown, with its pictures."""
+    shown = "\n\n".join(f"![{CAPTIONS[name]}]({name}.png)" for name in pictures)
+    return f"# Scaling study\n\n{as_markdown(study_document(document))}" + (
+        f"\n{shown}\n" if shown else ""
+    )
+
+
+Statistic = Literal["mean", "deviation", "max"]
+STATISTICS: tuple[Statistic, ...] = get_args(Statistic)
+Measured = Literal["seconds", "error", "lower_error", "iterations"]
+SPREADS: tuple[Measured, ...] = get_args(Measured)
+Fault = Literal["infinite_errors", "failed", "unfinished"]
+FAULTS: tuple[Fault, ...] = get_args(Fault)
+FACTS: dict[Fault, str] = {
+    "failed": "failed",
+    "unfinished": "not finished",
+    "infinite_errors": "error without bound, not in its mean,",
+}
+
+CAPTIONS = {
+    "error_over_epsilon": "Error of sinkhorn by temperature, mean and one standard deviation",
+    "scaling": "Time and error over targets and over steps, mean and one standard deviation",
+}
+"""What the pictures of a study show, by name."""
+
+
+def study_columns(document: StudyRecord) -> Columns:
+    """A row for each size and solver, plain numbers."""
+    rows = [(size, made) for size in document["sizes"] for made in size["solvers"]]
+    table: Columns = {
+        "targets": [size["targets"] for size, _ in rows],
+        "steps": [size["steps"] for size, _ in rows],
+        "states": [size["states"]["mean"] for size, _ in rows],
+        "name": [made["name"] for _, made in rows],
+        "solver": [made["solver"] for _, made in rows],
+        "epsilon": [made["epsilon"] for _, made in rows],
+    }
+    for name in SPREADS:
+        for kind in STATISTICS:
+            table[f"{name}_{kind}"] = [made[name][kind] for _, made in rows]
+    for fault in FAULTS:
+        table[fault] = [made[fault] for _, made in rows]
+    return table | {"left_out": [size["left_out"] for size, _ in rows]}
+
+
+def _study_title(document: StudyRecord) -> str:
+    sizes, runs = document["sizes"], document["runs"]
+    if document["contradictions"]:
+        targets, steps, run, a, b = document["contradictions"][0]
+        return (
+            f"The brackets of {a} and {b} do not overlap in run {run} of {targets} targets and "
+            f"{steps} steps, and there may be more: one of these proofs is wrong. This is an error "
+            "of this program; please report it"
+        )
+    done = (
+        f"{counted(len(sizes) * runs, 'scene')} of {counted(len(sizes), 'size')}, "
+        f"{counted(runs, 'run')}{' each' if len(sizes) > 1 else ''}"
+    )
+    if any(made["failed"] for size in sizes for made in size["solvers"]):
+        return f"{done}: solvers failed, all brackets that there are overlap"
+    return f"{done}: all brackets overlap" if len(sizes[0]["solvers"]) > 1 else done
+
+
+def _study_lines(document: StudyRecord) -> Iterator[str]:
+    scene, tracker = document["scene"], document["tracker"]
+    yield (
+        f"scenario {scene['scenario']}, area {scene['area']:g}; noise {tracker['noise']:g}, "
+        f"detection {tracker['detection']:g}, swaps {tracker['swaps']:g}, fragmentation "
+        f"{tracker['fragmentation']:g}, false tracks {tracker['false_rate']:g} a step; "
+        f"seed {document['seed']}"
+    )
+    yield parameters_of(document["parameters"])
+    yield document["machine"]
+
+
+def _times_table(document: StudyRecord) -> Table:
+    """Time and error; mean and standard deviation over the runs."""
+    rows = []
+    for size in document["sizes"]:
+        for k, made in enumerate(size["solvers"]):
+            where = (str(size["targets"]), str(size["steps"])) if not k else ("", "")
+            spent = or_dash(made["seconds"]["mean"], ".3g"), _deviation(made["seconds"], ".2g")
+            error = error_of(made["error"]["mean"]), _deviation(made["error"], ".0e")
+            iterations = or_dash(made["iterations"]["mean"], ".0f")
+            below = error_of(made["lower_error"]["mean"])
+            rows.append((made["name"], *where, *spent, *error, below, iterations))
+    return Table(
+        head=("solver", "m", "T", "seconds", "+-", "error", "+-", "bound's", "iter."), rows=rows
+    )
+
+
+def _rms_table(document: StudyRecord) -> Table:
+    """The metric itself: roots per step, RMS over runs."""
+    mean = "RMS" if document["parameters"]["order"] == 2 else "mean"
+    return Table(
+        head=(f"per step, {mean} of runs", "TGOSPA", *PARTS),
+        rows=[
+            (
+                f"m = {size['targets']}, T = {size['steps']}",
+                *(or_dash(size["normalised"][name], ".5g") for name in ("tgospa", *PARTS)),
+            )
+            for size in document["sizes"]
+        ],
+    )
+
+
+def _study_notes(document: StudyRecord) -> Iterator[str]:
+    yield (
+        "m targets, T steps; seconds of solving and proof; error: the total is at most so much "
+        "above the true one, relative; bound's: the lower bound is at most so much below it; "
+        "+- one standard deviation over the runs"
+    )
+    yield SPLIT_NOTE
+    for size in document["sizes"]:
+        where = f"{counted(size['targets'], 'target')}, {counted(size['steps'], 'step')}"
+        if size["left_out"]:
+            yield (
+                f"{where}: {counted(size['left_out'], 'scene')} left out of the values per step, "
+                "for brackets contradict each other or there is none; contradicting ones are left "
+                "out of times and errors too"
+            )
+        for made in size["solvers"]:
+            for name, fact in FACTS.items():
+                if made[name]:
+                    yield f"{made['name']}, {where}: {fact} in {counted(made[name], 'run')}"
+
+
+def _deviation(values: Spread, form: str) -> str:
+    value = values["deviation"]
+    return "-" if value is None else ("0" if value < EXACT else f"{value:{form}}")
+
+
+# -------------------------------------------------------------------------------------------------
+# Documents of `compare` in the formats that are printed. Computes nothing that is not in them.
 
 
 def render(document: Comparison, format: str) -> str:

@@ -2,13 +2,11 @@
 
 from collections.abc import Iterator
 
-from tgospa_eval.common.figures import number
-from tgospa_eval.common.words import sizes_in_words
-from tgospa_eval.reports.console import WORST, headline, part_rows
+from tgospa_eval.common.words import number, sizes_in_words
+from tgospa_eval.reports.console import WORST, headline, part_rows, repair_notes, repair_table
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.phrases import parameters_of
 from tgospa_eval.reports.records import Metric
-from tgospa_eval.reports.repairs import repair_notes, repair_table
 from tgospa_eval.reports.tables import Document, as_latex, as_markdown, as_text
 from tgospa_eval.results.explanation import Explanation
 

@@ -3,14 +3,19 @@
 import csv
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
+from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
+from tgospa_eval.common import manifest
 from tgospa_eval.common.files import named, patience
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.manifest import unique
+from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.reports.escape import csv_cell
+from tgospa_eval.reports.tables import csv_cell
 from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Columns
@@ -20,6 +25,390 @@ from tgospa_eval.results.summary import Summary
 if TYPE_CHECKING:
     from tgospa_eval.reports.drawn import Drawn
 
+
+Files: TypeAlias = Mapping[str, str | bytes | Path]
+"""Contents by name; a path is of a file that is taken as it is."""
+
+Fill = Callable[[Path], Collection[manifest.Entry]]
+"""Writes files into a folder that is there and empty, and says which."""
+
+PICTURES = ("png", "svg", "pdf")
+AS_FORMAT = {".json": "json", ".csv": "csv", ".md": "markdown", ".tex": "latex"}
+
+
+def _files(names: str, *kinds: str) -> tuple[str, ...]:
+    return tuple(f"{name}.{kind}" for name, kind in product(names.split(), kinds))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """What one kind of folder holds.
+
+    Parameters
+    ----------
+    name : str
+        What it is called in the manifest.
+    document : str
+        The file that goes first and comes last, so that it never stands beside files of another
+        run.
+    names : collection of str
+        Files that are looked for before any work is done: those of others are not written over.
+    log : str, optional
+        A file by which the folder is known even without a manifest, and which stays.
+    opens : tuple of str
+        What to open, the first that there is.
+    options : str
+        Options that make pictures, for messages.
+    """
+
+    name: str
+    document: str
+    names: Collection[str]
+    log: str | None = None
+    opens: tuple[str, ...] = ()
+    options: str = ""
+
+    def owns(self, folder: Path) -> bool:
+        """Whether the folder is one of this kind; what the log says is for its reader."""
+        if manifest.read_manifest(folder, self.name) is not None:
+            return True
+        if self.log is None or not (folder / self.log).is_file():
+            return False
+        # An empty one is of a study that was killed at once, which has nothing beside it.
+        return bool((folder / self.log).stat().st_size) or len(list(manifest.others(folder))) == 1
+
+
+WORK_FOLDER = "work"
+"""Where a result of data in parts is made, in its folder: an interrupted run goes on there."""
+
+WORK_LOG = f"{WORK_FOLDER}/run.json"
+
+RESULT = Kind(
+    name="result",
+    document="result.json",
+    names=(
+        "result.json",
+        *_files("per_step assignments switches per_truth per_estimate timings", "csv"),
+        "report.html",
+    ),
+    log=WORK_LOG,
+    opens=("report.html",),
+    options=" --pictures {0}",
+)
+
+PROOF_FILES = ("proof.json", "truth.csv", "estimate.csv", "distances.csv")
+PROOF = Kind(name="proof", document="proof.json", names=PROOF_FILES)
+SWEEP = Kind(
+    name="sweep",
+    document="sweep.json",
+    names=("sweep.json", "sweep.csv"),
+    opens=_files("sweep", *PICTURES),
+    options=" --pictures {0}",
+)
+COMPARISON = Kind(
+    name="compare",
+    document="compare.json",
+    names=(
+        *("compare.json", *_files("compare per_step pairs", "csv")),
+        *_files("time_over_error error_over_epsilon convergence cumulative", "png"),
+    ),
+    opens=("time_over_error.png", "cumulative.png"),
+)
+STUDY = Kind(
+    name="study",
+    document="compare.json",
+    names=("compare.json", "compare.csv", "report.md", "error_over_epsilon.png", "scaling.png"),
+    log="runs.jsonl",
+    opens=("report.md",),
+)
+BATCH = Kind(
+    name="batch",
+    document="report.html",
+    names=("report.html", "curve.csv", "slices.csv", *_files("parts heat curve", "png")),
+    log=manifest.STORE,
+    opens=("report.html",),
+    options=" --pictures {0}",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Written:
+    """What was written.
+
+    Parameters
+    ----------
+    folder : str
+        Where, as typed.
+    names : tuple of str
+        The files.
+    removed : int
+        How many files of an older run were taken away.
+    opens : tuple of str
+        What to open, the first that there is.
+    """
+
+    folder: str
+    names: tuple[str, ...]
+    removed: int = 0
+    opens: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        pictures = sum(name.endswith(PICTURES) for name in self.names)
+        counts = {"file": len(self.names) - pictures, "picture": pictures}
+        parts = [counted(count, what) for what, count in counts.items() if count]
+        text = f"wrote {' and '.join(parts)} to {os.path.join(self.folder, '')}"
+        if self.removed:
+            text += f", removed {self.removed} of the run before"
+        shown = next((name for name in self.opens if name in self.names), None)
+        return text if shown is None else f"{text}; open {os.path.join(self.folder, shown)}"
+
+
+def check_folder(
+    folder: str, kind: Kind | None = None, *, force: bool, option: str = "--output"
+) -> None:
+    """See that a folder can be written, before any work is done.
+
+    Parameters
+    ----------
+    folder : str
+        Where.
+    kind : Kind, optional
+        A folder of this kind may be written anew.
+    force : bool
+        Whether it may hold whatever it does.
+    option : str
+        What messages begin with.
+
+    Raises
+    ------
+    ConfigError
+        The path is a file, or looks like the name of one; or the folder holds anything but what an
+        older run of this kind wrote, without `force`.
+    """
+    if not folder:
+        raise ConfigError(f"{option} is empty; name a folder")
+    path = Path(folder)
+    with named(f"{option} {folder}", ConfigError, "cannot be written"):
+        if path.exists() and not path.is_dir():
+            raise ConfigError(f"{option} {folder}: is a file; name a folder")
+        if not path.is_dir():
+            _check_name(folder, kind, option)
+        elif not force and not (kind and kind.owns(path)) and any(manifest.others(path)):
+            raise ConfigError(f"{option} {folder}: is not empty; name another folder, or --force")
+
+
+def probe_folder(
+    folder: str,
+    kind: Kind | None = None,
+    *,
+    force: bool,
+    option: str = "--output",
+    also: Collection[str] = (),
+) -> None:
+    """`check_folder`, and see that files can be made where `write_texts` will make them.
+
+    `also` are names of files that will be there beside those of all of this kind.
+
+    Raises
+    ------
+    ConfigError
+        As for `check_folder`, or nothing can be written there, or only over files of others.
+    """
+    check_folder(folder, kind, force=force, option=option)
+    with named(f"{option} {folder}", ConfigError, "cannot be written"):
+        path = Path(os.path.realpath(folder))
+        if path.is_symlink():
+            path.stat()  # links that go in a circle, which this refuses
+        there = next(above for above in (path, *path.parents) if above.exists())
+        probe = there / manifest.unique()
+        probe.mkdir(mode=0o700)
+        with suppress(FileNotFoundError):
+            probe.rmdir()
+        if kind is not None and there == path and not force:
+            with manifest.locked(path):
+                _check_names(path, kind, (*kind.names, *also), f"{option} {folder}")
+
+
+def write_texts(
+    texts: Files,
+    folder: str,
+    kind: Kind | None = None,
+    *,
+    force: bool,
+    option: str = "--output",
+) -> Written:
+    """`write_files` of files by name.
+
+    Raises
+    ------
+    ConfigError
+        As for `write_files`.
+    """
+
+    def fill(fresh: Path) -> Collection[manifest.Entry]:
+        written: list[manifest.Entry] = []
+        for name, content in texts.items():
+            (fresh / name).parent.mkdir(parents=True, exist_ok=True)
+            if isinstance(content, Path):
+                _take(content, fresh / name, fresh.parent / WORK_FOLDER)
+                written.append(manifest.entry(fresh, name))
+                continue
+            data = content if isinstance(content, bytes) else content.encode()
+            (fresh / name).write_bytes(data)
+            written += manifest.entries({name: data})
+        return written
+
+    return write_files(fill, folder, kind, force=force, option=option)
+
+
+def write_files(
+    fill: Fill,
+    folder: str,
+    kind: Kind | None = None,
+    *,
+    force: bool,
+    option: str = "--output",
+) -> Written:
+    """Write the files of a folder, in place of those that an older run of its kind has left.
+
+    A new folder appears whole. In one that is there, the old document goes before anything else
+    changes and the new one comes last; of two runs that write it at once one waits. Those of a
+    kind get a manifest. Files that are not in it, or are not as it says, are never removed, and
+    replaced only by force. `fill` is called again where another run was first to make the folder.
+
+    Raises
+    ------
+    ConfigError
+        As for `check_folder`, or the folder cannot be written, or only over files of others.
+    """
+    check_folder(folder, kind, force=force, option=option)
+    with named(f"{option} {folder}", ConfigError, "cannot be written"):
+        path = Path(os.path.realpath(folder))
+        removed, files = 0, None if path.exists() else _write_new(fill, path, kind)
+        if files is None:  # it is there, perhaps since a moment ago
+            check_folder(folder, kind, force=force, option=option)
+            where = None if force else f"{option} {folder}"
+            removed, files = _write_over(fill, path, kind, where)
+    names, opens = tuple(entry.name for entry in files), () if kind is None else kind.opens
+    return Written(folder=folder, names=names, removed=removed, opens=opens)
+
+
+def _take(file: Path, place: Path, work: Path) -> None:
+    """Have a file at another place as well; without a copy if it was made in the folder of work."""
+    if work in file.resolve().parents:
+        with suppress(OSError):  # some file systems have no links
+            os.link(file, place)
+            return
+    import shutil  # here: it brings compression
+
+    shutil.copyfile(file, place)
+
+
+def _check_name(folder: str, kind: Kind | None, option: str) -> None:
+    """A folder that is not there yet and is called like a file is a misunderstanding.
+
+    Raises
+    ------
+    ConfigError
+        The name ends like that of a picture, a page or a text.
+    """
+    stem, suffix = os.path.splitext(folder)
+    suffix = suffix.lower()
+    pictures = suffix[1:] in PICTURES
+    if not pictures and suffix not in (*AS_FORMAT, ".html", ".txt"):
+        return
+    if option != "--output" or kind is None:  # an argument, of a command or in Python
+        remedy = f"name it {stem}"
+    elif suffix in AS_FORMAT:
+        remedy = f"type --format {AS_FORMAT[suffix]} > {folder}"
+    elif pictures:
+        remedy = f"type -o {stem}{kind.options.format(suffix[1:])}"
+    elif suffix == ".html" and kind is RESULT:
+        remedy = f"type -o {stem}, and open {os.path.join(stem, 'report.html')}"
+    else:
+        remedy = f"type -o {stem}"
+    raise ConfigError(f"{option} {folder}: must be a folder, not a file; {remedy}")
+
+
+def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> None:
+    """See that all files of these names are there as a run of this kind wrote them.
+
+    Raises
+    ------
+    ConfigError
+        A file of one of the names was not written by such a run, or was changed since.
+    """
+    own = manifest.unchanged(path, manifest.read_manifest(path, kind.name) or ())
+    for name in names:
+        if os.path.lexists(path / name) and name not in own:
+            raise ConfigError(
+                f"{where}: {name} in it was not written by a run before, or was changed since; "
+                "name another folder, or --force"
+            )
+
+
+def _write_all(fill: Fill, folder: Path, kind: Kind | None) -> Collection[manifest.Entry]:
+    folder.mkdir()
+    files = fill(folder)
+    if kind is not None:
+        text = manifest.text_of(kind.name, files)
+        (folder / manifest.NAME).write_text(text, encoding="utf-8")
+    return files
+
+
+def _write_new(fill: Fill, path: Path, kind: Kind | None) -> Collection[manifest.Entry] | None:
+    """Write a folder beside, then rename it; None if another one has come up meanwhile."""
+    import shutil  # here: it brings compression
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(manifest.unique())
+    try:
+        files = _write_all(fill, beside, kind)
+        try:
+            os.rename(beside, path)
+        except OSError:
+            if not path.is_dir():
+                raise
+            return None
+        return files
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def _write_over(
+    fill: Fill, path: Path, kind: Kind | None, where: str | None
+) -> tuple[int, Collection[manifest.Entry]]:
+    """Write into a folder that is there; how many files of an older run were taken away, and files.
+
+    `where` begins a refusal to write over files of others; without it they are replaced.
+    """
+    import shutil
+
+    with manifest.locked(path) as locked:
+        for left in path.glob(f"{manifest.FRESH}*") if locked else ():
+            if manifest.is_left(left):
+                shutil.rmtree(left, ignore_errors=True)
+        fresh = path / manifest.unique()
+        try:
+            files = _write_all(fill, fresh, kind)
+            names = [entry.name for entry in files]
+            if kind is not None and where is not None:
+                _check_names(path, kind, names, where)
+            blocked = next((name for name in names if (path / name).is_dir()), None)
+            if blocked is not None:
+                raise IsADirectoryError(0, f"{blocked} is a folder in it")
+            if kind is not None:
+                return manifest.replace_files(fresh, path, files, kind.name, kind.document), files
+            for name in names:
+                (path / name).parent.mkdir(parents=True, exist_ok=True)
+                os.replace(fresh / name, path / name)
+            return 0, files
+        finally:
+            shutil.rmtree(fresh, ignore_errors=True)
+
+
+# -------------------------------------------------------------------------------------------------
+# The result as files: JSON, CSV tables, the report; whole or absent.
 
 ENDS_OF_LINES = "\r\n"
 """Characters of which a text in a CSV file is quoted that has one."""

@@ -7,9 +7,8 @@ from itertools import zip_longest
 from typing import NotRequired, TypedDict
 
 from tgospa_eval.common.config import WithSettings
-from tgospa_eval.common.figures import number, plain, shortest
 from tgospa_eval.common.notices import Notice, as_option
-from tgospa_eval.common.words import counted, in_both
+from tgospa_eval.common.words import counted, in_both, number, plain, shortest
 from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines
 from tgospa_eval.results.records import Time
 from tgospa_eval.text import ending, visible

@@ -2,11 +2,16 @@
 
 from dataclasses import replace
 
-from tgospa_eval.common.figures import number
-from tgospa_eval.reports import escape
-from tgospa_eval.reports.console import SPLIT_WORDS, headline, similarity_in_words
+from tgospa_eval.common.words import number
+from tgospa_eval.reports import tables as escape
+from tgospa_eval.reports.console import (
+    SPLIT_WORDS,
+    headline,
+    repair_notes,
+    repair_table,
+    similarity_in_words,
+)
 from tgospa_eval.reports.other_metrics import other_table, similarity
-from tgospa_eval.reports.repairs import repair_notes, repair_table
 from tgospa_eval.reports.slices import about_slices, slices_table
 from tgospa_eval.reports.tables import Row, Table, latex_lines, markdown_lines
 from tgospa_eval.results.records import PARTS

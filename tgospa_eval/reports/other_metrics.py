@@ -3,9 +3,9 @@
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from tgospa_eval.common.figures import number
 from tgospa_eval.common.interval import Interval
-from tgospa_eval.reports.order import best_cells
+from tgospa_eval.common.words import number
+from tgospa_eval.reports.phrases import best_cells
 from tgospa_eval.reports.tables import Row, Table
 from tgospa_eval.results.records import Columns, OtherMetrics
 

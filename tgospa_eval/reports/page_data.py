@@ -15,9 +15,9 @@ from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
-from tgospa_eval.reports import spreads
+from tgospa_eval.reports import drawn as spreads
+from tgospa_eval.reports.clock import moments, readable
 from tgospa_eval.reports.drawn import Drawn, PageData, WindowsData, curves, rounded, thinned
-from tgospa_eval.reports.moments import moments, readable
 from tgospa_eval.results.by_class import ByClass
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Time

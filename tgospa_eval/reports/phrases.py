@@ -1,7 +1,9 @@
 """Words and numbers that all documents of `compare` share."""
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 
+from tgospa_eval.common.interval import Interval, places
 from tgospa_eval.common.words import counted, sizes_in_words
 from tgospa_eval.reports.records import Metric
 from tgospa_eval.results.numbers import PROBABILITIES
@@ -63,3 +65,107 @@ def parameters_of(parameters: Metric) -> str:
         f"c = {parameters['cutoff']:g}{unit}, p = {parameters['order']:g}, "
         f"gamma = {parameters['switch_penalty']:g}{unit}{rho}{weighted}, {parameters['distance']}"
     )
+
+
+# -------------------------------------------------------------------------------------------------
+# A proven order in words: places, who is best, what verdicts mean.
+
+ORDERS = {"less": "proven", "equal": "equal", "not separated": "open"}
+"""Verdicts as the tables have them."""
+
+PROOFS = {
+    "less": "proven: the upper bound of the one is below the lower bound of the other",
+    "equal": "equal: the same data, or proven to differ by less than 1e-9 of the value",
+    "not separated": "open: the bounds of both overlap",
+}
+"""What the verdicts mean."""
+
+
+MOST_NAMED = 8
+"""Names in a sentence; a table has all of them."""
+
+
+def first_names(groups: Sequence[Sequence[str]]) -> str:
+    """The first names with commas, those of a group with ``=``, and how many more there are."""
+    left, texts = MOST_NAMED, list[str]()
+    for group in groups:
+        if left > 0:
+            texts.append(" = ".join(group[:left]))
+        left -= len(group)
+    return ", ".join(texts) + (f" and {-left:,} more, all in the table" if left < 0 else "")
+
+
+def order_in_words(
+    value: str,
+    names: Sequence[str],
+    ranks: Sequence[tuple[int, int]],
+    verdicts: Mapping[tuple[str, str], str],
+) -> str:
+    """A sentence.
+
+    Parameters
+    ----------
+    value : str
+        By which they are ordered.
+    names : sequence of str
+        In the order of the values.
+    ranks : sequence of (int, int)
+        The best and the worst that each can have.
+    verdicts : mapping
+        What is proven of each pair, of which the first comes first in `names`.
+    """
+    groups = [list(names[:1])]
+    for pair in itertools.pairwise(names):
+        if verdicts[pair] == "equal":
+            groups[-1].append(pair[1])
+        else:
+            groups.append([pair[1]])
+    proven = {
+        **dict.fromkeys(itertools.combinations(names, 2), "less"),
+        **{pair: "equal" for group in groups for pair in itertools.combinations(group, 2)},
+    }
+    if verdicts == proven and len(groups) == 1:
+        return f"Proven to be equal by {value}: {first_names(groups)}"
+    if verdicts == proven:
+        return f"Proven order by {value}, best first: {first_names(groups)}"
+    best = best_of(ranks)
+    if best:
+        return (
+            f"Proven best by {value}: {first_names([[names[k] for k in best]])}; the order of "
+            "the others is not proven throughout"
+        )
+    tied = [[name] for name, place in zip(names, ranks, strict=True) if place[0] == 1]
+    return f"None is proven best by {value}: it may be any of {first_names(tied)}"
+
+
+def best_of(ranks: Sequence[Sequence[int]]) -> list[int]:
+    """Which are proven to be better than all others, or equal to such."""
+    best = [k for k, place in enumerate(ranks) if tuple(place) == (1, 1)]
+    return best if len(best) < len(ranks) else []
+
+
+def best_cells(
+    columns: Mapping[int, Sequence[Interval]], rivals: Iterable[Sequence[int]]
+) -> frozenset[tuple[int, int]]:
+    """Row and column of the values that are proven to be the least of those they compete with.
+
+    Parameters
+    ----------
+    columns : mapping of int to sequence of Interval
+        Of each column that is compared, the values of all rows.
+    rivals : iterable of sequences of int
+        Rows that compete with each other.
+    """
+    return frozenset(
+        (rows[k], column)
+        for rows in rivals
+        for column, values in columns.items()
+        for k in best_of(places([values[row] for row in rows]))
+    )
+
+
+def place_in_words(best: int, worst: int, *, shared: bool = False) -> str:
+    """The range of places that are possible, or the only one, with = if it is shared."""
+    if best < worst:
+        return f"{best}-{worst}"
+    return f"{best}=" if shared else f"{best}"

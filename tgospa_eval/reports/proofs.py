@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from urllib.parse import quote
 
 from tgospa_eval.proof.write import check_work, proof_texts
-from tgospa_eval.reports.folders import PROOF, write_texts
+from tgospa_eval.reports.files import PROOF, write_texts
 from tgospa_eval.results.by_class import ByClass
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.results.summary import Summary

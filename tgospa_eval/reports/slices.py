@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import zip_longest
 
-from tgospa_eval.common.figures import number
+from tgospa_eval.common.words import number
 from tgospa_eval.reports.tables import INDENT, WIDTH, Row, Table, clip, text_lines
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.slices import Slice, Slicing, in_order

@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator
 
-from tgospa_eval.common.figures import number
-from tgospa_eval.common.words import sizes_in_words
+from tgospa_eval.common.words import number, sizes_in_words
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
 from tgospa_eval.results.numbers import PROBABILITIES

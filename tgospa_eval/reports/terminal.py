@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from rich.console import Console
 from rich.text import Text
 
-from tgospa_eval.common.figures import number
+from tgospa_eval.common.words import number
 from tgospa_eval.reports.console import SHOWN, blocks, fitting, worst
 from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines
 from tgospa_eval.results.records import PARTS

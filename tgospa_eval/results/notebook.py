@@ -5,8 +5,8 @@ The bars stand on white, for a notebook does not say whether its paper is light 
 
 from collections.abc import Sequence
 
-from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import LIGHT
+from tgospa_eval.common.words import number
 
 PART_COLOURS = {name: LIGHT[name] for name in ("localisation", "missed", "false", "switch")}
 CHART_WIDTH, CHART_HEIGHT = 560, 56

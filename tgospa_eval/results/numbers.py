@@ -12,9 +12,10 @@ import numpy as np
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
+from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Brackets, Curve, Windows
-from tgospa_eval.problem.tgospa import POWER
+from tgospa_eval.problem.tgospa import POWER, Parameters
 from tgospa_eval.results.records import (
     PARTS,
     Columns,
@@ -26,9 +27,105 @@ from tgospa_eval.results.records import (
     SolverRecord,
     Timings,
 )
-from tgospa_eval.results.similarity import Calibration
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.tracks.judged import Judged
+
+USUAL_SCORE = 0.1
+"""What the false targets of the calibration score, as in the authors' scripts."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """What false targets alone score.
+
+    Parameters
+    ----------
+    false_targets : float
+        n > 0: how many at each step.
+    score : float
+        0 < s < 1: what that scores.
+
+    Raises
+    ------
+    ConfigError
+        A number is out of its range.
+    """
+
+    false_targets: float
+    score: float = USUAL_SCORE
+
+    def __post_init__(self) -> None:
+        for name, most in (("false_targets", math.inf), ("score", 1.0)):
+            value = real_number(name.replace("_", " "), getattr(self, name))
+            if not 0 < value < most:
+                limit = "finite" if math.isinf(most) else f"< {most:g}"
+                raise ConfigError(f"{name.replace('_', ' ')} is {value:g}: must be > 0 and {limit}")
+            object.__setattr__(self, name, value)
+
+    def beta(self, parameters: Parameters) -> float:
+        """The scale on which the metric counts, in its unit."""
+        false = parameters.root(parameters.rho * self.false_targets)
+        return false / math.log((2 - self.score) / self.score)
+
+    def of(self, value: float, parameters: Parameters) -> float:
+        """The score of a value per step."""
+        small = math.exp(-value / self.beta(parameters))
+        return 2 * small / (1 + small)
+
+    def similarity(
+        self, value: float, bounds: tuple[float, float], parameters: Parameters
+    ) -> "Similarity":
+        """The score of a value per step, and what its bounds prove of it."""
+        beta = self.beta(parameters)
+        ends = []
+        for bound, sign in zip(bounds, (1, -1), strict=True):  # the score falls
+            error = POWER * (2 + bound / beta)
+            ends.append(self.of(bound, parameters) * (1 + sign * error))
+        return Similarity(
+            score=self.of(value, parameters),
+            lower_bound=max(ends[1], 0.0),
+            upper_bound=min(ends[0], 1.0),
+            beta=beta,
+            calibration=self,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Similarity:
+    """The score of an evaluation.
+
+    Parameters
+    ----------
+    score : float
+        Of the value per step, from 0 to 1.
+    lower_bound, upper_bound : float
+        Proven bounds of it.
+    beta : float
+        Its scale, in the unit of the metric.
+    calibration : Calibration
+        What that comes from.
+    """
+
+    score: float
+    lower_bound: float
+    upper_bound: float
+    beta: float
+    calibration: Calibration
+
+    def record(self) -> dict[str, float]:
+        """Its part of the JSON document."""
+        return {
+            "score": self.score,
+            "lower_bound": self.lower_bound,
+            "upper_bound": self.upper_bound,
+            "beta": self.beta,
+            "false_targets": self.calibration.false_targets,
+            "score_of_false_targets": self.calibration.score,
+        }
+
+
+# -------------------------------------------------------------------------------------------------
+# The numbers of an evaluation, or of a sum of several, and their tables. Knows no output.
 
 T = TypeVar("T")
 

@@ -1,18 +1,155 @@
 """The result of an evaluation of partitioned data: sums in memory, tables as files."""
 
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from tgospa_eval.common.files import reason
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.common.words import install
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.problem.problem import Floats
 from tgospa_eval.results.records import Columns, Json, records
 from tgospa_eval.results.slices import Slicing
-from tgospa_eval.results.stored_tables import STORED_TABLES, StoredTables, name_of
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     import pandas as pd
+    import pyarrow.parquet as pq
+
+
+STORED_TABLES = ("per_step", "per_truth", "per_estimate", "switches", "assignments")
+"""The tables, each a file NAME.parquet; the last is a folder of such files, ``part-*.parquet``."""
+
+IN_PARTS = "assignments"
+
+
+def name_of(table: str) -> str:
+    """The name of a table in its folder."""
+    return table if table == IN_PARTS else f"{table}.parquet"
+
+
+@dataclass(frozen=True)
+class StoredTables:
+    """The tables of one result.
+
+    Parameters
+    ----------
+    folder : str
+        Where they are, with the names of `name_of`.
+    """
+
+    folder: str
+
+    def files(self, table: str) -> list[Path]:
+        """The files of a table, in order.
+
+        Raises
+        ------
+        InputError
+            There is none.
+        """
+        path = Path(self.folder, name_of(table))
+        if path.is_dir():
+            return sorted(path.glob("part-*.parquet"))
+        if not path.is_file():
+            raise InputError(
+                f"{path}: is not there any more: the tables of this result are files, which were "
+                "moved or removed; evaluate again"
+            )
+        return [path]
+
+    def names(self) -> dict[str, Path]:
+        """All files, by their names in a folder, with slashes."""
+        return {
+            path.relative_to(self.folder).as_posix(): path
+            for table in STORED_TABLES
+            for path in self.files(table)
+        }
+
+    def rows(self, table: str) -> int:
+        """How many rows a table has."""
+        with self._opened(table) as files:
+            return sum(file.metadata.num_rows for file in files)
+
+    def columns(self, table: str, most: int | None = None) -> Columns:
+        """A table, or its first rows, as plain Python values."""
+        import pyarrow as pa
+
+        found, left = [], most
+        with self._opened(table) as files:
+            schema = files[0].schema_arrow if files else pa.schema([])
+            for file in files:
+                for batch in file.iter_batches():
+                    if left is not None and left <= 0:
+                        break
+                    found.append(batch if left is None else batch[:left])
+                    left = None if left is None else left - len(batch)
+        made: Columns = pa.Table.from_batches(found, schema).to_pydict()
+        return made
+
+    def frame(self, table: str) -> "pd.DataFrame":
+        """A table as a DataFrame."""
+        import pyarrow as pa
+
+        with self._opened(table) as files:
+            made: pd.DataFrame = pa.concat_tables([file.read() for file in files]).to_pandas()
+        return made
+
+    def costliest(self, table: str, parts: Sequence[str], count: int) -> list[Json]:
+        """The rows with the highest sums of some columns, of equal ones the first; none of 0."""
+        best: list[tuple[float, Json]] = []
+        with self._opened(table) as files:
+            for batch in (batch for file in files for batch in file.iter_batches()):
+                columns = [np.asarray(batch[name], float) for name in parts]
+                cost: Floats = sum(columns, np.zeros(len(batch)))
+                # Only what is dearer than the last of those that are known can come before it.
+                least = best[-1][0] if best and len(best) == count else 0.0
+                dear = np.flatnonzero(cost > least)
+                dear = dear[np.argsort(-cost[dear], kind="stable")[:count]]
+                best += zip(cost[dear].tolist(), batch.take(dear).to_pylist(), strict=True)
+                best = sorted(best, key=lambda found: -found[0])[:count]
+        return [row for _, row in best]
+
+    @contextmanager
+    def _opened(self, table: str) -> "Iterator[list[pq.ParquetFile]]":
+        """The files of a table, one after the other.
+
+        Raises
+        ------
+        InputError
+            One is gone or damaged.
+        ConfigError
+            pyarrow is not installed.
+        """
+        try:
+            import pyarrow.parquet as pq
+        except ModuleNotFoundError:
+            raise ConfigError(
+                f"{os.path.join(self.folder, name_of(table))}: Parquet files need the extra "
+                f"parquet: {install('parquet')}"
+            ) from None
+        files: list[pq.ParquetFile] = []
+        try:
+            files += [pq.ParquetFile(path) for path in self.files(table)]
+            yield files
+        except (OSError, ValueError) as error:
+            if isinstance(error, InputError):
+                raise
+            where = os.path.join(self.folder, name_of(table))
+            raise InputError(f"{where}: cannot be read: {reason(error)}") from None
+        finally:
+            for file in files:
+                file.close()
+
+
+# -------------------------------------------------------------------------------------------------
+# The result of an evaluation of partitioned data: sums in memory, tables as files.
 
 MOST_RECORDS = 100_000
 """Steps, or switches, of which the JSON document has a record each; of more it names the table."""

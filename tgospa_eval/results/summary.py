@@ -11,14 +11,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from tgospa_eval.common.config import settings_field
-from tgospa_eval.common.figures import number
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import sizes_in_words
+from tgospa_eval.common.words import number, sizes_in_words
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.results.numbers import SPLIT_PARTS, Numbers
+from tgospa_eval.results.numbers import SPLIT_PARTS, USUAL_SCORE, Calibration, Numbers, Similarity
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text, records
 from tgospa_eval.results.repairs import Repairs
-from tgospa_eval.results.similarity import USUAL_SCORE, Calibration, Similarity
 from tgospa_eval.results.slices import Slicing
 
 if TYPE_CHECKING:

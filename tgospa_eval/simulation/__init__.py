@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import LARGEST_COUNT, ConfigError, real_number
 from tgospa_eval.simulation import tracker as errors
-from tgospa_eval.simulation.encounters import encounters
-from tgospa_eval.simulation.particles import particle_clouds
-from tgospa_eval.simulation.scenarios import SCENARIOS
+from tgospa_eval.simulation.scenarios import SCENARIOS, encounters
+from tgospa_eval.simulation.tracker import particle_clouds
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 

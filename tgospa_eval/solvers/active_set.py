@@ -12,16 +12,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.progress import StoppedError
-from tgospa_eval.common.solver_status import Status
+from tgospa_eval.common.progress import Status, StoppedError
 from tgospa_eval.problem.paths import best_values
 from tgospa_eval.problem.problem import REGRET, sum_by
 from tgospa_eval.problem.slots import changed
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.batches import Answer, Batch
-from tgospa_eval.solvers.best_paths import best_paths
 from tgospa_eval.solvers.block_costs import better, price_cap
 from tgospa_eval.solvers.restricted_lp import Proposal, solve_restricted_lp
+from tgospa_eval.solvers.trivial import best_paths
 
 MOST_ROUNDS = 30
 MOST_ACTIVE = 0.6

@@ -10,16 +10,19 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from tgospa_eval.common.cores import cores
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.progress import Limit
-from tgospa_eval.common.solver_status import Status
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.machine import cores
+from tgospa_eval.common.progress import Limit, Status, Stopwatch
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.block_costs import block_costs, settle, unassigned_costs
-from tgospa_eval.solvers.bracket_progress import BatchProgress, BracketProgress
+from tgospa_eval.solvers.block_costs import (
+    BatchProgress,
+    BracketProgress,
+    block_costs,
+    settle,
+    unassigned_costs,
+)
 from tgospa_eval.solvers.far_cutoff import Mask, solve_at_fitting_cutoffs
 from tgospa_eval.solvers.time_windows import Divided, TimeShares, TimeWindow, divisible_blocks
 from tgospa_eval.solvers.warm_start import WarmStart

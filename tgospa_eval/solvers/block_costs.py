@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.progress import Progress
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, sum_by
 from tgospa_eval.problem.states import States
@@ -95,3 +96,143 @@ def better(states: States, first: Floats, second: Floats) -> Floats:
     """Block by block the better of two proposed assignments."""
     wins = block_costs(states, second) < block_costs(states, first)
     return np.where(wins[states.pair_block[states.pair]], second, first)
+
+
+# -------------------------------------------------------------------------------------------------
+# The bracket on the way: what is proven of each batch, and cheap bounds of the rest.
+#
+# Nothing here is reported; the bracket of the result is made by `problem.certificate.certify`.
+
+Known = tuple[NDArray[np.bool_], Floats, Floats, Floats]
+"""Some blocks, and of all blocks the width of the bracket, cost, and cost of leaving all."""
+
+FINEST = 1e-12
+"""Relative gap that is as good as none."""
+
+SUM_MARGIN = 1e-12
+"""Of the cost of leaving all unassigned: more than sums in solvers lose."""
+
+
+class BracketProgress:
+    """Adds up what is known of the batches; called from several threads.
+
+    Parameters
+    ----------
+    states : States
+        The problem.
+    cuts : list of pair of int
+        Blocks of each batch.
+    progress : Progress
+        Where it is shown.
+    """
+
+    def __init__(self, states: States, cuts: list[tuple[int, int]], progress: Progress) -> None:
+        self.states, self.cuts, self.progress = states, cuts, progress
+        self.shares, self.lower, self.upper = np.zeros((3, len(cuts)))
+        self.begun = np.zeros(len(cuts), bool)
+        self.unassigned: Floats | None = None
+
+    def update(self, number: int, share: float, lower: float, upper: float) -> None:
+        """Of a batch: how much is done, and bounds of its cost less that of all unassigned."""
+        self.shares[number], self.lower[number], self.upper[number] = share, lower, upper
+        self.begun[number] = True
+        if not self.progress.due:
+            return
+        if self.unassigned is None:
+            unassigned = unassigned_costs(self.states)
+            self.unassigned = np.array([unassigned[slice(*cut)].sum() for cut in self.cuts])
+        problem = self.states.problem
+        most = float(problem.truth_price.sum() + problem.estimate_price.sum())
+        lower = float(np.where(self.begun, self.lower, -self.unassigned).sum())
+        self.progress.prove(
+            most * (1 - SUM_MARGIN) + lower, most * (1 + SUM_MARGIN) + float(self.upper.sum())
+        )
+        self.progress.done(float(self._sizes() @ self.shares))
+
+    def advance(self, number: int, share: float) -> None:
+        """Of a batch: how much is done, where nothing is proven yet."""
+        self.shares[number] = share
+        if self.progress.due:
+            self.progress.done(float(self._sizes() @ self.shares))
+
+    def _sizes(self) -> Floats:
+        """Of the batches, as shares of the whole."""
+        states = self.states
+        blocks = [low for low, _ in self.cuts] + [len(states.block_begin)]
+        first = states.pair_first[np.searchsorted(states.pair_block, blocks)]
+        sizes: Floats = np.diff(first) / max(len(states.begin), 1)
+        return sizes
+
+
+class BatchProgress:
+    """What is known of one batch.
+
+    Parameters
+    ----------
+    whole : BracketProgress
+        Of all batches.
+    number : int
+        Of this one.
+    states, weights, quickly : States, (S,) float array, (B,) bool array
+        Of the batch.
+    """
+
+    def __init__(
+        self,
+        whole: BracketProgress,
+        number: int,
+        states: States,
+        weights: Floats,
+        quickly: NDArray[np.bool_],
+    ) -> None:
+        self.whole, self.number = whole, number
+        self.states, self.weights, self.quickly = states, weights, quickly
+        self.known: Known | None = None
+
+    def update(
+        self,
+        blocks: NDArray[np.bool_],
+        width: Floats,
+        cost: Floats,
+        unassigned: Floats,
+        share: float,
+    ) -> None:
+        """How much is done, and what is known of some blocks.
+
+        Width of the bracket, cost, and cost of leaving all unassigned are of all blocks, (B,). The
+        blocks that are left out are trivial: their weights in the batch are the best.
+        """
+        self.known = blocks, np.maximum(width, 0.0), cost, unassigned
+        if self.whole.progress.due:
+            self._pass_on(self.known, share)
+
+    def finish(self) -> None:
+        """The batch is done."""
+        none = np.zeros(len(self.quickly))
+        unassigned = unassigned_costs(self.states) if self.quickly.any() else none
+        self._pass_on(self.known or (none > 0, none, none, unassigned), 1.0)
+
+    def _pass_on(self, known: Known, share: float) -> None:
+        blocks, width, cost, unassigned = known
+        gained = -_gains(self.states, self.weights)
+        upper = np.where(blocks, cost - unassigned, gained)
+        rest = np.where(self.quickly, -unassigned, gained)
+        lower = np.where(blocks, cost - width - unassigned, rest)
+        self.whole.update(self.number, share, float(lower.sum()), float(upper.sum()))
+
+
+def _gains(states: States, weights: Floats) -> Floats:
+    """What proposed weights gain in each block, (B,)."""
+    block, blocks = states.pair_block[states.pair], len(states.block_begin)
+    arc = np.flatnonzero(states.pair[1:] == states.pair[:-1]) + 1
+    paid = states.problem.switch_price_at[states.begin[arc]] * np.abs(np.diff(weights)[arc - 1])
+    return sum_by(block, weights * states.gain, blocks) - sum_by(block[arc], paid, blocks)
+
+
+def share_of_digits(width: float, cost: float, gap: float) -> float:
+    """How far a bracket has come on its way from the cost to the gap, 0 to 1, by its digits."""
+    if width <= gap * cost:
+        return 1.0
+    if not 0.0 < width < cost or gap >= 1.0:
+        return 0.0
+    return min(float(np.log(width / cost) / np.log(max(gap, FINEST))), 1.0)

@@ -11,16 +11,23 @@ import numpy as np
 
 from tgospa_eval.common.arrays import places_of
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.solver_status import Status
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.batches import Answer, Batch, Routine, solve_in_batches
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.lp_rounds import Programmes
-from tgospa_eval.solvers.schedule import ASCENT, PROGRAMMES, TIME_WINDOWS, WINDOWS, Stage
-from tgospa_eval.solvers.settings import check_gap, check_jobs, check_time_limit
+from tgospa_eval.solvers.schedule import (
+    ASCENT,
+    PROGRAMMES,
+    TIME_WINDOWS,
+    WINDOWS,
+    Stage,
+    check_gap,
+    check_jobs,
+    check_time_limit,
+)
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 
 if TYPE_CHECKING:

@@ -13,20 +13,16 @@ import numpy as np
 from scipy import sparse
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.progress import StoppedError
-from tgospa_eval.common.solver_status import Status
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Status, StoppedError, Stopwatch
 from tgospa_eval.errors import SolverError
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.batches import Answer, Batch, Routine, solve_in_batches
-from tgospa_eval.solvers.best_paths import dual_values
 from tgospa_eval.solvers.block_costs import better, block_costs, price_cap, settle, unassigned_costs
 from tgospa_eval.solvers.capacities import CapacityRows, capacity_rows
-from tgospa_eval.solvers.rounding import round_paths
-from tgospa_eval.solvers.settings import check_time_limit
-from tgospa_eval.solvers.trivial import solve_rows
+from tgospa_eval.solvers.schedule import check_time_limit
+from tgospa_eval.solvers.trivial import dual_values, round_paths, solve_rows
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.warm_start import WarmStart

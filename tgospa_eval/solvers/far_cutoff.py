@@ -12,8 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.progress import Limit
-from tgospa_eval.common.solver_status import Status
+from tgospa_eval.common.progress import Limit, Status
 from tgospa_eval.problem.certificate import home_blocks, lower_bounds, of_whole
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, sum_by

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.best_paths import dual_values
 from tgospa_eval.solvers.block_costs import block_costs, unassigned_costs
-from tgospa_eval.solvers.rounding import round_paths
 from tgospa_eval.solvers.schedule import ASCENT
+from tgospa_eval.solvers.trivial import dual_values, round_paths
 
 NEGLIGIBLE_MASS = 1e-12
 LONGEST_CHAIN = 2_000_000

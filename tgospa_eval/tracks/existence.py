@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tgospa_eval.common.figures import parsed
-from tgospa_eval.common.words import more
+from tgospa_eval.common.words import more, parsed
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, Trajectories

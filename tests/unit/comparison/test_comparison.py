@@ -13,10 +13,10 @@ from answer import Answer
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tgospa_eval.common.brackets import equal, excess, less, narrowest, overlap, places
-from tgospa_eval.common.interval import Interval
-from tgospa_eval.comparison import runs, solvers
-from tgospa_eval.comparison.runs import Run, called
+from tgospa_eval.common.interval import Interval, equal, excess, less, narrowest, overlap, places
+from tgospa_eval.comparison import entrants as runs
+from tgospa_eval.comparison import solvers
+from tgospa_eval.comparison.entrants import Run, called
 from tgospa_eval.comparison.solvers import Comparison
 from tgospa_eval.errors import SolverError
 from tgospa_eval.evaluation.prepare import Prepared
@@ -149,7 +149,7 @@ def test_errors_are_against_what_all_prove() -> None:
 def test_exact_is_left_out_where_it_is_slow(
     write: Write, invoke: Invoke, monkeypatch, here
 ) -> None:
-    from tgospa_eval.cli.compare import solvers as comparing
+    from tgospa_eval.cli.compare import run as comparing
 
     here()
     monkeypatch.setattr(comparing, "takes_long", lambda _: 123_456)
@@ -418,7 +418,7 @@ def test_patterns_fit_each_other(
     ],
 )
 def test_names_are_what_differs(paths: list[str], names: list[str]) -> None:
-    from tgospa_eval.cli.compare.files import short_names
+    from tgospa_eval.cli.compare.run import short_names
 
     assert short_names(tuple(paths)) == names
 

@@ -17,8 +17,7 @@ from answer import Answer
 
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.comparison import study
-from tgospa_eval.comparison.log import LOG_NAME, Log
-from tgospa_eval.comparison.study import spread
+from tgospa_eval.comparison.study import LOG_NAME, Log, spread
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.simulation import Scene, Tracker
 

@@ -4,9 +4,8 @@ import os
 
 import pytest
 
-from tgospa_eval.engines.processes import Processes
+from tgospa_eval.engines.processes import Processes, Standing
 from tgospa_eval.engines.spread import spread
-from tgospa_eval.engines.standing import Standing
 
 
 def whose(job: int) -> tuple[int, int]:

@@ -9,9 +9,9 @@ import pytest
 from strategies import scene
 
 from tgospa_eval import Certified, evaluate
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.evaluation.curve import trace
-from tgospa_eval.evaluation.ending_bounds import Continued, Proven, Whole
+from tgospa_eval.evaluation.endings import Continued, Proven, Whole
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.prefixes import Cells
 from tgospa_eval.problem.weights import repair

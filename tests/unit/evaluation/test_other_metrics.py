@@ -14,7 +14,7 @@ from answer import Answer
 from trackeval.metrics import CLEAR, HOTA, Identity
 
 from tgospa_eval import Certified, Trajectories, evaluate
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import DISTANCES, Effort
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import request

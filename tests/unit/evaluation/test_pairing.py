@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tgospa_eval.evaluation.diagnosis import pairing
+from tgospa_eval.evaluation.diagnosis import costs as pairing
 from tgospa_eval.problem.compiled import kernels
 
 compiled_only = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")

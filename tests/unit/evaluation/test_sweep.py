@@ -15,7 +15,7 @@ from strategies import ORDERS, pairs_of_sets, scene
 
 from tgospa_eval import Certified, ConfigError, Sinkhorn, evaluate, sweep
 from tgospa_eval.cli.evaluate.sweep import parse_sweep
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.evaluation import sweep as sensitivity
 from tgospa_eval.evaluation.prepare import Measured, fit, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -363,7 +363,7 @@ def test_pictures_of_the_folder(
 def test_what_the_picture_shows() -> None:
     pytest.importorskip("matplotlib")
     from tgospa_eval import plots
-    from tgospa_eval.plots.sweep import sweep_figure
+    from tgospa_eval.plots.comparison import sweep_figure
 
     truth, estimate = scene(2, 3, 4, 12, side=10.0)
     found = sweep(truth, estimate, cutoff=[1, 2, 4, 8, 16], switch_penalty=2, unit="$m")

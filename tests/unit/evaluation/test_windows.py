@@ -16,8 +16,8 @@ from strategies import ORDERS, SWITCH, pairs_of_sets, scene
 
 from tgospa_eval import Certified, Exact, evaluate
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.ending_bounds import Alone
-from tgospa_eval.evaluation.sliding import Sliding
+from tgospa_eval.evaluation.endings import Alone
+from tgospa_eval.evaluation.request import Sliding
 from tgospa_eval.plots import plot_windows
 
 Invoke = Callable[..., Answer]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.partitioned.long.component import Joined, Long
 from tgospa_eval.partitioned.long.run import solve_long
 from tgospa_eval.partitioned.long.windows import Window

@@ -15,9 +15,8 @@ from tgospa_eval.partitioned import by_time, tables
 from tgospa_eval.reports import REPORTS, drawn
 from tgospa_eval.reports.page_data import document
 from tgospa_eval.results import partitioned as module
-from tgospa_eval.results.partitioned import PartitionedResult
+from tgospa_eval.results.partitioned import PartitionedResult, StoredTables
 from tgospa_eval.results.saved import read_result
-from tgospa_eval.results.stored_tables import StoredTables
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
 TABLES = ("per_truth", "per_estimate", "switches", "assignments")

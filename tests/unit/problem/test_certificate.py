@@ -18,7 +18,7 @@ from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
-from tgospa_eval.solvers.best_paths import best_paths, paths
+from tgospa_eval.solvers.trivial import best_paths, paths
 
 
 def instance(seed: int) -> States:

@@ -10,11 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.regression.github import SUMMARY, annotations, append_summary, summary
-from tgospa_eval.regression.junit import junit
 from tgospa_eval.regression.outcome import Change, Outcome, Report
-from tgospa_eval.regression.report import json_report, markdown, table
-from tgospa_eval.regression.rules import STATUS, Value, Verdict, judge, parse_rule
+from tgospa_eval.regression.report import (
+    SUMMARY,
+    annotations,
+    append_summary,
+    json_report,
+    junit,
+    markdown,
+    summary,
+    table,
+)
+from tgospa_eval.regression.suite import STATUS, Value, Verdict, judge, parse_rule
 from tgospa_eval.text import visible
 
 HOSTILE = [

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.regression.rules import (
+from tgospa_eval.regression.suite import (
     DEFAULT,
     SEVERITY,
     STATUS,

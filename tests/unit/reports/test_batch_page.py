@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, heat_shades
-from tgospa_eval.reports.charts import curve_charts
+from tgospa_eval.reports.batch_page import curve_charts
+from tgospa_eval.reports.batch_view import MOST_SQUARES, Heat, heat_of
+from tgospa_eval.reports.clock import round_steps
 from tgospa_eval.reports.curves import RmsCurve, RmsLine
-from tgospa_eval.reports.heat import MOST_SQUARES, Heat, heat_of
-from tgospa_eval.reports.order import first_names, order_in_words
-from tgospa_eval.reports.ticks import round_steps
+from tgospa_eval.reports.phrases import first_names, order_in_words
 from tgospa_eval.results.records import Time
 
 

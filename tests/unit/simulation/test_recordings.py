@@ -16,9 +16,17 @@ from hypothesis import strategies as st
 from tgospa_eval import evaluate
 from tgospa_eval.cli.simulate.command import RECORDING_KINDS
 from tgospa_eval.simulation import Tracker
-from tgospa_eval.simulation.kinds import AIS, CITY, RECORDINGS
-from tgospa_eval.simulation.recordings import GRAIN, Layout, RecordingKind
-from tgospa_eval.simulation.streamed import Held, hold_tracks, simulate_recording
+from tgospa_eval.simulation.recordings import (
+    AIS,
+    CITY,
+    GRAIN,
+    RECORDINGS,
+    Held,
+    Layout,
+    RecordingKind,
+    hold_tracks,
+    simulate_recording,
+)
 
 Run = Callable[..., Any]
 

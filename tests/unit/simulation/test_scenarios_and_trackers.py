@@ -18,7 +18,7 @@ from tgospa_eval.cli.simulate.command import SCENE_FORMATS as OFFERED_FORMATS
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.write import WRITERS, csv_text, kitti_text, motchallenge_text
 from tgospa_eval.simulation import SCENARIOS, Scene, Tracker, simulate, tracker
-from tgospa_eval.simulation.encounters import encounters
+from tgospa_eval.simulation.scenarios import encounters
 
 SEEDS = st.integers(0, 2**32 - 1)
 

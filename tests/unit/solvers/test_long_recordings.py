@@ -13,17 +13,15 @@ import tgospa_eval.solvers.exact as exact_module
 import tgospa_eval.solvers.lp_rounds as lp_rounds_module
 import tgospa_eval.solvers.restricted_lp as restricted_lp_module
 from tgospa_eval import Certified, Exact, Sinkhorn, evaluate
-from tgospa_eval.common.solver_status import Status
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.block_costs import price_cap
 from tgospa_eval.solvers.dual_ascent import Ascent
-from tgospa_eval.solvers.lp_rounds import groups, windows
+from tgospa_eval.solvers.lp_rounds import cut_out, groups, windows
 from tgospa_eval.solvers.restricted_lp import solve_restricted_lp
 from tgospa_eval.solvers.schedule import PROGRAMMES, WINDOWS
-from tgospa_eval.solvers.subproblem import cut_out
 
 compiled_only = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
 

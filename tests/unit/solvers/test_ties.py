@@ -10,9 +10,13 @@ from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers import restricted_lp as programmes
-from tgospa_eval.solvers.basis import suggest
-from tgospa_eval.solvers.programme import make_programme
-from tgospa_eval.solvers.restricted_lp import Proposal, refine, solve_restricted_lp
+from tgospa_eval.solvers.restricted_lp import (
+    Proposal,
+    make_programme,
+    refine,
+    solve_restricted_lp,
+    suggest,
+)
 
 
 def states_of(sides: tuple[np.ndarray, np.ndarray], c: float, p: float, gamma: float) -> States:

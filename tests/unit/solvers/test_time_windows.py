@@ -8,7 +8,7 @@ from strategies import dice, scene
 
 import tgospa_eval.solvers.time_windows as time_windows_module
 from tgospa_eval import Certified, Result, evaluate
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.solution import Bounds

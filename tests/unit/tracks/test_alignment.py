@@ -15,8 +15,7 @@ from tgospa_eval import evaluate
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import alignment_notices
-from tgospa_eval.evaluation.diagnosis.costs import step_costs
-from tgospa_eval.evaluation.diagnosis.sample import StepRows
+from tgospa_eval.evaluation.diagnosis.costs import StepRows, step_costs
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import GRIDS, INTERPOLATED, TimeMatching, align, nearest
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -111,7 +110,8 @@ def test_bad_values(options: dict) -> None:
 
 
 def test_grids_are_spelled_alike() -> None:
-    from tgospa_eval.cli.shared import clock_options, options
+    from tgospa_eval.cli.shared import options
+    from tgospa_eval.cli.shared import options as clock_options
 
     assert options.GRIDS == GRIDS
     assert clock_options.INTERPOLATED == INTERPOLATED

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tgospa_eval.cli.batch.plan import BatchOptions
-from tgospa_eval.cli.batch.run import finish_batch, work_batch
-from tgospa_eval.cli.shared.typed import typed_options
+from tgospa_eval.cli.batch.run import BatchOptions, finish_batch, work_batch
+from tgospa_eval.cli.shared.options import typed_options
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import in_python, spoken_in_python

@@ -138,8 +138,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     Exit status: 0 done, 2 wrong option or missing files, 3 bad manifest, 4 the accuracy
     of some job was not reached, 5 some jobs failed.
     """
-    from tgospa_eval.cli.batch.plan import BatchOptions
-    from tgospa_eval.cli.batch.run import report_batch, run_batch
+    from tgospa_eval.cli.batch.run import BatchOptions, report_batch, run_batch
     from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 
     batch, output = BatchOptions.of(options), OutputOptions.of(options)

@@ -1,56 +1,347 @@
 """From the options of a batch to its store and tables."""
 
+import functools
 import json
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 import click
+import numpy as np
 
+from tgospa_eval import plots
 from tgospa_eval._version import __version__
+from tgospa_eval.batches import jobs
 from tgospa_eval.batches.curves import rms_curves
-from tgospa_eval.batches.lock import locked
+from tgospa_eval.batches.jobs import Job, Plan
 from tgospa_eval.batches.pairing import labels_of
-from tgospa_eval.batches.per_step import STEPS
-from tgospa_eval.batches.store import SCHEMA, Row, Store
+from tgospa_eval.batches.per_step import STEPS, STORED_CURVE, STORED_STEPS
+from tgospa_eval.batches.store import SCHEMA, SETTINGS_FILE, Row, Store, locked
 from tgospa_eval.batches.tables import check_labels, tabulated
-from tgospa_eval.cli.batch.files import is_written, write_batch
-from tgospa_eval.cli.batch.plan import (
-    BatchOptions,
-    check_missing,
-    left_over,
-    planned,
-    shard_of,
-    size_of,
-    tasks_of,
-)
 from tgospa_eval.cli.batch.worker import (
     NOT_WRITTEN,
     OFF_STEPS,
     UNSEEN,
     Task,
+    digest_of,
     evaluate_job,
+    files_of,
+    given_text,
+    key_of,
     lost_job,
 )
+from tgospa_eval.cli.evaluate.folder import wanted_pictures
 from tgospa_eval.cli.shared.notices import about_defaults
+from tgospa_eval.cli.shared.options import KNOWN, typed_options
 from tgospa_eval.cli.shared.streams import emit, print_notice
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
+from tgospa_eval.cli.shared.writing import write_output
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.manifest import read_manifest, unchanged
+from tgospa_eval.common.words import counted, parsed_whole
+from tgospa_eval.engines.cluster import Cluster
+from tgospa_eval.engines.processes import Processes
 from tgospa_eval.engines.spread import Engine, spread
 from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.evaluation.request import chosen_metrics
 from tgospa_eval.evaluation.slicing import parse_slices
-from tgospa_eval.reports.batch import BATCH_REPORTS
+from tgospa_eval.formats import runs_inside
+from tgospa_eval.formats.filters import parse_moments
+from tgospa_eval.formats.guess import file_of, files_at
+from tgospa_eval.reports.batch import BATCH_REPORTS, slices_of_groups
 from tgospa_eval.reports.batch_records import BatchTables
-from tgospa_eval.reports.curves import BANDS
-from tgospa_eval.text import quoted
+from tgospa_eval.reports.batch_view import BatchView
+from tgospa_eval.reports.curves import BANDS, curves_csv
+from tgospa_eval.reports.files import BATCH, Files, csv_text
+from tgospa_eval.reports.proofs import folder_name
+from tgospa_eval.text import as_unicode, quoted
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from tgospa_eval.reports.curves import BandKind
+
+
+REPORT_FOLDER = "reports"
+
+
+def folder_of(store: str, labels: Mapping[str, str], options: Mapping[str, str]) -> str:
+    """Where the result folder of a job is, of labels and options of its own."""
+    parts = [folder_name(as_unicode(value)) for value in labels.values()]
+    parts += [f"{key}={folder_name(value)}" for key, value in options.items()]
+    return os.path.join(store, REPORT_FOLDER, *parts)
+
+
+def write_batch(store: Store, tables: BatchTables, output: OutputOptions, *, lenient: bool) -> None:
+    """Write the files of a batch to the folder of ``-o``.
+
+    Parameters
+    ----------
+    store : Store
+        Has the settings, and the reports of jobs.
+    tables : BatchTables
+        What is shown.
+    output : OutputOptions
+        Where to write, and what to print.
+    lenient : bool
+        Whether files of others there are told and no error: the rows are stored in any case.
+
+    Raises
+    ------
+    ConfigError
+        The folder cannot be written.
+    """
+    if output.output is None or not len(tables.rows):
+        return
+    wanted = wanted_pictures(output)
+    if wanted is not None and not plots.available():
+        wanted = None
+        if not output.quiet:
+            print_notice(plots.MISSING)
+    view = BatchView(
+        tables=tables,
+        settings=store.settings(),
+        link=_link(store, output.output, tables.rows),
+    )
+
+    def make(notify: Callable[[str, float], None]) -> Files:
+        from tgospa_eval.reports.batch_page import batch_page  # here: only where it is written
+
+        notify("report.html", 0.0)
+        files: dict[str, str | bytes] = {"report.html": batch_page(view)}
+        if tables.curves:
+            files["curve.csv"] = curves_csv(tables.curves)
+        if tables.slices:
+            files["slices.csv"] = csv_text(slices_of_groups(tables))
+        if wanted is None:
+            return files
+        from tgospa_eval.plots.batch import batch_pictures  # here: it draws
+
+        return files | batch_pictures(view, wanted, notify)
+
+    try:
+        write_output(output, BATCH, make)
+    except ConfigError as error:
+        if not lenient:
+            raise
+        print_notice(f"the page is not written: {error}")
+
+
+def is_written(store: Store) -> bool:
+    """Whether the folder of a store has its page and pictures."""
+    listed = read_manifest(store.folder, BATCH.name) or ()
+    return bool(listed) and unchanged(store.folder, listed) == {entry.name for entry in listed}
+
+
+def _link(store: Store, target: str, rows: "pd.DataFrame") -> "Callable[[pd.Series[Any]], str]":
+    """Where the report of a job is, seen from the folder of the page; nothing if there is none."""
+    names = [name.removeprefix("label.") for name in rows.columns if name.startswith("label.")]
+
+    def link(row: "pd.Series[Any]") -> str:
+        labels = {name: str(row[f"label.{name}"]) for name in names}
+        folder = folder_of(str(store.folder), labels, json.loads(str(row["options"])))
+        found = Path(folder, "report.html")
+        if not found.is_file():
+            return ""
+        return quote(os.fsencode(Path(os.path.relpath(found, target)).as_posix()))
+
+    return link
+
+
+# -------------------------------------------------------------------------------------------------
+# What there is to do: jobs from the options of a batch, less those that are done.
+
+FAULTS_SHOWN = 10
+"""Faults that are shown."""
+
+
+DECIDING = ("steps", "resample", "grid", "interpolate")
+"""Options that say which steps count, in place of what a benchmark declares."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchOptions(Values):
+    """What there is to do, and how to spread and tabulate it."""
+
+    truth: str | None = None
+    estimate: str | None = None
+    layout: str | None = None
+    seqmap: str | None = None
+    allow_missing: bool = False
+    retry_failed: bool = False
+    shard: str | None = None
+    workers: int | None = None
+    scheduler: str | None = None
+    reports: bool = False
+    proof: bool = False
+    per_step: bool = False
+    by: tuple[str, ...] = ()
+    mean_of_roots: bool = False
+    band: "BandKind | None" = None
+    max_input: float | None = None
+
+    def groups(self, known: Collection[str]) -> list[str]:
+        """The labels of --by, each once; a text that is the name of one is that, commas and all."""
+        names = [
+            name
+            for text in self.by
+            if text
+            for name in ([text] if text in known else map(str.strip, text.split(",")))
+        ]
+        return list(dict.fromkeys(names))
+
+    @property
+    def engine(self) -> Engine:
+        """Where the jobs are done."""
+        return Cluster(self.scheduler) if self.scheduler else Processes(self.workers)
+
+
+def planned(
+    paths: tuple[str, ...], batch: BatchOptions, options: EvaluationOptions, output: str | None
+) -> Plan:
+    """The jobs that the arguments name in one of three ways."""
+    if batch.layout:
+        if len(paths) != 2:
+            raise ConfigError(f"--layout {batch.layout} takes two folders, GT TRACKERS")
+        sequences = jobs.read_sequences(batch.seqmap) if batch.seqmap else ()
+        plan = jobs.of_layout(batch.layout, *paths, sequences, output)
+        if any(name in options.given for name in DECIDING):
+            return plan
+        plan = jobs.with_frames(plan, batch.layout, paths[0], batch.seqmap)
+        return replace(plan, jobs=tuple(_within(job, options.time) for job in plan.jobs))
+    if batch.truth and batch.estimate and not paths:
+        inside = functools.cache(functools.partial(runs_inside, max_input=batch.max_input))
+        return jobs.of_patterns(batch.truth, batch.estimate, output=output, inside=inside)
+    if len(paths) == 1 and not (batch.truth or batch.estimate):
+        keys = [name.replace("-", "_") for name, flag in KNOWN.items() if not flag]
+        return jobs.of_manifest(paths[0], {*keys, *(key.replace("_", "-") for key in keys)})
+    raise ConfigError(
+        "name the jobs by --truth PATTERN --estimate PATTERN, by a manifest, or by --layout NAME "
+        "GT TRACKERS"
+    )
+
+
+def _within(job: Job, time: str | None) -> Job:
+    """With those of its frames that are within --time.
+
+    Raises
+    ------
+    ConfigError
+        The range of time is none of frames.
+    """
+    moments = parse_moments(time)
+    if job.frames is None or moments is None:
+        return job
+    frames = np.arange(job.frames[0], job.frames[1] + 1)
+    frames = frames[moments.inside(frames, "number", job.truth)]
+    return replace(job, frames=(int(frames[0]), int(frames[-1])) if len(frames) else None)
+
+
+def check_missing(plan: Plan, batch: BatchOptions) -> None:
+    """List what is missing; without --allow-missing nothing is begun.
+
+    Raises
+    ------
+    ConfigError
+        Something is missing, or everything.
+    """
+    lines = [*plan.faults[:FAULTS_SHOWN]]
+    if len(plan.faults) > FAULTS_SHOWN:
+        lines.append(f"and {len(plan.faults) - FAULTS_SHOWN} more")
+    if plan.faults and not batch.allow_missing:
+        some = "; --seqmap FILE takes the sequences in that file alone" if batch.layout else ""
+        raise ConfigError(
+            *lines, f"nothing is begun; --allow-missing goes on with the others{some}"
+        )
+    for text in lines:
+        print_notice(text)
+    if not plan.jobs:
+        raise ConfigError("there is no job")
+
+
+def shard_of(text: str | None) -> tuple[int, int]:
+    """Number and count of the shards.
+
+    Raises
+    ------
+    ConfigError
+        It is no K/N.
+    """
+    first, slash, last = (text or "1/1").partition("/")
+    number, count = (parsed_whole(part) or 0 for part in (first, last))
+    if not slash or not 1 <= number <= count:
+        raise ConfigError(f"--shard {text}: must be K/N with 1 <= K <= N, such as 3/16")
+    return number, count
+
+
+def tasks_of(
+    ctx: click.Context,
+    plan: Plan,
+    options: EvaluationOptions,
+    batch: BatchOptions,
+    output: OutputOptions,
+) -> Iterator[Task]:
+    """The jobs with their own options and their keys; what they share is there once."""
+    shared = replace(options, jobs=1)
+    of_all = given_text(shared)
+    base = os.getcwd() if batch.scheduler else ""
+    digest = functools.cache(digest_of)
+    for job in plan.jobs:
+        chosen, given = shared, of_all
+        if job.options:
+            own = typed_options(ctx, dict(job.options), f"job {job.name}")
+            chosen = replace(shared, **own)  # type: ignore[arg-type]
+            given = given_text(chosen)
+        elif job.frames:
+            first, last = job.frames
+            chosen = replace(shared, steps=f"{first}:{last}")
+            given = given_text(chosen)
+        folder = None
+        if batch.reports:
+            folder = folder_of(str(output.output), job.labels, job.options)
+        yield Task(
+            job=job,
+            options=chosen,
+            key=key_of(job, given, files_of(job, chosen), digest),
+            folder=folder,
+            proof=batch.proof,
+            per_step=batch.per_step,
+            base=base,
+            store=os.path.join(str(output.output), SETTINGS_FILE),
+            settings_file=output.config,
+        )
+
+
+def left_over(tasks: list[Task], before: "pd.DataFrame", *, retry_failed: bool) -> Iterator[Task]:
+    """What is not done, and what lacks something that is asked for beside its row."""
+    numbers = ["sizes.steps", STORED_STEPS, STORED_CURVE]
+    found = before.reindex(columns=["key", "status", NOT_WRITTEN, *numbers])
+    found[numbers] = found[numbers].astype(float).fillna(0.0)
+    found[NOT_WRITTEN] = found[NOT_WRITTEN].notna()
+    rows = {row["key"]: row for row in found.to_dict("records")}
+    for task in tasks:
+        row = rows.get(task.key)
+        if row is None or (retry_failed and row["status"] == "failed"):
+            yield task
+        elif row["status"] != "failed":
+            written = task.folder is None or (task.is_written and not row[NOT_WRITTEN])
+            if not (written and task.has_steps(row)):
+                yield task.keeping(row)
+
+
+def size_of(task: Task) -> int:
+    """Bytes of both files: the largest jobs come first, so that none is left at the end alone."""
+    paths = (file_of(path) for path in (task.job.truth, task.job.estimate))
+    return sum(os.path.getsize(file) for path in paths for file in files_at(path))
+
+
+# -------------------------------------------------------------------------------------------------
+# From the options of a batch to its store and tables.
 
 FLUSH = 2.0
 """Seconds after which rows are written: so much work a killed process loses at most."""

@@ -21,7 +21,7 @@ from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.files import reason
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.memory import is_of_memory
+from tgospa_eval.common.machine import is_of_memory
 from tgospa_eval.errors import InputError, TgospaError
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.proof import PROOF_FOLDER
@@ -323,8 +323,7 @@ def _written(result: Summary, task: Task, folder: str | None) -> Row:
 
 def _write(result: Summary, task: Task, folder: str) -> None:
     """The result folder of a job, without pictures, in place of an older one."""
-    from tgospa_eval.reports.files import result_texts
-    from tgospa_eval.reports.folders import RESULT, write_texts
+    from tgospa_eval.reports.files import RESULT, result_texts, write_texts
 
     Path(folder).parent.mkdir(parents=True, exist_ok=True)
     result = replace(result, files={"truth": task.job.truth, "estimate": task.job.estimate})

@@ -13,7 +13,7 @@ from tgospa_eval.cli.simulate.command import SCENARIOS
 from tgospa_eval.errors import ExitStatus
 
 if TYPE_CHECKING:
-    from tgospa_eval.cli.compare.values import CompareOptions
+    from tgospa_eval.cli.compare.run import CompareOptions
 
 ELSEWHERE = {
     "solver",
@@ -156,7 +156,7 @@ def command(
             "files are missing; type tgospa-eval compare TRUTH A B to rank estimates, "
             "TRUTH ESTIMATE to compare solvers, or --simulate for a scaling study"
         )
-    from tgospa_eval.cli.compare.values import CompareOptions, StudyOptions
+    from tgospa_eval.cli.compare.run import CompareOptions, StudyOptions
 
     if "epsilon" not in given:
         options["epsilon"] = None  # which depends on what is compared
@@ -164,11 +164,11 @@ def command(
         options |= {"numbers": options["steps"] or "50,100", "steps": None}
     chosen = CompareOptions.of(options)
     if simulate:
-        from tgospa_eval.cli.compare.study import study_sizes
+        from tgospa_eval.cli.compare.run import study_sizes
 
         fine = study_sizes(chosen, StudyOptions.of(options))
     elif is_saved:
-        from tgospa_eval.cli.compare.saved import compare_saved
+        from tgospa_eval.cli.compare.run import compare_saved
 
         fine = compare_saved(files, chosen)
     else:
@@ -184,7 +184,7 @@ def command(
 
 def _are_saved(files: tuple[str, ...], typed: set[str]) -> bool:
     """Whether saved results are to be ranked, with options that mean something there."""
-    from tgospa_eval.cli.compare.saved import are_saved
+    from tgospa_eval.cli.compare.run import are_saved
 
     if not files or not are_saved(files):
         return False
@@ -200,12 +200,12 @@ def _are_saved(files: tuple[str, ...], typed: set[str]) -> bool:
 
 def _compare(files: tuple[str, ...], options: "CompareOptions") -> bool:
     """A ranking, or solvers on one pair; whether all did what was asked, and agree."""
-    from tgospa_eval.cli.compare.runs import is_pattern
+    from tgospa_eval.cli.compare.run import is_pattern
 
     if len(files) > 2 or options.beside or any(map(is_pattern, files)):
-        from tgospa_eval.cli.compare.ranking import compare_estimates
+        from tgospa_eval.cli.compare.run import compare_estimates
 
         return compare_estimates(files[0], files[1:], options)
-    from tgospa_eval.cli.compare.solvers import compare_files
+    from tgospa_eval.cli.compare.run import compare_files
 
     return compare_files(files[0], files[1], options)

@@ -6,9 +6,15 @@ import click
 from click.core import ParameterSource
 
 from tgospa_eval.cli.shared.help import Verb, words
-from tgospa_eval.cli.shared.large_data import IN_PARTS_OPTIONS
 from tgospa_eval.cli.shared.option import SOURCE, Option
-from tgospa_eval.cli.shared.options import EVALUATION, OF_PICTURES, OUTPUT, SLICE, WITH
+from tgospa_eval.cli.shared.options import (
+    EVALUATION,
+    IN_PARTS_OPTIONS,
+    OF_PICTURES,
+    OUTPUT,
+    SLICE,
+    WITH,
+)
 from tgospa_eval.errors import ExitStatus
 
 if TYPE_CHECKING:
@@ -123,8 +129,7 @@ def command(
     source = ctx.get_parameter_source
     typed = {name for name in options if source(name) is ParameterSource.COMMANDLINE}
     _check(chosen, output, typed, sweep=bool(sweep))
-    from tgospa_eval.cli.evaluate.output import show
-    from tgospa_eval.cli.evaluate.run import evaluate_files
+    from tgospa_eval.cli.evaluate.run import evaluate_files, show
     from tgospa_eval.cli.shared.in_parts import parts_in_words
 
     why = parts_in_words((truth, estimate), chosen)

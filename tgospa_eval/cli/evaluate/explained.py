@@ -5,7 +5,7 @@ from dataclasses import replace
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.explain.explain import TOP, explain
 from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.records import Timings

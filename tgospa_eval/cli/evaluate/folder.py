@@ -9,8 +9,7 @@ from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.proof import PROOF_FOLDER
-from tgospa_eval.reports.files import result_texts
-from tgospa_eval.reports.folders import PROOF_FILES, RESULT, Files, probe_folder
+from tgospa_eval.reports.files import PROOF_FILES, RESULT, Files, probe_folder, result_texts
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:

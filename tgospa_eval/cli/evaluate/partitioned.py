@@ -6,8 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from tgospa_eval.cli.evaluate.folder import probed_folder
-from tgospa_eval.cli.evaluate.output import show
-from tgospa_eval.cli.evaluate.run import calibration_of, not_reached
+from tgospa_eval.cli.evaluate.run import calibration_of, not_reached, show
 from tgospa_eval.cli.evaluate.work import identity_of, work_folder
 from tgospa_eval.cli.shared.in_parts import memory_of
 from tgospa_eval.cli.shared.notices import about_defaults, notifier
@@ -15,15 +14,14 @@ from tgospa_eval.cli.shared.progress import bracket, shown
 from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
-from tgospa_eval.common.cores import cores
-from tgospa_eval.common.progress import Progress
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.machine import cores
+from tgospa_eval.common.progress import Progress, Stopwatch
 from tgospa_eval.engines.cluster import Cluster
 from tgospa_eval.engines.processes import Processes
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.partitioned.evaluate import Means, evaluate_partitioned
-from tgospa_eval.reports.folders import WORK_FOLDER
-from tgospa_eval.results.stored_tables import IN_PARTS, STORED_TABLES, name_of
+from tgospa_eval.reports.files import WORK_FOLDER
+from tgospa_eval.results.partitioned import IN_PARTS, STORED_TABLES, name_of
 
 TABLE_FILES = (*map(name_of, STORED_TABLES[:-1]), f"{IN_PARTS}/part-00000.parquet")
 """Names in the folder of -o that must not be of others."""

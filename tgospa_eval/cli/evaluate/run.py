@@ -1,5 +1,6 @@
 """From the values of the options to a result, and the result to stdout and files."""
 
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -8,17 +9,18 @@ import numpy as np
 from tgospa_eval.cli.shared.notices import Notify, about, notifier, pair_notices, slow_notice
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import Settings, infos, make_settings
-from tgospa_eval.cli.shared.streams import print_notice
+from tgospa_eval.cli.shared.streams import emit, on_terminal, print_notice, undisturbed
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import evaluate_fitted
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
-from tgospa_eval.results.similarity import Calibration
+from tgospa_eval.reports import REPORTS
+from tgospa_eval.results.numbers import Calibration
 from tgospa_eval.results.summary import Summary
 
 NARROWEST = 1e-12
@@ -190,3 +192,34 @@ def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
             f"violation {check['violation']:.1e}  total {check['lower']:.9g} to "
             f"{check['upper']:.9g}"
         )
+
+
+# -------------------------------------------------------------------------------------------------
+# A result to stdout, and to the folder of ``-o``.
+
+
+def show(
+    result: Summary, options: EvaluationOptions, output: OutputOptions, names: tuple[str, str]
+) -> None:
+    """Print the result, and write the folder if one was asked for."""
+    try:
+        if output.output is not None:
+            from tgospa_eval.cli.evaluate.folder import write_folder  # here: only where asked for
+
+            write_folder(result, options, output, names)
+    except ConfigError:  # a full disk must not cost what was computed
+        _print(result, output)
+        raise
+    with undisturbed():
+        _print(result, output)
+
+
+def _print(result: Summary, output: OutputOptions) -> None:
+    """The result to stdout."""
+    name = output.format_
+    if name == "table" and on_terminal():
+        from tgospa_eval.reports.terminal import report  # here: rich is for terminals only
+
+        emit(report(result, sys.stdout.encoding or "ascii"), "colours")
+    else:
+        emit(REPORTS[name](result), name)

@@ -16,13 +16,12 @@ from tgospa_eval.cli.shared.settings import infos, make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
-from tgospa_eval.common.figures import parsed, parsed_whole
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.sweep import in_order, sweep_fitted
-from tgospa_eval.plots.sweep import sweep_figure
-from tgospa_eval.reports.files import csv_text
-from tgospa_eval.reports.folders import SWEEP, Files, probe_folder
+from tgospa_eval.plots.comparison import sweep_figure
+from tgospa_eval.reports.files import SWEEP, Files, csv_text, probe_folder
 from tgospa_eval.reports.sweep import render
 from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.text import quoted

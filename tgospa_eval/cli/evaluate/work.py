@@ -9,18 +9,17 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tgospa_eval._version import __version__
-from tgospa_eval.batches.lock import locked
+from tgospa_eval.batches.store import locked
 from tgospa_eval.cli.shared.in_parts import memory_of
-from tgospa_eval.cli.shared.interrupts import heard
-from tgospa_eval.cli.shared.streams import print_notice
+from tgospa_eval.cli.shared.streams import heard, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
-from tgospa_eval.common.cores import cores
 from tgospa_eval.common.files import named
+from tgospa_eval.common.machine import cores
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.partitioned.input.listing import state_of, stored
 from tgospa_eval.partitioned.run import SCANNED
 from tgospa_eval.partitioned.tasks import removing
-from tgospa_eval.reports.folders import WORK_FOLDER, WORK_LOG
+from tgospa_eval.reports.files import WORK_FOLDER, WORK_LOG
 
 
 @contextmanager

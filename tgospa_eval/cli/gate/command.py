@@ -63,7 +63,6 @@ def command(
     Exit status: 0 passed, 1 regression proven, 2 wrong option, baseline missing or
     not comparable, 3 bad input file, 4 undecided.
     """
-    from tgospa_eval.cli.gate.run import run_gate
-    from tgospa_eval.cli.gate.sources import Given
+    from tgospa_eval.cli.gate.run import Given, run_gate
 
     ctx.exit(run_gate(Given.of(ctx, options), truth, estimate))

@@ -6,8 +6,7 @@ import click
 
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
-from tgospa_eval.cli.shared.options import FILE_FORMATS, chosen_options, format_option
-from tgospa_eval.cli.shared.state_options import REDUCTION
+from tgospa_eval.cli.shared.options import FILE_FORMATS, REDUCTION, chosen_options, format_option
 
 
 @click.command(

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from tgospa_eval._version import __version__
+from tgospa_eval.cli.shared.distance import reduction
 from tgospa_eval.cli.shared.notices import about, notifier
-from tgospa_eval.cli.shared.particles import reduction
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import Settings, make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
@@ -15,7 +15,7 @@ from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.cli.shared.writing import check_apart
 from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Effort, Reduction
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import Reading

@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from tgospa_eval.cli.shared.values import EvaluationOptions
 from tgospa_eval.common.files import STDIN
-from tgospa_eval.common.memory import machine_memory
+from tgospa_eval.common.machine import machine_memory
 from tgospa_eval.formats.guess import is_table_folder
 from tgospa_eval.formats.room import TABLE, TEXT
 

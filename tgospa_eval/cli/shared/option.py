@@ -9,8 +9,8 @@ from click.core import ParameterSource
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.verbs import CONFIG
 from tgospa_eval.common import config
-from tgospa_eval.common.figures import parsed, parsed_whole
 from tgospa_eval.common.files import STDIN
+from tgospa_eval.common.words import parsed, parsed_whole
 
 if TYPE_CHECKING:
     from click.types import OptionHelpExtra

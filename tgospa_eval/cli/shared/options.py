@@ -1,13 +1,235 @@
 """The options of everything that evaluates."""
 
-from collections.abc import Container
+import re
+from collections.abc import Container, Mapping
 from functools import partial
+from typing import Any
 
 import click
 
-from tgospa_eval.cli.shared.clock_options import CLOCK_AND_UNIT
 from tgospa_eval.cli.shared.option import PATH, Option, load_config, option
-from tgospa_eval.cli.shared.state_options import COUNT, GAUSSIANS, PARTICLES
+from tgospa_eval.common import config
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.text import quoted
+
+# Spelled out here, because importing it costs numpy; a test holds them together.
+INTERPOLATED = ("estimate", "truth")
+_files = partial(option, section="Files")
+
+CLOCK_AND_UNIT = (
+    _files(
+        "--interpolate SIDE",
+        "Bring the estimate, or the truth, to the times of the other file: states on the straight "
+        "line between two of a track, at most --max-gap apart. Never done unless asked for.",
+        type=click.Choice(INTERPOLATED),
+    ),
+    _files(
+        "--max-gap DT[,DT]",
+        "The longest time between two states of a track to interpolate across; of truth and "
+        "estimate, if they differ: 200s,10s.",
+    ),
+    _files(
+        "--resample S",
+        "A common clock: both files are interpolated at every multiple of S (3s, 200ms, 2min; "
+        "without unit where times are numbers), from the truth's first time to its last, each "
+        "within its --max-gap. The way to compare trackers whose times differ.",
+    ),
+    _files(
+        "--steps FIRST:LAST[:EVERY]",
+        "Exactly these steps are evaluated, and values per step divide by their number; empty "
+        "ones cost nothing and count. EVERY is 1 for whole numbers. Rows at other times are left "
+        "out.  [default: the times of either file; per step of the truth's]",
+    ),
+    _files(
+        "--outage DT",
+        "With --interpolate truth: where the estimate has no time for longer than this, the "
+        "truth's own times are steps, and what is there is missed. none says that the tracker "
+        "reports only when it sees something.  [default: five times its median interval]",
+    ),
+    _files(
+        "--time-offset DT",
+        "Added to the times of ESTIMATE, after --time-scale; in seconds for ISO times.",
+        type=float,
+        default=0.0,
+    ),
+    _files(
+        "--time-scale FACTOR",
+        "The times of ESTIMATE are multiplied by this: 0.001 makes seconds of milliseconds.",
+        type=float,
+        default=1.0,
+    ),
+    _files(
+        "--unit-scale FACTOR",
+        "The state columns of ESTIMATE, with covariances and particles, are multiplied by this, "
+        "but for --periodic ones: 1000 makes metres of kilometres.",
+        type=float,
+        default=1.0,
+    ),
+)
+
+
+# -------------------------------------------------------------------------------------------------
+# The options of states that are more than points: Gaussians, and clouds of particles.
+
+REDUCTIONS = (
+    "sliced",
+    "recursive",
+    "atl",
+    "kmeans",
+    "systematic",
+    "stratified",
+    "multinomial",
+    "top",
+)
+
+COUNT = click.IntRange(min=1)
+_gaussians = partial(option, section="Gaussians")
+_particles = partial(option, section="Particles")
+
+GAUSSIANS = (
+    _gaussians(
+        "--fix-cov",
+        "Replace a matrix that is no covariance by the nearest one that is. Without it such a "
+        "matrix is an error.",
+    ),
+    _gaussians(
+        "--missing-cov NAME",
+        "A row without covariance is an error, or a point (zero).",
+        type=click.Choice(("error", "zero")),
+        default="error",
+    ),
+    _gaussians(
+        "--mixed NAME",
+        "A particle cloud is an error, or a Gaussian with its mean and covariance (moments).",
+        type=click.Choice(("error", "moments")),
+        default="error",
+    ),
+)
+
+REDUCTION = (
+    _particles(
+        "--reduce-method METHOD",
+        "How clouds are reduced. sliced, recursive: least squares on projections; atl: transport "
+        "and new locations in turn; kmeans: clustering; systematic, stratified, multinomial: "
+        "resampling; top: the highest weights.",
+        type=click.Choice(REDUCTIONS),
+        show_default="sliced",
+    ),
+    _particles(
+        "--directions N",
+        "Number of projections of sliced and recursive.",
+        type=COUNT,
+        show_default="32; 24 each from 3-D on",
+    ),
+    _particles(
+        "--iterations N",
+        "Most iterations of sliced, recursive, atl and kmeans.",
+        type=COUNT,
+        show_default="25",
+    ),
+    _particles(
+        "--restarts N",
+        "Number of starts of these four; the nearest result is kept.",
+        type=COUNT,
+        show_default="1",
+    ),
+    _particles(
+        "--polish N",
+        "Number of atl iterations after sliced and recursive.",
+        type=click.IntRange(min=0),
+        show_default="0",
+    ),
+    _particles(
+        "--seed N",
+        "Seed of the random choices; equal clouds are reduced alike.",
+        type=click.IntRange(min=0),
+        show_default="0",
+    ),
+)
+"""How clouds are reduced; without defaults, to see what was given."""
+
+PARTICLES = (
+    _particles(
+        "--cloud-order 1|2",
+        "Order of the Wasserstein distance, whatever the order p of the metric is.",
+        type=click.IntRange(1, 2),
+        show_default="2",
+    ),
+    _particles(
+        "--inner NAME",
+        "Distance between two particles: euclidean or mahalanobis.",
+        type=click.Choice(("euclidean", "mahalanobis")),
+        show_default="euclidean",
+    ),
+    _particles(
+        "--inner-cov global|FILE",
+        "Covariance of --inner mahalanobis. global: the mean over all clouds; or a CSV file with "
+        "a matrix. With associate also pair, its default: the mean of the two clouds.",
+        show_default="global",
+    ),
+    _particles("--reduce N", "Reduce clouds to N particles first.", type=COUNT),
+    *REDUCTION,
+    _particles(
+        "--no-gating",
+        "Solve all pairs of clouds, also those that bounds show to be far apart. Slow; to check "
+        "the bounds.",
+    ),
+)
+"""Of clouds as states."""
+
+
+# -------------------------------------------------------------------------------------------------
+# Options for data that are larger than memory.
+
+BYTES_OF = {"": 10**9, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
+BYTES_OF |= {"KIB": 2**10, "MIB": 2**20, "GIB": 2**30, "TIB": 2**40}
+
+LEAST_MEMORY = 100 * 10**6
+"""Bytes with which a process can work at all."""
+
+
+class Size(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4
+    """Bytes as people write them: 4GB, 500MB, 1.5GiB; a number alone is of GB."""
+
+    name = "size"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """The bytes."""
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            self.fail(f"{value!r} is no size; write 4GB or 500MB", param, ctx)
+        found = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*([A-Za-z]*)\s*", str(value))
+        unit = BYTES_OF.get(found[2].upper()) if found else None
+        if found is None or unit is None:
+            self.fail(
+                f"{str(value)!r} is no size; write 4GB or 500MB, a number alone is of GB",
+                param,
+                ctx,
+            )
+        size = float(found[1]) * unit
+        if not LEAST_MEMORY <= size < 2**60:
+            self.fail(f"{value} is less than 100MB, or more than there is", param, ctx)
+        return int(size)
+
+
+MEMORY_OPTION = option(
+    "--memory SIZE",
+    "Memory that the evaluation may take, 4GB or 500MB. Folders of Parquet or CSV files, and files "
+    "that would take more, are read and evaluated in parts. With --scheduler that of each worker.",
+    section="Files",
+    type=Size(),
+    show_default="half of the machine's",
+)
+SCHEDULER_OPTION = option(
+    "--scheduler ADDRESS",
+    "For data in parts: use the workers of a Dask cluster that is there, tcp://host:8786. Default: "
+    "as many processes as --jobs says.",
+    section="Solver",
+)
+IN_PARTS_OPTIONS = (MEMORY_OPTION, SCHEDULER_OPTION)
+
+
+# -------------------------------------------------------------------------------------------------
+# The options of everything that evaluates.
 
 # Spelled out here, because importing the members costs numpy; a test holds them together.
 DISTANCES = (
@@ -40,7 +262,6 @@ FILE_FORMATS = (
 NAMED_FORMATS = f"{', '.join(FILE_FORMATS[:-1])} or {FILE_FORMATS[-1]}"
 
 _metric = partial(option, section="Metric")
-_files = partial(option, section="Files")
 _filters = partial(option, section="Filters")
 _solver = partial(option, section="Solver")
 _output = partial(option, section="Output")
@@ -396,3 +617,31 @@ def format_option(*names: str) -> Option:
         type=click.Choice(names),
         default="table",
     )
+
+
+# -------------------------------------------------------------------------------------------------
+# Settings of files as click would have made them of the same options.
+
+
+def typed_options(
+    context: click.Context, settings: Mapping[str, object], where: str
+) -> dict[str, object]:
+    """Values of options of an evaluation, by parameter; `where` begins the messages.
+
+    Raises
+    ------
+    ConfigError
+        An option is unknown, or its value has no meaning.
+    """
+    values: dict[str, object] = {}
+    for key, value in config.settings_of(settings, where, KNOWN).items():
+        item = BY_KEY[key]
+        try:
+            values[str(item.name)] = item.type_cast_value(
+                context, (value,) if item.multiple else value
+            )
+        except click.BadParameter as error:
+            raise ConfigError(f"{where}: {quoted(key)}: {error.message}") from None
+        except (ValueError, OverflowError) as error:
+            raise ConfigError(f"{where}: {quoted(key)}: {error}") from None
+    return values

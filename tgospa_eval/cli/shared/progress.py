@@ -9,10 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TypeVar
 
-from tgospa_eval.cli.shared.interrupts import answering, are_heard
-from tgospa_eval.cli.shared.streams import print_notice
-from tgospa_eval.common.progress import Progress, Task
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.cli.shared.streams import answering, are_heard, print_notice
+from tgospa_eval.common.progress import Progress, Stopwatch, Task
 from tgospa_eval.text import visible
 
 T = TypeVar("T")

@@ -15,10 +15,10 @@ from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import (
     OF_TRACKEVAL,
     EvaluationRequest,
+    Sliding,
     chosen_metrics,
     chosen_parameters,
 )
-from tgospa_eval.evaluation.sliding import Sliding
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.asked import columns_of_each
 from tgospa_eval.formats.filters import parse_steps

@@ -3,13 +3,12 @@
 import os
 from collections.abc import Callable
 
-from tgospa_eval.cli.shared.interrupts import heard, undisturbed
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.streams import print_notice
+from tgospa_eval.cli.shared.streams import heard, print_notice, undisturbed
 from tgospa_eval.cli.shared.values import OutputOptions
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.reports.folders import Files, Kind, write_texts
+from tgospa_eval.reports.files import Files, Kind, write_texts
 
 
 def write_output(

@@ -8,7 +8,7 @@ from click.core import ParameterSource
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, Option
 from tgospa_eval.cli.simulate.values import SceneOptions
-from tgospa_eval.common.figures import parsed_whole
+from tgospa_eval.common.words import parsed_whole
 
 # Spelled out here, because importing the members costs numpy; a test holds them together.
 SCENARIOS = ("crossing", "parallel", "convoy", "dense", "births", "manoeuvring")
@@ -190,13 +190,13 @@ def command(ctx: click.Context, /, folder: str, **options: object) -> None:
     """
     if options["setting"] is not None:
         _check_alone(ctx, "setting")
-        from tgospa_eval.cli.simulate.setting import make_setting
+        from tgospa_eval.cli.simulate.run import make_setting
 
         make_setting(folder, SceneOptions.of(options))
         return
     if options["partitioned"] is not None:
         _check_alone(ctx, "partitioned", "rows")
-        from tgospa_eval.cli.simulate.partitioned import make_partitioned
+        from tgospa_eval.cli.simulate.run import make_partitioned
 
         make_partitioned(folder, SceneOptions.of(options))
         return

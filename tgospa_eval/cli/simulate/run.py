@@ -1,21 +1,75 @@
 """From the options of ``simulate`` to files."""
 
 import shlex
+from collections.abc import Collection
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tgospa_eval.cli.shared.progress import Display
 from tgospa_eval.cli.shared.streams import emit
 from tgospa_eval.cli.simulate.values import SceneOptions
+from tgospa_eval.common.manifest import Entry, entry, read_manifest, unchanged
+from tgospa_eval.common.progress import Progress, Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.formats.write import WRITERS
-from tgospa_eval.reports.folders import Kind, probe_folder, write_texts
+from tgospa_eval.formats.parts import PartWriter, check_parquet, part_name
+from tgospa_eval.formats.write import WRITERS, csv_text
+from tgospa_eval.reports.files import Kind, probe_folder, write_files, write_texts
 from tgospa_eval.simulation import Scene, Tracker, simulate
+from tgospa_eval.simulation.recordings import RECORDINGS, Layout, Rows, simulate_recording
+from tgospa_eval.simulation.settings import PUBLISHED, Run, run_setting
 from tgospa_eval.text import visible
 from tgospa_eval.tracks.trajectories import Trajectories
+
+NAMES = ("truth.csv", "estimate.csv", "measurements.csv")
+
+
+def make_setting(folder: str, options: SceneOptions) -> None:
+    """Make one run of a setting, write it, print what was made.
+
+    Raises
+    ------
+    ConfigError
+        The folder cannot be written.
+    """
+    setting = PUBLISHED[str(options.setting)]
+    kind = Kind(name="simulate", document=NAMES[0], names=NAMES)
+    probe_folder(folder, kind, force=options.force, option=OPTION)
+    run = run_setting(setting, options.seed)
+    sides = run.truth, run.estimate
+    texts = dict(zip(NAMES, (*map(csv_text, sides), _measurements(run)), strict=True))
+    write_texts(texts, folder, kind, force=options.force, option=OPTION)
+    if options.quiet:
+        return
+    count = sum(map(len, run.measurements))
+    paths = " ".join(shlex.quote(str(Path(folder) / name)) for name in NAMES[:2])
+    metric = f"-c {setting.cutoff:g} -p {setting.order:g} -g {setting.switch_penalty:g}"
+    lines = (
+        f"{folder}: {options.setting}, {counted(setting.steps, 'step')}; "
+        f"{size_of(run.truth, 'truth')} in {NAMES[0]}, {counted(count, 'measurement')} in "
+        f"{NAMES[2]}; {size_of(run.estimate, 'estimate')} in {NAMES[1]}, the measurements of each "
+        "target as they are, until your tracker's takes its place",
+        f"source: {setting.source}; random numbers are not those of the source",
+        f"tgospa-eval {paths} {metric}",
+    )
+    emit("".join(f"{visible(line)}\n" for line in lines))
+
+
+def _measurements(run: Run) -> str:
+    """CSV ``t,x,y``, a row for each measurement, shuffled within a step."""
+    rows = [
+        f"{time},{x!r},{y!r}\n"
+        for time, found in zip(run.truth.times.tolist(), run.measurements, strict=True)
+        for x, y in found.tolist()
+    ]
+    return "".join(["t,x,y\n", *rows])
+
+
+# -------------------------------------------------------------------------------------------------
+# From the options of ``simulate`` to files.
 
 DISTANCE_OF_STATE = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
 """Distances of states that are more than points."""
@@ -94,3 +148,101 @@ def _command(folder: str, names: tuple[str, str], options: SceneOptions, tracker
     if options.state in DISTANCE_OF_STATE:
         formats += f" --distance {DISTANCE_OF_STATE[options.state]}"
     return f"tgospa-eval {paths}{formats} -c {cutoff:g} -g {cutoff / 2:g}"
+
+
+# -------------------------------------------------------------------------------------------------
+# From a kind of long recording to two folders of Parquet files, in memory of a stretch of it.
+
+FOLDERS = ("truth", "estimate")
+
+
+def make_partitioned(folder: str, options: SceneOptions) -> None:
+    """Make a recording, write it, print what was made.
+
+    Raises
+    ------
+    ConfigError
+        The extra is missing, or the folder cannot be written.
+    """
+    check_parquet()
+    recording = RECORDINGS[str(options.partitioned)]
+    layout = Layout.of(recording, options.rows)
+    names = [f"{side}/{part_name(k)}" for side in FOLDERS for k in range(layout.parts)]
+    kind = Kind(name="simulate", document=names[0], names=names)
+    probe_folder(folder, kind, force=options.force, option=OPTION)
+    _check_strangers(folder, kind)
+    counts = [_Count(), _Count()]
+    stopwatch = Stopwatch()
+    stopwatch.progress = Progress(watched=not options.quiet)
+
+    def fill(fresh: Path) -> Collection[Entry]:
+        counts[:] = _Count(), _Count()
+        for side in FOLDERS:
+            (fresh / side).mkdir()
+        with PartWriter(fresh / FOLDERS[0]) as truth, PartWriter(fresh / FOLDERS[1]) as estimate:
+            writers = truth, estimate
+            stretches = simulate_recording(recording, layout, np.random.default_rng(options.seed))
+            for number, sides in enumerate(stretches, start=1):
+                for writer, count, rows in zip(writers, counts, sides, strict=True):
+                    writer.add(vars(rows))
+                    count.add(rows)
+                    if number * layout.stretch % layout.part == 0:
+                        writer.end_part()
+                stopwatch.progress.done(min(number * layout.stretch / layout.steps, 1.0))
+                if not options.quiet:
+                    display.update()
+        return [entry(fresh, name) for name in names]
+
+    with Display(stopwatch) as display, stopwatch.span("simulating"):
+        write_files(fill, folder, kind, force=options.force, option=OPTION)
+    if options.quiet:
+        return
+    paths = " ".join(shlex.quote(str(Path(folder) / side)) for side in FOLDERS)
+    lines = (
+        f"{folder}: {options.partitioned}, {counted(layout.steps, 'step')}; "
+        f"{counts[0].text('truth')} in truth/, {counts[1].text('estimate')} in estimate/, "
+        f"{counted(layout.parts, 'file')} each",
+        f"tgospa-eval evaluate {paths} -c {recording.cutoff:g} -g {recording.switch_penalty:g}",
+    )
+    emit("".join(f"{visible(line)}\n" for line in lines))
+
+
+class _Count:
+    """How many rows and tracks there are, in a byte for each track."""
+
+    def __init__(self) -> None:
+        self.rows = 0
+        self.seen = np.zeros(0, bool)
+
+    def add(self, rows: Rows) -> None:
+        """Count some."""
+        self.rows += len(rows.id)
+        most = int(rows.id.max(initial=0)) + 1
+        if most > len(self.seen):
+            self.seen = np.append(self.seen, np.zeros(most, bool))
+        self.seen[rows.id] = True
+
+    def text(self, what: str) -> str:
+        """In words."""
+        return f"{counted(int(self.seen.sum()), what)} with {counted(self.rows, 'row')}"
+
+
+def _check_strangers(folder: str, kind: Kind) -> None:
+    """See that the folders of the sides hold nothing that would become part of the data.
+
+    Raises
+    ------
+    ConfigError
+        They do, and it is not of a run before.
+    """
+    path = Path(folder)
+    own = {*kind.names, *unchanged(path, read_manifest(path, kind.name) or ())}
+    for side in FOLDERS:
+        if (path / side).is_file():
+            raise ConfigError(f"{OPTION} {folder}: {side} in it is a file; name another folder")
+        for item in sorted((path / side).glob("*")):
+            if f"{side}/{item.name}" not in own:
+                raise ConfigError(
+                    f"{OPTION} {folder}: {side}/{item.name} in it would be part of the data; "
+                    "remove it, or name another folder"
+                )

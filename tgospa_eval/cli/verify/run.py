@@ -10,14 +10,13 @@ from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances.base import Settings
 from tgospa_eval.errors import InputError
 from tgospa_eval.evaluation.prepare import Prepared, fit, prepare
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.check import Claim, check, check_folders
-from tgospa_eval.proof.tables import difference, proof_tables
-from tgospa_eval.proof.write import check_provable, proof_parameters
+from tgospa_eval.proof.write import check_provable, difference, proof_parameters, proof_tables
 
 Files = tuple[str, str]
 

@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from tgospa_eval.common.cores import cores
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.machine import cores
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances.base import Distance, Effort, Floats, Pairs, Sides
 from tgospa_eval.distances.clouds.transport import (

@@ -22,15 +22,18 @@ from numpy.typing import ArrayLike
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import Settings
-from tgospa_eval.distances.clouds.sampling import (
+from tgospa_eval.distances.clouds.transport import (
     RESAMPLING,
+    Cloud,
     Floats,
     as_cloud,
     as_size,
+    distance,
     drawn,
+    merged,
+    plan,
     restrict_cloud,
 )
-from tgospa_eval.distances.clouds.transport import Cloud, distance, merged, plan
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import quoted
 

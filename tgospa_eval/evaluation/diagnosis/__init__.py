@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.common.figures import number
 from tgospa_eval.common.notices import Notice, Spelling, as_argument, as_option
-from tgospa_eval.common.words import counted, in_both
+from tgospa_eval.common.words import counted, in_both, number
 from tgospa_eval.evaluation.axis import Axis, truth_gaps
 from tgospa_eval.evaluation.diagnosis.clock import clock_warnings
 from tgospa_eval.evaluation.diagnosis.costs import Sampler
-from tgospa_eval.evaluation.diagnosis.sides import side_warnings
-from tgospa_eval.evaluation.diagnosis.states import state_warnings
+from tgospa_eval.evaluation.diagnosis.states import side_warnings, state_warnings
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching
 from tgospa_eval.tracks.durations import Duration

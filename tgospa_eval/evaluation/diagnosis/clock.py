@@ -12,13 +12,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tgospa_eval.common.arrays import median, places_of
-from tgospa_eval.common.figures import number, plain, shortest
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, Spelling
-from tgospa_eval.common.words import counted
-from tgospa_eval.evaluation.diagnosis.costs import Sampler, step_costs
+from tgospa_eval.common.words import counted, number, plain, shortest
+from tgospa_eval.evaluation.diagnosis.costs import (
+    FIRST_STEPS,
+    Sampler,
+    StepRows,
+    evenly,
+    occupied,
+    step_costs,
+)
 from tgospa_eval.evaluation.diagnosis.offset import Fit, Offset, Search
-from tgospa_eval.evaluation.diagnosis.sample import FIRST_STEPS, StepRows, evenly, occupied
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, nearest, within
 from tgospa_eval.tracks.durations import SECOND

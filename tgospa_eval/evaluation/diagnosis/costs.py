@@ -7,24 +7,189 @@ each truth and of each estimate bound G from above, a greedy choice from below. 
 computed only where these bounds leave an answer open.
 """
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import places_of
+from tgospa_eval.common.arrays import concatenated, places_of
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance, near_pairs
-from tgospa_eval.distances.points import near_points
-from tgospa_eval.evaluation.diagnosis.pairing import (
-    largest_gains,
-    pair_off,
-    ranked,
-)
-from tgospa_eval.evaluation.diagnosis.sample import FEWEST_STEPS, StepRows
-from tgospa_eval.problem.problem import Floats
+from tgospa_eval.distances.gating import near_points, rows_at
+from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.tgospa import Parameters
-from tgospa_eval.tracks.trajectories import Ints, Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
+
+Objects = tuple[Ints, Ints]
+"""Step of each truth and of each estimate, in order, int32."""
+
+Rows = tuple[Ints, Ints]
+"""Truth and estimate of each pair (N,), in order, int32."""
+
+Flags = NDArray[np.bool_]
+
+
+def largest_gains(objects: Objects, rows: Rows, gain: Floats, steps: int) -> Floats:
+    """As if each truth, or each estimate, had its largest gain: the less of both (T,)."""
+    if kernels is not None:
+        found: Floats = kernels.largest_gains(*objects, *rows, gain, steps)
+        return found
+    sums = []
+    for step, numbers in zip(objects, rows, strict=True):
+        best = np.zeros(len(step))
+        np.maximum.at(best, numbers, gain)
+        sums.append(np.bincount(step, best, minlength=steps))
+    return np.minimum(*sums)
+
+
+def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Floats, Ints]:
+    """Disjoint pairs, always the largest that is left: round by round the best of both.
+
+    Of equal ones it is the first.
+
+    Returns
+    -------
+    gain : (T,) float array
+        That of the pairs which are chosen.
+    turn : (N,) int32 array
+        Round in which each pair is chosen, from 1 on; 0 of others.
+    """
+    if kernels is not None:
+        found: tuple[Floats, Ints]
+        found = kernels.pair_off(objects[0], len(objects[1]), *rows, gain, steps)
+        return found
+    left = np.argsort(-gain, kind="stable")
+    turn = np.zeros(len(left), np.int32)
+    first = [np.empty(len(step), np.int64) for step in objects]
+    is_taken = [np.zeros(len(step), bool) for step in objects]
+    while len(left):
+        place = np.arange(len(left))
+        is_best = np.ones(len(left), bool)
+        of = [numbers[left] for numbers in rows]
+        for mine, numbers in zip(first, of, strict=True):
+            mine[numbers[::-1]] = place[::-1]  # what is written last stays
+            is_best &= mine[numbers] == place
+        turn[left[is_best]] = turn.max() + 1
+        for flags, numbers in zip(is_taken, of, strict=True):
+            flags[numbers[is_best]] = True
+        left = left[~(is_taken[0][of[0]] | is_taken[1][of[1]])]
+    taken = ranked(turn, gain)
+    step = objects[0][rows[0][taken]]
+    total = np.bincount(step, gain[taken], minlength=steps)  # integers where there is none
+    return np.asarray(total, np.float64), turn
+
+
+def ranked(turn: Ints, gain: Floats) -> Ints:
+    """The pairs that are chosen, round by round, and in each by falling gain."""
+    taken = places_of(turn)
+    return taken[np.lexsort((-gain[taken], turn[taken]))]
+
+
+# -------------------------------------------------------------------------------------------------
+# Which steps are looked at, and the rows of a side that they have.
+
+SAMPLE = 100
+"""Steps that are looked at."""
+
+FIRST_STEPS = 25
+"""Steps that are looked at first."""
+
+SAMPLE_ROWS = 20_000
+"""Rows of either side at these steps, at most."""
+
+SAMPLE_PAIRS = 200_000
+"""Pairs of these steps, near or not, as long as that leaves `FEWEST_STEPS` steps."""
+
+FEWEST_STEPS = 8
+"""Fewer steps give no warning of a shift."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepRows:
+    """The rows of a side at some steps, which are then 0, 1, 2, ...
+
+    Parameters
+    ----------
+    side : Trajectories
+        All of its rows.
+    bounds : (2, T) int array
+        First row and end of the rows of each step.
+    """
+
+    side: Trajectories
+    bounds: Ints
+
+    @classmethod
+    def of(cls, side: Trajectories, steps: Ints | None = None) -> "StepRows":
+        """Those at some steps; by default at all."""
+        if steps is not None:
+            return cls(side=side, bounds=rows_at(side, steps))
+        found = cls(side=side, bounds=rows_at(side, np.arange(len(side.times))))
+        vars(found)["table"] = side.seen_as(())
+        return found
+
+    @cached_property
+    def counts(self) -> Ints:
+        """Of rows of each step (T,)."""
+        return np.asarray(self.bounds[1] - self.bounds[0])
+
+    @cached_property
+    def step(self) -> Ints:
+        """Of each row."""
+        return np.arange(len(self.counts), dtype=np.int32).repeat(self.counts)
+
+    @cached_property
+    def row(self) -> Ints:
+        """Number of each among all of the side."""
+        return concatenated(self.bounds[0], self.counts)
+
+    @cached_property
+    def track(self) -> Ints:
+        """Of each row."""
+        return self.side.track[self.row]
+
+    @cached_property
+    def table(self) -> Trajectories:
+        """They alone, as points."""
+        return self.side.seen_as(()).chosen(self.row, self.step, np.arange(len(self.counts)))
+
+
+def affordable(sides: tuple[Trajectories, Trajectories]) -> int:
+    """How many steps may be looked at."""
+    objects = [len(side.step) / max(len(side.times), 1) for side in sides]
+    by_pairs = max(FEWEST_STEPS, int(SAMPLE_PAIRS / max(objects[0] * objects[1], 1)))
+    return min(SAMPLE, by_pairs, int(SAMPLE_ROWS / max(*objects, 1)))
+
+
+def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories], most: int = SAMPLE) -> Ints:
+    """As many of the steps as may be looked at, evenly spread."""
+    count = max(1, min(len(steps), affordable(sides), most))
+    return steps[np.arange(count) * len(steps) // count] if len(steps) else steps
+
+
+def with_state(side: Trajectories, state: Floats) -> Trajectories:
+    """With other states; what is beyond the largest double is there."""
+    most = np.finfo(np.float64).max
+    return replace(side, state=np.clip(state, -most, most))
+
+
+def occupied(side: Trajectories) -> NDArray[np.bool_]:
+    """Steps at which it has rows (T,)."""
+    return np.bincount(side.step, minlength=len(side.times)) > 0
+
+
+# -------------------------------------------------------------------------------------------------
+# Bounds of the per-step GOSPA cost of a few steps, for what a change of the data would save.
+#
+#     cost = (m + n) / 2 - G,   G = max over disjoint pairs of sum 1 - (d / c)^p,   in units of c^p,
+#
+# of m truths and n estimates (docs/theory/metric.md, "Identities"). The sums of the largest
+# terms of
+# each truth and of each estimate bound G from above, a greedy choice from below. Assignments are
+# computed only where these bounds leave an answer open.
 
 DENSE = 1_000_000
 """Pairs of a step, near or not, up to which an assignment is computed."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import SolverError
 from tgospa_eval.partitioned.long.borders import Framed, frame, load_borders
 from tgospa_eval.partitioned.long.holding import Known, hold_runs

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from oracles import cloud_distance, programme
 
 from tgospa_eval import InputError, Trajectories, evaluate, read_trajectories
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import (
     CloudWasserstein,
     Effort,

@@ -1,0 +1,95 @@
+"""How many threads work at once."""
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from itertools import islice
+from typing import TypeVar
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+# -------------------------------------------------------------------------------------------------
+# How much memory there is, and which errors come from having none.
+
+MEMINFO = "/proc/meminfo"
+CONTAINER = "/sys/fs/cgroup/memory.max"
+
+NO_MEMORY = (
+    "annot allocate memory",
+    "failed to map segment",
+    "bad_alloc",
+    "start new thread",
+    "without exception set",
+)
+"""Messages of systems, loaders of libraries and Python where there is none left."""
+
+
+def available_memory() -> int | None:
+    """Bytes of memory that are available, as Linux counts them."""
+    with suppress(OSError, ValueError), open(MEMINFO, encoding="ascii") as file:
+        for line in file:
+            if line.startswith("MemAvailable:"):
+                return 1024 * int(line.split()[1])
+    return None
+
+
+def machine_memory() -> int | None:
+    """Bytes of memory of the machine, or of the container that this runs in if that has less."""
+    found = []
+    with suppress(OSError, ValueError, AttributeError):
+        found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    with suppress(OSError, ValueError), open(CONTAINER, encoding="ascii") as file:
+        found.append(int(file.read()))  # or max, which is no number
+    return min(found, default=None)
+
+
+def is_of_memory(error: BaseException | None) -> bool:
+    """Whether an error, or one behind it, is for want of memory, as libraries need some as well."""
+    while error is not None:
+        if isinstance(error, MemoryError) or any(text in str(error) for text in NO_MEMORY):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+# -------------------------------------------------------------------------------------------------
+# Work in threads, its results in order.
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+AHEAD = 2
+"""Results for each thread that wait to be taken, so that they take no more memory than that."""
+
+
+def in_order(work: Callable[[T], R], items: Iterable[T], threads: int) -> Iterator[R]:
+    """As `map`, in so many threads.
+
+    Parameters
+    ----------
+    work : callable
+        Called in any of the threads.
+    items : iterable
+        What it is called with.
+    threads : int
+        With 1 none is started.
+    """
+    if threads <= 1:
+        yield from map(work, items)
+        return
+    from concurrent.futures import ThreadPoolExecutor  # here: most runs do without
+
+    left = iter(items)
+    with ThreadPoolExecutor(threads) as pool:
+        waiting = deque(pool.submit(work, item) for item in islice(left, AHEAD * threads))
+        while waiting:
+            found = waiting.popleft().result()
+            waiting.extend(pool.submit(work, item) for item in islice(left, 1))
+            yield found
