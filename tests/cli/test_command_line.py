@@ -14,6 +14,7 @@ from browser import PATIENCE
 from checkout import DOCS
 
 from tgospa_eval import __version__
+from tgospa_eval.api import request
 from tgospa_eval.cli.shared import options
 from tgospa_eval.cli.verbs import VERBS
 
@@ -381,8 +382,8 @@ def test_option_choices_are_the_members() -> None:
     from tgospa_eval.reports import REPORTS
     from tgospa_eval.solvers import SOLVERS
 
-    assert tuple(DISTANCES) == options.DISTANCES
-    assert tuple(SOLVERS) == options.SOLVERS
+    assert tuple(DISTANCES) == request.DISTANCES
+    assert tuple(SOLVERS) == request.SOLVERS
     assert tuple(REPORTS) == options.REPORT_FORMATS
 
 

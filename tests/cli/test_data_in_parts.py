@@ -16,12 +16,13 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
+from tgospa_eval.api.request import Request
 from tgospa_eval.batches.store import locked
 from tgospa_eval.cli.evaluate import partitioned, work
 from tgospa_eval.cli.evaluate.work import work_folder
 from tgospa_eval.cli.shared import in_parts
 from tgospa_eval.cli.shared.options import Size
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.partitioned import run, sides
 from tgospa_eval.simulation import Scene, Tracker, simulate
@@ -188,14 +189,14 @@ def test_filters_that_leave_nothing_are_wrong_as_of_one_file(
 def test_which_folders_and_files_are_read_in_parts(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    options = EvaluationOptions(memory=10**9)
+    options = Request(memory=10**9)
     truth, estimate = (str(recording / f"{name}.parquet") for name in ("truth", "estimate"))
     assert in_parts.parts_in_words((truth, estimate), options) is None
     monkeypatch.setattr(in_parts, "FITS_ANYWHERE", 0)
-    why = in_parts.parts_in_words((truth, estimate), EvaluationOptions(memory=1000))
+    why = in_parts.parts_in_words((truth, estimate), Request(memory=1000))
     assert why is not None
     assert why.startswith(f"{truth} takes some ")
-    allowed = EvaluationOptions(memory=1000, max_input=1.0)
+    allowed = Request(memory=1000, max_input=1.0)
     assert in_parts.parts_in_words((truth, estimate), allowed) is None
 
     def folder(name: str, *tables: str) -> str:
@@ -237,7 +238,7 @@ def test_interrupted_work_is_kept_and_gone_on_with(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     paths = str(recording / "truth"), str(recording / "estimate")
-    options = EvaluationOptions(cutoff=100.0, switch_penalty=50.0, jobs=1, memory=10**9)
+    options = Request(cutoff=100.0, switch_penalty=50.0, jobs=1, memory=10**9)
     folder = tmp_path / "out"
     output = OutputOptions(output=str(folder), format_="json")
     solve = partitioned.evaluate_partitioned
@@ -256,7 +257,7 @@ def test_interrupted_work_is_kept_and_gone_on_with(
     assert " <= TGOSPA <= " in said
     assert [path.name for path in folder.iterdir()] == ["work"]
     monkeypatch.setattr(partitioned, "evaluate_partitioned", solve)
-    other = EvaluationOptions(cutoff=90.0, switch_penalty=50.0, jobs=1, memory=10**9)
+    other = Request(cutoff=90.0, switch_penalty=50.0, jobs=1, memory=10**9)
     with pytest.raises(
         Exception, match=r"cutoff was 100.0, is 90.0; name another folder, or --force"
     ):

@@ -27,7 +27,7 @@ def proof_files(result: Summary, options: Mapping[str, object]) -> dict[str, str
     result : Summary
         Of one evaluation, or of several classes.
     options : mapping of str to object
-        How the files were read and compared: `EvaluationOptions` that are no defaults.
+        How the files were read and compared: `Request` that are no defaults.
     """
     files: dict[str, str] = {}
     written = []

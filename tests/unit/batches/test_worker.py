@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from tgospa_eval.api.request import Request
 from tgospa_eval.batches.jobs import Job
 from tgospa_eval.cli.batch.worker import (
     NOT_WRITTEN,
@@ -18,7 +19,6 @@ from tgospa_eval.cli.batch.worker import (
     key_of,
 )
 from tgospa_eval.cli.evaluate import run
-from tgospa_eval.cli.shared.values import EvaluationOptions
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def task(tmp_path: Path, quickstart: tuple[str, str]) -> Task:
 def asked(folder: Path, **options: Any) -> Task:
     """Of the files of the folder."""
     job = Job(labels={"run": "1"}, truth=str(folder / "t.csv"), estimate=str(folder / "e.csv"))
-    chosen = EvaluationOptions(**options)
+    chosen = Request(**options)
     key = key_of(job, given_text(chosen), files_of(job, chosen))
     return Task(job=job, options=chosen, key=key)
 

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tgospa_eval.api.request import Request
 from tgospa_eval.cli.batch.run import BatchOptions, finish_batch, work_batch
 from tgospa_eval.cli.shared.options import typed_options
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import in_python, spoken_in_python
 from tgospa_eval.reports.batch import BATCH_REPORTS
@@ -117,7 +118,7 @@ def batch(
     """
     context = click.Context(click.Command("batch"))
     asked = {name.rstrip("_").replace("_", "-"): value for name, value in options.items()}
-    chosen = EvaluationOptions.of(
+    chosen = Request.of(
         {
             **typed_options(context, asked, "batch"),
             "summed": True,

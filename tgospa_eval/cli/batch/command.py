@@ -138,8 +138,9 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     Exit status: 0 done, 2 wrong option or missing files, 3 bad manifest, 4 the accuracy
     of some job was not reached, 5 some jobs failed.
     """
+    from tgospa_eval.api.request import Request
     from tgospa_eval.cli.batch.run import BatchOptions, report_batch, run_batch
-    from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+    from tgospa_eval.cli.shared.values import OutputOptions
 
     batch, output = BatchOptions.of(options), OutputOptions.of(options)
     if paths[:1] == ("report",):
@@ -150,7 +151,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
         return
     if output.output is None:
         raise click.UsageError("name the folder of the results with -o DIR")
-    chosen = EvaluationOptions.of({**options, "by": None, "summed": True})
+    chosen = Request.of({**options, "by": None, "summed": True})
     ctx.exit(run_batch(ctx, paths, batch, chosen, output))
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from tgospa_eval import plots
 from tgospa_eval._version import __version__
+from tgospa_eval.api.request import Request, Values
 from tgospa_eval.batches import jobs
 from tgospa_eval.batches.curves import rms_curves
 from tgospa_eval.batches.jobs import Job, Plan
@@ -38,7 +39,7 @@ from tgospa_eval.cli.evaluate.folder import wanted_pictures
 from tgospa_eval.cli.shared.notices import about_defaults
 from tgospa_eval.cli.shared.options import KNOWN, typed_options
 from tgospa_eval.cli.shared.streams import emit, print_notice
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
@@ -202,7 +203,7 @@ class BatchOptions(Values):
 
 
 def planned(
-    paths: tuple[str, ...], batch: BatchOptions, options: EvaluationOptions, output: str | None
+    paths: tuple[str, ...], batch: BatchOptions, options: Request, output: str | None
 ) -> Plan:
     """The jobs that the arguments name in one of three ways."""
     if batch.layout:
@@ -282,7 +283,7 @@ def shard_of(text: str | None) -> tuple[int, int]:
 def tasks_of(
     ctx: click.Context,
     plan: Plan,
-    options: EvaluationOptions,
+    options: Request,
     batch: BatchOptions,
     output: OutputOptions,
 ) -> Iterator[Task]:
@@ -379,7 +380,7 @@ def run_batch(
     ctx: click.Context,
     paths: tuple[str, ...],
     batch: BatchOptions,
-    options: EvaluationOptions,
+    options: Request,
     output: OutputOptions,
 ) -> int:
     """Do what is not done yet, and print the table; the exit status.
@@ -401,7 +402,7 @@ def work_batch(
     ctx: click.Context,
     paths: tuple[str, ...],
     batch: BatchOptions,
-    options: EvaluationOptions,
+    options: Request,
     output: OutputOptions,
 ) -> Worked:
     """Do what is not done yet.

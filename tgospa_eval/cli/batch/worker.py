@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from tgospa_eval._version import __version__
+from tgospa_eval.api.request import Request
 from tgospa_eval.batches.jobs import Job
 from tgospa_eval.batches.per_step import STEPS, STORED_CURVE, STORED_STEPS, StepCosts
 from tgospa_eval.batches.slices import stored_slices
 from tgospa_eval.batches.store import Row
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.files import reason
 from tgospa_eval.common.frozen import dataclass
@@ -53,7 +54,7 @@ class Task:
     ----------
     job : Job
         Paths and labels.
-    options : EvaluationOptions
+    options : Request
         Those of the batch with those of the job.
     key : str
         Of the row.
@@ -71,7 +72,7 @@ class Task:
     """
 
     job: Job
-    options: EvaluationOptions
+    options: Request
     key: str
     folder: str | None = None
     proof: bool = False
@@ -143,12 +144,12 @@ def digest_of(path: str) -> bytes:
 
 
 @lru_cache(maxsize=64)  # most jobs of a batch have the same
-def given_text(options: EvaluationOptions) -> str:
+def given_text(options: Request) -> str:
     """The options that change the number, and the schema of a result."""
     return json.dumps((RESULT_SCHEMA, options.given), sort_keys=True, default=str)
 
 
-def files_of(job: Job, options: EvaluationOptions) -> tuple[str, ...]:
+def files_of(job: Job, options: Request) -> tuple[str, ...]:
     """The files that a job reads; a word in place of a name is a file that is not there."""
     named = (getattr(options, name) for name in NAMING_FILES)
     return (job.truth, job.estimate, *filter(None, named))

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Self, TypeVar, cast
 
 from tgospa_eval import plots
+from tgospa_eval.api.request import Request, Values
 from tgospa_eval.cli.shared.notices import about, notifier, pair_notices, slow_notice
 from tgospa_eval.cli.shared.places import find_place
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import Settings, infos, make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice, undisturbed
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
 from tgospa_eval.cli.simulate.run import settings as scene_settings
 from tgospa_eval.cli.simulate.values import SceneOptions
@@ -294,7 +295,7 @@ class CompareOptions(Values):
 
     Parameters
     ----------
-    evaluation, output : EvaluationOptions, OutputOptions
+    evaluation, output : Request, OutputOptions
         As of everything that evaluates.
     solvers : str, optional
         Names with commas; None where none were given.
@@ -304,7 +305,7 @@ class CompareOptions(Values):
         The metric that is shown beside TGOSPA.
     """
 
-    evaluation: EvaluationOptions
+    evaluation: Request
     output: OutputOptions
     solvers: str | None
     epsilon: str | None
@@ -314,7 +315,7 @@ class CompareOptions(Values):
     def of(cls, values: Mapping[str, object]) -> Self:
         """From all options of the verb; temperatures and --seed are of other kinds here."""
         shared = {name: value for name, value in values.items() if name not in ("epsilon", "seed")}
-        evaluation, output = EvaluationOptions.of(shared), OutputOptions.of(values)
+        evaluation, output = Request.of(shared), OutputOptions.of(values)
         return super().of({**values, "evaluation": evaluation, "output": output})
 
     @property

@@ -11,6 +11,7 @@ from tgospa_eval.cli.shared.options import (
     EVALUATION,
     IN_PARTS_OPTIONS,
     OF_PICTURES,
+    OPTIONS,
     OUTPUT,
     SLICE,
     WITH,
@@ -18,7 +19,8 @@ from tgospa_eval.cli.shared.options import (
 from tgospa_eval.errors import ExitStatus
 
 if TYPE_CHECKING:
-    from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+    from tgospa_eval.api.request import Request
+    from tgospa_eval.cli.shared.values import OutputOptions
 
 ALONE = (
     "--scheduler is for data that are read in parts, folders of tables or files beyond --memory; "
@@ -65,37 +67,7 @@ class Files(Verb):
             "tgospa-eval verify DIR.",
             section="Output",
         ),
-        Option(
-            "--curve",
-            "Evaluate the steps up to each step as well: the normalised metric over time.",
-            section="Output",
-        ),
-        Option(
-            "--window W",
-            "Evaluate each window of W steps by itself as well, or of a time: 30min. Where in a "
-            "long recording does a tracker fail? Windows begin at the first step and every S after "
-            "it.",
-            section="Output",
-        ),
-        Option(
-            "--every S",
-            "From one window to the next: steps, or a time as W is; at most W.",
-            section="Output",
-            show_default="half of W",
-        ),
-        Option(
-            "--similarity N",
-            "Show a score from 0 to 1 of the value per step as well: 1 is perfect, N false targets "
-            "at each step score 0.1.",
-            section="Output",
-            type=float,
-        ),
-        Option(
-            "--explain",
-            "Show the ten repairs of the estimate that are proven to save most, as the verb "
-            "explain does; with -o also as files, and in report.html.",
-            section="Output",
-        ),
+        *(OPTIONS[key] for key in ("curve", "window", "every", "similarity", "explain")),
     ],
 )
 @click.argument("truth", type=SOURCE)
@@ -123,9 +95,10 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached.
     """
-    from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions  # here: not of help
+    from tgospa_eval.api.request import Request  # here: not of help
+    from tgospa_eval.cli.shared.values import OutputOptions  # here: not of help
 
-    chosen, output = EvaluationOptions.of(options), OutputOptions.of(options)
+    chosen, output = Request.of(options), OutputOptions.of(options)
     source = ctx.get_parameter_source
     typed = {name for name in options if source(name) is ParameterSource.COMMANDLINE}
     _check(chosen, output, typed, sweep=bool(sweep))
@@ -155,9 +128,7 @@ def command(
     ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
 
 
-def _check(
-    chosen: "EvaluationOptions", output: "OutputOptions", typed: set[str], *, sweep: bool
-) -> None:
+def _check(chosen: "Request", output: "OutputOptions", typed: set[str], *, sweep: bool) -> None:
     """Whether options go together.
 
     Raises

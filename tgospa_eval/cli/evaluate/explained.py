@@ -2,9 +2,10 @@
 
 from dataclasses import replace
 
+from tgospa_eval.api.request import Request
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import print_notice
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.explain.explain import TOP, explain
 from tgospa_eval.results.explanation import Explanation
@@ -14,7 +15,7 @@ from tgospa_eval.results.summary import Summary
 
 
 def explained(
-    result: Summary, options: EvaluationOptions, output: OutputOptions, top: int = TOP
+    result: Summary, options: Request, output: OutputOptions, top: int = TOP
 ) -> Explanation:
     """The repairs of an estimate that was read from a file, `top` of them at most.
 
@@ -22,7 +23,7 @@ def explained(
     ----------
     result : Summary
         Of all classes together.
-    options : EvaluationOptions
+    options : Request
         Filters, after which some kinds of repairs are not tried.
     output : OutputOptions
         Whether progress is shown, and seconds.
@@ -41,7 +42,7 @@ def explained(
     return found
 
 
-def with_repairs(result: Summary, options: EvaluationOptions, output: OutputOptions) -> Summary:
+def with_repairs(result: Summary, options: Request, output: OutputOptions) -> Summary:
     """The result with its repairs, for every output; the time that they took counts."""
     found = explained(result, options, output)
     total = result.timings["total"] + found.seconds
@@ -49,7 +50,7 @@ def with_repairs(result: Summary, options: EvaluationOptions, output: OutputOpti
     return replace(result, explained=found, timings=timings)
 
 
-def _left_out(options: EvaluationOptions) -> tuple[str, ...]:
+def _left_out(options: Request) -> tuple[str, ...]:
     """Kinds of repairs after which a filter might leave out other rows."""
     moving = ("shift",) if options.time else ()
     return (*moving, "offset", "extend") if options.region else moving

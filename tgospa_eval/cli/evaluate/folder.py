@@ -4,8 +4,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from tgospa_eval.api.request import Request
 from tgospa_eval.cli.shared.streams import print_notice
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.proof import PROOF_FOLDER
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def probed_folder(
-    folder: str, options: EvaluationOptions, output: OutputOptions, also: tuple[str, ...] = ()
+    folder: str, options: Request, output: OutputOptions, also: tuple[str, ...] = ()
 ) -> "Pictures | None":
     """Look whether the folder can be written; the pictures that go into it.
 
@@ -74,7 +75,7 @@ def named_options() -> Iterator[None]:
 
 
 def write_folder(
-    result: Summary, options: EvaluationOptions, output: OutputOptions, names: tuple[str, str]
+    result: Summary, options: Request, output: OutputOptions, names: tuple[str, str]
 ) -> None:
     """Write it; prints that pictures are not in it for want of the extra."""
     from tgospa_eval import plots

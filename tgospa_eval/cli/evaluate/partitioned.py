@@ -1,10 +1,10 @@
 """``evaluate`` of data in parts: what has no place there, progress, Ctrl-C, the result."""
 
 import os
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from tgospa_eval.api.request import DEFAULTS, FITTING, SETTINGS, Request
 from tgospa_eval.cli.evaluate.folder import probed_folder
 from tgospa_eval.cli.evaluate.run import calibration_of, not_reached, show
 from tgospa_eval.cli.evaluate.work import identity_of, work_folder
@@ -13,7 +13,7 @@ from tgospa_eval.cli.shared.notices import about_defaults, notifier
 from tgospa_eval.cli.shared.progress import bracket, shown
 from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.streams import print_notice
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.machine import cores
 from tgospa_eval.common.progress import Progress, Stopwatch
 from tgospa_eval.engines.cluster import Cluster
@@ -29,37 +29,13 @@ TABLE_FILES = (*map(name_of, STORED_TABLES[:-1]), f"{IN_PARTS}/part-00000.parque
 UNKNOWN_MEMORY = 2 * 10**9
 """Bytes that are taken where the system does not say how much there is."""
 
-FITTING = "leave it out, or evaluate a part that fits into memory as one file"
 
-REFUSED: Mapping[str, tuple[object, str]] = {
-    "curve": (False, FITTING),
-    "window": (None, FITTING),
-    "slices": ((), FITTING),
-    "with_": (None, FITTING),
-    "explain": (False, FITTING),
-    "by": (None, "evaluate one class after the other, by --class NAME"),
-    "step_weights": (None, FITTING),
-    "existence": ("ignore", "leave it out: all objects exist then"),
-    "interpolate": (None, "interpolate before, or leave it out"),
-    "resample": (None, "interpolate before, or leave it out"),
-    "steps": (None, "leave it out, or choose a stretch by --time"),
-    "time_tolerance": ("0", "round the times of both sides before, or leave it out"),
-    "preprocess": (None, FITTING),
-    "solver": ("certified", "leave it out: the solver certified is exact"),
-}
-"""Options that have no place here, with the value that they have where nobody asked for them."""
-
-TYPED_AS = {"slices": "slice", "with_": "with"}
-
-
-def check_parts(
-    options: EvaluationOptions, output: OutputOptions, why: str, *, sweep: bool
-) -> None:
+def check_parts(options: Request, output: OutputOptions, why: str, *, sweep: bool) -> None:
     """See that nothing is asked for that needs all data in memory.
 
     Parameters
     ----------
-    options, output : EvaluationOptions, OutputOptions
+    options, output : Request, OutputOptions
         What is asked for.
     why : str
         Why the data are read in parts.
@@ -72,9 +48,9 @@ def check_parts(
         Something is.
     """
     asked = [
-        (TYPED_AS.get(name, name).replace("_", "-"), advice)
-        for name, (default, advice) in REFUSED.items()
-        if getattr(options, name) != default
+        (about.key, about.parts)
+        for name, about in SETTINGS.items()
+        if about.parts and getattr(options, name) != DEFAULTS[name]
     ]
     if output.proof:
         asked.append(("proof", FITTING))
@@ -89,7 +65,7 @@ def check_parts(
 
 
 def evaluate_parts(
-    paths: tuple[str, str], options: EvaluationOptions, output: OutputOptions, why: str
+    paths: tuple[str, str], options: Request, output: OutputOptions, why: str
 ) -> bool:
     """Evaluate data in parts, print and write; whether the asked accuracy was reached.
 
@@ -97,7 +73,7 @@ def evaluate_parts(
     ----------
     paths : pair of str
         Truth and estimate.
-    options, output : EvaluationOptions, OutputOptions
+    options, output : Request, OutputOptions
         What is asked for; `check_parts` found it possible.
     why : str
         Why the data are read in parts.
@@ -145,7 +121,7 @@ def evaluate_parts(
         return result.finished
 
 
-def _means(work: Path, options: EvaluationOptions, output: OutputOptions) -> Means:
+def _means(work: Path, options: Request, output: OutputOptions) -> Means:
     """With what it is done: processes that share the memory, or a cluster."""
     memory = memory_of(options.memory) or UNKNOWN_MEMORY
     jobs = 1 if options.scheduler else options.jobs or cores()

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from tgospa_eval.api.request import Request
 from tgospa_eval.cli.shared.notices import Notify, about, notifier, pair_notices, slow_notice
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import Settings, infos, make_settings
 from tgospa_eval.cli.shared.streams import emit, on_terminal, print_notice, undisturbed
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
@@ -30,7 +31,7 @@ NARROWEST = 1e-12
 def evaluate_files(
     truth: str,
     estimate: str,
-    options: EvaluationOptions,
+    options: Request,
     output: OutputOptions,
     output_line: Callable[[str], None] = print_notice,
     *,
@@ -42,7 +43,7 @@ def evaluate_files(
     ----------
     truth, estimate : str
         Paths.
-    options : EvaluationOptions
+    options : Request
         What to evaluate, and how.
     output : OutputOptions
         What to print, and where to write.
@@ -122,7 +123,7 @@ def not_reached(result: Summary, settings: Settings) -> Iterator[str]:
     )
 
 
-def calibration_of(options: EvaluationOptions) -> Calibration | None:
+def calibration_of(options: Request) -> Calibration | None:
     """Of the score of ``--similarity``, if it was asked for."""
     if options.similarity is None:
         return None
@@ -198,9 +199,7 @@ def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
 # A result to stdout, and to the folder of ``-o``.
 
 
-def show(
-    result: Summary, options: EvaluationOptions, output: OutputOptions, names: tuple[str, str]
-) -> None:
+def show(result: Summary, options: Request, output: OutputOptions, names: tuple[str, str]) -> None:
     """Print the result, and write the folder if one was asked for."""
     try:
         if output.output is not None:

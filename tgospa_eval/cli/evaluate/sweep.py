@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval import plots
+from tgospa_eval.api.request import Request
 from tgospa_eval.cli.evaluate.folder import wanted_pictures
 from tgospa_eval.cli.evaluate.run import read_sides
 from tgospa_eval.cli.shared.notices import notifier
@@ -14,7 +15,7 @@ from tgospa_eval.cli.shared.options import OF_PICTURES
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import infos, make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import parsed, parsed_whole
@@ -48,7 +49,7 @@ FORM = "NAME=FROM:TO:COUNT, NAME=FROM:TO:COUNT:log or NAME=VALUE,VALUE,..."
 def sweep_files(
     paths: tuple[str, str],
     texts: tuple[str, ...],
-    options: EvaluationOptions,
+    options: Request,
     output: OutputOptions,
     typed: set[str],
 ) -> bool:
@@ -60,7 +61,7 @@ def sweep_files(
         Truth and estimate.
     texts : tuple of str
         What ``--sweep`` was given.
-    options : EvaluationOptions
+    options : Request
         What to evaluate, and how.
     output : OutputOptions
         What to print, and where to write.
@@ -157,7 +158,7 @@ def _number(text: str, part: str) -> float:
     return value
 
 
-def _check(name: str, options: EvaluationOptions, output: OutputOptions, typed: set[str]) -> None:
+def _check(name: str, options: Request, output: OutputOptions, typed: set[str]) -> None:
     """Whether other options contradict the sweep.
 
     Raises

@@ -9,10 +9,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tgospa_eval._version import __version__
+from tgospa_eval.api.request import Request
 from tgospa_eval.batches.store import locked
 from tgospa_eval.cli.shared.in_parts import memory_of
 from tgospa_eval.cli.shared.streams import heard, print_notice
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.files import named
 from tgospa_eval.common.machine import cores
 from tgospa_eval.errors import ConfigError, InputError
@@ -139,7 +140,7 @@ def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, w
     )
 
 
-def identity_of(paths: tuple[str, str], options: EvaluationOptions) -> dict[str, object]:
+def identity_of(paths: tuple[str, str], options: Request) -> dict[str, object]:
     """What must be the same for the same work; as JSON gives it back."""
     sha = hashlib.sha256()
     for path in paths:

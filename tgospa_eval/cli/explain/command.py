@@ -84,13 +84,14 @@ def command(ctx: click.Context, /, truth: str, estimate: str, **options: object)
         )
     if options["output"] is None and typed & {"apply", "force"}:
         raise click.UsageError(f"--{min(typed & {'apply', 'force'})} is for the file of -o")
+    from tgospa_eval.api.request import Request
     from tgospa_eval.cli.explain.run import ExplainOptions, explain_files
-    from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+    from tgospa_eval.cli.shared.values import OutputOptions
 
     aside = dict.fromkeys(LEFT_ASIDE)
     finished = explain_files(
         (truth, estimate),
-        EvaluationOptions.of({**options, **aside}),
+        Request.of({**options, **aside}),
         OutputOptions.of({**options, "output": None}),
         ExplainOptions.of(options),
     )

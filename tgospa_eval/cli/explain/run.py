@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
+from tgospa_eval.api.request import Request, Values
 from tgospa_eval.cli.evaluate.explained import explained
 from tgospa_eval.cli.evaluate.run import evaluate_files
 from tgospa_eval.cli.shared.streams import emit, print_notice
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import check_apart
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
@@ -27,7 +28,7 @@ class ExplainOptions(Values):
 
 def explain_files(
     paths: tuple[str, str],
-    options: EvaluationOptions,
+    options: Request,
     output: OutputOptions,
     wanted: ExplainOptions,
 ) -> bool:

@@ -11,11 +11,12 @@ import click
 from click.core import ParameterSource
 
 from tgospa_eval._version import __version__
+from tgospa_eval.api.request import Request, Values
 from tgospa_eval.batches.store import SETTINGS_FILE, Row, Store
 from tgospa_eval.cli.evaluate.run import evaluate_files
 from tgospa_eval.cli.shared.options import BY_KEY, EVALUATION, KNOWN, typed_options
 from tgospa_eval.cli.shared.streams import emit, heard, print_notice, print_raw
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.verbs import TYPED
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
@@ -89,7 +90,7 @@ class GateOptions(Values):
 class Chosen:
     """The options of the evaluation of a pair, and the names of those that are no defaults."""
 
-    options: EvaluationOptions
+    options: Request
     given: tuple[str, ...]
 
 
@@ -104,12 +105,12 @@ class Given:
     ----------
     context : Context
         Knows where a value comes from.
-    evaluation, gate, output : EvaluationOptions, GateOptions, OutputOptions
+    evaluation, gate, output : Request, GateOptions, OutputOptions
         Those of the evaluation, of the gate itself, and of printing.
     """
 
     context: click.Context
-    evaluation: EvaluationOptions
+    evaluation: Request
     gate: GateOptions
     output: OutputOptions
 
@@ -118,7 +119,7 @@ class Given:
         """From all options of the verb by parameter."""
         return cls(
             context=context,
-            evaluation=EvaluationOptions.of(values),
+            evaluation=Request.of(values),
             gate=GateOptions.of(values),
             output=OutputOptions.of(values),
         )
@@ -150,7 +151,7 @@ class Given:
             self.context, dict(pair.options), f"pair {quoted(pair.name)}, options"
         )
         given |= {name: value for name, value in own.items() if self.strong(name)}
-        return Chosen(options=EvaluationOptions.of(given), given=tuple(given))
+        return Chosen(options=Request.of(given), given=tuple(given))
 
     def recorded(
         self, chosen: Chosen, result: Summary, path: str, *, finished: bool

@@ -35,9 +35,10 @@ def command(ctx: click.Context, /, truth: str, estimate: str | None, **options: 
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
+    from tgospa_eval.api.request import Request
     from tgospa_eval.cli.inspect.run import inspect_files
     from tgospa_eval.cli.shared.streams import emit
-    from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+    from tgospa_eval.cli.shared.values import OutputOptions
     from tgospa_eval.reports.inspection import table
     from tgospa_eval.results.records import json_text
 
@@ -46,6 +47,6 @@ def command(ctx: click.Context, /, truth: str, estimate: str | None, **options: 
     paths = (truth,) if estimate is None else (truth, estimate)
     output = OutputOptions.of(options)
     plot = None if options["plot"] is None else str(options["plot"])
-    chosen = EvaluationOptions.of({"switch_penalty": 0.0, **options})
+    chosen = Request.of({"switch_penalty": 0.0, **options})
     document, name = inspect_files(paths, chosen, output, plot), output.format_
     emit((json_text if name == "json" else table)(document), name)

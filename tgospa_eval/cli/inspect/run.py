@@ -2,10 +2,11 @@
 
 import os
 
+from tgospa_eval.api.request import Request
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.streams import print_notice
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import check_apart
 from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.progress import Stopwatch
@@ -66,7 +67,7 @@ def _kind(path: str) -> str:
 
 def inspect_files(
     paths: tuple[str, ...],
-    options: EvaluationOptions,
+    options: Request,
     output: OutputOptions,
     plot: str | None = None,
 ) -> Inspection:

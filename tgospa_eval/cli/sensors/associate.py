@@ -5,12 +5,11 @@ from typing import Any
 
 import click
 
+from tgospa_eval.api.request import FILE_FORMATS
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
 from tgospa_eval.cli.shared.options import (
     EVALUATION,
-    FILE_FORMATS,
-    NAMED_FORMATS,
     chosen_options,
     format_option,
 )
@@ -26,6 +25,7 @@ SENSOR_OPTIONS = {
 _files = partial(
     option,
     section="Files",
+    trusted=True,
     type=click.Choice(FILE_FORMATS),
     show_default="found from name and content",
 )
@@ -47,18 +47,19 @@ _output = partial(Option, section="Output")
             SENSOR_OPTIONS,
             _files(
                 "--a-format FORMAT",
-                f"Format of A: {NAMED_FORMATS}.",
+                f"Format of A: {', '.join(FILE_FORMATS[:-1])} or {FILE_FORMATS[-1]}.",
                 name="truth_format",
             ),
             _files("--b-format FORMAT", "Format of B, one of the same.", name="estimate_format"),
-            option(
-                "--a-columns NAMES", "--columns for A alone.", name="truth_columns", section="Files"
-            ),
-            option(
-                "--b-columns NAMES",
-                "--columns for B alone.",
-                name="estimate_columns",
-                section="Files",
+            *(
+                option(
+                    f"--{letter}-columns NAMES",
+                    f"--columns for {letter.upper()} alone.",
+                    name=name,
+                    section="Files",
+                    trusted=True,
+                )
+                for letter, name in (("a", "truth_columns"), ("b", "estimate_columns"))
             ),
             format_option("table", "json", "csv"),
             _output(
@@ -90,8 +91,8 @@ def command(a: str, b: str, **options: Any) -> None:
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
+    from tgospa_eval.api.request import Request
     from tgospa_eval.cli.sensors.run import SensorOptions, associate_files
-    from tgospa_eval.cli.shared.values import EvaluationOptions
 
     fixed = {"pairwise": True, "sides": ("a", "b"), "switch_penalty": 0.0}
-    associate_files((a, b), EvaluationOptions.of(options | fixed), SensorOptions.of(options))
+    associate_files((a, b), Request.of(options | fixed), SensorOptions.of(options))

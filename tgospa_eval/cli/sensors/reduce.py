@@ -4,9 +4,10 @@ from typing import Any
 
 import click
 
+from tgospa_eval.api.request import FILE_FORMATS
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
-from tgospa_eval.cli.shared.options import FILE_FORMATS, REDUCTION, chosen_options, format_option
+from tgospa_eval.cli.shared.options import REDUCTION, chosen_options, format_option
 
 
 @click.command(
@@ -28,6 +29,7 @@ from tgospa_eval.cli.shared.options import FILE_FORMATS, REDUCTION, chosen_optio
                 "Format of IN: csv, parquet or npz.",
                 name="truth_format",
                 section="Files",
+                trusted=True,
                 type=click.Choice(FILE_FORMATS),
                 show_default="found from name and content",
             ),
@@ -51,7 +53,7 @@ def command(source: str, target: str, **options: Any) -> None:
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
+    from tgospa_eval.api.request import Request
     from tgospa_eval.cli.sensors.run import SensorOptions, reduce_file
-    from tgospa_eval.cli.shared.values import EvaluationOptions
 
-    reduce_file(source, target, EvaluationOptions.of(options), SensorOptions.of(options))
+    reduce_file(source, target, Request.of(options), SensorOptions.of(options))

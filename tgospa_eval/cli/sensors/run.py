@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import TypeVar
 
 from tgospa_eval._version import __version__
+from tgospa_eval.api.request import Request
 from tgospa_eval.cli.shared.distance import reduction
 from tgospa_eval.cli.shared.notices import about, notifier
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import Settings, make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import check_apart
 from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.frozen import dataclass
@@ -39,9 +40,7 @@ class SensorOptions(OutputOptions):
     size: int = 1
 
 
-def associate_files(
-    paths: tuple[str, str], options: EvaluationOptions, output: SensorOptions
-) -> None:
+def associate_files(paths: tuple[str, str], options: Request, output: SensorOptions) -> None:
     """Read, associate, print and write.
 
     Raises
@@ -109,9 +108,7 @@ def _association(found: Association, distance: Distance, settings: Settings) -> 
     }
 
 
-def reduce_file(
-    source: str, target: str, options: EvaluationOptions, output: SensorOptions
-) -> None:
+def reduce_file(source: str, target: str, options: Request, output: SensorOptions) -> None:
     """Read, reduce, write and print what changed.
 
     Raises

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.cli.shared.values import EvaluationOptions
+from tgospa_eval.api.request import Request
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import parsed
 from tgospa_eval.distances import DISTANCES, Distance
@@ -33,12 +33,12 @@ USED_BY = {
 """Methods that an option of the reduction is for."""
 
 
-def given_particles(options: EvaluationOptions) -> Iterator[str]:
+def given_particles(options: Request) -> Iterator[str]:
     """Options of clouds that were given, as they are spelt."""
     yield from (_spelt(name) for name in CLOUD_OPTIONS if getattr(options, name))
 
 
-def reduction(options: EvaluationOptions, size: int | None) -> "Reduction | None":
+def reduction(options: Request, size: int | None) -> "Reduction | None":
     """How to reduce; None without a size.
 
     Raises
@@ -64,7 +64,7 @@ def reduction(options: EvaluationOptions, size: int | None) -> "Reduction | None
     return Reduction(size=size, method=method, **given)
 
 
-def cloud_distance(options: EvaluationOptions) -> "CloudWasserstein":
+def cloud_distance(options: Request) -> "CloudWasserstein":
     """The distance that the options ask for.
 
     Raises
@@ -115,7 +115,7 @@ class DistanceOptions:
 
     Parameters
     ----------
-    options : EvaluationOptions
+    options : Request
         Values of the options.
 
     Raises
@@ -126,7 +126,7 @@ class DistanceOptions:
         The covariance file is missing or wrong.
     """
 
-    def __init__(self, options: EvaluationOptions) -> None:
+    def __init__(self, options: Request) -> None:
         self.named = DISTANCES[options.distance]
         self.period = _numbers("periodic", options.periodic, 2 * math.pi)
         self.scale = _numbers("scale", options.scale)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
-from tgospa_eval.cli.shared.values import EvaluationOptions
+from tgospa_eval.api.request import Request
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.machine import machine_memory
 from tgospa_eval.formats.guess import is_table_folder
@@ -40,7 +40,7 @@ def memory_of(asked: int | None) -> int | None:
     return None if whole is None else whole // 2
 
 
-def parts_in_words(paths: tuple[str, str], options: EvaluationOptions) -> str | None:
+def parts_in_words(paths: tuple[str, str], options: Request) -> str | None:
     """Why these two are read in parts, for messages; None if they are read at once."""
     folders = [path for path in paths if os.path.isdir(path)]
     if folders:

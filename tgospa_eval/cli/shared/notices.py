@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Iterator, Sequence
 
+from tgospa_eval.api.request import Request
 from tgospa_eval.cli.shared.distance import notices
 from tgospa_eval.cli.shared.streams import print_notice
-from tgospa_eval.cli.shared.values import EvaluationOptions
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.evaluation.diagnosis import (
     alignment_notices,
@@ -86,7 +86,7 @@ def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
         )
 
 
-def about_defaults(options: EvaluationOptions, *, boxes: bool) -> Iterator[str]:
+def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
     """What nobody chose, once for all jobs, in the words that a single evaluation has for it."""
     from tgospa_eval.distances import DISTANCES  # here: the command line does without
 

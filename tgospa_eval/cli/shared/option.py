@@ -36,26 +36,8 @@ SOURCE = Source(readable=False)
 KEYS: dict[str, bool] = {}
 """Keys of a configuration file, and whether each is a flag."""
 
-TRUSTED_KEYS = frozenset(
-    (
-        *("cutoff", "order", "switch-penalty", "rho", "step-weights", "existence"),
-        *("distance", "covariance", "periodic", "scale", "unit"),
-        *("columns", "truth-columns", "estimate-columns", "a-columns", "b-columns"),
-        *("truth-format", "estimate-format", "a-format", "b-format", "in-format"),
-        *("time-tolerance", "grid", "steps", "resample", "interpolate", "max-gap", "outage"),
-        *("on-duplicate", "on-invalid", "decimal"),
-        *("time-offset", "time-scale", "unit-scale"),
-        *("time", "class", "truth-class", "estimate-class", "region", "by", "preprocess"),
-        *("fix-cov", "missing-cov", "mixed", "cloud-order", "inner", "inner-cov", "reduce"),
-        *("reduce-method", "directions", "iterations", "restarts", "polish", "seed"),
-    )
-)
-"""Those that a configuration file may set which was only found: what is evaluated.
-
-Somebody else may have written it. Nothing is here that writes, connects, takes resources, judges,
-says how exact is exact, or keeps quiet.
-"""
-
+TRUSTED_KEYS: set[str] = set()
+"""Those that a configuration file may set which was only found: what is evaluated."""
 
 PLAIN_NUMBERS: tuple[tuple[type, Callable[[str], float | None], str], ...] = (
     (click.types.FloatParamType, parsed, "plain, finite number; write it as 2.5 or 1e-3"),
@@ -135,13 +117,23 @@ class Option(click.Option):
 
 
 def option(
-    declaration: str, text: str, *, section: str, **settings: Unpack[OptionSettings]
+    declaration: str,
+    text: str,
+    *,
+    section: str,
+    trusted: bool = False,
+    **settings: Unpack[OptionSettings],
 ) -> Option:
-    """Make an option that is also read from TGOSPA_EVAL_<OPTION> and from configuration files."""
+    """Make an option that is also read from TGOSPA_EVAL_<OPTION> and from configuration files.
+
+    `trusted`: whether a file may set it that was only found.
+    """
     made = Option(declaration, text, section=section, **settings)
     long = [name[2:] for name in made.opts if name.startswith("--")]
     made.envvar = ["TGOSPA_EVAL_" + name.replace("-", "_").upper() for name in long]
     KEYS[made.key] = made.is_flag
+    if trusted:
+        TRUSTED_KEYS.add(made.key)
     return made
 
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
+from tgospa_eval.api.request import Request
 from tgospa_eval.cli.shared.distance import DistanceOptions
 from tgospa_eval.cli.shared.places import check_places
-from tgospa_eval.cli.shared.values import EvaluationOptions
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError
@@ -260,7 +260,7 @@ def infos(sides: tuple[Reading, ...]) -> tuple[FileInfo, FileInfo]:
     return truth, estimate
 
 
-def make_settings(options: EvaluationOptions) -> Settings:
+def make_settings(options: Request) -> Settings:
     """The records that the options ask for.
 
     Raises
@@ -276,11 +276,11 @@ def make_settings(options: EvaluationOptions) -> Settings:
 
 
 @lru_cache(maxsize=8)
-def _kept(options: EvaluationOptions) -> Settings:
+def _kept(options: Request) -> Settings:
     return _settings(options)
 
 
-def _settings(options: EvaluationOptions) -> Settings:
+def _settings(options: Request) -> Settings:
     measure = DistanceOptions(options)
     slices, columns = _slices(options)
     reading = ReadOptions(
@@ -339,7 +339,7 @@ def _settings(options: EvaluationOptions) -> Settings:
     )
 
 
-def _slices(options: EvaluationOptions) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
+def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
     """What costs are split by, and the columns that this may need."""
     if not options.slices:
         return (), ()
@@ -349,7 +349,7 @@ def _slices(options: EvaluationOptions) -> "tuple[tuple[SliceBy, ...], tuple[str
     return slices, columns_asked(slices)
 
 
-def _step_weights(options: EvaluationOptions) -> WeightsByTime | None:
+def _step_weights(options: Request) -> WeightsByTime | None:
     if options.step_weights is None:
         return None
     from tgospa_eval.formats.text.step_weights import read_step_weights  # here: few want it
@@ -358,7 +358,7 @@ def _step_weights(options: EvaluationOptions) -> WeightsByTime | None:
 
 
 def _each(
-    reading: ReadOptions, measure: DistanceOptions, options: EvaluationOptions
+    reading: ReadOptions, measure: DistanceOptions, options: Request
 ) -> tuple[ReadOptions, ReadOptions]:
     """How to read truth and estimate: columns and classes of one go before those of both."""
     own = (
@@ -390,7 +390,7 @@ def _list(text: str | None) -> tuple[str, ...] | None:
     return None if text is None else tuple(part.strip() for part in text.split(","))
 
 
-def _solver(options: EvaluationOptions) -> Solver:
+def _solver(options: Request) -> Solver:
     """The solver that the options ask for."""
     settings: dict[str, float | None] = {"time_limit": options.time_limit}
     if options.solver != "exact":

@@ -1,6 +1,6 @@
 """Options of ``simulate`` as a record."""
 
-from tgospa_eval.cli.shared.values import Values
+from tgospa_eval.api.request import Values
 from tgospa_eval.common.frozen import dataclass
 
 

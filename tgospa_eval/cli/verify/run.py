@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from tgospa_eval.api.request import Request
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
-from tgospa_eval.cli.shared.values import EvaluationOptions
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances.base import Settings
 from tgospa_eval.errors import InputError
@@ -117,7 +117,7 @@ def _prepared(files: Files, proof: Mapping[str, Any], stopwatch: Stopwatch) -> P
         for name, value in proof["options"].items()
     }
     try:
-        chosen = EvaluationOptions(**options)
+        chosen = Request(**options)
     except TypeError as error:
         raise InputError(f"proof.json: options of another version: {error}") from None
     settings = make_settings(chosen)

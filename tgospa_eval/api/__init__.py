@@ -1,0 +1,1 @@
+"""What people and the command line ask for, and what they get."""

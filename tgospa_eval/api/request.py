@@ -1,0 +1,640 @@
+"""Everything that is asked of an evaluation: one record, from which options and lists are made.
+
+Imports nothing heavy: the command line needs it for its help.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, Self
+
+from tgospa_eval.common.frozen import dataclass
+
+# Spelled out here, because importing the members costs numpy; tests hold them together.
+DISTANCES = (
+    *("euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "iou"),
+    *("gaussian-wasserstein", "cloud-wasserstein"),
+)
+SOLVERS = ("certified", "exact", "sinkhorn")
+EXISTENCES = ("ignore", "use")
+GRIDS = ("union", "truth", "estimate", "common")
+INTERPOLATED = ("estimate", "truth")
+FILE_FORMATS = (
+    *("csv", "parquet", "feather", "motchallenge", "visdrone", "kitti", "npz", "npy", "mat"),
+    *("nuscenes", "argoverse"),
+)
+REDUCTIONS = (
+    *("sliced", "recursive", "atl", "kmeans"),
+    *("systematic", "stratified", "multinomial", "top"),
+)
+
+FITTING = "leave it out, or evaluate a part that fits into memory as one file"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is known of a field of `Request`.
+
+    Parameters
+    ----------
+    section : str
+        Of the help.
+    declaration : str
+        As the help shows the option: ``-c, --cutoff C``; without a metavar it is a flag.
+    help : str
+        What it does.
+    choices : tuple of str
+        Its values, if they are few.
+    kind : str
+        Of the text: ``"path"``, or ``"size"`` of memory; blank for any.
+    least, most : int, optional
+        Of a number.
+    shown : str
+        The default in words.
+    number : bool
+        Whether it changes the number or its bracket.
+    trusted : bool
+        Whether a settings file may set it that was only found. Somebody else may have written it:
+        nothing is trusted that writes, connects, takes resources, judges, says how exact is exact,
+        or keeps quiet.
+    everywhere : bool
+        Whether all verbs that evaluate have it; otherwise `evaluate` alone.
+    stored : bool
+        Whether it is read from the environment and from settings files as well.
+    parts : str
+        What to do instead where data are read in parts and it has no place; blank if it has.
+    """
+
+    section: str
+    declaration: str
+    help: str
+    choices: tuple[str, ...] = ()
+    kind: str = ""
+    least: int | None = None
+    most: int | None = None
+    shown: str = ""
+    number: bool = True
+    trusted: bool = True
+    everywhere: bool = True
+    stored: bool = True
+    parts: str = ""
+
+    @property
+    def key(self) -> str:
+        """Its name in a settings file: the first long one."""
+        names = self.declaration.split(" ")
+        return next(name for name in names if name.startswith("--"))[2:].rstrip(",")
+
+
+def setting(section: str, declaration: str, text: str, *, default: Any = None, **about: Any) -> Any:
+    """Declare a field of `Request`."""
+    return dataclasses.field(
+        default=default, metadata={"setting": Setting(section, declaration, text, **about)}
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Values:
+    """A record of options."""
+
+    @classmethod
+    def of(cls, values: Mapping[str, object]) -> Self:
+        """From all options of a verb by parameter, those of others left aside."""
+        names = {field.name for field in dataclasses.fields(cls)}
+        return cls(**{name: value for name, value in values.items() if name in names})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request(Values):
+    """What is asked of an evaluation; None where nothing was given.
+
+    The help of a field is that of its option. `pairwise` lets a distance take the covariances of
+    each pair; `sides` are the two files as options name them; `summed` says that slices are added
+    to those of other evaluations.
+    """
+
+    cutoff: float | None = setting(
+        "Metric",
+        "-c, --cutoff C",
+        "Cutoff c > 0, in state units. A true and an estimated state farther apart than c are not "
+        "matched: they are one missed and one false target, which together cost as much as an "
+        "error of c.",
+        shown="10.0; 0.5 with iou",
+    )
+    order: float = setting(
+        "Metric",
+        "-p, --order P",
+        "Order p >= 1: errors are raised to this power before they are summed. It does not change "
+        "the distance between two states.",
+        default=2.0,
+        shown="2",
+    )
+    switch_penalty: float | None = setting(
+        "Metric",
+        "-g, --switch-penalty, --gamma GAMMA",
+        "Switch penalty gamma >= 0, in state units: what a track switch costs. 0 gives per-step "
+        "GOSPA, summed.",
+        shown="2.0; 0.5 with iou",
+    )
+    rho: float = setting(
+        "Metric",
+        "--rho RHO",
+        "Share of c^p that a false target costs, between 0 and 1; a missed one costs the rest. "
+        "Other than 0.5 it is a quasi-metric: truth and estimate cannot be exchanged.",
+        default=0.5,
+    )
+    step_weights: str | None = setting(
+        "Metric",
+        "--step-weights FILE",
+        "What each step counts: CSV t,weight[,switch_weight]. The costs of a step are multiplied "
+        "by its weight, the switches into it by its switch_weight, the same by default.",
+        kind="path",
+        parts=FITTING,
+    )
+    existence: str = setting(
+        "Metric",
+        "--existence NAME",
+        "use: states exist with the probabilities of the column existence, 1 where a file has none "
+        "(experimental); ignore: all exist.",
+        default="ignore",
+        choices=EXISTENCES,
+        parts="leave it out: all objects exist then",
+    )
+    distance: str = setting(
+        "Metric",
+        "--distance NAME",
+        "Distance between two states: euclidean, manhattan, chebyshev, mahalanobis, haversine "
+        "(metres, from lat,lon), iou (1 - IoU of boxes left,top,width,height), "
+        "gaussian-wasserstein (means and covariances) or cloud-wasserstein (particles, with a "
+        "column weight).",
+        default="euclidean",
+        choices=DISTANCES,
+    )
+    covariance: str | None = setting(
+        "Metric",
+        "--covariance FILE",
+        "Covariance matrix for mahalanobis: a CSV file without header, with a row and a column for "
+        "each state column.",
+        kind="path",
+    )
+    periodic: tuple[str, ...] = setting(
+        "Metric",
+        "--periodic NAME[=PERIOD]",
+        "State columns that wrap around, such as angles: theta (period 2 pi), theta=360. Several "
+        "with commas.",
+        default=(),
+    )
+    scale: tuple[str, ...] = setting(
+        "Metric",
+        "--scale NAME=FACTOR",
+        "State units for one unit of a column: with theta=2 an error of 1 in theta counts as 2. "
+        "Several with commas.",
+        default=(),
+    )
+    columns: str | None = setting(
+        "Files",
+        "--columns NAMES",
+        "State columns, in order: x,y. NAME=HEADER says what a column is called in the files: "
+        "id=trk,t=clock,x=px,y=py. A file without that header is read by the usual names.",
+        shown="x[,y[,z]], else lat,lon, else the centres of boxes",
+    )
+    truth_columns: str | None = setting(
+        "Files",
+        "--truth-columns NAMES",
+        "--columns for TRUTH alone.",
+    )
+    estimate_columns: str | None = setting(
+        "Files",
+        "--estimate-columns NAMES",
+        "--columns for ESTIMATE alone.",
+    )
+    truth_format: str | None = setting(
+        "Files",
+        "--truth-format FORMAT",
+        "Format of TRUTH: csv, parquet, feather, motchallenge, visdrone, kitti, npz, npy, mat, "
+        "nuscenes or argoverse.",
+        choices=FILE_FORMATS,
+        shown="found from name and content",
+    )
+    estimate_format: str | None = setting(
+        "Files",
+        "--estimate-format FORMAT",
+        "Format of ESTIMATE, one of the same.",
+        choices=FILE_FORMATS,
+        shown="found from name and content",
+    )
+    time_tolerance: str = setting(
+        "Files",
+        "--time-tolerance DT",
+        "Times of the two files that differ by at most DT are one step, nearest to nearest; 20ms, "
+        "or a number, of seconds for ISO times.",
+        default="0",
+        parts="round the times of both sides before, or leave it out",
+    )
+    grid: str = setting(
+        "Files",
+        "--grid NAME",
+        "Steps that count: those of either file (union), of the truth, of the estimate, or those "
+        "of both (common). Rows at other steps are left out.",
+        default="union",
+        choices=GRIDS,
+    )
+    on_duplicate: str = setting(
+        "Files",
+        "--on-duplicate NAME",
+        "Rows of one id and time: error, first or last.",
+        default="error",
+        choices=("error", "first", "last"),
+    )
+    on_invalid: str = setting(
+        "Files",
+        "--on-invalid NAME",
+        "Boxes of negative size, places out of range: error, or drop it.",
+        default="error",
+        choices=("error", "drop"),
+    )
+    decimal: str = setting(
+        "Files",
+        "--decimal [.|,]",
+        "Decimal mark in the files.",
+        default=".",
+        choices=(".", ","),
+    )
+    max_input: float | None = setting(
+        "Files",
+        "--max-input GB",
+        "Memory that reading one file may take; 0 for any.",
+        least=0,
+        shown="what is available",
+        number=False,
+        trusted=False,
+    )
+    interpolate: str | None = setting(
+        "Files",
+        "--interpolate SIDE",
+        "Bring the estimate, or the truth, to the times of the other file: states on the straight "
+        "line between two of a track, at most --max-gap apart. Never done unless asked for.",
+        choices=INTERPOLATED,
+        parts="interpolate before, or leave it out",
+    )
+    max_gap: str | None = setting(
+        "Files",
+        "--max-gap DT[,DT]",
+        "The longest time between two states of a track to interpolate across; of truth and "
+        "estimate, if they differ: 200s,10s.",
+    )
+    resample: str | None = setting(
+        "Files",
+        "--resample S",
+        "A common clock: both files are interpolated at every multiple of S (3s, 200ms, 2min; "
+        "without unit where times are numbers), from the truth's first time to its last, each "
+        "within its --max-gap. The way to compare trackers whose times differ.",
+        parts="interpolate before, or leave it out",
+    )
+    steps: str | None = setting(
+        "Files",
+        "--steps FIRST:LAST[:EVERY]",
+        "Exactly these steps are evaluated, and values per step divide by their number; empty ones "
+        "cost nothing and count. EVERY is 1 for whole numbers. Rows at other times are left out.",
+        shown="the times of either file; per step of the truth's",
+        parts="leave it out, or choose a stretch by --time",
+    )
+    outage: str | None = setting(
+        "Files",
+        "--outage DT",
+        "With --interpolate truth: where the estimate has no time for longer than this, the "
+        "truth's own times are steps, and what is there is missed. none says that the tracker "
+        "reports only when it sees something.",
+        shown="five times its median interval",
+    )
+    time_offset: float = setting(
+        "Files",
+        "--time-offset DT",
+        "Added to the times of ESTIMATE, after --time-scale; in seconds for ISO times.",
+        default=0.0,
+    )
+    time_scale: float = setting(
+        "Files",
+        "--time-scale FACTOR",
+        "The times of ESTIMATE are multiplied by this: 0.001 makes seconds of milliseconds.",
+        default=1.0,
+    )
+    unit_scale: float = setting(
+        "Files",
+        "--unit-scale FACTOR",
+        "The state columns of ESTIMATE, with covariances and particles, are multiplied by this, "
+        "but for --periodic ones: 1000 makes metres of kilometres.",
+        default=1.0,
+    )
+    time: str | None = setting(
+        "Filters",
+        "--time A:B",
+        "Only the steps from A to B, both included; numbers or ISO times, as in the files. A or B "
+        "may be left out.",
+    )
+    class_: str | None = setting(
+        "Filters",
+        "--class A[,B]",
+        "Only rows of these classes, in each file that has classes. Upper and lower case are alike "
+        "where that is unambiguous.",
+    )
+    truth_class: str | None = setting(
+        "Filters",
+        "--truth-class A[,B]",
+        "--class for TRUTH alone.",
+    )
+    estimate_class: str | None = setting(
+        "Filters",
+        "--estimate-class A[,B]",
+        "--class for ESTIMATE alone.",
+    )
+    region: str | None = setting(
+        "Filters",
+        "--region RANGES",
+        "Only rows inside ranges of columns, ends included: x=-50:50,y=0:100. Either end may be "
+        "left out.",
+    )
+    by: str | None = setting(
+        "Filters",
+        "--by class",
+        "One result for each class, and their sum. States of different classes are never matched.",
+        choices=("class",),
+        parts="evaluate one class after the other, by --class NAME",
+    )
+    preprocess: str | None = setting(
+        "Filters",
+        "--preprocess motchallenge",
+        "With boxes: leave out estimates that match a distractor, and truths that are no "
+        "pedestrians, as MOTChallenge 2016 and 2017 do before they evaluate.",
+        choices=("motchallenge",),
+        parts=FITTING,
+    )
+    unit: str | None = setting(
+        "Output",
+        "--unit TEXT",
+        "Unit of the states, printed beside values: m. No number changes.",
+    )
+    solver: str = setting(
+        "Solver",
+        "--solver NAME",
+        "certified: exact, with proven bounds; exact: another, slower method to check it with "
+        "(CVXPY and Clarabel); sinkhorn: an approximation with proven bounds.",
+        default="certified",
+        choices=SOLVERS,
+        trusted=False,
+        parts="leave it out: the solver certified is exact",
+    )
+    gap: float = setting(
+        "Solver",
+        "--gap G",
+        "Relative difference of the proven bounds on the total that counts as exact (certified), "
+        "or at which to stop early (sinkhorn).",
+        default=1e-09,
+        trusted=False,
+    )
+    epsilon: float = setting(
+        "Solver",
+        "--epsilon E",
+        "Temperature of sinkhorn, as a fraction of c^p. A lower one is slower and nearer to the "
+        "exact value.",
+        default=0.03,
+        trusted=False,
+    )
+    time_limit: float | None = setting(
+        "Solver",
+        "--time-limit SECONDS",
+        "Stop solving after so long: the bounds proven by then are printed, and the exit status is "
+        "4.",
+        trusted=False,
+    )
+    jobs: int | None = setting(
+        "Solver",
+        "--jobs N",
+        "Number of threads; the result does not depend on it.",
+        least=1,
+        shown="all cores",
+        number=False,
+        trusted=False,
+    )
+    fix_cov: bool = setting(
+        "Gaussians",
+        "--fix-cov",
+        "Replace a matrix that is no covariance by the nearest one that is. Without it such a "
+        "matrix is an error.",
+        default=False,
+    )
+    missing_cov: str = setting(
+        "Gaussians",
+        "--missing-cov NAME",
+        "A row without covariance is an error, or a point (zero).",
+        default="error",
+        choices=("error", "zero"),
+    )
+    mixed: str = setting(
+        "Gaussians",
+        "--mixed NAME",
+        "A particle cloud is an error, or a Gaussian with its mean and covariance (moments).",
+        default="error",
+        choices=("error", "moments"),
+    )
+    cloud_order: int | None = setting(
+        "Particles",
+        "--cloud-order 1|2",
+        "Order of the Wasserstein distance, whatever the order p of the metric is.",
+        least=1,
+        most=2,
+        shown="2",
+    )
+    inner: str | None = setting(
+        "Particles",
+        "--inner NAME",
+        "Distance between two particles: euclidean or mahalanobis.",
+        choices=("euclidean", "mahalanobis"),
+        shown="euclidean",
+    )
+    inner_cov: str | None = setting(
+        "Particles",
+        "--inner-cov global|FILE",
+        "Covariance of --inner mahalanobis. global: the mean over all clouds; or a CSV file with a "
+        "matrix. With associate also pair, its default: the mean of the two clouds.",
+        shown="global",
+    )
+    reduce: int | None = setting(
+        "Particles",
+        "--reduce N",
+        "Reduce clouds to N particles first.",
+        least=1,
+    )
+    reduce_method: str | None = setting(
+        "Particles",
+        "--reduce-method METHOD",
+        "How clouds are reduced. sliced, recursive: least squares on projections; atl: transport "
+        "and new locations in turn; kmeans: clustering; systematic, stratified, multinomial: "
+        "resampling; top: the highest weights.",
+        choices=REDUCTIONS,
+        shown="sliced",
+    )
+    directions: int | None = setting(
+        "Particles",
+        "--directions N",
+        "Number of projections of sliced and recursive.",
+        least=1,
+        shown="32; 24 each from 3-D on",
+    )
+    iterations: int | None = setting(
+        "Particles",
+        "--iterations N",
+        "Most iterations of sliced, recursive, atl and kmeans.",
+        least=1,
+        shown="25",
+    )
+    restarts: int | None = setting(
+        "Particles",
+        "--restarts N",
+        "Number of starts of these four; the nearest result is kept.",
+        least=1,
+        shown="1",
+    )
+    polish: int | None = setting(
+        "Particles",
+        "--polish N",
+        "Number of atl iterations after sliced and recursive.",
+        least=0,
+        shown="0",
+    )
+    seed: int | None = setting(
+        "Particles",
+        "--seed N",
+        "Seed of the random choices; equal clouds are reduced alike.",
+        least=0,
+        shown="0",
+    )
+    no_gating: bool = setting(
+        "Particles",
+        "--no-gating",
+        "Solve all pairs of clouds, also those that bounds show to be far apart. Slow; to check "
+        "the bounds.",
+        default=False,
+        trusted=False,
+    )
+    memory: int | None = setting(
+        "Files",
+        "--memory SIZE",
+        "Memory that the evaluation may take, 4GB or 500MB. Folders of Parquet or CSV files, and "
+        "files that would take more, are read and evaluated in parts. With --scheduler that of "
+        "each worker.",
+        kind="size",
+        shown="half of the machine's",
+        number=False,
+        trusted=False,
+        everywhere=False,
+    )
+    scheduler: str | None = setting(
+        "Solver",
+        "--scheduler ADDRESS",
+        "For data in parts: use the workers of a Dask cluster that is there, tcp://host:8786. "
+        "Default: as many processes as --jobs says.",
+        number=False,
+        trusted=False,
+        everywhere=False,
+    )
+    with_: str | None = setting(
+        "Output",
+        "--with NAMES",
+        "Other metrics beside TGOSPA: hota, clear (MOTA), identity (IDF1), which need the extra "
+        "mot; gospa, of each step by itself. Several with commas.",
+        number=False,
+        everywhere=False,
+        stored=False,
+        parts=FITTING,
+    )
+    slices: tuple[str, ...] = setting(
+        "Output",
+        "--slice NAME[=EDGES]",
+        "Split costs by an attribute of truth and estimate at each step: a column (class, "
+        "visibility=0:0.5:1), range=0:50:100, range@X,Y, speed, size, density, age, "
+        "region=x=-50:50; visibility=weight for shares; two crossed with *. Repeatable.",
+        default=(),
+        number=False,
+        everywhere=False,
+        stored=False,
+        parts=FITTING,
+    )
+    curve: bool = setting(
+        "Output",
+        "--curve",
+        "Evaluate the steps up to each step as well: the normalised metric over time.",
+        default=False,
+        number=False,
+        everywhere=False,
+        stored=False,
+        parts=FITTING,
+    )
+    window: str | None = setting(
+        "Output",
+        "--window W",
+        "Evaluate each window of W steps by itself as well, or of a time: 30min. Where in a long "
+        "recording does a tracker fail? Windows begin at the first step and every S after it.",
+        number=False,
+        everywhere=False,
+        stored=False,
+        parts=FITTING,
+    )
+    every: str | None = setting(
+        "Output",
+        "--every S",
+        "From one window to the next: steps, or a time as W is; at most W.",
+        shown="half of W",
+        number=False,
+        everywhere=False,
+        stored=False,
+    )
+    similarity: float | None = setting(
+        "Output",
+        "--similarity N",
+        "Show a score from 0 to 1 of the value per step as well: 1 is perfect, N false targets at "
+        "each step score 0.1.",
+        number=False,
+        everywhere=False,
+        stored=False,
+    )
+    explain: bool = setting(
+        "Output",
+        "--explain",
+        "Show the ten repairs of the estimate that are proven to save most, as the verb explain "
+        "does; with -o also as files, and in report.html.",
+        default=False,
+        number=False,
+        everywhere=False,
+        stored=False,
+        parts=FITTING,
+    )
+
+    summed: bool = False
+    pairwise: bool = False
+    sides: tuple[str, str] = ("truth", "estimate")
+
+    @property
+    def given(self) -> dict[str, object]:
+        """Those that change the number or its bracket, and are no defaults."""
+        return {
+            name: getattr(self, name)
+            for name, default in OF_THE_NUMBER.items()
+            if getattr(self, name) != default
+        }
+
+
+SETTINGS: dict[str, Setting] = {
+    field.name: field.metadata["setting"] for field in dataclasses.fields(Request) if field.metadata
+}
+"""Of the fields that have an option."""
+
+DEFAULTS: dict[str, object] = {field.name: field.default for field in dataclasses.fields(Request)}
+
+TYPES: dict[str, Any] = {field.name: field.type for field in dataclasses.fields(Request)}
+
+OF_THE_NUMBER: dict[str, object] = {
+    name: default
+    for name, default in DEFAULTS.items()
+    if name == "pairwise" or (name in SETTINGS and SETTINGS[name].number)
+}
+"""Defaults of the fields that change the number or its bracket."""
