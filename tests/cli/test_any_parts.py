@@ -8,6 +8,7 @@ import math
 import shutil
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,14 @@ CASES = st.fixed_dictionaries(
         "-c": st.sampled_from([3.0, 10.0, 50.0]),
         "-p": st.sampled_from([1.0, 2.0, 3.0]),
         "-g": st.sampled_from([0.0, 1.0, 5.0]),
-        "--grid": st.sampled_from(["union", "truth", "estimate"]),
+        "steps": st.sampled_from(
+            [
+                *((f"--grid {grid}", 0) for grid in ("union", "truth", "estimate")),
+                *(("--steps 3:30", 1), ("--steps=-5:70:0.5", 0.25), ("--steps 0:2:0.1", 0.0)),
+                *(("--resample 1 --max-gap 3", 0.0), ("--resample 0.7 --max-gap 2,5", 0.4)),
+                ("--resample 3 --max-gap 1,100", 0.5),
+            ]
+        ),
         "layout": st.tuples(
             st.integers(1, 5), st.sampled_from([0, 9]), st.sampled_from([1, 7, 1000])
         ),
@@ -77,7 +85,10 @@ def test_the_bracket_is_that_of_the_whole(invoke: Invoke, seed: int, case: dict[
         Tracker(noise=2, detection=0.9, swaps=0.3, near=10, fragmentation=0.05, false_rate=0.2),
         rng,
     )
-    asked = [word for name in ("-c", "-p", "-g", "--grid") for word in (name, str(case[name]))]
+    asked = [word for name in ("-c", "-p", "-g") for word in (name, str(case[name]))]
+    steps, late = case["steps"]
+    sides = sides[0], replace(sides[1], times=sides[1].times + late)
+    asked += steps.split()
     asked += ["--jobs", "1", "--format", "json", "-q"]
     work = Path(tempfile.mkdtemp())
     try:
@@ -101,7 +112,7 @@ def test_the_bracket_is_that_of_the_whole(invoke: Invoke, seed: int, case: dict[
         assert parts.err.splitlines()[-1].split(": ")[-1] in whole.err
         return
     one, other = json.loads(whole.out), json.loads(parts.out)
-    for name in ("sizes", "parameters"):
+    for name in ("sizes", "parameters", "judged", "input"):
         assert other[name] == one[name], name
     lower, upper = other["lower_bound"], other["upper_bound"]
     assert lower <= one["upper_bound"]
