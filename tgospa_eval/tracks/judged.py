@@ -32,7 +32,7 @@ DIGESTS = ("judged.steps_sha256", "judged.truth_sha256")
 LANES = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F))
 """Odd factors of 64-bit hashes of rows, which are independent of each other."""
 
-HALF_BITS, MODULUS, HASHED = np.uint64(32), 1 << 64, 1 << 15
+DOWN, MODULUS, HASHED = np.uint64(32), 1 << 64, 1 << 15
 """Bits that a hash is shifted by, what sums are taken modulo, rows that are hashed together."""
 
 NO_SUMS = (0,) * (1 + len(LANES))
@@ -211,13 +211,13 @@ def row_sums(side: Trajectories, *, existence: bool = False) -> tuple[int, ...]:
         for lane, factor in enumerate(LANES):
             found = moment * factor
             for column in (ids[track, lane], *(column[rows] for column in columns)):
-                found ^= found >> HALF_BITS
+                found ^= found >> DOWN
                 found ^= column
                 found *= factor
             for _ in range(2):
-                found ^= found >> HALF_BITS
+                found ^= found >> DOWN
                 found *= factor
-            found ^= found >> HALF_BITS
+            found ^= found >> DOWN
             sums[lane] += int(found.sum(dtype=np.uint64))
     return len(side.step), *(total % MODULUS for total in sums)
 
