@@ -6,11 +6,13 @@ import os
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
@@ -24,7 +26,7 @@ from tgospa_eval.cli.shared import in_parts
 from tgospa_eval.cli.shared.options import Size
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.partitioned import run, sides
+from tgospa_eval.partitioned import resampling, run, sides
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
 Invoke = Callable[..., Any]
@@ -53,7 +55,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def numbers(document: dict[str, Any]) -> dict[str, Any]:
     """Of a result all that does not depend on how it was read."""
-    left_out = ("timings", "input", "judged", "files", "tables", "solver")
+    left_out = ("timings", "files", "tables", "solver")
     return {name: value for name, value in document.items() if name not in left_out}
 
 
@@ -136,6 +138,128 @@ def test_compressed_texts_in_any_order_with_times_that_are_texts(
     assert "truth is a folder, and --memory is given: it is read in parts" in answer.err
     shown = pq.read_table(tmp_path / "out" / "per_step.parquet")["t"].to_pylist()
     assert shown == sorted(set(table["t"]))
+
+
+@pytest.fixture
+def drifting(tmp_path: Path) -> Callable[[bool], tuple[tuple[str, str], tuple[str, str]]]:
+    """Ships at irregular times that pass the date line: as files, and as folders of CSV files."""
+
+    def written(iso: bool) -> tuple[tuple[str, str], tuple[str, str]]:
+        rng = np.random.default_rng(3)
+        for name, share in (("truth", 0.4), ("estimate", 0.3)):
+            tick, ship = np.nonzero(rng.random((60, 5)) < share)
+            t = tick + rng.choice([0, 0, 0.25, 0.5], len(tick))
+            lon = 179.97 + 0.01 * ship + 0.002 * t + rng.normal(0, 1e-4, len(t))
+            table = pd.DataFrame({"id": [f"v{k}" for k in ship], "t": t, "lat": 50 + 0.01 * ship})
+            table["lon"] = (lon + 180) % 360 - 180
+            if iso:
+                clock = pd.Timestamp("2026-05-01T08:00:00Z") + pd.to_timedelta(t, unit="s")
+                table["t"] = clock.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+            table.to_csv(tmp_path / f"{name}.csv", index=False)
+            (tmp_path / name).mkdir(exist_ok=True)
+            for k in range(3):
+                table[k::3][::-1].to_csv(tmp_path / name / f"{k}.csv", index=False)
+        files = str(tmp_path / "truth.csv"), str(tmp_path / "estimate.csv")
+        return files, (str(tmp_path / "truth"), str(tmp_path / "estimate"))
+
+    return written
+
+
+SHIPS = ("-c", "300", "-g", "100", "--distance", "haversine", "--jobs", "1", "--memory", "200MB")
+
+
+@pytest.mark.parametrize("rows", [6, 40])
+@pytest.mark.parametrize(
+    ("iso", "options"),
+    [
+        (False, ("--steps", "-5:50:2.5")),
+        (True, ("--steps", "2026-05-01T08:00:10Z:2026-05-01T08:01:20Z:2s")),
+        (False, ("--resample", "0.7", "--max-gap", "3,5")),
+        (True, ("--resample", "1500ms", "--max-gap", "4s,2s")),
+        (False, ("--resample", "10", "--max-gap", "1000")),
+    ],
+)
+def test_steps_that_are_declared_and_a_common_clock_are_those_of_one_file(
+    invoke: Invoke,
+    drifting: Callable[[bool], tuple[tuple[str, str], tuple[str, str]]],
+    monkeypatch: pytest.MonkeyPatch,
+    rows: int,
+    iso: bool,
+    options: tuple[str, ...],
+) -> None:
+    files, folders = drifting(iso)
+    monkeypatch.setattr(run, "MOST_ROWS", rows)
+    plain = invoke(*files, *SHIPS[:-2], *options, "--format", "json")
+    parts = invoke(*folders, *SHIPS, *options, "--format", "json")
+    one, other = json.loads(plain.out), json.loads(parts.out)
+    for name in ("judged", "input", "parameters", "sizes"):
+        assert other[name] == one[name], name
+    assert other["total"] == pytest.approx(one["total"], rel=1e-12)
+    assert other["lower_bound"] <= one["upper_bound"]
+    assert one["lower_bound"] <= other["upper_bound"]
+    for mine, plain_step in zip(other["per_step"], one["per_step"], strict=True):
+        assert mine.pop("t") == plain_step.pop("t")
+        assert mine == pytest.approx(plain_step, rel=1e-9, abs=1e-9)
+    told = ("interpolated at ", " steps declared; ")
+    said, expected = (
+        [line for line in answer.err.splitlines() if any(text in line for text in told)]
+        for answer in (parts, plain)
+    )
+    assert said == expected != []
+    gaps = [line.split(" longer")[0] for line in parts.err.splitlines() if "the truth has" in line]
+    assert all(line in plain.err for line in gaps)
+    assert bool(gaps) == (" gaps longer than " in plain.err)
+
+
+def test_results_in_parts_and_of_one_file_are_comparable(
+    invoke: Invoke, recording: Path, tmp_path: Path
+) -> None:
+    for name, ending in (("one", ".parquet"), ("parts", "")):
+        sides = (str(recording / f"{side}{ending}") for side in ("truth", "estimate"))
+        assert invoke(*sides, *METRIC, "--grid", "estimate", "-q", "-o", name).status == 0
+    answer = invoke("compare", "one/result.json", "parts/result.json", "-q", "--format", "json")
+    assert (answer.status, answer.err) == (0, "")
+    assert json.loads(answer.out)["pairs"][0]["verdict"] == "equal"
+
+
+def test_interpolation_that_was_broken_off_goes_on(
+    tmp_path: Path,
+    drifting: Callable[[bool], tuple[tuple[str, str], tuple[str, str]]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _, folders = drifting(False)
+    options = Request(
+        cutoff=300.0, distance="haversine", resample="0.5", max_gap="3", jobs=1, memory=10**8
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(run, "MOST_ROWS", 40)
+    for module, name in ((resampling, "find_edges"), (run, "scan")):
+        work = getattr(module, name)
+        done: list[str] = []
+
+        def broken_off(task: Any, work: Any = work, done: list[str] = done) -> None:
+            if len(done) == 2:
+                raise KeyboardInterrupt
+            work(task)
+            done.append(task.output)
+
+        monkeypatch.setattr(module, name, broken_off)
+        with pytest.raises(KeyboardInterrupt):
+            partitioned.evaluate_parts(folders, options, OutputOptions(output="out"), "so")
+        monkeypatch.setattr(module, name, work)
+        assert len(done) == 2
+        assert all(Path(output).exists() for output in done)
+    other = replace(options, max_gap="4")
+    with pytest.raises(ConfigError, match="max-gap was "):
+        partitioned.evaluate_parts(folders, other, OutputOptions(output="out"), "so")
+    documents = []
+    monkeypatch.setattr(resampling, "find_edges", None)  # all was found before
+    for where in (tmp_path / "out", tmp_path / "fresh"):
+        output = OutputOptions(output=str(where))
+        partitioned.evaluate_parts(folders, options, output, "so")
+        documents.append(json.loads((where / "result.json").read_text()))
+        monkeypatch.undo()
+    assert numbers(documents[0]) == numbers(documents[1])
 
 
 def test_what_needs_all_data_is_refused_by_name(

@@ -10,6 +10,7 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.run import Plan
+from tgospa_eval.partitioned.stretches import OwnTimes, Stamping
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -37,15 +38,18 @@ def plan(
     engine: Engine | None = None,
 ) -> Plan:
     times = np.union1d(sides[0].times, sides[1].times)
-    rows = sum(
-        np.bincount(np.searchsorted(times, side.times[side.step]), minlength=len(times))
+    stamps = [
+        OwnTimes(
+            side=Held(side),
+            times=side.times,
+            counts=np.bincount(side.step, minlength=len(side.times)),
+            step=np.searchsorted(times, side.times),
+        )
         for side in sides
-    )
+    ]
     return Plan(
-        sides=(Held(sides[0]), Held(sides[1])),
+        cut=Stamping(times=times, sides=(stamps[0], stamps[1])),
         times=times,
-        rows=np.asarray(rows, np.int64),
-        all_times=times,
         request=EvaluationRequest(
             parameters=parameters, distance=as_distance("euclidean"), solver=Certified(jobs=1)
         ),

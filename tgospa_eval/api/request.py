@@ -274,7 +274,7 @@ class Request(Values):
         "Bring the estimate, or the truth, to the times of the other file: states on the straight "
         "line between two of a track, at most --max-gap apart. Never done unless asked for.",
         choices=INTERPOLATED,
-        parts="interpolate before, or leave it out",
+        parts="bring both to a common clock by --resample, or leave it out",
     )
     max_gap: str | None = setting(
         "Files",
@@ -288,7 +288,6 @@ class Request(Values):
         "A common clock: both files are interpolated at every multiple of S (3s, 200ms, 2min; "
         "without unit where times are numbers), from the truth's first time to its last, each "
         "within its --max-gap. The way to compare trackers whose times differ.",
-        parts="interpolate before, or leave it out",
     )
     steps: str | None = setting(
         "Files",
@@ -296,7 +295,6 @@ class Request(Values):
         "Exactly these steps are evaluated, and values per step divide by their number; empty ones "
         "cost nothing and count. EVERY is 1 for whole numbers. Rows at other times are left out.",
         shown="the times of either file; per step of the truth's",
-        parts="leave it out, or choose a stretch by --time",
     )
     outage: str | None = setting(
         "Files",

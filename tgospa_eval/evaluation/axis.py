@@ -9,6 +9,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Effort
 from tgospa_eval.distances.gating import prepared_pairs
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.tracks.alignment import TimeMatching, Times, align, comparable
 from tgospa_eval.tracks.durations import SECOND, Duration, multiples
@@ -123,6 +124,11 @@ def _resampled(
     if len(truth.times):
         ends = truth.times[[0, -1]].tolist()
         found = multiples(ends[0], ends[1], matching.resample, truth.clock)
+        if not len(found):
+            raise ConfigError(
+                f"--resample {matching.resample.text}: no multiple of it is between the first and "
+                f"the last time of {names[0]}, {truth.shown[0]} and {truth.shown[-1]}; give less"
+            )
     ticks = _stamped(found, truth, truth.clock)
     made = [
         _made(side, ticks, gap, matching, distance, (name, "--resample"))

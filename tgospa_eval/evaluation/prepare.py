@@ -1,7 +1,7 @@
 """Before any solver: from what a user gives to two sides on one grid, near pairs, the problem."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +12,7 @@ from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.distances.gating import prepared_pairs
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.axis import Axis, on_axis
+from tgospa_eval.evaluation.axis import Axis, Sides, on_axis
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats, Problem
@@ -26,7 +26,7 @@ from tgospa_eval.problem.tgospa import (
 )
 from tgospa_eval.results.records import FileInfo, FileRecord, Labels
 from tgospa_eval.results.result import Compared, Scene, sizes_of
-from tgospa_eval.tracks.alignment import Alignment, Times, align
+from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
 from tgospa_eval.tracks.judged import Judged, digest, judge, whole
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -289,8 +289,11 @@ def fit(
     estimate: Trajectories,
     request: EvaluationRequest,
     names: tuple[str, str] = ("truth", "estimate"),
+    placed: Callable[[Sides], Axis] | None = None,
 ) -> Fitted:
     """Both sides on the same steps, and the distance with what it takes from the data.
+
+    `placed` brings them to steps that were found before, by default those that are asked for.
 
     Raises
     ------
@@ -306,7 +309,10 @@ def fit(
     if request.probabilistic:
         truth, estimate = expected(truth, estimate, names)
     given = truth, estimate
-    axis = on_axis(given, time_matching, distance, names)
+    if placed is None:
+        axis = on_axis(given, time_matching, distance, names)
+    else:
+        axis, time_matching = placed(given), TimeMatching()
     truth, estimate = axis.sides
     aligned = align(truth, estimate, time_matching, names)
     if aligned.union and not len(aligned.truth.times):

@@ -12,21 +12,25 @@ from tgospa_eval._version import __version__
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Status, Stopwatch
-from tgospa_eval.common.words import natural
+from tgospa_eval.common.words import counted, natural
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.engines.processes import Processes, Standing
 from tgospa_eval.engines.spread import Engine
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.axis import Axis
+from tgospa_eval.evaluation.diagnosis import axis_notices
 from tgospa_eval.evaluation.evaluate import nested_timings, solver_settings
 from tgospa_eval.evaluation.localisation import within_rounding
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.partitioned.input.digests import changed_file, combined_digest
+from tgospa_eval.partitioned.clocks import Found, clock_of, find_steps
+from tgospa_eval.partitioned.input.digests import changed_file
 from tgospa_eval.partitioned.input.listing import stored
 from tgospa_eval.partitioned.outcome import TrackSums, write_tables
 from tgospa_eval.partitioned.progress import Stages
+from tgospa_eval.partitioned.resampling import Resampling
 from tgospa_eval.partitioned.run import Evaluated, Plan, evaluate_parts, rows_together
 from tgospa_eval.partitioned.sample import look
 from tgospa_eval.partitioned.scan import Read, Scanned
@@ -34,14 +38,11 @@ from tgospa_eval.partitioned.sides import Side, open_side
 from tgospa_eval.partitioned.tables import Naming
 from tgospa_eval.partitioned.tasks import run_tasks
 from tgospa_eval.problem.compiled import KERNEL
-from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.tgospa import check_underflow
 from tgospa_eval.results.partitioned import Extent, PartitionedResult
 from tgospa_eval.results.records import Costs, FileInfo, FileRecord, Labels, SolverRecord
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.tracks.alignment import Alignment, Times, align
-from tgospa_eval.tracks.judged import judge
-from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.judged import digest_of_sums, judge
 
 SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
 """Of fewer bytes of files, so many seconds of work are done before there are workers: to begin one
@@ -186,26 +187,20 @@ def _evaluate(
             for path, options, role in zip(paths, reading, ROLES, strict=True)
         )
         sides = truth, estimate
-        clocks = _times_of(truth), _times_of(estimate)
+        clocks = clock_of(truth), clock_of(estimate)
         check_columns(*clocks, paths)
         request = request_of(truth.columns)
         _check_request(request)
-        grid = align(*clocks, request.time_matching, paths)
-        if grid.union and not len(grid.truth.times):
-            raise ConfigError(
-                f"--grid {request.time_matching.grid}: no step is left, none of {grid.union:,} "
-                "counts"
-            )
+        most = rows_together(means.share)
+        steps = find_steps(sides, clocks, request, paths, most, means.work, run)
 
     def checked(blocks: Sequence[Scanned]) -> None:
         if check is not None:
             check((_known(truth, 0, blocks), _known(estimate, 1, blocks)), paths)
 
     plan = Plan(
-        sides=sides,
-        times=grid.truth.times,
-        rows=_rows(sides, grid.truth.times),
-        all_times=np.union1d(*(clock.times for clock in clocks)),
+        cut=steps.cut,
+        times=steps.grid.truth.times,
         request=request,
         names=paths,
         columns=len(truth.columns),
@@ -215,15 +210,15 @@ def _evaluate(
         engine=means.engine,
         look=checked,
     )
-    looked = look(plan, grid) if len(plan.times) else []
+    looked = look(plan, steps.grid) if len(plan.times) else []
     for notice in looked:
         if not notice.code:
             stopwatch.notify(str(notice))
     found = evaluate_parts(plan, stopwatch)
     with stopwatch.span("report"):
-        result = _result(sides, grid, plan, found, means)
+        result = _result(sides, steps, plan, found, means)
         warnings = (*(notice for notice in looked if notice.code), *result.warnings)
-        for notice in _said(sides, plan, found):
+        for notice in _said(sides, steps.axis, plan, found):
             stopwatch.notify(str(notice))
     return replace(
         result,
@@ -239,7 +234,7 @@ def _known(side: Side, number: int, blocks: Sequence[Scanned]) -> Known:
         lacking=side.lacking,
         left_out=_left_out(side, read),
         named=frozenset(name for block in read for name in block.named),
-        taken=sum(int(block.objects[number].sum()) for block in blocks),
+        taken=sum(one.sums[0] for one in read),
     )
 
 
@@ -263,26 +258,8 @@ def _check_request(request: EvaluationRequest) -> None:
         )
 
 
-def _times_of(side: Side) -> Trajectories:
-    """The steps of a side without its rows."""
-    labels = None
-    if side.clock != "number":
-        labels = np.empty(len(side.times), dtype=object)
-        labels[:] = list(side.shown)
-    return Trajectories.of_times(side.times, side.columns, side.clock, labels)
-
-
-def _rows(sides: Sequence[Side], times: Times) -> Ints:
-    """Rows of both sides at each of the steps that count, and at times after it that do not."""
-    rows = np.zeros(len(times), np.int64)
-    for side in sides:
-        at = np.searchsorted(times, side.times, side="right") - 1
-        np.add.at(rows, np.maximum(at, 0), side.counts)
-    return rows
-
-
 def _result(
-    sides: tuple[Side, Side], grid: Alignment, plan: Plan, found: Evaluated, means: Means
+    sides: tuple[Side, Side], steps: Found, plan: Plan, found: Evaluated, means: Means
 ) -> PartitionedResult:
     """The result, its tables written."""
     request, whole = plan.request, found.whole
@@ -292,7 +269,7 @@ def _result(
     parameters, solver = request.parameters, request.solver
     assert isinstance(solver, Certified)
     check_underflow(found.constants, parameters, whole.bounds.upper)
-    shown = grid.truth.shown
+    shown = steps.grid.truth.shown
     truths, estimates = found.tracks
     naming = Naming(times=shown, truths=truths.ids, estimates=estimates.ids, parameters=parameters)
     tables = write_tables(
@@ -318,7 +295,7 @@ def _result(
         "kernel": KERNEL,
         "history": [],
     }
-    read = [_input(sides[k], k, found, plan.names[k]) for k in (0, 1)]
+    read = [_input(sides[k], k, plan, found) for k in (0, 1)]
     counts = whole.objects[0]
     return PartitionedResult(
         proof=Costs(parameters=parameters, bounds=whole.bounds, breakdown=whole.breakdown),
@@ -338,9 +315,9 @@ def _result(
         timings={"read": 0, "distances": 0, "solve": {}, "certify": 0, "report": 0, "total": 0},
         input={role: one for role, (one, _) in zip(ROLES, read, strict=True)},
         judged_on=judge(
-            _times_of(sides[0]),
-            grid.truth,
-            read[0][0]["sha256"],
+            steps.axis.horizon,
+            steps.grid.truth,
+            digest_of_sums(sides[0].columns, [block.judged for block in found.blocks]),
             states=int(counts.sum()),
             at=int(np.count_nonzero(counts)),
         ),
@@ -364,14 +341,24 @@ def _result(
     )
 
 
-def _input(side: Side, number: int, found: Evaluated, name: str) -> tuple[FileRecord, list[Notice]]:
+def _input(
+    side: Side, number: int, plan: Plan, found: Evaluated
+) -> tuple[FileRecord, list[Notice]]:
     """The record of a side, and what was repaired in it."""
     blocks = [block.read[number] for block in found.blocks]
     info = FileInfo(rows=side.rows, format=side.format, left_out=_left_out(side, blocks))
-    digest = combined_digest(side.columns, side.clock, (int(b.digest, 16) for b in blocks))
+    digest = digest_of_sums(side.columns, [block.sums for block in blocks])
     warnings = {tuple(one.items()): Notice(**one) for block in blocks for one in block.warnings}
-    record = info.record(digest, {"grid": sum(block.off_grid for block in blocks)})
-    return record, [notice.about(name) for notice in warnings.values()]
+    rule = "grid" if plan.request.time_matching.steps is None else "steps"
+    record = info.record(digest, {rule: _off(plan, found, number)})
+    return record, [notice.about(plan.names[number]) for notice in warnings.values()]
+
+
+def _off(plan: Plan, found: Evaluated, number: int) -> int:
+    """Rows of a side that are left out because their stamps are no steps."""
+    if isinstance(plan.cut, Resampling):
+        return 0
+    return sum(block.read[number].off for block in found.blocks)
 
 
 def _left_out(side: Side, blocks: Sequence[Read]) -> dict[str, int]:
@@ -383,10 +370,25 @@ def _left_out(side: Side, blocks: Sequence[Read]) -> dict[str, int]:
     return left_out
 
 
-def _said(sides: tuple[Side, Side], plan: Plan, found: Evaluated) -> Iterator[Notice]:
+def _said(sides: tuple[Side, Side], axis: Axis, plan: Plan, found: Evaluated) -> Iterator[Notice]:
     """What the user should know of the two sides."""
     for number, side in enumerate(sides):
         blocks = [block.read[number] for block in found.blocks]
         classes = sorted({name for block in blocks for name in block.named}, key=natural)
         for text in side.said(_left_out(side, blocks), classes):
             yield Notice(text=f"{plan.names[number]}: {text}")
+    matching, made = plan.request.time_matching, axis.made
+    if isinstance(plan.cut, Resampling):
+        made = tuple(
+            (name, one.of(old.side))
+            for (name, old), one in zip(axis.made, plan.cut.made, strict=True)
+        )
+        if gaps := plan.cut.made[0].gaps:
+            yield Notice(
+                text=f"the truth has {counted(gaps, 'gap')} longer than {matching.gaps[0]:.15g}: "
+                "what the estimate reports in them is false (its cost is not worked out of data "
+                "in parts)"
+            )
+    yield from axis_notices(
+        replace(axis, made=made, left_out=(_off(plan, found, 0), _off(plan, found, 1))), matching
+    )

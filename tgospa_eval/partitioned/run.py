@@ -1,6 +1,5 @@
 """The line of a partitioned evaluation: scan, components, shuffle, solve, add up."""
 
-import itertools
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import field
@@ -19,12 +18,13 @@ from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, numb
 from tgospa_eval.partitioned.long.component import Long
 from tgospa_eval.partitioned.long.run import solve_long
 from tgospa_eval.partitioned.progress import Stages
-from tgospa_eval.partitioned.scan import Block, Readable, Scanned, constants, scan
+from tgospa_eval.partitioned.scan import Block, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import Shard, solve_shard
 from tgospa_eval.partitioned.share import Share
 from tgospa_eval.partitioned.shuffle import Sort, long_name, sort_entries
+from tgospa_eval.partitioned.stretches import Cut, Piece
 from tgospa_eval.partitioned.tasks import T, run_tasks
-from tgospa_eval.problem.problem import Ints, Problem
+from tgospa_eval.problem.problem import Problem
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.alignment import Times
 
@@ -47,14 +47,10 @@ class Plan:
 
     Parameters
     ----------
-    sides : pair of Readable
-        Truth and estimate.
+    cut : Cut
+        Both sides along the steps.
     times : (T,) array
-        The steps that count.
-    rows : (T,) int array
-        Rows of both sides at each, and at times after it that do not count.
-    all_times : (U,) array
-        All times of either side, those that do not count as well.
+        The steps.
     request : EvaluationRequest
         What is asked.
     names : pair of str
@@ -73,10 +69,8 @@ class Plan:
         Called with what is known of the blocks, before anything is solved.
     """
 
-    sides: tuple[Readable, Readable]
+    cut: Cut
     times: Times
-    rows: Ints
-    all_times: Times
     request: EvaluationRequest
     names: tuple[str, str]
     columns: int
@@ -85,6 +79,18 @@ class Plan:
     stages: Stages = field(default_factory=lambda: Stages(Stopwatch()))
     engine: Engine | None = None
     look: Callable[[Sequence[Scanned]], None] = lambda blocks: None  # noqa: ARG005
+
+    def block(self, piece: Piece, number: int = 0) -> Block:
+        """The task to scan a piece."""
+        return Block(
+            output=str(self.work / SCANNED / f"{number:08d}"),
+            stretches=piece.stretches,
+            times=self.times[piece.low : piece.high],
+            first=piece.low,
+            told=piece.told,
+            request=self.request,
+            names=self.names,
+        )
 
     def run(
         self,
@@ -203,26 +209,8 @@ def evaluate_parts(plan: Plan, stopwatch: Stopwatch | None = None) -> Evaluated:
 
 def _scan(plan: Plan) -> list[Path]:
     """Blocks of whole steps with so many rows as fit; each time of a side is in one of them."""
-    most = rows_together(plan.memory)
-    before = np.cumsum(plan.rows) - plan.rows
-    cuts = np.flatnonzero(np.diff(before // most, prepend=-1))
-    edges = [*cuts.tolist(), len(plan.times)]
-    ends = np.searchsorted(plan.all_times, plan.times[cuts]).tolist()
-    ends = [0, *ends[1:], len(plan.all_times)] if ends else [0]
-    tasks = [
-        Block(
-            output=str(plan.work / SCANNED / f"{low:010d}-{high:010d}"),
-            sides=plan.sides,
-            times=plan.times[low:high],
-            span=(plan.all_times[begin].item(), plan.all_times[end - 1].item()),
-            first=low,
-            request=plan.request,
-            names=plan.names,
-        )
-        for (low, high), (begin, end) in zip(
-            itertools.pairwise(edges), itertools.pairwise(ends), strict=True
-        )
-    ]
+    pieces = plan.cut.pieces(rows_together(plan.memory))
+    tasks = [plan.block(piece, number) for number, piece in enumerate(pieces)]
     plan.run("searching near pairs", scan, tasks)
     return [Path(task.output) for task in tasks]
 

@@ -24,11 +24,15 @@ def look(plan: Plan, grid: Alignment) -> list[Notice]:
     grid : Alignment
         The steps of both sides, without their rows.
     """
-    request, times = plan.request, plan.times
+    request = plan.request
     notices = [Notice(text=text) for text in alignment_notices(grid, request.time_matching)]
-    first, last = middle(plan.rows, LOOKED_AT)
-    truth, estimate = (side.read(times[first], times[last]).trajectories for side in plan.sides)
-    sides = fit(truth, estimate, request, plan.names)
+    first, last = middle(plan.cut.rows, LOOKED_AT)
+    piece = plan.cut.piece(first, last + 1)
+    last = piece.high - 1
+    truth, estimate = (stretch.read().trajectories for stretch in piece.stretches)
+    # Of their own stamps what is wrong with clocks is seen.
+    placed = plan.block(piece).placed if request.time_matching.decided else None
+    sides = fit(truth, estimate, request, plan.names, placed)
     found = diagnose(sides, request)
     shown = grid.truth.shown
     return notices + [

@@ -4,7 +4,6 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,25 +11,20 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import Effort
 from tgospa_eval.distances.gating import prepared_pairs
+from tgospa_eval.evaluation.axis import Axis, Sides
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
-from tgospa_eval.partitioned.input.digests import block_digest
 from tgospa_eval.partitioned.share import ENTRY
+from tgospa_eval.partitioned.stretches import Stretch
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.problem import Ints, Problem
 from tgospa_eval.problem.tgospa import tgospa_problem
 from tgospa_eval.tracks.alignment import Times
+from tgospa_eval.tracks.judged import NO_SUMS, row_sums
 
 PAIR = np.dtype([("truth", "<i4"), ("estimate", "<i4"), ("entries", "<i8")])
 """Tracks that come near each other, by their numbers in a block, and at how many steps."""
-
-
-class Readable(Protocol):
-    """One side of the data, from which any stretch of time can be read."""
-
-    def read(self, first: float, last: float) -> Reading:
-        """The rows from one time to another, both included."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,14 +35,14 @@ class Block:
     ----------
     output : str
         The folder that is written.
-    sides : pair of Readable
-        Truth and estimate.
+    stretches : pair of Stretch
+        What is read of truth and estimate.
     times : (L,) array
         The steps.
-    span : pair of int or float
-        What is read: from one time to another, those between steps that do not count as well.
     first : int
         Number of the first of them.
+    told : bool
+        As of `Piece`.
     request : EvaluationRequest
         What is asked.
     names : pair of str
@@ -56,12 +50,20 @@ class Block:
     """
 
     output: str
-    sides: tuple[Readable, Readable]
+    stretches: tuple[Stretch, Stretch]
     times: Times
-    span: tuple[float, float]
     first: int
+    told: bool
     request: EvaluationRequest
     names: tuple[str, str]
+
+    def placed(self, sides: Sides) -> Axis:
+        """Both sides at the steps of the block."""
+        truth, estimate = (
+            stretch.at(side, self.times)
+            for stretch, side in zip(self.stretches, sides, strict=True)
+        )
+        return Axis(sides=(truth, estimate), horizon=truth)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,6 +88,8 @@ class Scanned:
         As `Distance.last_place`; infinite without objects.
     read : pair of Read
         What else is known of the two sides.
+    judged : tuple of int
+        `row_sums` of the truth at the steps.
     folder : Path
         Where it was read from.
     """
@@ -98,6 +102,7 @@ class Scanned:
     slack: float
     blur: float
     read: "tuple[Read, Read]"
+    judged: tuple[int, ...]
     folder: Path
 
     @property
@@ -124,6 +129,7 @@ class Scanned:
                 slack=float(found["slack"]),
                 blur=float(found["blur"]),
                 read=(first, second),
+                judged=tuple(json.loads(str(found["judged"]))),
             )
 
 
@@ -137,30 +143,34 @@ class Read:
         Rows that take no part, by rule.
     named : list of str
         Classes, if they were asked for.
-    off_grid : int
-        Rows at steps that do not count.
-    digest : str
-        Of what takes part, in hexadecimal: see `block_digest`.
+    off : int
+        Rows at stamps that are no steps.
+    sums : tuple of int
+        `row_sums` of what takes part; the first is their number.
     warnings : list of dict
         What was repaired, as `Notice` records it.
     """
 
     left_out: dict[str, int]
     named: list[str]
-    off_grid: int
-    digest: str
+    off: int
+    sums: tuple[int, ...]
     warnings: list[dict[str, str]]
 
     @classmethod
-    def of(cls, reading: Reading, off_grid: int) -> "Read":
-        """Of what was read."""
+    def of(cls, reading: Reading, off: int, kinds: tuple[str, ...]) -> "Read":
+        """Of what was read, as states of these kinds."""
         return cls(
             left_out=reading.left_out,
             named=list(reading.named),
-            off_grid=off_grid,
-            digest=f"{block_digest(reading.trajectories):x}",
+            off=off,
+            sums=row_sums(reading.trajectories.seen_as(kinds)),
             warnings=[vars(notice) for notice in reading.warnings],
         )
+
+
+NOT_TOLD = Read(left_out={}, named=[], off=0, sums=NO_SUMS, warnings=[])
+"""Of what another block tells."""
 
 
 def scan(block: Block) -> None:
@@ -172,14 +182,13 @@ def scan(block: Block) -> None:
         Something is wrong with the data.
     """
     times, request = block.times, block.request
-    readings = [side.read(*block.span) for side in block.sides]
+    readings = [stretch.read() for stretch in block.stretches]
     truth, estimate = (reading.trajectories for reading in readings)
-    sides = fit(truth, estimate, request, block.names)
+    sides = fit(truth, estimate, request, block.names, block.placed)
     problem, blur = _problem(sides, request)
-    aligned = (sides.alignment.truth, sides.alignment.estimate)
-    step_of = np.searchsorted(times, aligned[0].times).astype(np.int32)  # some may have no rows
+    aligned, kinds = (sides.alignment.truth, sides.alignment.estimate), sides.distance.kinds
     entry = np.empty(len(problem.cost), ENTRY)
-    entry["step"] = step_of[problem.entry_step]
+    entry["step"] = problem.entry_step
     entry["step"] += np.int32(block.first)
     entry["truth"] = problem.truth_track[problem.truth_row]
     entry["estimate"] = problem.estimate_track[problem.estimate_row]
@@ -193,13 +202,16 @@ def scan(block: Block) -> None:
         "blur": blur,
         "read": json.dumps(
             [
-                vars(Read.of(reading, off_grid))
-                for reading, off_grid in zip(readings, sides.alignment.left_out, strict=True)
+                vars(Read.of(reading, len(reading.trajectories.step) - len(side.step), kinds))
+                if block.told
+                else vars(NOT_TOLD)
+                for reading, side in zip(readings, aligned, strict=True)
             ]
         ),
+        "judged": json.dumps(row_sums(aligned[0].seen_as(kinds))),
     }
     for role, side in zip(("truth", "estimate"), aligned, strict=True):
-        found[f"{role}_objects"] = np.bincount(step_of[side.step], minlength=len(times))
+        found[f"{role}_objects"] = np.bincount(side.step, minlength=len(times))
         found[f"{role}_ids"] = side.ids.astype(np.str_)
         found[f"{role}_rows"] = np.bincount(side.track, minlength=len(side.ids))
     with writing(block.output) as folder:

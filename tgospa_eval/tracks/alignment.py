@@ -111,12 +111,10 @@ class TimeMatching:
             raise ConfigError("--resample interpolates both sides; leave --interpolate out")
         if self.outage is not None and self.interpolate != "truth":
             raise ConfigError("--outage is for --interpolate truth; leave it out")
-        decided = ["--steps"] if self.steps else []
-        decided += ["--resample"] if self.resample is not None else []
-        if len(decided) > 1:
+        if self.steps is not None and self.resample is not None:
             raise ConfigError("--steps and --resample both say which steps count; leave one out")
-        if decided and self.grid != "union":
-            raise ConfigError(f"{decided[0]} says which steps count; leave --grid out")
+        if self.decided and self.grid != "union":
+            raise ConfigError(f"{self.decided} says which steps count; leave --grid out")
 
     def check_units(self, clock: str) -> None:
         """Whether durations with units are of stamps that are times.
@@ -138,6 +136,13 @@ class TimeMatching:
     def gaps(self) -> tuple[Duration, ...]:
         """The longest gaps of truth and estimate, if there are any."""
         return cast("tuple[Duration, ...]", self.max_gap or ())
+
+    @property
+    def decided(self) -> str:
+        """The option that says which steps count, whatever stamps there are; blank without."""
+        if self.steps is not None:
+            return "--steps"
+        return "--resample" if self.resample is not None else ""
 
     @property
     def near(self) -> float:

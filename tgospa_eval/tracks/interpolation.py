@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.frozen import dataclass
@@ -83,8 +84,7 @@ def interpolated(
             "it out, or compare means with another --distance"
         )
     mine = _joined(mine, theirs, tolerance, side.clock)
-    at = np.searchsorted(theirs, mine).clip(max=len(theirs) - 1)
-    there = theirs[at] == mine  # which own stamps are stamps of the other
+    at, there = found_at(mine, theirs)
     own = np.flatnonzero(there[side.step])
     before, after, step, share = _between(side, mine, theirs, max_gap)
     nearer = np.where(share <= 0.5, before, after)
@@ -126,14 +126,65 @@ def at_ticks(
         The stamps cannot be compared.
     """
     mine, theirs = comparable(side, ticks, names)
-    at, there = np.zeros(len(mine), np.int64), np.zeros(len(mine), bool)
     if len(mine) and len(theirs):
         mine = _joined(mine, theirs, tolerance, side.clock)
-        at = np.searchsorted(theirs, mine).clip(max=len(theirs) - 1)
-        there = theirs[at] == mine
+    at, there = found_at(mine, theirs)
     rows = np.flatnonzero(there[side.step])
     kept = side.chosen(rows, at[side.step[rows]], theirs)
     return replace(kept, clock=ticks.clock, labels=ticks.labels)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Forecast:
+    """How many states a side would have at the K stamps of the other, interpolated.
+
+    Parameters
+    ----------
+    own, between : (K,) int arrays
+        As of `Interpolated`, at each stamp.
+    narrow : int
+        Pairs of consecutive states of a track that are not too far apart.
+    """
+
+    own: Ints
+    between: Ints
+    narrow: int
+
+
+def forecast(
+    side: Trajectories, other: Trajectories, *, max_gap: float, names: tuple[str, str]
+) -> Forecast:
+    """What `interpolated` would make, without tolerance, and without making it.
+
+    Raises
+    ------
+    InputError
+        The stamps cannot be compared.
+    """
+    mine, theirs = comparable(side, other, names)
+    size = len(theirs)
+    if not len(side.step) or not size:
+        return Forecast(own=np.zeros(size, int), between=np.zeros(size, int), narrow=0)
+    mine = _joined(mine, theirs, 0.0, side.clock)
+    at, there = found_at(mine, theirs)
+    stretches = _stretches(side, mine, theirs, max_gap)
+    begun, ended = (
+        np.bincount(places, minlength=size + 1)
+        for places in (stretches.begin, stretches.begin + stretches.count)
+    )
+    return Forecast(
+        own=np.bincount(at[side.step[there[side.step]]], minlength=size),
+        between=np.cumsum(begun - ended)[:size],
+        narrow=len(stretches.first),
+    )
+
+
+def found_at(mine: Times, theirs: Times) -> tuple[Ints, NDArray[np.bool_]]:
+    """Where own stamps are among others, and which of them are there."""
+    if not len(theirs):
+        return np.zeros(len(mine), np.int64), np.zeros(len(mine), bool)
+    at = np.searchsorted(theirs, mine).clip(max=len(theirs) - 1)
+    return at, theirs[at] == mine
 
 
 def _joined(mine: Times, theirs: Times, tolerance: float, clock: str) -> Times:
@@ -145,10 +196,30 @@ def _joined(mine: Times, theirs: Times, tolerance: float, clock: str) -> Times:
     return joined
 
 
-def _between(
-    side: Trajectories, mine: Times, theirs: Times, max_gap: float
-) -> tuple[Ints, Ints, Ints, Floats]:
-    """Rows before and after, the stamp between them, and its share of the way, for each new row."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Stretches:
+    """Pairs of consecutive states of a track that are not too far apart.
+
+    Parameters
+    ----------
+    order : (R,) int array
+        Rows by track, then by time.
+    first : (N,) int array
+        Place of the earlier state in it.
+    gap : (N,) array
+        From one to the other.
+    begin, count : (N,) int arrays
+        First of the stamps between them, and how many there are.
+    """
+
+    order: Ints
+    first: Ints
+    gap: Times
+    begin: Ints
+    count: Ints
+
+
+def _stretches(side: Trajectories, mine: Times, theirs: Times, max_gap: float) -> _Stretches:
     order = np.argsort(side.track, kind="stable")  # rows are in the order of time
     track, time = side.track[order], mine[side.step[order]]
     gap = _apart(time[1:], time[:-1])
@@ -156,11 +227,19 @@ def _between(
     first = np.flatnonzero(narrow)
     begin = np.searchsorted(theirs, time[first], side="right")
     count = np.searchsorted(theirs, time[first + 1], side="left") - begin
-    inside = count > 0
-    first, begin, count = first[inside], begin[inside], count[inside]
-    step = concatenated(begin, count)
-    first = np.repeat(first, count)
-    share = _apart(theirs[step], time[first]).astype(np.float64) / gap[first].astype(np.float64)
+    return _Stretches(order=order, first=first, gap=gap[first], begin=begin, count=count)
+
+
+def _between(
+    side: Trajectories, mine: Times, theirs: Times, max_gap: float
+) -> tuple[Ints, Ints, Ints, Floats]:
+    """Rows before and after, the stamp between them, and its share of the way, for each new row."""
+    found = _stretches(side, mine, theirs, max_gap)
+    order, count = found.order, found.count
+    step = concatenated(found.begin, count)
+    first, gap = np.repeat(found.first, count), np.repeat(found.gap, count)
+    begun = mine[side.step[order[first]]]
+    share = _apart(theirs[step], begun).astype(np.float64) / gap.astype(np.float64)
     return order[first], order[first + 1], step, share
 
 
