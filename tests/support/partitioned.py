@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from tgospa_eval import Result
-from tgospa_eval.partitioned.outcome import TrackSums, write_tables
-from tgospa_eval.partitioned.tables import Naming
+from tgospa_eval.partitioned.tables import Naming, TrackSums, write_tables
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.partitioned import Extent, PartitionedResult
 from tgospa_eval.results.records import Columns, Costs, Labels

@@ -25,18 +25,15 @@ from tgospa_eval.evaluation.localisation import within_rounding
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.partitioned.clocks import Found, clock_of, find_steps
 from tgospa_eval.partitioned.input.digests import changed_file
 from tgospa_eval.partitioned.input.listing import stored
-from tgospa_eval.partitioned.outcome import TrackSums, write_tables
-from tgospa_eval.partitioned.progress import Stages
-from tgospa_eval.partitioned.resampling import Resampling
+from tgospa_eval.partitioned.resampling import Found, Resampling, clock_of, find_steps
 from tgospa_eval.partitioned.run import Evaluated, Plan, evaluate_parts, rows_together
 from tgospa_eval.partitioned.sample import look
 from tgospa_eval.partitioned.scan import Read, Scanned
 from tgospa_eval.partitioned.sides import Side, open_side
-from tgospa_eval.partitioned.tables import Naming
-from tgospa_eval.partitioned.tasks import run_tasks
+from tgospa_eval.partitioned.tables import Naming, TrackSums, write_tables
+from tgospa_eval.partitioned.tasks import Stages, run_tasks
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.tgospa import check_underflow
 from tgospa_eval.results.partitioned import Extent, PartitionedResult

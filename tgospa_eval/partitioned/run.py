@@ -17,13 +17,11 @@ from tgospa_eval.partitioned.add_up import Whole, add_up
 from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
 from tgospa_eval.partitioned.long.component import Long
 from tgospa_eval.partitioned.long.run import solve_long
-from tgospa_eval.partitioned.progress import Stages
 from tgospa_eval.partitioned.scan import Block, Scanned, constants, scan
-from tgospa_eval.partitioned.shards import Shard, solve_shard
+from tgospa_eval.partitioned.shards import Shard, Sort, long_name, solve_shard, sort_entries
 from tgospa_eval.partitioned.share import Share
-from tgospa_eval.partitioned.shuffle import Sort, long_name, sort_entries
 from tgospa_eval.partitioned.stretches import Cut, Piece
-from tgospa_eval.partitioned.tasks import T, run_tasks
+from tgospa_eval.partitioned.tasks import Stages, T, run_tasks
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.alignment import Times

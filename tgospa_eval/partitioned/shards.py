@@ -1,6 +1,7 @@
 """A shard: some components as a problem of their own, solved, proven, and what it contributes."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,6 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.partitioned.share import ENTRY, Share
-from tgospa_eval.partitioned.shuffle import entries_of
 from tgospa_eval.partitioned.tasks import left_until, writing
 from tgospa_eval.problem.certificate import prove, unpaired_prices
 from tgospa_eval.problem.merging import merge_runs
@@ -18,6 +18,77 @@ from tgospa_eval.problem.readout import read_assigned, read_switches, read_track
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers.certified import Certified
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sort:
+    """The task to sort the entries of a block by shard.
+
+    Parameters
+    ----------
+    output : str
+        The folder that is written.
+    scanned : str
+        That of the block.
+    numbers : pair of int arrays
+        Global numbers of its truths and estimates.
+    shard : (k,) int array
+        Shard of each of its truths.
+    long : (N,) bool array
+        Which shards are a long component, with a file of its own; these are the first.
+    """
+
+    output: str
+    scanned: str
+    numbers: tuple[Ints, Ints]
+    shard: Ints
+    long: NDArray[np.bool_]
+
+
+def sort_entries(task: Sort) -> None:
+    """Write the entries of a block with global numbers, by shard and then by time."""
+    entry = np.load(Path(task.scanned) / "entries.npy")
+    shard = task.shard[entry["truth"]]
+    entry["truth"] = task.numbers[0][entry["truth"]]
+    entry["estimate"] = task.numbers[1][entry["estimate"]]
+    # Blocks number their tracks in the order of the whole, so entries of a step stay sorted.
+    order = np.argsort(shard, kind="stable")
+    first = np.zeros(len(task.long) + 1, np.int64)
+    np.cumsum(np.bincount(shard, minlength=len(task.long)), out=first[1:])
+    entry = entry[order]
+    others = int(first[np.count_nonzero(task.long)])  # long ones are the first
+    with writing(task.output) as folder:
+        folder.mkdir()
+        np.save(folder / "first.npy", first - others)
+        for number in np.flatnonzero(task.long).tolist():
+            np.save(folder / long_name(number), entry[first[number] : first[number + 1]])
+        np.save(folder / "entries.npy", entry[others:])
+
+
+def long_name(number: int) -> str:
+    """The file of the entries of a long component in the folder of a block."""
+    return f"long-{number:06d}.npy"
+
+
+def entries_of(folders: tuple[str, ...], shard: int) -> NDArray[np.void]:
+    """All entries of a shard, by time."""
+    parts = [stretch(folder, shard) for folder in folders]
+    return np.concatenate(parts) if parts else np.zeros(0, ENTRY)
+
+
+def stretch(folder: str, shard: int) -> NDArray[np.void]:
+    """Those of one block."""
+    place = Path(folder)
+    first = np.load(place / "first.npy", mmap_mode="r")
+    low, high = int(first[shard]), int(first[shard + 1])
+    if low == high:
+        return np.zeros(0, ENTRY)
+    found = np.load(place / "entries.npy", mmap_mode="r")[low:high]
+    return np.asarray(found)
+
+
+# -------------------------------------------------------------------------------------------------
+# A shard: some components as a problem of their own, solved, proven, and what it contributes.
 
 ASSIGNED_PAIR = np.dtype([*ENTRY.descr, ("weight", "<f8")])
 """A near pair that is assigned, and how much of it."""

@@ -31,11 +31,17 @@ from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.repeats import only_detections
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import Times
-from tgospa_eval.partitioned.input.index import Index, Source, index_tables, index_texts
+from tgospa_eval.partitioned.input.index import (
+    Index,
+    Source,
+    Texts,
+    index_tables,
+    index_texts,
+    steps_of,
+    store_steps,
+)
 from tgospa_eval.partitioned.input.listing import File, check_options, files_of, state_of
-from tgospa_eval.partitioned.input.merging import merged_rows
-from tgospa_eval.partitioned.input.runs import run_rows
-from tgospa_eval.partitioned.input.steps import Texts, steps_of, store_steps
+from tgospa_eval.partitioned.input.runs import merged_rows, run_rows
 from tgospa_eval.partitioned.input.tables import Chunk, Span, open_table, rows_of_chunks
 from tgospa_eval.partitioned.tasks import Run, writing
 from tgospa_eval.tracks.trajectories import Ints, TimeArray, Trajectories

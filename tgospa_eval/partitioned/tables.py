@@ -5,7 +5,9 @@ same order. Arrays are in units of c^p, and tracks and steps are global numbers;
 units and names of the user.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+import itertools
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -17,14 +19,16 @@ from tgospa_eval.common.files import named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.partitioned.tasks import run_tasks, writing
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Breakdown
 from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.results.partitioned import IN_PARTS, StoredTables, name_of
 from tgospa_eval.results.records import PARTS
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
 
 ROW_GROUP = 1 << 17
 """Rows of a row group: what is in memory when a table is written or read."""
@@ -281,3 +285,204 @@ def _check_arrow() -> None:
         raise ConfigError(
             f"tables of partitioned data need the extra parquet: {install('parquet')}"
         )
+
+
+# -------------------------------------------------------------------------------------------------
+# Assigned pairs and switches of all shards as tables in the order of time.
+
+ROWS_A_PART = 1 << 23
+"""Rows of a file of assigned pairs, but for those of its last step."""
+
+ROWS_AT_ONCE = 1 << 18
+"""Rows that are brought into order at once, but for those of the last step of them."""
+
+ORDER = ("step", "truth", "estimate")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Part:
+    """The task to write the assigned pairs of some steps.
+
+    Parameters
+    ----------
+    output : str
+        The file.
+    pieces : tuple of str
+        Files of assigned pairs, each by time.
+    edges : (n + 1,) int array
+        The steps, cut into n stretches of `ROWS_AT_ONCE`.
+    names : str
+        Where `Naming.save` wrote the names.
+    parameters : Parameters
+        Of the metric.
+    """
+
+    output: str
+    pieces: tuple[str, ...]
+    edges: Ints
+    names: str
+    parameters: Parameters
+
+
+def write_part(task: Part) -> None:
+    """Write the assigned pairs of some steps."""
+    naming = Naming.load(task.names, task.parameters)
+    write_assignments(task.output, in_order(task.pieces, task.edges), naming)
+
+
+def parts_of(
+    folder: str, pieces: Sequence[Path], steps: int, names: str, parameters: Parameters
+) -> list[Part]:
+    """The tasks to write all assigned pairs; one without rows where there are none.
+
+    Parameters
+    ----------
+    folder : str
+        Where to write the files.
+    pieces : sequence of Path
+        Files of assigned pairs, each by time.
+    steps : int
+        T.
+    names : str
+        Where `Naming.save` wrote the names.
+    parameters : Parameters
+        Of the metric.
+    """
+    paths = tuple(map(str, pieces))
+    rows = _rows_by_step(paths, steps)
+    parts = _edges(rows, ROWS_A_PART)
+    return [
+        Part(
+            output=str(Path(folder, f"part-{number:05d}.parquet")),
+            pieces=paths,
+            edges=low + _edges(rows[low:high], ROWS_AT_ONCE),
+            names=names,
+            parameters=parameters,
+        )
+        for number, (low, high) in enumerate(itertools.pairwise(parts))
+    ]
+
+
+def write_all_switches(path: str, pieces: Sequence[Path], naming: Naming) -> None:
+    """Write the switches of all shards in the order of time."""
+    paths = tuple(map(str, pieces))
+    edges = _edges(_rows_by_step(paths, len(naming.times)), ROWS_AT_ONCE)
+    write_switches(path, in_order(paths, edges), naming)
+
+
+def in_order(pieces: Sequence[str], edges: Ints) -> Iterator[NDArray[np.void]]:
+    """The rows of all pieces by `ORDER`, those of one stretch between edges after the other."""
+    opened = [np.load(piece, mmap_mode="r") for piece in pieces]
+    for low, high in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        found = [rows[_first(rows, low) : _first(rows, high)] for rows in opened]
+        if sum(map(len, found)):
+            joined = np.concatenate(found)
+            names = joined.dtype.names or ()
+            keys = [joined[name] for name in reversed(ORDER) if name in names]
+            yield joined[np.lexsort(keys)]
+
+
+def _first(rows: NDArray[np.void], step: int) -> int:
+    """The first row of this step, or of one after it; few rows are looked at."""
+    return bisect_left(rows, step, key=_step)
+
+
+def _step(row: Any) -> int:
+    return int(row["step"])
+
+
+def _rows_by_step(pieces: Sequence[str], steps: int) -> Ints:
+    """How many rows there are at each step (T,)."""
+    counts = np.zeros(steps, np.int64)
+    for piece in pieces:
+        rows = np.load(piece, mmap_mode="r")
+        for first in range(0, len(rows), ROWS_AT_ONCE):
+            step = rows["step"][first : first + ROWS_AT_ONCE]
+            found = np.bincount(step - step[0])
+            counts[step[0] : step[0] + len(found)] += found
+    return counts
+
+
+def _edges(rows: Ints, most: int) -> Ints:
+    """Steps cut into stretches of about `most` rows: the first of each, and the end."""
+    before = np.cumsum(rows) - rows
+    cuts = np.flatnonzero(np.diff(before // most, prepend=-1) > 0)
+    return np.append(cuts, len(rows)) if len(cuts) else np.array([0, len(rows)])
+
+
+# -------------------------------------------------------------------------------------------------
+# What the shards found, as the tables of a result.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrackSums:
+    """What the k tracks of one side contribute.
+
+    Parameters
+    ----------
+    rows : (k,) int array
+        At how many steps each exists.
+    parts : mapping of str to (k,) float array
+        In units of c^p, by the names of `problem.readout.PerTrack`.
+    """
+
+    rows: Ints
+    parts: Mapping[str, Floats]
+
+
+def write_tables(
+    folder: str,
+    naming: Naming,
+    split: Breakdown,
+    tracks: tuple[TrackSums, TrackSums],
+    shards: Sequence[Path],
+    run: Callable[[Callable[[Part], None], Sequence[Part]], None] = run_tasks,
+    *,
+    assignments: bool = True,
+) -> StoredTables:
+    """Write all tables, those that are not there yet.
+
+    Parameters
+    ----------
+    folder : str
+        Where; its parent gets a folder `names` beside it.
+    naming : Naming
+        Times and ids.
+    split : Breakdown
+        Of the whole.
+    tracks : pair of TrackSums
+        Of truths and estimates.
+    shards : sequence of Path
+        Folders with ``assigned.npy`` and ``switched.npy``, each by time.
+    run : callable
+        Does tasks.
+    assignments : bool
+        Whether the table of assigned pairs is wanted, which is as long as the data; else it has no
+        rows.
+
+    Raises
+    ------
+    ConfigError
+        They cannot be written, or pyarrow is not installed.
+    """
+    place = Path(folder)
+    names = str(place.parent / "names")
+    if not Path(names).exists():
+        naming.save(names)
+
+    def missing(table: str) -> str | None:
+        path = place / name_of(table)
+        return None if path.exists() else str(path)
+
+    if path := missing("per_step"):
+        write_per_step(path, split, naming)
+    if path := missing("per_truth"):
+        write_tracks(path, "missed", tracks[0].rows, tracks[0].parts, naming)
+    if path := missing("per_estimate"):
+        write_tracks(path, "false", tracks[1].rows, tracks[1].parts, naming)
+    if path := missing("switches"):
+        write_all_switches(path, [shard / "switched.npy" for shard in shards], naming)
+    pieces = [shard / "assigned.npy" for shard in shards if assignments]
+    parts = str(place / name_of(IN_PARTS))
+    run(write_part, parts_of(parts, pieces, len(naming.times), names, naming.parameters))
+    return StoredTables(folder)

@@ -11,7 +11,8 @@ import pytest
 from tests.support.partitioned import partitioned
 from tgospa_eval import Result, evaluate
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.partitioned import by_time, tables
+from tgospa_eval.partitioned import tables
+from tgospa_eval.partitioned import tables as by_time
 from tgospa_eval.reports import REPORTS, drawn
 from tgospa_eval.reports.page_data import document
 from tgospa_eval.results import partitioned as module

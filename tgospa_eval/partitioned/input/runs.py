@@ -8,28 +8,196 @@ import json
 import math
 import pickle
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.roles import Roles
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.formats.rows import Numbered, Rows
-from tgospa_eval.formats.times import Times
+from tgospa_eval.formats.rows import Numbered, Rows, number_ids
+from tgospa_eval.formats.times import EXACT_BELOW, Times
 from tgospa_eval.partitioned.input.listing import File
-from tgospa_eval.partitioned.input.merging import (
-    Moments,
-    merged_moments,
-    merged_rows,
-    moments_of,
-)
-from tgospa_eval.partitioned.input.tables import Chunk, Span, open_table, rows_of_chunks
-from tgospa_eval.partitioned.input.texts import text_rows
+from tgospa_eval.partitioned.input.tables import Chunk, Span, open_table, rows_of_chunks, text_rows
 from tgospa_eval.partitioned.tasks import writing
-from tgospa_eval.tracks.trajectories import Ints, TimeArray
+from tgospa_eval.tracks.trajectories import CLOCKS, Ints, TimeArray
+
+PENDING = 1 << 22
+"""Distinct times that wait to be merged with those of other parts."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Moments:
+    """Distinct times of some rows.
+
+    Parameters
+    ----------
+    value : (T,) int64 or float64 array
+        Strictly increasing, as the files have them.
+    count : (T,) int64 array
+        Rows at each.
+    clock : {"number", "local", "zoned"}
+        What they are.
+    label : (T,) array of bytes, optional
+        Their texts in UTF-8, where they are no numbers; of equal times the first in the files.
+    source : str
+        The file that they, or the first of them, are from.
+    """
+
+    value: TimeArray
+    count: Ints
+    clock: str
+    label: NDArray[np.bytes_] | None
+    source: str
+
+
+NO_MOMENTS = Moments(
+    value=np.zeros(0, np.int64),
+    count=np.zeros(0, np.int64),
+    clock="number",
+    label=None,
+    source="",
+)
+"""Of no rows."""
+
+
+def moments_of(times: Times, source: str) -> Moments:
+    """The distinct times of rows that are in the order of their file."""
+    value, label = times.value, None
+    if times.text is None and (value[1:] >= value[:-1]).all():  # as most programs write them
+        begins = np.flatnonzero(np.append(True, value[1:] > value[:-1])[: len(value)])
+        count = np.diff(np.append(begins, len(value)))
+        begun = value[begins]
+        return Moments(value=begun, count=count, clock=times.clock, label=None, source=source)
+    found, first, count = np.unique(value, return_index=True, return_counts=True)
+    if times.text is not None:
+        texts = [times.text[row].strip().encode() for row in first.tolist()]
+        label = np.array(texts, dtype=np.bytes_)
+    found = cast(TimeArray, found)
+    return Moments(value=found, count=count, clock=times.clock, label=label, source=source)
+
+
+def merged_moments(parts: Iterable[Moments]) -> Moments:
+    """The distinct times of all parts, given in the order of the files.
+
+    Raises
+    ------
+    InputError
+        They are of several kinds.
+    """
+    whole = NO_MOMENTS
+    waiting: list[Moments] = []
+    size = 0
+    for part in parts:
+        waiting.append(part)
+        size += len(part.value)
+        if size > PENDING:
+            whole, waiting = _merged([whole, *waiting]), []
+            size = 0
+    return _merged([whole, *waiting])
+
+
+def _merged(given: Sequence[Moments]) -> Moments:
+    filled = [part for part in given if len(part.value)]
+    if len(filled) < 2:
+        return filled[0] if filled else NO_MOMENTS
+    first = filled[0]
+    for part in filled:
+        if part.clock != first.clock:
+            raise InputError(
+                f"{part.source}: its times are {CLOCKS[part.clock]}, and those of {first.source} "
+                f"are {CLOCKS[first.clock]}; write those of all files alike"
+            )
+    value = in_one_type([(part.value, part.source) for part in filled])
+    count = np.concatenate([part.count for part in filled])
+    order = np.argsort(value, kind="stable")
+    value = value[order]
+    begins = np.flatnonzero(np.append(True, value[1:] > value[:-1]))
+    labels = [part.label for part in filled if part.label is not None]
+    return Moments(
+        value=value[begins],
+        count=np.add.reduceat(count[order], begins),
+        clock=first.clock,
+        label=np.concatenate(labels)[order][begins] if labels else None,
+        source=first.source,
+    )
+
+
+def in_one_type(parts: Sequence[tuple[TimeArray, str]]) -> TimeArray:
+    """Times of several sources, one after the other: integers, or doubles if some are.
+
+    Raises
+    ------
+    InputError
+        An integer beside doubles is too large for one.
+    """
+    if len({value.dtype for value, _ in parts}) > 1:
+        for value, source in parts:
+            if value.dtype.kind == "i" and len(value) and np.abs(value).max() >= EXACT_BELOW:
+                raise InputError(
+                    f"{source}: has integer times that are not exact beside the decimal times of "
+                    "other files; write all times as 64-bit integers"
+                )
+    return np.concatenate([value for value, _ in parts])
+
+
+def merged_rows(name: str, parts: Sequence[Rows]) -> Rows:
+    """Rows of parts with the same columns, one after the other; `name` is that of the whole."""
+    ends = list(accumulate(len(part.times.value) for part in parts))
+    roles = parts[0].roles
+    numbers = np.empty((ends[-1], len(roles.numbers)), order="F")
+    for part, end in zip(parts, ends, strict=True):
+        numbers[end - len(part.numbers) : end] = part.numbers
+
+    def where(row: int) -> str:
+        part = bisect_right(ends, row)
+        return parts[part].where(row - (ends[part - 1] if part else 0))
+
+    classes = [part.classes for part in parts if part.classes is not None]
+    return Rows(
+        name=name,
+        roles=roles,
+        ids=merged_names([part.ids for part in parts]),
+        times=Times(
+            value=in_one_type([(part.times.value, part.name) for part in parts]),
+            clock=parts[0].times.clock,
+            text=None,
+        ),
+        numbers=numbers,
+        where=where,
+        classes=merged_names(classes) if classes else None,
+    )
+
+
+def merged_names(parts: Sequence[Numbered]) -> Numbered:
+    """Names in natural order, those that occur, and the number of each row's."""
+    if len(parts) == 1:
+        return parts[0]
+    names: list[str] = []
+    used = []
+    for table, number in parts:
+        occurs = np.flatnonzero(np.bincount(number, minlength=len(table)))
+        used.append((len(table), occurs, len(names)))
+        names += table[occurs].tolist()
+    table, rank = number_ids(names)
+    numbers = []
+    for (size, occurs, begin), (_, number) in zip(used, parts, strict=True):
+        places = np.zeros(size, np.int64)
+        places[occurs] = rank[begin : begin + len(occurs)]
+        numbers.append(places[number])
+    return table, np.concatenate(numbers)
+
+
+# -------------------------------------------------------------------------------------------------
+# Rows of a side in order of time: runs of bounded size, each sorted, from which blocks are read.
+#
+# A side whose files are not in order of time is read once. As many rows as are worked on together
+# are sorted by time and written as a run; a block takes its share of each run, which is one range.
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,11 +7,9 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import SolverError
-from tgospa_eval.partitioned.long.columns import SomeColumns, load_columns
-from tgospa_eval.partitioned.long.contribution import contribute
+from tgospa_eval.partitioned.long.columns import SomeColumns, contribute, load_columns
 from tgospa_eval.partitioned.long.holding import Known, hold_runs
-from tgospa_eval.partitioned.long.sums import expansion
-from tgospa_eval.partitioned.long.tables import GAIN, Piece, Table, halves, load_pieces
+from tgospa_eval.partitioned.long.tables import GAIN, Piece, Table, expansion, halves, load_pieces
 from tgospa_eval.partitioned.shards import problem_of, tables_of
 from tgospa_eval.partitioned.share import HELD
 from tgospa_eval.partitioned.tasks import writing

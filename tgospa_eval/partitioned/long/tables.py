@@ -1,5 +1,6 @@
 """What passes between the tasks of a long component: tables in the parts that other tasks read."""
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -10,6 +11,19 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.partitioned.share import ENTRY
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.weights import ONE
+
+
+def expansion(terms: list[float]) -> Floats:
+    """Three numbers whose exact sum is at most that of the terms, and as near as doubles tell."""
+    parts: list[float] = []
+    for _ in range(2):
+        parts.append(math.fsum((*terms, *(-part for part in parts))))
+    rest = math.fsum((*terms, *(-part for part in parts)))
+    return np.array([*parts, math.nextafter(rest, -math.inf)])
+
+
+# -------------------------------------------------------------------------------------------------
+# What passes between the tasks of a long component: tables in the parts that other tasks read.
 
 Table = NDArray[np.void]
 
