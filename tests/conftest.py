@@ -18,8 +18,10 @@ from browser import PATIENCE, Browser
 from checkout import SAMPLES
 from hypothesis import HealthCheck, settings
 from proven import proven as proven  # a fixture of all tests
+from standing_pool import StandingPool
 
 import tgospa_eval
+from tgospa_eval.engines.processes import Processes
 
 # What a shell or a CI may set, and tables would look otherwise.
 for name in ("FORCE_COLOR", "NO_COLOR", "COLORTERM", "COLUMNS", "LINES"):
@@ -68,6 +70,9 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(NEW_OBJECTS)
 
 
+OWN_PROCESSES = {"engines", "partitioned", "test_batch_is_killed", "test_progress_and_interrupts"}
+"""Folders and modules of tests that are about processes."""
+
 NEEDS = {"chromium": "browser", "environment": "process", "unmeasured": "process"}
 """Marks that follow from the fixtures of a test."""
 
@@ -79,6 +84,22 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for fixture, mark in NEEDS.items():
             if fixture in getattr(item, "fixturenames", ()):
                 item.add_marker(mark)
+
+
+@pytest.fixture(scope="session")
+def standing_pool() -> Iterator[StandingPool]:
+    pool = StandingPool()
+    yield pool
+    pool.close()
+
+
+@pytest.fixture(autouse=True)
+def workers_that_stay(
+    request: pytest.FixtureRequest, standing_pool: StandingPool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Batches of all tests but those of processes themselves share theirs."""
+    if not OWN_PROCESSES & {*request.path.parts, request.path.stem}:
+        monkeypatch.setattr(Processes, "open", lambda self, most: standing_pool.open(self, most))
 
 
 @pytest.fixture

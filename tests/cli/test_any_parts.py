@@ -65,7 +65,10 @@ CASES = st.fixed_dictionaries(
 
 
 @given(seed=st.integers(0, 2**32 - 1), case=CASES)
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+@settings(
+    max_examples=settings.default.max_examples // 3,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
 def test_the_bracket_is_that_of_the_whole(invoke: Invoke, seed: int, case: dict[str, Any]) -> None:
     rng = np.random.default_rng(seed)
     sides = simulate(
