@@ -225,7 +225,7 @@ def _overlap(aligned: Alignment) -> documents.Overlap | None:
 @np.errstate(over="ignore", invalid="ignore")
 def nearest_estimates(
     aligned: Alignment, cutoff: float, distance: Distance
-) -> documents.Nearest | None:
+) -> documents.NearestRecord | None:
     """Distances from truths to the nearest estimate of their step, over steps that both have.
 
     At most `SAMPLE` steps and truths of a step are looked at, evenly. None if no step has both.

@@ -412,11 +412,11 @@ def test_an_interrupted_sweep_has_the_points_so_far(interrupted: Run, crowd: Pai
 def test_an_interrupted_comparison(interrupted: Run, crowd: Pair) -> None:
     """The process of the solver is told; those after it are left out."""
     lines = (
-        "from tgospa_eval.comparison import runs; listen = runs._listen\n"
+        "from tgospa_eval.comparison import entrants; listen = entrants._listen\n"
         "def told(target, source, progress):\n"
         "    interrupt(); progress.stop.wait()\n"
         "    return listen(target, source, progress)\n"
-        "runs._listen = told"
+        "entrants._listen = told"
     )
     given = ("compare", *crowd, *HARD, "--solvers", "certified,exact")
     status, out, err = interrupted(lines, *given, "--format", "json")

@@ -18,7 +18,7 @@ from checkout import SAMPLES
 from tgospa_eval import evaluate, verify
 from tgospa_eval.api.request import OF_THE_NUMBER
 from tgospa_eval.distances import DISTANCES
-from tgospa_eval.distances.base import Settings
+from tgospa_eval.distances.base import DistanceSettings
 from tgospa_eval.proof import verify_tgospa
 
 Invoke = Callable[..., Any]
@@ -266,7 +266,7 @@ def test_every_option_that_a_proof_records_is_one_of_these() -> None:
     assert recorded == {*NAMED, *PARAMETERS, *NEITHER}
     assert {*verify_tgospa.RECORDED.split()} == recorded
     settings = " ".join(verify_tgospa.EXTRAS.values()).split()
-    assert {*settings} == {*Settings.__annotations__}
+    assert {*settings} == {*DistanceSettings.__annotations__}
     assert {*verify_tgospa.EXTRAS} == {*DISTANCES}
 
 

@@ -9,7 +9,7 @@ from tgospa_eval.engines.spread import Engine
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats import Reading
-from tgospa_eval.partitioned.run import Plan
+from tgospa_eval.partitioned.run import PartsPlan
 from tgospa_eval.partitioned.stretches import OwnTimes, Stamping
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers.certified import Certified
@@ -36,7 +36,7 @@ def plan(
     parameters: Parameters,
     work: Path,
     engine: Engine | None = None,
-) -> Plan:
+) -> PartsPlan:
     times = np.union1d(sides[0].times, sides[1].times)
     stamps = [
         OwnTimes(
@@ -47,7 +47,7 @@ def plan(
         )
         for side in sides
     ]
-    return Plan(
+    return PartsPlan(
         cut=Stamping(times=times, sides=(stamps[0], stamps[1])),
         times=times,
         request=EvaluationRequest(

@@ -29,7 +29,7 @@ from tgospa_eval import (
 from tgospa_eval.cli.batch.run import BatchOptions
 from tgospa_eval.cli.simulate.values import SceneOptions
 from tgospa_eval.comparison import solvers
-from tgospa_eval.comparison.entrants import Run, run_here
+from tgospa_eval.comparison.entrants import SolvedRun, run_here
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.simulation.settings import USUAL_ERRORS, usual_tracker
 from tgospa_eval.solvers import Solver
@@ -81,7 +81,7 @@ def test_compare_ranks(invoke, quickstart: tuple[str, str]) -> None:
 
 
 def test_compare_solvers(quickstart: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    def here(prepared: Prepared, solver: Solver, progress: object) -> Run:
+    def here(prepared: Prepared, solver: Solver, progress: object) -> SolvedRun:
         return run_here(prepared, solver)
 
     monkeypatch.setattr(solvers, "run_apart", here)  # a process for each would take longer

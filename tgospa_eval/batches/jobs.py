@@ -68,7 +68,7 @@ class Job:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class BatchPlan:
     """All jobs, and what is missing among the files.
 
     Parameters
@@ -93,7 +93,7 @@ def of_patterns(
     sequences: Collection[str] = (),
     output: str | None = None,
     inside: patterns.Inside = runs_inside,
-) -> Plan:
+) -> BatchPlan:
     """A job for each file that is like the pattern of the estimates, with the truth of its values.
 
     Parameters
@@ -147,7 +147,7 @@ def of_patterns(
             paths = patterns.fill(truth, values), patterns.fill(estimate, other)
             lone, lacking = map(os.path.join, folders, paths)
             faults.append(f"{lone}: there is no estimate {lacking}")
-    return Plan(jobs=tuple(jobs), faults=tuple(faults), notices=notices)
+    return BatchPlan(jobs=tuple(jobs), faults=tuple(faults), notices=notices)
 
 
 def _without_estimate(
@@ -182,7 +182,7 @@ def of_layout(
     trackers: str,
     sequences: Collection[str] = (),
     output: str | None = None,
-) -> Plan:
+) -> BatchPlan:
     """The jobs of the folders of a benchmark; of some sequences alone, if these are named.
 
     Raises
@@ -243,12 +243,12 @@ def read_sequences(path: str) -> list[str]:
     return names
 
 
-def with_frames(plan: Plan, layout: str, truth: str, seqmap: str | None = None) -> Plan:
+def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = None) -> BatchPlan:
     """The same with the frames that a benchmark declares of each sequence.
 
     Parameters
     ----------
-    plan : Plan
+    plan : BatchPlan
         Of the layout.
     layout, truth : str
         Its name, and the folder of the truth.
@@ -334,7 +334,7 @@ def _words(path: str) -> list[list[str]]:
     return [line.replace(",", " ").split() for line in decode(load(path), path).split("\n")]
 
 
-def of_manifest(path: str, options: Collection[str]) -> Plan:
+def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
     """The rows of a table with the columns truth and estimate; others are labels, or options.
 
     Parameters
@@ -374,7 +374,7 @@ def of_manifest(path: str, options: Collection[str]) -> Plan:
         if not absent:
             jobs.append(job)
     _check_labels(path, jobs)
-    return Plan(jobs=tuple(jobs), faults=tuple(faults))
+    return BatchPlan(jobs=tuple(jobs), faults=tuple(faults))
 
 
 def _check_labels(path: str, jobs: Iterable[Job]) -> None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 STEP_FOLDER = "per_step"
 
 STEPS = "per_step"
-"""Where the row of a job has a `StepCosts` on its way from a worker to the store."""
+"""Where the row of a job has a `JobSteps` on its way from a worker to the store."""
 
 STORED_STEPS, STORED_CURVE = "per_step.rows", "per_step.curve"
 """Columns of the row of a job: how many rows of steps it has, and whether with the curve."""
@@ -37,7 +37,7 @@ CURVE_COLUMNS = ("tgospa", "lower_bound", "upper_bound")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class StepCosts:
+class JobSteps:
     """Of one job, T steps.
 
     Parameters
@@ -58,7 +58,7 @@ class StepCosts:
     curve: Floats | None = None
 
     @classmethod
-    def of(cls, result: Summary) -> "StepCosts":
+    def of(cls, result: Summary) -> "JobSteps":
         """Those of a result."""
         table, curve = result.per_step_table(), result.curve_table()
         return cls(
@@ -123,7 +123,7 @@ class StoredSteps:
     costs : (5, N) float array
         The whole, and its parts.
     curve : (3, N) float array
-        As of `StepCosts`; NaN where it was not asked for.
+        As of `JobSteps`; NaN where it was not asked for.
     """
 
     job: Ints

@@ -30,7 +30,7 @@ OLD = 3600.0
 
 
 @dataclass(frozen=True)
-class Entry:
+class FileEntry:
     """A file as it was written.
 
     Parameters
@@ -57,40 +57,40 @@ class Entry:
         )
 
 
-def entries(files: Mapping[str, bytes]) -> tuple[Entry, ...]:
+def entries(files: Mapping[str, bytes]) -> tuple[FileEntry, ...]:
     """Files by name, as entries."""
     return tuple(
-        Entry(name, len(data), hashlib.sha256(data).hexdigest()) for name, data in files.items()
+        FileEntry(name, len(data), hashlib.sha256(data).hexdigest()) for name, data in files.items()
     )
 
 
-def entry(folder: Path, name: str) -> Entry:
+def entry(folder: Path, name: str) -> FileEntry:
     """A file that is there, as an entry."""
     with (folder / name).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return Entry(name, (folder / name).stat().st_size, digest)
+    return FileEntry(name, (folder / name).stat().st_size, digest)
 
 
-def text_of(kind: str, files: Iterable[Entry]) -> str:
+def text_of(kind: str, files: Iterable[FileEntry]) -> str:
     """The manifest of a folder of this kind; a name may have several entries while it changes."""
     listed = [vars(entry) for entry in files]
     document = {"schema": SCHEMA, "kind": kind, "files": listed}
     return json.dumps(document, indent=2, sort_keys=True) + "\n"
 
 
-def read_manifest(folder: Path, kind: str) -> tuple[Entry, ...] | None:
+def read_manifest(folder: Path, kind: str) -> tuple[FileEntry, ...] | None:
     """The entries of a folder of this kind; None if it is none."""
     own, found = _read(folder)
     return found if own == kind else None
 
 
-def _read(folder: Path) -> tuple[str | None, tuple[Entry, ...]]:
+def _read(folder: Path) -> tuple[str | None, tuple[FileEntry, ...]]:
     """The kind of a folder, if it has a manifest, and its entries."""
     try:
         document = json.loads((folder / NAME).read_bytes())
         if document["schema"] != SCHEMA:
             return None, ()
-        found = tuple(Entry(**entry) for entry in document["files"])
+        found = tuple(FileEntry(**entry) for entry in document["files"])
         safe = all(_is_below(PurePosixPath(entry.name)) for entry in found)
         return (document["kind"] if safe else None), found
     except (FileNotFoundError, IsADirectoryError, ValueError, TypeError, KeyError, RecursionError):
@@ -108,7 +108,7 @@ def results_in(folder: Path) -> Callable[[str], bool]:
     return lambda _: False
 
 
-def unchanged(folder: Path, listed: Iterable[Entry]) -> set[str]:
+def unchanged(folder: Path, listed: Iterable[FileEntry]) -> set[str]:
     """The names that are there as they were written."""
     return {entry.name for entry in listed if entry.is_in(folder)}
 
@@ -157,7 +157,7 @@ def locked(path: Path) -> Iterator[bool]:
 
 
 def replace_files(
-    fresh: Path, path: Path, files: Collection[Entry], kind: str, document: str
+    fresh: Path, path: Path, files: Collection[FileEntry], kind: str, document: str
 ) -> int:
     """Files of a folder by fresh ones; while that is going on, the manifest lists both.
 

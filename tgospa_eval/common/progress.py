@@ -146,14 +146,14 @@ class Progress:
         """
         if not self.watched:
             return work()
-        task = Task(work)
+        task = BackgroundTask(work)
         while not task.wait(0.1):
             if self.stop.is_set():
                 raise StoppedError
         return task.answer()
 
 
-class Task(Generic[T]):
+class BackgroundTask(Generic[T]):
     """Work that has begun in a thread of its own, which does not keep the process from ending."""
 
     def __init__(self, work: Callable[[], T]) -> None:

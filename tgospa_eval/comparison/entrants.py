@@ -31,7 +31,7 @@ from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.reports.records import (
     RULES,
-    Costs,
+    CostParts,
     EstimateRecord,
     Memory,
     PerStepRecord,
@@ -208,7 +208,7 @@ Measured on one core, scenes of `dense`: 2,990 states 2.3 s, 8,099 states 11 s, 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
+class SolvedRun:
     """What a solver made of a problem; costs are in state units to the power p.
 
     Parameters
@@ -243,7 +243,7 @@ class Run:
     bracket: Interval | None = None
     tgospa: float | None = None
     lower_bound: float | None = None
-    parts: Costs | None = None
+    parts: CostParts | None = None
     counts: dict[str, float] = field(default_factory=dict)
     finished: bool = False
     iterations: int | None = None
@@ -270,7 +270,7 @@ def name_of(solver: Solver) -> str:
     return called(solver.name, solver.epsilon)
 
 
-def costs_of(result: Summary) -> Costs:
+def costs_of(result: Summary) -> CostParts:
     """The parts of the cost of a result."""
     return {
         "localisation": result.localisation,
@@ -286,9 +286,9 @@ def bracket_of(result: Summary) -> Interval:
     return Interval(lower=lower, upper=upper)
 
 
-def failed(solver: Solver, error: BaseException) -> Run:
+def failed(solver: Solver, error: BaseException) -> SolvedRun:
     """What is left of a run whose solver raised."""
-    return Run(solver=solver.name, epsilon=solver.epsilon, status=f"failed: {reason(error)}")
+    return SolvedRun(solver=solver.name, epsilon=solver.epsilon, status=f"failed: {reason(error)}")
 
 
 def reason(error: BaseException) -> str:
@@ -301,11 +301,11 @@ def reason(error: BaseException) -> str:
     return f"{text}; this is an error of this program, please report it"
 
 
-def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = None) -> Run:
+def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = None) -> SolvedRun:
     """Solve and prove in this process."""
     result = solve(prepared, solver, stopwatch or Stopwatch())
     stages = {name: seconds for name, seconds in result.timings["solve"].items() if seconds}
-    return Run(
+    return SolvedRun(
         solver=solver.name,
         epsilon=solver.epsilon,
         bracket=bracket_of(result),
@@ -325,7 +325,7 @@ def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = N
     )
 
 
-def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = None) -> Run:
+def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = None) -> SolvedRun:
     """The same in a process of its own, which also measures the memory that it takes.
 
     Raises
@@ -361,21 +361,21 @@ def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = No
             ) from None
         finally:
             process.kill()  # it has answered, or nobody waits for it
-    if isinstance(found, Run):
+    if isinstance(found, SolvedRun):
         return found
     raise found[0](found[1])
 
 
 def _listen(
     target: IO[bytes], source: IO[bytes], progress: Progress
-) -> Run | tuple[type[TgospaError], str]:
+) -> SolvedRun | tuple[type[TgospaError], str]:
     """What the process answers in the end; it is stopped where the work is."""
     stopped = False
     with io.BufferedReader(cast("io.RawIOBase", source)) as words:
         while True:
             found = pickle.load(words)
-            if isinstance(found, Run) or isinstance(found[0], type):
-                return cast("Run | tuple[type[TgospaError], str]", found)
+            if isinstance(found, SolvedRun) or isinstance(found[0], type):
+                return cast("SolvedRun | tuple[type[TgospaError], str]", found)
             share, progress.bracket = found
             progress.done(share)
             if progress.stop.is_set() and not stopped:
@@ -432,7 +432,7 @@ def check_solvers(solvers: Sequence[Solver]) -> None:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Outcome:
+class EntrantOutcome:
     """What a ranking needs of the evaluation of one estimate in one run.
 
     Parameters
@@ -454,7 +454,7 @@ class Outcome:
     """
 
     bracket: Interval
-    parts: Costs
+    parts: CostParts
     counts: dict[str, float]
     steps: dict[str, Floats]
     moments: Times
@@ -469,10 +469,10 @@ class Outcome:
 
 def outcome(
     result: Result, moments: Times, *, per_step: bool, others: Others | None = None
-) -> Outcome:
+) -> EntrantOutcome:
     """What to keep of a result, so that the problem can go."""
     split = result.proof.breakdown
-    return Outcome(
+    return EntrantOutcome(
         bracket=bracket_of(result),
         parts=costs_of(result),
         counts=result.counts,
@@ -498,13 +498,13 @@ class Entrant:
         What it is called.
     paths : sequence of str
         Its file in each run.
-    outcomes : sequence of Outcome
+    outcomes : sequence of EntrantOutcome
         What came of each.
     """
 
     name: str
     paths: Sequence[str]
-    outcomes: Sequence[Outcome]
+    outcomes: Sequence[EntrantOutcome]
 
 
 def durations(entrants: Sequence[Entrant]) -> list[int]:

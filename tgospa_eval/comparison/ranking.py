@@ -20,7 +20,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.entrants import (
     Entrant,
-    Outcome,
+    EntrantOutcome,
     against_document,
     differences,
     durations,
@@ -100,7 +100,7 @@ def steps_costs(entrants: Sequence[Entrant]) -> StepCosts:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Joined:
+class JoinedSteps:
     """Costs by name on the steps of two outcomes; 0 at those that one has not."""
 
     times: list[Time]
@@ -113,7 +113,7 @@ class Joined:
         return total
 
 
-def joined(first: Outcome, second: Outcome) -> tuple[Joined, Joined]:
+def joined(first: EntrantOutcome, second: EntrantOutcome) -> tuple[JoinedSteps, JoinedSteps]:
     """Costs of both on the steps of either."""
     moments = np.union1d(first.moments, second.moments)
     times: dict[int, Time] = {}
@@ -121,10 +121,10 @@ def joined(first: Outcome, second: Outcome) -> tuple[Joined, Joined]:
         times |= zip(np.searchsorted(moments, item.moments).tolist(), item.times, strict=True)
     shown = [times[k] for k in range(len(moments))]
     own, other = (_spread(item, moments) for item in (first, second))
-    return Joined(times=shown, costs=own), Joined(times=shown, costs=other)
+    return JoinedSteps(times=shown, costs=own), JoinedSteps(times=shown, costs=other)
 
 
-def _spread(item: Outcome, moments: Times) -> dict[str, Floats]:
+def _spread(item: EntrantOutcome, moments: Times) -> dict[str, Floats]:
     """Costs by name, and the values of other rules, at these steps."""
     at = np.searchsorted(moments, item.moments)
     found: dict[str, Floats] = {}
@@ -134,7 +134,7 @@ def _spread(item: Outcome, moments: Times) -> dict[str, Floats]:
     return found
 
 
-def signs(own: Joined, other: Joined) -> Floats:
+def signs(own: JoinedSteps, other: JoinedSteps) -> Floats:
     """Whether each step costs less (-1), the same but for rounding (0), or more (1)."""
     small = np.abs(own.total - other.total) <= EQUAL * np.maximum(own.total, other.total)
     return np.where(small, 0.0, np.sign(own.total - other.total))
@@ -390,7 +390,7 @@ def shared_metrics(runs: Sequence[Documents]) -> tuple[list[OtherMetrics], list[
     return [{name: found[name] for name in shared} for found in each[: len(runs[0])]], notices
 
 
-def outcomes(documents: Documents, paths: Paths) -> list[Outcome]:
+def outcomes(documents: Documents, paths: Paths) -> list[EntrantOutcome]:
     """What a ranking needs of the results of one run, which are of the same truth.
 
     Raises
@@ -400,7 +400,7 @@ def outcomes(documents: Documents, paths: Paths) -> list[Outcome]:
     """
     moments = _moments(documents, paths)
     return [
-        Outcome(
+        EntrantOutcome(
             bracket=_bracket(document),
             parts={
                 "localisation": document["localisation"],

@@ -10,7 +10,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval, excess, narrowest, overlap, shortfall
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.comparison import SCHEMA
-from tgospa_eval.comparison.entrants import NO_COSTS, Run, failed, name_of, run_apart
+from tgospa_eval.comparison.entrants import NO_COSTS, SolvedRun, failed, name_of, run_apart
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.reports.records import Metric, SolverRun, SolversRecord
 from tgospa_eval.solvers import Solver
@@ -20,19 +20,19 @@ ONCE = {"read": "read", "distances": "distances", "preparation": "solve/preparat
 
 
 @dataclass(frozen=True, kw_only=True)
-class Comparison:
+class SolverComparison:
     """Runs of several solvers on one problem.
 
     Parameters
     ----------
-    runs : sequence of Run
+    runs : sequence of SolvedRun
         At least one.
     """
 
-    runs: Sequence[Run]
+    runs: Sequence[SolvedRun]
 
     @property
-    def contradictions(self) -> list[tuple[Run, Run]]:
+    def contradictions(self) -> list[tuple[SolvedRun, SolvedRun]]:
         """Pairs of runs whose brackets do not overlap: one of their proofs is wrong."""
         return [
             (first, second)
@@ -47,13 +47,13 @@ class Comparison:
         proven = [run.bracket for run in self.runs if run.bracket is not None]
         return narrowest(proven) if proven and not self.contradictions else None
 
-    def error(self, run: Run) -> float | None:
+    def error(self, run: SolvedRun) -> float | None:
         """Proven: the run's total is at most so much, relative, above the true one."""
         if self.referee is None or run.bracket is None:
             return None
         return excess(run.bracket.upper, self.referee.lower)
 
-    def lower_error(self, run: Run) -> float | None:
+    def lower_error(self, run: SolvedRun) -> float | None:
         """Proven: the run's lower bound of the total is at most so much, relative, below it."""
         if self.referee is None or run.bracket is None:
             return None
@@ -63,9 +63,9 @@ class Comparison:
 def compare_solvers(
     prepared: Prepared,
     solvers: Sequence[Solver],
-    run: Callable[[Prepared, Solver], Run] | None = None,
+    run: Callable[[Prepared, Solver], SolvedRun] | None = None,
     progress: Progress | None = None,
-) -> Comparison:
+) -> SolverComparison:
     """Run all solvers, one after the other; one that fails leaves the others their results.
 
     Those that are not begun when the work is to stop are left out.
@@ -83,7 +83,7 @@ def compare_solvers(
     """
     progress = progress or Progress()
     run = run or partial(run_apart, progress=progress)
-    runs: list[Run] = []
+    runs: list[SolvedRun] = []
     for number, solver in enumerate(solvers):
         if runs and progress.stop.is_set():
             break
@@ -92,11 +92,11 @@ def compare_solvers(
                 runs.append(run(prepared, solver))
             except Exception as error:  # whatever it is, it must not cost what others have found
                 runs.append(failed(solver, error))
-    return Comparison(runs=tuple(runs))
+    return SolverComparison(runs=tuple(runs))
 
 
 def solvers_document(
-    comparison: Comparison,
+    comparison: SolverComparison,
     prepared: Prepared,
     left_out: dict[str, str],
     seconds: dict[str, float],
@@ -106,7 +106,7 @@ def solvers_document(
 
     Parameters
     ----------
-    comparison : Comparison
+    comparison : SolverComparison
         What was found.
     prepared : Prepared
         The problem.
@@ -142,7 +142,7 @@ def solvers_document(
     }
 
 
-def run_document(comparison: Comparison, run: Run) -> SolverRun:
+def run_document(comparison: SolverComparison, run: SolvedRun) -> SolverRun:
     """One run, with its errors against what all of them prove."""
     error, bracket = comparison.error(run), run.bracket
     return {

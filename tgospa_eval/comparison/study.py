@@ -26,8 +26,8 @@ from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.comparison import SCHEMA
-from tgospa_eval.comparison.entrants import NO_COSTS, Run, failed, run_here, warm_up
-from tgospa_eval.comparison.solvers import Comparison, compare_solvers
+from tgospa_eval.comparison.entrants import NO_COSTS, SolvedRun, failed, run_here, warm_up
+from tgospa_eval.comparison.solvers import SolverComparison, compare_solvers
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import solver_settings
@@ -417,7 +417,7 @@ def measure(study: Study, targets: int, steps: int, run: int) -> SceneRecord:
     }
 
 
-def _recorded(made: Run) -> SceneRun:
+def _recorded(made: SolvedRun) -> SceneRun:
     """What a record keeps of a run."""
     bracket, seconds = made.bracket, made.seconds
     return {
@@ -436,9 +436,11 @@ def _recorded(made: Run) -> SceneRun:
 
 def study_document(study: Study, records: Sequence[SceneRecord], machine: str) -> StudyRecord:
     """The JSON document: mean and spread of each size and solver."""
-    by_size: dict[Size, list[tuple[SceneRecord, Comparison]]] = {size: [] for size in study.sizes}
+    by_size: dict[Size, list[tuple[SceneRecord, SolverComparison]]] = {
+        size: [] for size in study.sizes
+    }
     for record in records:
-        comparison = Comparison(runs=[_run(made) for made in record["runs"]])
+        comparison = SolverComparison(runs=[_run(made) for made in record["runs"]])
         by_size[record["targets"], record["steps"]].append((record, comparison))
     return {
         "schema": SCHEMA,
@@ -457,7 +459,9 @@ def study_document(study: Study, records: Sequence[SceneRecord], machine: str) -
     }
 
 
-def _size(size: Size, scenes: Sequence[tuple[SceneRecord, Comparison]], study: Study) -> SizeRecord:
+def _size(
+    size: Size, scenes: Sequence[tuple[SceneRecord, SolverComparison]], study: Study
+) -> SizeRecord:
     """All scenes of one size; those whose brackets contradict each other have no part in means."""
     sound = [(record, comparison) for record, comparison in scenes if not comparison.contradictions]
     made = [record for record, _ in scenes]
@@ -485,8 +489,8 @@ def _size(size: Size, scenes: Sequence[tuple[SceneRecord, Comparison]], study: S
 
 
 def _solver(
-    scenes: Sequence[tuple[SceneRecord, Comparison]],
-    sound: Sequence[tuple[SceneRecord, Comparison]],
+    scenes: Sequence[tuple[SceneRecord, SolverComparison]],
+    sound: Sequence[tuple[SceneRecord, SolverComparison]],
     k: int,
 ) -> SolverSummary:
     """One solver on all scenes of one size; errors against what all solvers prove of a scene."""
@@ -530,11 +534,11 @@ def spread(values: Sequence[float]) -> Spread:
     }
 
 
-def _run(made: SceneRun) -> Run:
+def _run(made: SceneRun) -> SolvedRun:
     bracket = None
     if made["lower"] is not None and made["upper"] is not None:
         bracket = Interval(lower=made["lower"], upper=made["upper"])
-    return Run(
+    return SolvedRun(
         solver=made["solver"],
         epsilon=made["epsilon"],
         status=made["status"],

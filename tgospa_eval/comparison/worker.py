@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
-from tgospa_eval.common.progress import Progress, Stopwatch, Task
+from tgospa_eval.common.progress import BackgroundTask, Progress, Stopwatch
 from tgospa_eval.comparison.entrants import reason, run_here, warm_up
 from tgospa_eval.errors import SolverError, TgospaError
 from tgospa_eval.evaluation.prepare import Prepared
@@ -34,7 +34,7 @@ def main() -> None:
     stopwatch = Stopwatch()
     progress = stopwatch.progress = Progress(watched=True)
     threading.Thread(target=_listen, args=(source, progress), daemon=True).start()
-    task = Task(lambda: _answer(prepared, solver, stopwatch))
+    task = BackgroundTask(lambda: _answer(prepared, solver, stopwatch))
     while not task.wait(BEAT):
         _send(target, (progress.share, progress.bracket))
     _send(target, task.answer())

@@ -40,8 +40,8 @@ _HOME = {
     "cross_covariance": "clouds.transport",
     "gaussian_wasserstein": "gaussian",
     "reduce_cloud": "clouds.reduction",
-    "resample_cloud": "clouds.sampling",
-    "restrict_cloud": "clouds.sampling",
+    "resample_cloud": "clouds.transport",
+    "restrict_cloud": "clouds.transport",
     "transport_plan": "clouds.transport",
 }
 

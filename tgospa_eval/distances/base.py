@@ -23,7 +23,7 @@ REACH_ROUNDING = 2.0**-40
 """What reaches are widened by: far above the rounding of a distance, and it loses no candidate."""
 
 
-class Settings(TypedDict, total=False):
+class DistanceSettings(TypedDict, total=False):
     """What changes the number beside the name, by the names of the options."""
 
     periodic: dict[str, float]
@@ -253,7 +253,7 @@ class Distance(ABC):
         del axes
         return None
 
-    def settings(self, columns: tuple[str, ...]) -> Settings:
+    def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
         """What changes the number beside the name, by the names of the options."""
         del columns
         return {}

@@ -105,7 +105,7 @@ EQUAL_REACHES = 4.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Side:
+class SearchedSide:
     """The rows of one side at some consecutive steps.
 
     Parameters
@@ -144,13 +144,13 @@ class _Candidates:
 
 
 def search(
-    a: Side, b: Side, reaches: tuple[Floats, Floats], power: float
+    a: SearchedSide, b: SearchedSide, reaches: tuple[Floats, Floats], power: float
 ) -> Iterator[tuple[Ints, Ints]]:
     """Pairs that differ by less than the larger reach on every axis, or some more, in order.
 
     Parameters
     ----------
-    a, b : Side
+    a, b : SearchedSide
         Points.
     reaches : two (d, R) or (d, 1) float arrays
         Of `a` and of `b`; finite and > 0.
@@ -189,7 +189,11 @@ def _widest(reaches: tuple[Floats, Floats]) -> tuple[int, int] | None:
 
 
 def _divided(
-    sides: tuple[Side, Side], reaches: tuple[Floats, Floats], power: float, which: int, axis: int
+    sides: tuple[SearchedSide, SearchedSide],
+    reaches: tuple[Floats, Floats],
+    power: float,
+    which: int,
+    axis: int,
 ) -> Iterator[tuple[Ints, Ints]]:
     """Pairs, searched for small and for large reaches of a side, in order.
 
@@ -213,13 +217,13 @@ def _divided(
         yield pair >> 32, pair & 0xFFFFFFFF
 
 
-def _taken(side: Side, rows: Ints) -> Side:
+def _taken(side: SearchedSide, rows: Ints) -> SearchedSide:
     step = side.step[rows]
     at = np.searchsorted(step, np.arange(len(side.at)))
     return replace(side, step=step, at=at, axes=side.axes[:, rows])
 
 
-def _candidates(a: Side, b: Side, reach: Floats) -> _Candidates:
+def _candidates(a: SearchedSide, b: SearchedSide, reach: Floats) -> _Candidates:
     """By the fewest axes that leave few, those with the largest spread in reaches first."""
     begin = b.at[a.step]
     found = _Candidates(
@@ -243,7 +247,7 @@ def _candidates(a: Side, b: Side, reach: Floats) -> _Candidates:
 
 
 def _by_cells(
-    a: Side, b: Side, axes: Ints, extent: tuple[Floats, Floats], reach: Floats
+    a: SearchedSide, b: SearchedSide, axes: Ints, extent: tuple[Floats, Floats], reach: Floats
 ) -> _Candidates:
     """Candidates by cells along all but the first of the axes, and by finer ones along that.
 
@@ -304,7 +308,9 @@ def _compared(
         yield pair >> 32, pair & 0xFFFFFFFF
 
 
-def _tree(a: Side, b: Side, step: int, reach: Floats, power: float) -> tuple[Ints, Ints]:
+def _tree(
+    a: SearchedSide, b: SearchedSide, step: int, reach: Floats, power: float
+) -> tuple[Ints, Ints]:
     """Pairs of a step within the reach, and some beyond, by a k-d tree.
 
     Axes are scaled by powers of two, which is exact, and so that no square overflows. Where their
@@ -387,7 +393,9 @@ def prepared_pairs(sides: Sides, cutoff: float, distance: Distance, effort: Effo
     return distance.refined(found, sides, cutoff, effort)
 
 
-def _search(a: Side, b: Side, cutoff: float, distance: Distance) -> Iterator[tuple[Ints, Ints]]:
+def _search(
+    a: SearchedSide, b: SearchedSide, cutoff: float, distance: Distance
+) -> Iterator[tuple[Ints, Ints]]:
     """Candidates, by those axes of the embedded states that can separate some."""
     points = [replace(side, axes=distance.embed(side.axes)) for side in (a, b)]
     reach = [distance.reach(cutoff, side.axes) for side in (a, b)]
@@ -431,9 +439,11 @@ def _together(done: Ints) -> Iterator[tuple[int, int]]:
     yield from pairwise([0, *cuts.tolist(), len(done) - 1])
 
 
-def _rows(side: Trajectories, starts: Ints, begin: int, end: int, distance: Distance) -> Side:
+def _rows(
+    side: Trajectories, starts: Ints, begin: int, end: int, distance: Distance
+) -> SearchedSide:
     first, last = int(starts[begin]), int(starts[end])
-    return Side(
+    return SearchedSide(
         first=first,
         step=side.step[first:last].astype(np.int64) - begin,
         at=starts[begin : end + 1] - first,

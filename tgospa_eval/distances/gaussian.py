@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.base import Distance, Floats, Pairs, Settings, Sides
+from tgospa_eval.distances.base import Distance, DistanceSettings, Floats, Pairs, Sides
 from tgospa_eval.distances.vector import Norm, shares
 from tgospa_eval.errors import ConfigError, InputError, TgospaWarning
 from tgospa_eval.text import quoted
@@ -131,7 +131,7 @@ class GaussianWasserstein(Distance):
         """Whether scale and period have a number for each column."""
         self._means.check_columns(columns, name)
 
-    def settings(self, columns: tuple[str, ...]) -> Settings:
+    def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
         """Periods and scales by the names of the columns, and what becomes of clouds."""
         return {**self._means.settings(columns), "mixed": self.mixed}
 

@@ -10,10 +10,10 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import (
     REACH_ROUNDING,
     Distance,
+    DistanceSettings,
     Effort,
     Floats,
     Pairs,
-    Settings,
     Sides,
 )
 from tgospa_eval.distances.vector import check_length, positive_numbers, shares
@@ -132,9 +132,9 @@ class Mahalanobis(Distance):
         check_length("covariance", np.asarray(self.covariance), columns, name)
         check_length("scale", self.scale, columns, name)
 
-    def settings(self, columns: tuple[str, ...]) -> Settings:
+    def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
         """The matrix, and scales by the names of the columns."""
-        found: Settings = {"covariance": np.asarray(self.covariance).tolist()}
+        found: DistanceSettings = {"covariance": np.asarray(self.covariance).tolist()}
         if self.scale is not None:
             found["scale"] = dict(zip(columns, self.scale, strict=True))
         return found
@@ -244,7 +244,7 @@ class PairMahalanobis(Distance):
             )
         return pairs
 
-    def settings(self, columns: tuple[str, ...]) -> Settings:
+    def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
         """The word for it."""
         del columns
         return {"covariance": "pair"}

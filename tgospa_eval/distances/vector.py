@@ -6,7 +6,7 @@ from functools import reduce
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Floats, Settings, Sides
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, DistanceSettings, Floats, Sides
 from tgospa_eval.errors import ConfigError, real_number
 
 SMALLEST_SCALE, LARGEST_SCALE = 1e-150, 1e150
@@ -132,9 +132,9 @@ class Norm(Distance):
         for what in ("scale", "period"):
             check_length(what, getattr(self, what), columns, name)
 
-    def settings(self, columns: tuple[str, ...]) -> Settings:
+    def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
         """Periods and scales by the names of the columns."""
-        found: Settings = {}
+        found: DistanceSettings = {}
         if self.period is not None:
             found["periodic"] = {
                 column: period

@@ -18,7 +18,7 @@ from tgospa_eval.evaluation.endings import (
     Continued,
     Endings,
     Proven,
-    Whole,
+    WholePrefixes,
     unpaired_by_step,
     whole_blocks,
 )
@@ -162,7 +162,7 @@ def _narrow(
         first = cells.begin[block]
         begin = np.maximum(end + 1 - span, first)
         begin = np.where((begin - first < span // 2) | from_begin[block], first, begin)
-        for kind, chosen in ((Continued, begin > first), (Whole, begin == first)):
+        for kind, chosen in ((Continued, begin > first), (WholePrefixes, begin == first)):
             at = np.flatnonzero(chosen)
             at = at[np.argsort(begin[at], kind="stable")]
             group_of = kind(*whole)
@@ -179,7 +179,7 @@ def _narrow(
                 timed = replace(solver, time_limit=None if left is None else max(left, 1e-9))
                 brackets.take(group_of.solve(block[own], begin[own], end[own], timed, stopwatch))
                 brackets.open &= brackets.wide
-            if kind is Whole:
+            if kind is WholePrefixes:
                 brackets.open[cell[at]] = False
         span *= 2
 
@@ -225,7 +225,7 @@ def slide(
     problem = states.problem
     first, last = spans
     prices = fair_prices(prices)
-    stretches = _Stretches.of(states, first, last)
+    stretches = _WindowStretches.of(states, first, last)
     found = _WindowBrackets(len(stretches.block))
     complete = stretches.complete(states)
     block = stretches.block[complete]
@@ -247,7 +247,7 @@ def slide(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Stretches:
+class _WindowStretches:
     """What the windows have of the blocks, each once.
 
     Parameters
@@ -265,7 +265,7 @@ class _Stretches:
     stretch: Ints
 
     @classmethod
-    def of(cls, states: States, first: Ints, last: Ints) -> "_Stretches":
+    def of(cls, states: States, first: Ints, last: Ints) -> "_WindowStretches":
         opens, closes = states.block_begin.astype(np.int64), states.block_end.astype(np.int64)
         low = np.searchsorted(last, opens)
         count = np.maximum(np.searchsorted(first, closes, "right") - low, 0)
@@ -347,7 +347,7 @@ def _added(
     problem: Problem,
     unpaired: Floats,
     found: _WindowBrackets,
-    stretches: _Stretches,
+    stretches: _WindowStretches,
     spans: tuple[Ints, Ints],
 ) -> Windows:
     """Sums of the stretches of each window, and of the objects in it that are near to none."""

@@ -23,13 +23,13 @@ from tgospa_eval.problem.certificate import (
 )
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.paths import up
-from tgospa_eval.problem.prefixes import Moves, PrefixBounds, forward, offsets, whole_prices
+from tgospa_eval.problem.prefixes import PrefixBounds, RowMoves, forward, offsets, whole_prices
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.solution import Reduced, Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.solvers.warm_start import Origin, SavedSolution, make_warm_start
+from tgospa_eval.solvers.warm_start import ProblemOrigin, SavedSolution, make_warm_start
 
 SIZE = 1 << 18
 """Near pairs of the endings that are solved together."""
@@ -99,7 +99,7 @@ class Before:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Cut:
+class SuffixProblem:
     """Endings as one problem.
 
     Parameters
@@ -107,7 +107,7 @@ class Cut:
     problem : Problem
         The steps of one after those of the other. Where something is known of the step before an
         ending, that comes first: each listed pair gains there by how much its value exceeds "none".
-    origin : Origin
+    origin : ProblemOrigin
         Where that comes from.
     block, begin, end : (E,) int arrays
         Block, and first and last step of each in the whole.
@@ -118,7 +118,7 @@ class Cut:
     """
 
     problem: Problem
-    origin: Origin
+    origin: ProblemOrigin
     block: Ints
     begin: Ints
     end: Ints
@@ -201,7 +201,7 @@ class Endings:
         weights: Ints = self.weights[np.searchsorted(self._key, key, "right") - 1]
         return weights
 
-    def cut(self, block: Ints, begin: Ints, end: Ints, before: Before) -> Cut:
+    def cut(self, block: Ints, begin: Ints, end: Ints, before: Before) -> SuffixProblem:
         """The endings as one problem."""
         whole = self.states.problem
         head = np.zeros(len(block), np.int64)
@@ -252,14 +252,14 @@ class Endings:
             signed=True,
             **columns,
         )
-        origin = Origin(
+        origin = ProblemOrigin(
             truth=tracks[0],
             estimate=tracks[1],
             step=step,
             estimates=whole.estimates,
             steps=whole.steps,
         )
-        return Cut(
+        return SuffixProblem(
             problem=problem,
             origin=origin,
             block=block,
@@ -399,7 +399,7 @@ class Alone:
         return parts, bound, _rounding(states, parts, cut.length)
 
 
-class Whole:
+class WholePrefixes:
     """Beginnings that are solved from their first step on.
 
     Parameters
@@ -490,7 +490,7 @@ class Continued:
         )
         return before, rest
 
-    def _listed(self, cut: Cut, states: States) -> Ints:
+    def _listed(self, cut: SuffixProblem, states: States) -> Ints:
         """The place in `Before` of each pair."""
         whole, before = self.endings.states, cut.before
         truths, estimates = np.int64(whole.problem.truths), np.int64(whole.problem.estimates)
@@ -504,7 +504,7 @@ class Continued:
         return found
 
     def _costs(
-        self, cut: Cut, states: States, listed: Ints, weights: Ints
+        self, cut: SuffixProblem, states: States, listed: Ints, weights: Ints
     ) -> tuple[Floats, Floats]:
         """Cost by kind, and its error, up to each step of each ending."""
         split = break_down(states, weights)
@@ -525,11 +525,11 @@ class Continued:
         return parts, error
 
     def _lower(
-        self, cut: Cut, states: States, listed: Ints, prices: Floats, rest: Floats
+        self, cut: SuffixProblem, states: States, listed: Ints, prices: Floats, rest: Floats
     ) -> Floats:
         """Lower bound up to each step of each ending."""
         found, slots, before = self.found.prices, states.columns, cut.before
-        moves = Moves.of(states, offsets(states), prices, since=cut.first[cut.ending] + 1)
+        moves = RowMoves.of(states, offsets(states), prices, since=cut.first[cut.ending] + 1)
         of_row = cut.ending[states.block_begin[states.node_block[moves.rows]]]
         reached = before.value[listed]
         opens = states.pair_first[:-1]  # what is paid at the step before

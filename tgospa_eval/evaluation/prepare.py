@@ -25,7 +25,7 @@ from tgospa_eval.problem.tgospa import (
     weight_steps,
 )
 from tgospa_eval.results.records import FileInfo, FileRecord, Labels
-from tgospa_eval.results.result import Compared, Scene, sizes_of
+from tgospa_eval.results.result import ComparedSides, DrawnScene, sizes_of
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
 from tgospa_eval.tracks.judged import Judged, digest, judge, whole
@@ -77,7 +77,7 @@ class Source:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Measured:
+class MeasuredSides:
     """Two sides that are compared: what problems with other parameters have in common.
 
     Parameters
@@ -96,7 +96,7 @@ class Measured:
         Rows and digest of either side.
     judged : Judged
         The horizon, and the truth that counts.
-    scene : Scene
+    scene : DrawnScene
         Where the objects were before the distance prepared them, for pictures.
     step_weights : StepWeights, optional
         What each step counts.
@@ -111,7 +111,7 @@ class Measured:
     settings: Mapping[str, object]
     input: Mapping[str, FileRecord]
     judged: Judged
-    scene: Scene
+    scene: DrawnScene
     step_weights: StepWeights | None = None
     existence: tuple[Floats, Floats] | None = None
 
@@ -152,7 +152,7 @@ class Measured:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Prepared(Measured):
+class Prepared(MeasuredSides):
     """A problem that waits for a solver: what all solvers have in common.
 
     Parameters
@@ -172,9 +172,9 @@ class Prepared(Measured):
         return sizes_of(self.states)
 
     @property
-    def compared(self) -> Compared:
+    def compared(self) -> ComparedSides:
         """What a proof says of the two sides."""
-        return Compared(
+        return ComparedSides(
             moments=self.moments, scene=self.scene, labels=self.labels, settings=self.settings
         )
 
@@ -204,7 +204,7 @@ def measure(
     cutoff: float,
     files: tuple[FileInfo, FileInfo] | None = None,
     stopwatch: Stopwatch,
-) -> tuple[Measured, Pairs]:
+) -> tuple[MeasuredSides, Pairs]:
     """Both sides as they are compared, and all pairs nearer than the cutoff.
 
     `files` are the records of the two sides beside their digests; by default their rows.
@@ -233,7 +233,7 @@ def measure(
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
         (truth, estimate), prepared = distance.prepared((truth, estimate), effort)
         pairs = prepared_pairs((truth, estimate), cutoff, prepared, effort)
-    measured = Measured(
+    measured = MeasuredSides(
         sides=(truth, estimate),
         distance=prepared,
         labels=Labels(
@@ -332,9 +332,9 @@ def fit(
     )
 
 
-def _scene(truth: Trajectories, estimate: Trajectories) -> Scene:
+def _scene(truth: Trajectories, estimate: Trajectories) -> DrawnScene:
     """What pictures show: states as they were read, not as a distance scales or whitens them."""
-    return Scene(
+    return DrawnScene(
         columns=truth.columns,
         truth=truth.state,
         estimate=estimate.state,

@@ -19,7 +19,7 @@ from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import look
 from tgospa_eval.evaluation.evaluate import prove, solver_settings
-from tgospa_eval.evaluation.prepare import Fitted, Measured, fit, measure
+from tgospa_eval.evaluation.prepare import Fitted, MeasuredSides, fit, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import (
     StepWeightsLike,
@@ -232,7 +232,7 @@ class _Line:
 
     def __init__(
         self,
-        measured: Measured,
+        measured: MeasuredSides,
         pairs: Pairs,
         parameters: tuple[Parameters, ...],
         name: str,

@@ -15,7 +15,14 @@ from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import Distance
 from tgospa_eval.explain import edits
-from tgospa_eval.explain.edits import NO_PARTNER, Assigned, Edit, Held, Rows, Stretch
+from tgospa_eval.explain.edits import (
+    NO_PARTNER,
+    AddedRows,
+    Assigned,
+    AssignedRuns,
+    AssignedStretch,
+    Edit,
+)
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.tgospa import Parameters
@@ -69,7 +76,7 @@ def of_names(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
 def _exchanged(assigned: Assigned) -> Iterator[Candidate]:
     """Of each change of a truth from one estimate to another the exchange of the two."""
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
-    by_truth: dict[int, list[Stretch]] = defaultdict(list)
+    by_truth: dict[int, list[AssignedStretch]] = defaultdict(list)
     truths: dict[int, set[int]] = defaultdict(set)
     for stretch in assigned.stretches:
         by_truth[stretch.truth].append(stretch)
@@ -138,7 +145,7 @@ def _changes(estimates: list[int]) -> int:
     return sum(one != other for one, other in pairwise(estimates))
 
 
-def _exchange_saves(stretches: list[Stretch], a: int, b: int, step: int) -> int:
+def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int) -> int:
     """Changes of a truth at a step that there are, less those after an exchange from it on."""
     before = [s.estimate for s in stretches if s.begin < step]
     after = [s.estimate for s in stretches if s.end >= step]
@@ -153,8 +160,8 @@ def _split(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
     """Of each change of an estimate from one truth to another its split."""
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     tracks = assigned.problem.estimates
-    truths: dict[int, list[Stretch]] = defaultdict(list)
-    estimates: dict[int, list[Stretch]] = defaultdict(list)
+    truths: dict[int, list[AssignedStretch]] = defaultdict(list)
+    estimates: dict[int, list[AssignedStretch]] = defaultdict(list)
     for stretch in assigned.stretches:
         truths[stretch.truth].append(stretch)
         estimates[stretch.estimate].append(stretch)
@@ -252,14 +259,14 @@ class Original:
     ----------
     problem : Problem
         Before any repair.
-    held : Held
+    held : AssignedRuns
         Its assignment.
     priced : Priced
         Its prices.
     """
 
     problem: Problem
-    held: Held
+    held: AssignedRuns
     priced: "Priced"
 
 
@@ -496,7 +503,7 @@ SAMPLED_PAIRS = 4000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Places:
+class StatePlaces:
     """Where everything is, for estimates of what repairs save.
 
     Parameters
@@ -538,7 +545,7 @@ class Places:
         return delta - np.where(turns == 0, 0.0, turns * np.where(turns == 0, 1.0, self.period))
 
 
-def filled(assigned: Assigned, places: Places, most: int) -> Iterator[Candidate]:
+def filled(assigned: Assigned, places: StatePlaces, most: int) -> Iterator[Candidate]:
     """Gaps of tracks, filled on straight lines between their ends."""
     tracks, side = assigned.estimate, assigned.estimate.side
     left, right = tracks.order[:-1], tracks.order[1:]
@@ -565,7 +572,7 @@ def filled(assigned: Assigned, places: Places, most: int) -> Iterator[Candidate]
         likely = places.existence
         if likely is not None:
             likely = likely[a[rows]] + share[rows, 0] * (likely[b[rows]] - likely[a[rows]])
-        made = Rows(
+        made = AddedRows(
             step=step[rows],
             track=np.full(len(step[rows]), side.track[left[k]]),
             state=state[rows],
@@ -580,9 +587,9 @@ def _certainty(existence: Floats | None) -> dict[str, Floats]:
     return {} if existence is None else {EXISTENCE: existence}
 
 
-def _with_rows(kind: str, saving: float, made: Rows) -> Candidate:
+def _with_rows(kind: str, saving: float, made: AddedRows) -> Candidate:
     order = np.argsort(made.step)
-    rows = Rows(
+    rows = AddedRows(
         step=made.step[order],
         track=made.track,
         state=made.state[order],
@@ -600,7 +607,7 @@ def _with_rows(kind: str, saving: float, made: Rows) -> Candidate:
 
 
 def _added_saves(
-    assigned: Assigned, places: Places, state: Floats, wanted: tuple[Ints, Ints], price: Floats
+    assigned: Assigned, places: StatePlaces, state: Floats, wanted: tuple[Ints, Ints], price: Floats
 ) -> Floats:
     """What new states save (N,), each of which is to follow a truth at a step."""
     row = assigned.truth.find(*wanted)
@@ -611,7 +618,7 @@ def _added_saves(
     return np.where(row >= 0, missed - cost, -price)
 
 
-def extended(assigned: Assigned, places: Places, most: int) -> Iterator[Candidate]:
+def extended(assigned: Assigned, places: StatePlaces, most: int) -> Iterator[Candidate]:
     """Tracks that go on at either end, at constant velocity, while the truth is missed."""
     tracks, side = assigned.estimate, assigned.estimate.side
     there = np.flatnonzero(np.diff(tracks.first) > 0)
@@ -649,7 +656,7 @@ def extended(assigned: Assigned, places: Places, most: int) -> Iterator[Candidat
     for saving, track, added, made, source in found:
         covariance = None if spread is None else np.repeat(spread[source][None], len(added), axis=0)
         likely = places.existence
-        rows = Rows(
+        rows = AddedRows(
             step=added,
             track=np.full(len(added), track),
             state=made,
@@ -659,7 +666,7 @@ def extended(assigned: Assigned, places: Places, most: int) -> Iterator[Candidat
         yield _with_rows("extend", saving, rows)
 
 
-def shifted(assigned: Assigned, places: Places) -> Iterator[Candidate]:
+def shifted(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
     """The whole estimate some steps earlier or later: the shift that would save most."""
     side, problem = assigned.estimate.side, assigned.problem
     row = np.flatnonzero(assigned.follows >= 0)
@@ -677,7 +684,7 @@ def shifted(assigned: Assigned, places: Places) -> Iterator[Candidate]:
     yield Candidate(kind="shift", saving=saving * scale, edit=Edit(shift=shift))
 
 
-def moved(assigned: Assigned, places: Places) -> Iterator[Candidate]:
+def moved(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:
     """The whole estimate without the median difference to what it follows."""
     side, problem = assigned.estimate.side, assigned.problem
     row = np.flatnonzero(assigned.follows >= 0)

@@ -19,7 +19,7 @@ NO_PARTNER = -1
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stretch:
+class AssignedStretch:
     """A truth is assigned to an estimate from one step to another, inclusive.
 
     Where either does not exist the assignment is held, as in the programme.
@@ -32,7 +32,7 @@ class Stretch:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Held:
+class AssignedRuns:
     """Pairs over stretches of steps, with their weights, sorted by (truth, begin).
 
     Parameters
@@ -111,7 +111,7 @@ class Assigned:
         self.cost[j] = problem.cost[entry]
 
     @cached_property
-    def held(self) -> Held:
+    def held(self) -> AssignedRuns:
         """What is assigned, states of a pair that follow each other joined."""
         states = self.states
         used = np.flatnonzero(self.weights)
@@ -129,7 +129,7 @@ class Assigned:
         last = np.append(first[1:], len(used)) - 1 if len(used) else first
         truth, estimate = states.pair_truth[pair[first]], states.pair_estimate[pair[first]]
         order = np.lexsort((begin[first], truth))
-        return Held(
+        return AssignedRuns(
             truth=truth[order].astype(np.int64),
             estimate=estimate[order].astype(np.int64),
             begin=begin[first][order],
@@ -138,20 +138,22 @@ class Assigned:
         )
 
     @cached_property
-    def stretches(self) -> list[Stretch]:
+    def stretches(self) -> list[AssignedStretch]:
         """Those that are assigned by more than half, by truth and time."""
         held = self.held
         most = np.flatnonzero(held.weight > 0.5)
-        found: list[Stretch] = []
+        found: list[AssignedStretch] = []
         for truth, estimate, begin, end in zip(
             *(part[most].tolist() for part in (held.truth, held.estimate, held.begin, held.end)),
             strict=True,
         ):
             before = found[-1] if found else None
             if before and (before.truth, before.estimate) == (truth, estimate):
-                found[-1] = Stretch(truth=truth, estimate=estimate, begin=before.begin, end=end)
+                found[-1] = AssignedStretch(
+                    truth=truth, estimate=estimate, begin=before.begin, end=end
+                )
             else:
-                found.append(Stretch(truth=truth, estimate=estimate, begin=begin, end=end))
+                found.append(AssignedStretch(truth=truth, estimate=estimate, begin=begin, end=end))
         return found
 
 
@@ -162,7 +164,7 @@ NANOSECONDS = "datetime64[ns]"
 
 
 @dataclass(frozen=True)
-class Piece:
+class TrackPiece:
     """The rows of a track from one step to another, inclusive, as rows of track `to`."""
 
     begin: int
@@ -171,7 +173,7 @@ class Piece:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rows:
+class AddedRows:
     """Rows to add.
 
     Parameters
@@ -199,11 +201,11 @@ class Edit:
 
     Parameters
     ----------
-    pieces : mapping of int to sequence of Piece
+    pieces : mapping of int to sequence of TrackPiece
         Of each track that changes what becomes of its rows; those in no piece are dropped.
     fresh : tuple of str
         Ids of tracks that there were not; they are numbered after the others.
-    added : Rows, optional
+    added : AddedRows, optional
         Rows to add.
     shift : int
         Steps by which every row is moved.
@@ -211,9 +213,9 @@ class Edit:
         What is taken from every state.
     """
 
-    pieces: Mapping[int, tuple[Piece, ...]] = field(default_factory=dict)
+    pieces: Mapping[int, tuple[TrackPiece, ...]] = field(default_factory=dict)
     fresh: tuple[str, ...] = ()
-    added: Rows | None = None
+    added: AddedRows | None = None
     shift: int = 0
     offset: Floats | None = None
 
@@ -315,12 +317,12 @@ def drop(track: int) -> Edit:
 
 def cut(track: int, first: int, last: int) -> Edit:
     """A track from one step to another alone."""
-    return Edit(pieces={track: (Piece(first, last, track),)})
+    return Edit(pieces={track: (TrackPiece(first, last, track),)})
 
 
 def split(track: int, step: int, steps: int, tracks: int, name: str) -> Edit:
     """What a track has from a step on as a track of its own, with a new name."""
-    pieces = (Piece(0, step - 1, track), Piece(step, steps - 1, tracks))
+    pieces = (TrackPiece(0, step - 1, track), TrackPiece(step, steps - 1, tracks))
     return Edit(pieces={track: pieces}, fresh=(name,))
 
 
@@ -328,7 +330,7 @@ def exchange(first: int, second: int, step: int, steps: int) -> Edit:
     """The tracks of two names exchanged from a step on."""
     return Edit(
         pieces={
-            a: (Piece(0, step - 1, a), Piece(step, steps - 1, b))
+            a: (TrackPiece(0, step - 1, a), TrackPiece(step, steps - 1, b))
             for a, b in ((first, second), (second, first))
         }
     )
@@ -336,9 +338,9 @@ def exchange(first: int, second: int, step: int, steps: int) -> Edit:
 
 def merge(track: int, into: int, steps: int) -> Edit:
     """All rows of a track as rows of another one that has none at the same steps."""
-    return Edit(pieces={k: (Piece(0, steps - 1, into),) for k in (track, into)})
+    return Edit(pieces={k: (TrackPiece(0, steps - 1, into),) for k in (track, into)})
 
 
-def add(rows: Rows) -> Edit:
+def add(rows: AddedRows) -> Edit:
     """Rows more."""
     return Edit(added=rows)

@@ -11,7 +11,7 @@ from tgospa_eval.evaluation.axis import on_own_times, periods_of
 from tgospa_eval.evaluation.prepare import Source
 from tgospa_eval.explain import candidates as found
 from tgospa_eval.explain import candidates as motion
-from tgospa_eval.explain.candidates import Candidate, Places
+from tgospa_eval.explain.candidates import Candidate, StatePlaces
 from tgospa_eval.explain.edits import Assigned
 from tgospa_eval.explain.trials import Trial, Trials
 from tgospa_eval.results.explanation import Explanation
@@ -109,11 +109,11 @@ def _candidates(
         yield from (candidate for candidate in maker if candidate.saving > 0)
 
 
-def _places(result: Result, source: Source) -> Places:
+def _places(result: Result, source: Source) -> StatePlaces:
     sides = source.sides
     columns = sides.read[0].columns
     periods = periods_of(sides.distance, columns)
-    return Places(
+    return StatePlaces(
         truth=sides.alignment.truth,
         estimate=sides.alignment.estimate,
         moments=sides.alignment.truth.times.astype(np.float64),

@@ -9,7 +9,7 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.partitioned.components import Tracks
 from tgospa_eval.partitioned.scan import Scanned
-from tgospa_eval.partitioned.share import PARTS_OF_TRACKS, Share
+from tgospa_eval.partitioned.share import PARTS_OF_TRACKS, PartialSums
 from tgospa_eval.problem.certificate import lower_cost, upper_cost
 from tgospa_eval.problem.paths import down
 from tgospa_eval.problem.problem import Floats, Ints, Problem
@@ -18,7 +18,7 @@ from tgospa_eval.problem.tgospa import Parameters
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Whole:
+class EvaluationSums:
     """The whole evaluation, in units of c^p.
 
     Parameters
@@ -51,7 +51,7 @@ def add_up(
     tracks: tuple[Tracks, Tracks],
     constants: Problem,
     parameters: Parameters,
-) -> Whole:
+) -> EvaluationSums:
     """Add up all shards, in order, and the objects that are in none.
 
     Parameters
@@ -79,7 +79,7 @@ def add_up(
     upper: list[float] = []
     iterations = states = unsolved = 0
     for folder in folders:
-        share = Share.load(folder / "share.npz")
+        share = PartialSums.load(folder / "share.npz")
         span = slice(share.first, share.first + len(share.truths))
         for name, part in parts.items():
             part[span] += getattr(share, name)
@@ -109,7 +109,7 @@ def add_up(
         _tracks(folders, name, side, price)
         for name, side, price in zip(names, tracks, parameters.unassigned_prices, strict=True)
     ]
-    return Whole(
+    return EvaluationSums(
         bounds=bounds,
         breakdown=breakdown,
         objects=objects,

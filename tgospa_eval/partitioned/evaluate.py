@@ -28,10 +28,10 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.input.digests import changed_file
 from tgospa_eval.partitioned.input.listing import stored
 from tgospa_eval.partitioned.resampling import Found, Resampling, clock_of, find_steps
-from tgospa_eval.partitioned.run import Evaluated, Plan, evaluate_parts, rows_together
+from tgospa_eval.partitioned.run import Evaluated, PartsPlan, evaluate_parts, rows_together
 from tgospa_eval.partitioned.sample import look
 from tgospa_eval.partitioned.scan import Read, Scanned
-from tgospa_eval.partitioned.sides import Side, open_side
+from tgospa_eval.partitioned.sides import PartsSide, open_side
 from tgospa_eval.partitioned.tables import Naming, TrackSums, write_tables
 from tgospa_eval.partitioned.tasks import Stages, run_tasks
 from tgospa_eval.problem.compiled import KERNEL
@@ -94,7 +94,7 @@ class Means:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Known:
+class SideSummary:
     """What is known of a side when its rows are read.
 
     Parameters
@@ -125,7 +125,7 @@ def evaluate_partitioned(
     request_of: Callable[[tuple[str, ...]], EvaluationRequest],
     means: Means,
     stopwatch: Stopwatch,
-    check: Callable[[tuple[Known, Known], tuple[str, str]], None] | None = None,
+    check: Callable[[tuple[SideSummary, SideSummary], tuple[str, str]], None] | None = None,
 ) -> PartitionedResult:
     """Evaluate two sides block by block and component by component.
 
@@ -163,7 +163,7 @@ def _evaluate(
     request_of: Callable[[tuple[str, ...]], EvaluationRequest],
     means: Means,
     stopwatch: Stopwatch,
-    check: Callable[[tuple[Known, Known], tuple[str, str]], None] | None,
+    check: Callable[[tuple[SideSummary, SideSummary], tuple[str, str]], None] | None,
 ) -> PartitionedResult:
     run = partial(run_tasks, engine=means.engine)
     with stopwatch.span("read"):
@@ -195,7 +195,7 @@ def _evaluate(
         if check is not None:
             check((_known(truth, 0, blocks), _known(estimate, 1, blocks)), paths)
 
-    plan = Plan(
+    plan = PartsPlan(
         cut=steps.cut,
         times=steps.grid.truth.times,
         request=request,
@@ -225,9 +225,9 @@ def _evaluate(
     )
 
 
-def _known(side: Side, number: int, blocks: Sequence[Scanned]) -> Known:
+def _known(side: PartsSide, number: int, blocks: Sequence[Scanned]) -> SideSummary:
     read = [block.read[number] for block in blocks]
-    return Known(
+    return SideSummary(
         lacking=side.lacking,
         left_out=_left_out(side, read),
         named=frozenset(name for block in read for name in block.named),
@@ -256,7 +256,11 @@ def _check_request(request: EvaluationRequest) -> None:
 
 
 def _result(
-    sides: tuple[Side, Side], steps: Found, plan: Plan, found: Evaluated, means: Means
+    sides: tuple[PartsSide, PartsSide],
+    steps: Found,
+    plan: PartsPlan,
+    found: Evaluated,
+    means: Means,
 ) -> PartitionedResult:
     """The result, its tables written."""
     request, whole = plan.request, found.whole
@@ -339,7 +343,7 @@ def _result(
 
 
 def _input(
-    side: Side, number: int, plan: Plan, found: Evaluated
+    side: PartsSide, number: int, plan: PartsPlan, found: Evaluated
 ) -> tuple[FileRecord, list[Notice]]:
     """The record of a side, and what was repaired in it."""
     blocks = [block.read[number] for block in found.blocks]
@@ -351,14 +355,14 @@ def _input(
     return record, [notice.about(plan.names[number]) for notice in warnings.values()]
 
 
-def _off(plan: Plan, found: Evaluated, number: int) -> int:
+def _off(plan: PartsPlan, found: Evaluated, number: int) -> int:
     """Rows of a side that are left out because their stamps are no steps."""
     if isinstance(plan.cut, Resampling):
         return 0
     return sum(block.read[number].off for block in found.blocks)
 
 
-def _left_out(side: Side, blocks: Sequence[Read]) -> dict[str, int]:
+def _left_out(side: PartsSide, blocks: Sequence[Read]) -> dict[str, int]:
     """Rows that take no part, by rule."""
     left_out = dict(side.left_out)
     for block in blocks:
@@ -367,7 +371,9 @@ def _left_out(side: Side, blocks: Sequence[Read]) -> dict[str, int]:
     return left_out
 
 
-def _said(sides: tuple[Side, Side], axis: Axis, plan: Plan, found: Evaluated) -> Iterator[Notice]:
+def _said(
+    sides: tuple[PartsSide, PartsSide], axis: Axis, plan: PartsPlan, found: Evaluated
+) -> Iterator[Notice]:
     """What the user should know of the two sides."""
     for number, side in enumerate(sides):
         blocks = [block.read[number] for block in found.blocks]

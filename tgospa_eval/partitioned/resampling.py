@@ -24,13 +24,13 @@ from tgospa_eval.evaluation.axis import Axis, Sides, on_axis, periods_of
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.input.runs import merged_names
-from tgospa_eval.partitioned.sides import Side
+from tgospa_eval.partitioned.sides import PartsSide
 from tgospa_eval.partitioned.stretches import (
     NO_SPAN,
-    Cut,
+    BlockPiece,
+    BlockPlan,
     Ends,
     OwnTimes,
-    Piece,
     Readable,
     Stamping,
     places,
@@ -272,14 +272,14 @@ class Resampling:
     ----------
     times : (T,) array
         The steps.
-    blocks : list of Piece
+    blocks : list of BlockPiece
         What is read together, for these steps.
     made : pair of Made
         How much there is of truth and estimate.
     """
 
     times: Times
-    blocks: list[Piece]
+    blocks: list[BlockPiece]
     made: tuple[Made, Made]
 
     @property
@@ -288,7 +288,7 @@ class Resampling:
         first, second = (made.own + made.between for made in self.made)
         return np.asarray(first + second)
 
-    def pieces(self, most: int) -> Iterator[Piece]:
+    def pieces(self, most: int) -> Iterator[BlockPiece]:
         """All steps in pieces of about so many states; a block that is read may be several."""
         rows, most = self.rows, max(most // SHARES, 1)
         for block in self.blocks:
@@ -299,7 +299,7 @@ class Resampling:
             for low, high in itertools.pairwise(edges):
                 yield replace(block, low=low, high=high, told=low == block.low)
 
-    def piece(self, low: int, high: int) -> Piece:
+    def piece(self, low: int, high: int) -> BlockPiece:
         """What is read for steps from `low` on, up to `high` or the end of a block."""
         block = next(block for block in self.blocks if block.low <= low < block.high)
         return replace(block, low=low, high=min(high, block.high))
@@ -347,7 +347,7 @@ def resample(
             for role, side in enumerate(stamping.sides)
         ]
         pieces.append(
-            (Piece(low=low, high=high, stretches=(stretches[0], stretches[1])), stretches)
+            (BlockPiece(low=low, high=high, stretches=(stretches[0], stretches[1])), stretches)
         )
     tasks = [
         Edges(
@@ -460,17 +460,17 @@ class Found:
         How the stamps of both sides came to them.
     grid : Alignment
         The same, aligned.
-    cut : Cut
+    cut : BlockPlan
         The rows of both sides along them.
     """
 
     axis: Axis
     grid: Alignment
-    cut: Cut
+    cut: BlockPlan
 
 
 def find_steps(
-    sides: tuple[Side, Side],
+    sides: tuple[PartsSide, PartsSide],
     clocks: Sides,
     request: EvaluationRequest,
     names: tuple[str, str],
@@ -482,7 +482,7 @@ def find_steps(
 
     Parameters
     ----------
-    sides : pair of Side
+    sides : pair of PartsSide
         Truth and estimate.
     clocks : pair of Trajectories
         What `clock_of` makes of them.
@@ -512,13 +512,13 @@ def find_steps(
         raise ConfigError(f"--grid {matching.grid}: no step is left, none of {grid.union:,} counts")
     own = (_own_times(sides[0], grid.truth), _own_times(sides[1], grid.estimate))
     stamping = Stamping(times=grid.truth.times, sides=own)
-    cut: Cut = stamping
+    cut: BlockPlan = stamping
     if resampled:
         cut = resample(stamping, request, names, most, work, run)
     return Found(axis=axis, grid=grid, cut=cut)
 
 
-def clock_of(side: Side) -> Trajectories:
+def clock_of(side: PartsSide) -> Trajectories:
     """The stamps of a side as a track that has a row at each, and nothing else."""
     size = len(side.times)
     labels = None
@@ -543,7 +543,7 @@ def _without_rows(side: Trajectories) -> Trajectories:
     return Trajectories.of_times(side.times, side.columns, side.clock, side.labels)
 
 
-def _own_times(side: Side, on: Trajectories) -> OwnTimes:
+def _own_times(side: PartsSide, on: Trajectories) -> OwnTimes:
     """The stamps of a side, and which are steps, from what `_clock_of` became."""
     step = np.full(len(side.times), -1)
     if len(on.step):

@@ -13,14 +13,14 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.engines.processes import Standing
 from tgospa_eval.engines.spread import Engine
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.partitioned.add_up import Whole, add_up
+from tgospa_eval.partitioned.add_up import EvaluationSums, add_up
 from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
 from tgospa_eval.partitioned.long.component import Long
 from tgospa_eval.partitioned.long.run import solve_long
 from tgospa_eval.partitioned.scan import Block, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import Shard, Sort, long_name, solve_shard, sort_entries
-from tgospa_eval.partitioned.share import Share
-from tgospa_eval.partitioned.stretches import Cut, Piece
+from tgospa_eval.partitioned.share import PartialSums
+from tgospa_eval.partitioned.stretches import BlockPiece, BlockPlan
 from tgospa_eval.partitioned.tasks import Stages, T, run_tasks
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.solvers.certified import Certified
@@ -40,12 +40,12 @@ MOST_ROWS, MOST_ENTRIES = 4_000_000, 30_000_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Plan:
+class PartsPlan:
     """What is evaluated, and with what.
 
     Parameters
     ----------
-    cut : Cut
+    cut : BlockPlan
         Both sides along the steps.
     times : (T,) array
         The steps.
@@ -67,7 +67,7 @@ class Plan:
         Called with what is known of the blocks, before anything is solved.
     """
 
-    cut: Cut
+    cut: BlockPlan
     times: Times
     request: EvaluationRequest
     names: tuple[str, str]
@@ -78,7 +78,7 @@ class Plan:
     engine: Engine | None = None
     look: Callable[[Sequence[Scanned]], None] = lambda blocks: None  # noqa: ARG005
 
-    def block(self, piece: Piece, number: int = 0) -> Block:
+    def block(self, piece: BlockPiece, number: int = 0) -> Block:
         """The task to scan a piece."""
         return Block(
             output=str(self.work / SCANNED / f"{number:08d}"),
@@ -96,7 +96,7 @@ class Plan:
         function: Callable[[T], None],
         tasks: Sequence[T],
         amounts: Sequence[float] | None = None,
-        share_of: Callable[[str], Share | None] = lambda output: None,  # noqa: ARG005
+        share_of: Callable[[str], PartialSums | None] = lambda output: None,  # noqa: ARG005
     ) -> None:
         """Do the tasks of a stage.
 
@@ -132,7 +132,7 @@ class Evaluated:
 
     Parameters
     ----------
-    whole : Whole
+    whole : EvaluationSums
         Bounds, breakdown, what each track contributes.
     blocks : list of Scanned
         What is known of the blocks.
@@ -148,7 +148,7 @@ class Evaluated:
         Has errors and rounding of the whole.
     """
 
-    whole: Whole
+    whole: EvaluationSums
     blocks: list[Scanned]
     tracks: tuple[Tracks, Tracks]
     shards: Shards
@@ -167,7 +167,7 @@ def most_entries(memory: int) -> int:
     return max(min(MOST_ENTRIES, memory // BYTES_AN_ENTRY), 1)
 
 
-def evaluate_parts(plan: Plan, stopwatch: Stopwatch | None = None) -> Evaluated:
+def evaluate_parts(plan: PartsPlan, stopwatch: Stopwatch | None = None) -> Evaluated:
     """Evaluate; goes on from what is in the folder of work.
 
     Raises
@@ -205,7 +205,7 @@ def evaluate_parts(plan: Plan, stopwatch: Stopwatch | None = None) -> Evaluated:
     )
 
 
-def _scan(plan: Plan) -> list[Path]:
+def _scan(plan: PartsPlan) -> list[Path]:
     """Blocks of whole steps with so many rows as fit; each time of a side is in one of them."""
     pieces = plan.cut.pieces(rows_together(plan.memory))
     tasks = [plan.block(piece, number) for number, piece in enumerate(pieces)]
@@ -214,7 +214,7 @@ def _scan(plan: Plan) -> list[Path]:
 
 
 def _shuffle(
-    plan: Plan,
+    plan: PartsPlan,
     scanned: Sequence[Path],
     blocks: Sequence[Scanned],
     tracks: tuple[Tracks, Tracks],
@@ -235,7 +235,7 @@ def _shuffle(
     return tuple(task.output for task in tasks)
 
 
-def _solve(plan: Plan, folders: tuple[str, ...], shards: Shards) -> list[Path]:
+def _solve(plan: PartsPlan, folders: tuple[str, ...], shards: Shards) -> list[Path]:
     """Folders with what the shards contribute, those of long components last."""
     solver = plan.request.solver
     assert isinstance(solver, Certified)
@@ -258,7 +258,7 @@ def _solve(plan: Plan, folders: tuple[str, ...], shards: Shards) -> list[Path]:
         solve_shard,
         tasks,
         [float(shards.entries[task.number]) for task in tasks],
-        lambda output: Share.load(Path(output) / "share.npz"),
+        lambda output: PartialSums.load(Path(output) / "share.npz"),
     )
     for number in np.flatnonzero(shards.long).tolist():
         component = Long(

@@ -5,7 +5,7 @@ import numpy as np
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
 from tgospa_eval.evaluation.prepare import fit
-from tgospa_eval.partitioned.run import Plan
+from tgospa_eval.partitioned.run import PartsPlan
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.tracks.alignment import Alignment
 
@@ -14,12 +14,12 @@ LOOKED_AT = 50_000
 second."""
 
 
-def look(plan: Plan, grid: Alignment) -> list[Notice]:
+def look(plan: PartsPlan, grid: Alignment) -> list[Notice]:
     """Notices about both sides, and warnings about the middle of the recording.
 
     Parameters
     ----------
-    plan : Plan
+    plan : PartsPlan
         What is evaluated.
     grid : Alignment
         The steps of both sides, without their rows.

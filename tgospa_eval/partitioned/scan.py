@@ -16,7 +16,7 @@ from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.share import ENTRY
-from tgospa_eval.partitioned.stretches import Stretch
+from tgospa_eval.partitioned.stretches import SideStretch
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.problem import Ints, Problem
 from tgospa_eval.problem.tgospa import tgospa_problem
@@ -35,7 +35,7 @@ class Block:
     ----------
     output : str
         The folder that is written.
-    stretches : pair of Stretch
+    stretches : pair of SideStretch
         What is read of truth and estimate.
     times : (L,) array
         The steps.
@@ -50,7 +50,7 @@ class Block:
     """
 
     output: str
-    stretches: tuple[Stretch, Stretch]
+    stretches: tuple[SideStretch, SideStretch]
     times: Times
     first: int
     told: bool

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.partitioned.share import ENTRY, Share
+from tgospa_eval.partitioned.share import ENTRY, PartialSums
 from tgospa_eval.partitioned.tasks import left_until, writing
 from tgospa_eval.problem.certificate import prove, unpaired_prices
 from tgospa_eval.problem.merging import merge_runs
@@ -145,7 +145,7 @@ def solve_shard(task: Shard) -> None:
         np.bincount(problem.truth_step, minlength=problem.steps),
         np.bincount(problem.estimate_step, minlength=problem.steps),
     )
-    share = Share.of(
+    share = PartialSums.of(
         breakdown,
         objects,
         np.concatenate((lower, unpaired_prices(states))),

@@ -20,7 +20,7 @@ HELD = np.dtype(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Share:
+class PartialSums:
     """What some components contribute, in units of c^p.
 
     Objects are the rows (track and step) that have a near pair in these components, no others.
@@ -74,7 +74,7 @@ class Share:
         iterations: int = 0,
         states: int = 0,
         solved: bool = True,
-    ) -> "Share":
+    ) -> "PartialSums":
         """Of a breakdown over L steps from `first` on, and the objects at each."""
         parts = {name: value for name, value in vars(breakdown).items() if name != "total"}
         return cls(
@@ -95,7 +95,7 @@ class Share:
             np.savez(file, **{field.name: getattr(self, field.name) for field in fields(self)})
 
     @classmethod
-    def load(cls, path: Path) -> "Share":
+    def load(cls, path: Path) -> "PartialSums":
         """Read what `save` wrote."""
         with np.load(path) as found:
             values = {name: found[name] for name in found.files}

@@ -33,7 +33,7 @@ from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import Times
 from tgospa_eval.partitioned.input.index import (
     Index,
-    Source,
+    IndexSource,
     Texts,
     index_tables,
     index_texts,
@@ -51,7 +51,7 @@ KEY_DIGITS = 16
 
 
 @dataclass(frozen=True, kw_only=True)
-class Side:
+class PartsSide:
     """One side that is read in parts; it travels to whoever reads blocks.
 
     Parameters
@@ -230,7 +230,7 @@ def open_side(
     work: Path,
     rows_together: int,
     run: Run[Any],
-) -> Side:
+) -> PartsSide:
     """Find out what a side has, and put its rows in order of time where they are not.
 
     Parameters
@@ -261,12 +261,12 @@ def open_side(
     store = work.absolute() / f"{role}-{_key(format, files, options, rows_together)}"
     opened = store / "side"
     if not opened.exists():
-        source = Source(files=files, options=options, store=store, rows_together=rows_together)
+        source = IndexSource(files=files, options=options, store=store, rows_together=rows_together)
         index = (index_texts if format == "csv" else index_tables)(source, run)
         side = _stored(index, options, store, name, role, format)
         with writing(str(opened)) as beside:
             beside.write_bytes(pickle.dumps(side))
-    found: Side = pickle.loads(opened.read_bytes())
+    found: PartsSide = pickle.loads(opened.read_bytes())
     return replace(found, path=name, options=options, store=str(store))
 
 
@@ -283,14 +283,14 @@ def _key(format: str, files: Sequence[File], options: ReadOptions, rows_together
 
 def _stored(
     index: Index, options: ReadOptions, store: Path, name: str, role: str, format: str
-) -> Side:
+) -> PartsSide:
     """The side of an index, which is written."""
     roles = index.roles
     outside = store_steps(index, options, store, name)
     notices = [*roles.notices(clouds=False), *([CENTRES] if roles.centres else ())]
     if options.classes is not None and roles.klass is None:
         notices.append(NO_CLASSES)
-    return Side(
+    return PartsSide(
         path=name,
         role=role,
         format=format,

@@ -28,7 +28,7 @@ class Readable(Protocol):
         """The rows from one time to another, both included."""
 
 
-class Stretch(Protocol):
+class SideStretch(Protocol):
     """What of a side is read for a block."""
 
     def read(self) -> Reading:
@@ -39,14 +39,14 @@ class Stretch(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Piece:
+class BlockPiece:
     """Some steps, and what is read for them.
 
     Parameters
     ----------
     low, high : int
         The first step, and the one after the last; there may be none.
-    stretches : pair of Stretch
+    stretches : pair of SideStretch
         Of truth and estimate.
     told : bool
         Whether what is read is to be counted: no other piece counts it.
@@ -54,21 +54,21 @@ class Piece:
 
     low: int
     high: int
-    stretches: tuple[Stretch, Stretch]
+    stretches: tuple[SideStretch, SideStretch]
     told: bool = True
 
 
-class Cut(Protocol):
+class BlockPlan(Protocol):
     """Both sides along the steps."""
 
     @property
     def rows(self) -> Ints:
         """Rows of both at each step (T,)."""
 
-    def pieces(self, most: int) -> Iterator[Piece]:
+    def pieces(self, most: int) -> Iterator[BlockPiece]:
         """All steps, and all stamps of either side, in pieces of about so many rows."""
 
-    def piece(self, low: int, high: int) -> Piece:
+    def piece(self, low: int, high: int) -> BlockPiece:
         """What is read for steps from `low` on, up to `high` at most."""
 
 
@@ -161,7 +161,7 @@ class Stamping:
             found.append(moments)
         return tuple(found)
 
-    def pieces(self, most: int) -> Iterator[Piece]:
+    def pieces(self, most: int) -> Iterator[BlockPiece]:
         """All steps, and all stamps of either side, in pieces of about so many rows."""
         for begin, end in self.spans(most):
             yield self._between(begin, end)
@@ -177,11 +177,11 @@ class Stamping:
         for begin, end in itertools.pairwise([*cuts.tolist(), len(moments)]):
             yield moments[begin].item(), moments[end - 1].item()
 
-    def piece(self, low: int, high: int) -> Piece:
+    def piece(self, low: int, high: int) -> BlockPiece:
         """What is read for these steps."""
         return self._between(self.times[low].item(), self.times[high - 1].item())
 
-    def _between(self, first: float, last: float) -> Piece:
+    def _between(self, first: float, last: float) -> BlockPiece:
         low, high = places(self.times, first, last)
         stretches = []
         for side, moments in zip(self.sides, self.moments, strict=True):
@@ -195,7 +195,7 @@ class Stamping:
                     step=step[step >= 0] - low,
                 )
             )
-        return Piece(low=low, high=high, stretches=(stretches[0], stretches[1]))
+        return BlockPiece(low=low, high=high, stretches=(stretches[0], stretches[1]))
 
 
 def places(times: Times, first: float, last: float) -> tuple[int, int]:

@@ -15,7 +15,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.engines.spread import Engine, spread
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.partitioned.share import Share
+from tgospa_eval.partitioned.share import PartialSums
 from tgospa_eval.problem.tgospa import Parameters
 
 UNFINISHED = ".unfinished"
@@ -25,7 +25,7 @@ REMOVED = ".removed-"
 """Begins the names of folders with what is being removed."""
 
 
-class Task(Protocol):
+class PartsTask(Protocol):
     """One piece of work; it travels to whoever does it."""
 
     @property
@@ -33,7 +33,7 @@ class Task(Protocol):
         """The file or folder that it writes."""
 
 
-T = TypeVar("T", bound=Task)
+T = TypeVar("T", bound=PartsTask)
 Run = Callable[[Callable[[T], None], Sequence[T]], None]
 """Does tasks by a function, in no order; those that are done are not done again."""
 
@@ -60,7 +60,7 @@ class _Work:
 
     function: Callable[..., None]
 
-    def __call__(self, task: Task) -> Ended:
+    def __call__(self, task: PartsTask) -> Ended:
         if not os.path.exists(task.output):
             self.function(task)
         return Ended(task.output)
@@ -78,7 +78,7 @@ def run_tasks(
     ----------
     function : callable
         Does one, by `writing` its output; defined in a module, as it travels.
-    tasks : sequence of Task
+    tasks : sequence of PartsTask
         In the order in which to begin.
     engine : Engine, optional
         Where; in this process by default.
@@ -116,7 +116,7 @@ def left_until(end: float | None) -> float | None:
     return None if end is None else max(end - time.time(), 0.0)
 
 
-def _lost(task: Task) -> Ended:
+def _lost(task: PartsTask) -> Ended:
     return Ended(task.output, lost=True)
 
 
@@ -234,14 +234,14 @@ class Stages:
         """All stages are done."""
         self.stopwatch.stage, self.stopwatch.progress.left = self._outer, None
 
-    def done(self, task: str, share: Share | None = None) -> None:
+    def done(self, task: str, share: PartialSums | None = None) -> None:
         """A task has ended, or was found done.
 
         Parameters
         ----------
         task : str
             Its output.
-        share : Share, optional
+        share : PartialSums, optional
             What it proves.
         """
         if task in self._left:
@@ -269,12 +269,12 @@ class Stages:
     def _unassigned(self, truths: float, estimates: float) -> float:
         return self._prices[0] * truths + self._prices[1] * estimates
 
-    def prove(self, share: Share, name: str) -> None:
+    def prove(self, share: PartialSums, name: str) -> None:
         """Below, shares that are known; above, them and all other objects unassigned.
 
         Parameters
         ----------
-        share : Share
+        share : PartialSums
             What is proven.
         name : str
             Of what: it takes the place of what was proven of it before.

@@ -54,7 +54,7 @@ _HOMES = {
     "plot_lanes": "lanes",
     "plot_plane": "plane",
     "plot_windows": "overtime",
-    "plot_worst": "worst",
+    "plot_worst": "overtime",
 }
 
 FILES: Mapping[str, dict[str, Any]] = {

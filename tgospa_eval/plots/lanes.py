@@ -20,7 +20,7 @@ from tgospa_eval.plots.style import (
     styled,
     titled,
 )
-from tgospa_eval.plots.views import Side, View, view
+from tgospa_eval.plots.views import DrawnSide, View, view
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.page_data import NONE
 from tgospa_eval.results.summary import Summary
@@ -47,7 +47,7 @@ class Lanes:
 
     Parameters
     ----------
-    side : Side
+    side : DrawnSide
         The tracks.
     tracks : (L,) int array
         Those with a lane of their own, from above.
@@ -57,7 +57,7 @@ class Lanes:
         Place of the first lane; the words stand above it.
     """
 
-    side: Side
+    side: DrawnSide
     tracks: Ints
     others: Ints
     first: int
@@ -128,7 +128,7 @@ def draw_lanes(seen: View, style: Style) -> "Figure":
     return made
 
 
-def arranged(side: Side, tracks: Ints, most: int, first: int) -> Lanes:
+def arranged(side: DrawnSide, tracks: Ints, most: int, first: int) -> Lanes:
     """Lanes in the order of the files; of too many the costliest."""
     if len(tracks) <= most:
         return Lanes(side=side, tracks=tracks, others=tracks[:0], first=first)

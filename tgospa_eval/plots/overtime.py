@@ -10,7 +10,7 @@ from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import boxes, counted, figure, stairs
 from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, styled, titled
-from tgospa_eval.plots.views import Side, View, binned, parts_of, view
+from tgospa_eval.plots.views import DrawnSide, View, binned, parts_of, view
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.clock import Clock
 from tgospa_eval.results.summary import Summary
@@ -123,7 +123,7 @@ def plot_windows(
 
 def draw_cumulative(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     """`plot_cumulative` of a view."""
-    lines = _Lines(at=seen.at, values=seen.data["curve"], axis="per step, so far")
+    lines = _TimeLines(at=seen.at, values=seen.data["curve"], axis="per step, so far")
     return _draw_lines(seen, style, parts, lines, "Normalised cumulative cost")
 
 
@@ -131,7 +131,7 @@ def draw_windows(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     """`plot_windows` of a view."""
     found = seen.data["windows"]
     ends = (seen.at[np.asarray(found[name], int)] for name in ("first", "last"))
-    lines = _Lines(
+    lines = _TimeLines(
         at=sum(ends, np.zeros(len(found["first"]))) / 2,
         values=found["lines"],
         axis="per step of the window",
@@ -141,7 +141,7 @@ def draw_windows(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Lines:
+class _TimeLines:
     """Values of the parts and the total at times, and what the axis is called."""
 
     at: Floats
@@ -150,7 +150,7 @@ class _Lines:
 
 
 def _draw_lines(
-    seen: View, style: Style, parts: Sequence[str], lines: _Lines, title: str
+    seen: View, style: Style, parts: Sequence[str], lines: _TimeLines, title: str
 ) -> "Figure":
     """A line for each part and for the total."""
     made, ((axis,),) = figure(style.width, style.low)
@@ -255,7 +255,7 @@ def draw_worst(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     return made
 
 
-def _costs(side: Side) -> dict[str, list[float]]:
+def _costs(side: DrawnSide) -> dict[str, list[float]]:
     """Costs of tracks by the names of the parts."""
     table = side.table
     return {

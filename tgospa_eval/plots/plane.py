@@ -10,7 +10,7 @@ from tgospa_eval.common.palette import TRACK_COLOURS
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.overtime import time_axis
 from tgospa_eval.plots.style import FALSE, INK, MISSED, SOFT, Style, legend, literal, styled, titled
-from tgospa_eval.plots.views import TIME, Side, View, is_box, plane_columns, view
+from tgospa_eval.plots.views import TIME, DrawnSide, View, is_box, plane_columns, view
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.page_data import is_map, map_stretch
 from tgospa_eval.results.summary import Summary
@@ -65,7 +65,7 @@ def outlines(axis: "Axes", seen: View, across: str, up: str, style: Style) -> "d
     return handles
 
 
-def ellipses(seen: View, side: Side, across: str, up: str) -> tuple[Ints, Floats]:
+def ellipses(seen: View, side: DrawnSide, across: str, up: str) -> tuple[Ints, Floats]:
     """Rows that are drawn with a spread, and outlines (K, CORNERS, 2), of those that have any.
 
     Of two components with deviations s, t and correlation r the n-sigma outline is
@@ -92,7 +92,7 @@ def ellipses(seen: View, side: Side, across: str, up: str) -> tuple[Ints, Floats
     return row, np.stack([x, y], axis=2)
 
 
-def _boxes(side: Side) -> tuple[Ints, Floats]:
+def _boxes(side: DrawnSide) -> tuple[Ints, Floats]:
     """All rows, and corners (R, 4, 2)."""
     left, top, width, height = (side.axes[name] for name in ("left", "top", "width", "height"))
     x = np.stack([left, left + width, left + width, left], axis=1)
@@ -227,7 +227,13 @@ def unit_scale(across: str, up: str, stretch: float) -> float | None:
 
 
 def _lines(
-    axis: "Axes", side: Side, place: tuple[Floats, Floats], style: Style, seen: View, *, many: bool
+    axis: "Axes",
+    side: DrawnSide,
+    place: tuple[Floats, Floats],
+    style: Style,
+    seen: View,
+    *,
+    many: bool,
 ) -> "dict[str, Artist]":
     """A line for each stretch of steps, those of estimates in turn in several colours."""
     row, truth = side.row, side.name == "truth"

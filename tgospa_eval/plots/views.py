@@ -29,7 +29,7 @@ FARTHEST = 1e300
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Side:
+class DrawnSide:
     """The tracks of one side.
 
     Parameters
@@ -73,15 +73,15 @@ class View:
     ----------
     data : PageData
         The document of the HTML report.
-    truth, estimate : Side
+    truth, estimate : DrawnSide
         The tracks.
     about : str
         Value and parameters in words.
     """
 
     data: PageData
-    truth: Side
-    estimate: Side
+    truth: DrawnSide
+    estimate: DrawnSide
     about: str
 
     @property
@@ -183,7 +183,7 @@ def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
     return first, first + padded.reshape(len(first), together).argmax(axis=1)
 
 
-def _side(name: str, data: PageData, arrays: dict[str, Ints]) -> Side:
+def _side(name: str, data: PageData, arrays: dict[str, Ints]) -> DrawnSide:
     table = data["tracks"][name]
     run = {field: arrays[f"{name}/run/{field}"] for field in ("track", "begin", "end", "other")}
     row: dict[str, Any] = {field: arrays[f"{name}/row/{field}"] for field in ("track", "step")}
@@ -200,7 +200,7 @@ def _side(name: str, data: PageData, arrays: dict[str, Ints]) -> Side:
         if key.startswith(f"{name}/spread/")
     }
     classes = table.get("class")
-    return Side(
+    return DrawnSide(
         name=name,
         ids=[f"{classes[k]}: {i}" if classes else i for k, i in enumerate(table["id"])],
         table=table,

@@ -69,7 +69,7 @@ def offsets(states: States) -> Offsets:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Moves:
+class RowMoves:
     """What happens to rows, in order of time: states begin, prices are paid, offsets are lost.
 
     Rows and pairs are those that `Moves.of` was given, numbered in order; times are any numbers
@@ -110,7 +110,7 @@ class Moves:
     @classmethod
     def of(
         cls, states: States, found: Offsets, prices: Floats, since: Ints | None = None
-    ) -> "Moves":
+    ) -> "RowMoves":
         """Of all states at prices (K,).
 
         Times are steps less `since` (T,), where that is given; what is before time 0 is left out.
@@ -165,7 +165,7 @@ class Moves:
 
 
 def forward(
-    moves: Moves, unassigned: Floats, reached: Floats, others: Floats | None = None
+    moves: RowMoves, unassigned: Floats, reached: Floats, others: Floats | None = None
 ) -> Iterator[Floats]:
     """Upper bound of the best value of each row (R,), after each time; updates what it is given.
 
@@ -173,7 +173,7 @@ def forward(
 
     Parameters
     ----------
-    moves : Moves
+    moves : RowMoves
         What happens.
     unassigned, reached : (R,), (P,) float arrays
         Best value of each row at "none" before, and that of each pair.
@@ -355,7 +355,7 @@ class Prices:
     ----------
     cells : Cells
         Blocks and steps.
-    moves : Moves
+    moves : RowMoves
         What happens at the prices.
     total, size : (C,) float arrays
         Unassigned prices of all objects less those of the cheapest pairs, and the costs of these;
@@ -367,7 +367,7 @@ class Prices:
     """
 
     cells: Cells
-    moves: Moves
+    moves: RowMoves
     total: Floats
     size: Floats
     paid: Floats
@@ -396,7 +396,7 @@ class Prices:
         rows = int(np.bincount(states.node_block).max(initial=0))
         return cls(
             cells=cells,
-            moves=Moves.of(states, found, prices),
+            moves=RowMoves.of(states, found, prices),
             total=total,
             size=size,
             paid=cells.sums(states.node_block[slots.node], slots.step, prices),

@@ -10,7 +10,7 @@ from tgospa_eval.problem.weights import ONE, changes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Assigned:
+class AssignedPairs:
     """Pairs that both exist, are nearer than the cutoff, and are assigned, by (step, truth).
 
     Parameters
@@ -28,12 +28,12 @@ class Assigned:
     weight: Floats
 
 
-def read_assigned(states: States, weights: Ints) -> Assigned:
+def read_assigned(states: States, weights: Ints) -> AssignedPairs:
     """Of a feasible assignment (S,), in units of 1/ONE."""
     used = np.flatnonzero((states.entry >= 0) & (weights > 0))
     used = used[np.argsort(states.entry[used], kind="stable")]  # by step, truth, estimate
     pair = states.pair[used]
-    return Assigned(
+    return AssignedPairs(
         step=states.begin[used],
         truth=states.pair_truth[pair],
         estimate=states.pair_estimate[pair],

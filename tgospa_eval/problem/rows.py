@@ -16,7 +16,7 @@ from tgospa_eval.problem.states import States
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Places:
+class PricedPlaces:
     """Where estimates are priced, by (estimate, step).
 
     Parameters
@@ -37,7 +37,7 @@ class Places:
     unit: Floats
 
 
-def rows_of_component(problem: Problem, places: Places) -> States:
+def rows_of_component(problem: Problem, places: PricedPlaces) -> States:
     """The states of some rows of one component whose window is all steps of the problem.
 
     Its truths are the rows, nodes 0 to m - 1, whatever their number; its estimates the columns,
@@ -47,7 +47,7 @@ def rows_of_component(problem: Problem, places: Places) -> States:
     ----------
     problem : Problem
         Some truths of the component with all their entries, and the estimates of these.
-    places : Places
+    places : PricedPlaces
         Those of its estimates.
 
     Raises
@@ -97,7 +97,7 @@ def rows_of_component(problem: Problem, places: Places) -> States:
 
 
 def _first_places(
-    places: Places, estimate: Ints, pair_first: Ints, begin: Ints, steps: int
+    places: PricedPlaces, estimate: Ints, pair_first: Ints, begin: Ints, steps: int
 ) -> Ints:
     """The first place of its column at or after the first step of each state, (S,)."""
     columns = np.arange(len(places.unit), dtype=np.int64) * (steps + 1)
@@ -106,7 +106,7 @@ def _first_places(
     return np.searchsorted(known, sought).astype(np.int32)
 
 
-def running_of(places: Places, truths: int) -> tuple[Floats, Ints]:
+def running_of(places: PricedPlaces, truths: int) -> tuple[Floats, Ints]:
     """The running sums of the prices, as `Slots.running` of `rows_of_component` has them."""
     sums = np.zeros(len(places.whole) + 1, np.int64)
     np.cumsum(places.whole, out=sums[1:])  # integers: differences are exact, even past 2^63

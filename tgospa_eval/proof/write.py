@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval._version import __version__
-from tgospa_eval.distances.base import Settings
+from tgospa_eval.distances.base import DistanceSettings
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.certificate import fair_prices, lower_bounds, of_whole
 from tgospa_eval.problem.problem import Floats, Ints, Problem
@@ -30,7 +30,7 @@ from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.verify_tgospa import CLOSED
-from tgospa_eval.results.result import Compared, Proof
+from tgospa_eval.results.result import ComparedSides, Proof
 from tgospa_eval.text import as_unicode, quoted
 from tgospa_eval.tracks.existence import EXISTENCE
 
@@ -38,12 +38,14 @@ DISTANCE_TOLERANCE = 1e-9
 """Of distances that are computed again, perhaps by another version of a library; relative."""
 
 
-def proof_tables(compared: Compared, problem: Problem, parameters: Parameters) -> dict[str, str]:
+def proof_tables(
+    compared: ComparedSides, problem: Problem, parameters: Parameters
+) -> dict[str, str]:
     """The tables of a proof folder by name.
 
     Parameters
     ----------
-    compared : Compared
+    compared : ComparedSides
         States, ids and times.
     problem : Problem
         Rows and costs.
@@ -79,7 +81,7 @@ def proof_tables(compared: Compared, problem: Problem, parameters: Parameters) -
     return tables
 
 
-def times_of(compared: Compared) -> list[str]:
+def times_of(compared: ComparedSides) -> list[str]:
     """Each step as a text that is read back as the same number."""
     return [repr(moment) for moment in compared.moments.tolist()]
 
@@ -323,7 +325,7 @@ def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dic
     return {"proof.json": _json(document, lists), **tables}
 
 
-def check_provable(compared: Compared, parameters: Parameters) -> None:
+def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
     """Whether a proof folder has a place for what was evaluated.
 
     Raises
@@ -411,7 +413,7 @@ def _most_work(proof: Proof) -> float:
     ) * verify_tgospa.power_work(exponent, size, bits)
 
 
-def proof_parameters(compared: Compared, parameters: Parameters) -> dict[str, object]:
+def proof_parameters(compared: ComparedSides, parameters: Parameters) -> dict[str, object]:
     """The parameters of the metric, as texts of the doubles used."""
     settings = compared.settings
     return {
@@ -428,7 +430,7 @@ def proof_parameters(compared: Compared, parameters: Parameters) -> dict[str, ob
         },
         **{
             name: settings[name]
-            for name in Settings.__annotations__
+            for name in DistanceSettings.__annotations__
             if name in settings and name not in COLUMN_NUMBERS
         },
     }

@@ -155,7 +155,7 @@ MADE = "the JSON that --update-baseline makes"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Entry:
+class BaselineEntry:
     """What a baseline keeps of one pair.
 
     Parameters
@@ -182,11 +182,11 @@ class Entry:
 Table: TypeAlias = dict[str, object]
 """An object of JSON that was read."""
 
-Baseline: TypeAlias = dict[str, Entry]
+Baseline: TypeAlias = dict[str, BaselineEntry]
 """By name of the pair."""
 
 
-def make_entry(now: Measured, options: Mapping[str, object]) -> Entry:
+def make_entry(now: Measured, options: Mapping[str, object]) -> BaselineEntry:
     """What a baseline keeps of a result that was made with these options.
 
     Raises
@@ -198,7 +198,7 @@ def make_entry(now: Measured, options: Mapping[str, object]) -> Entry:
     values |= dict(zip(BOUNDS, now.bounds, strict=True))
     if not all(map(math.isfinite, values.values())):
         raise SolverError("the bracket is not finite; no baseline can be made of it")
-    return Entry(
+    return BaselineEntry(
         values=values,
         options=dict(options),
         parameters=now.parameters,
@@ -207,7 +207,7 @@ def make_entry(now: Measured, options: Mapping[str, object]) -> Entry:
     )
 
 
-def differences(entry: Entry, now: Measured) -> list[str]:
+def differences(entry: BaselineEntry, now: Measured) -> list[str]:
     """Why a result cannot be compared with an entry; empty if it can."""
     found = [
         f"{name} is {own}, in the baseline {other}"
@@ -300,7 +300,7 @@ def _read(document: object, path: str) -> Baseline:
     }
 
 
-def _entry(table: Table, where: str) -> Entry:
+def _entry(table: Table, where: str) -> BaselineEntry:
     groups = _values(_table(table, "values", where), where)
     order = _table(table, "parameters", where).get("order")
     for name, group in groups.items():
@@ -321,7 +321,7 @@ def _entry(table: Table, where: str) -> Entry:
         raise ConfigError(f"{where}: version is no text; {REMEDY}")
     if wrong := fault_of(judged):
         raise ConfigError(f"{where}: {wrong}; {REMEDY}")
-    return Entry(
+    return BaselineEntry(
         values=values,
         options=_table(table, "options", where),
         parameters=_table(table, "parameters", where),

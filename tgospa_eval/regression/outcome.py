@@ -9,7 +9,13 @@ from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
 from tgospa_eval.common.words import number
-from tgospa_eval.regression.baseline import BASELINE_VALUES, Baseline, Entry, Measured, differences
+from tgospa_eval.regression.baseline import (
+    BASELINE_VALUES,
+    Baseline,
+    BaselineEntry,
+    Measured,
+    differences,
+)
 from tgospa_eval.regression.suite import (
     STATUS,
     Finding,
@@ -32,7 +38,7 @@ OPEN = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class ValueChange:
     """A value of a baseline before and after an update; None where there is none."""
 
     path: str
@@ -41,7 +47,7 @@ class Change:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class PairOutcome:
     """One pair.
 
     Parameters
@@ -54,7 +60,7 @@ class Outcome:
         Exit status.
     findings : tuple of Finding
         One for each rule.
-    changes : tuple of Change
+    changes : tuple of ValueChange
         Of an update.
     notes : tuple of str
         What the user should know: reasons, remedies.
@@ -70,7 +76,7 @@ class Outcome:
     verdict: Verdict
     status: int
     findings: tuple[Finding, ...] = ()
-    changes: tuple[Change, ...] = ()
+    changes: tuple[ValueChange, ...] = ()
     notes: tuple[str, ...] = ()
     seconds: float = 0.0
     warnings: tuple[Notice, ...] = ()
@@ -101,7 +107,7 @@ class Report:
     ----------
     baseline : str
         Path.
-    outcomes : tuple of Outcome
+    outcomes : tuple of PairOutcome
         In the order of the suite.
     version : str
         Of the program.
@@ -112,7 +118,7 @@ class Report:
     """
 
     baseline: str
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[PairOutcome, ...]
     version: str
     again: tuple[str, ...] = ()
     settings_file: SettingsFile | None = None
@@ -148,7 +154,7 @@ class Report:
 
 
 def compare(
-    now: Measured, entry: Entry | None, rules: Iterable[Rule]
+    now: Measured, entry: BaselineEntry | None, rules: Iterable[Rule]
 ) -> tuple[Verdict, tuple[Finding, ...], tuple[str, ...]]:
     """Verdict, findings and notes of a result against its entry of the baseline.
 
@@ -175,17 +181,17 @@ def _judged(rule: Rule, values: Mapping[Key, Value], old: Mapping[Key, float]) -
     return judge(rule, now, old.get(key, 0.0))
 
 
-def change(old: Entry | None, new: Entry | None) -> tuple[Change, ...]:
+def change(old: BaselineEntry | None, new: BaselineEntry | None) -> tuple[ValueChange, ...]:
     """Values that differ between two entries, bounds left out: `tgospa` is the upper one."""
     before, after = (entry.values if entry else {} for entry in (old, new))
     return tuple(
-        Change(path=name_of(key), old=before.get(key), new=after.get(key))
+        ValueChange(path=name_of(key), old=before.get(key), new=after.get(key))
         for key in (*BASELINE_VALUES, *sorted({*before, *after} - {*BASELINE_VALUES}))
         if key not in ("lower_bound", "upper_bound") and before.get(key) != after.get(key)
     )
 
 
-def _notes(findings: list[Finding], now: Measured, entry: Entry | None) -> Iterator[str]:
+def _notes(findings: list[Finding], now: Measured, entry: BaselineEntry | None) -> Iterator[str]:
     for finding in findings:
         yield from _sentences(finding)
     if entry and any(f.verdict is Verdict.FAIL and f.now.proven for f in findings):
@@ -197,7 +203,7 @@ def _notes(findings: list[Finding], now: Measured, entry: Entry | None) -> Itera
 
 
 def _against(
-    findings: list[Finding], values: Mapping[Key, Value], entry: Entry, order: float
+    findings: list[Finding], values: Mapping[Key, Value], entry: BaselineEntry, order: float
 ) -> Iterator[str]:
     """What the user should know of the baseline."""
     moved = any(f.verdict is Verdict.FAIL and not f.now.proven for f in findings)
@@ -236,7 +242,7 @@ def _sentences(finding: Finding) -> Iterator[str]:
         yield f"{warning}{rule.path} is {known}, {allowed}{mark}"
 
 
-def _parts(values: Mapping[Key, Value], entry: Entry) -> Iterator[str]:
+def _parts(values: Mapping[Key, Value], entry: BaselineEntry) -> Iterator[str]:
     """Where the cost went, as far as the split shows."""
     moved = [
         f"{path} {number(entry.values[path], 7)} -> {number(values[path].upper, 7)}"
@@ -260,13 +266,17 @@ def texts(*numbers: float) -> list[str]:
     return [f"{value:,.12g}" for value in numbers]
 
 
-def leftover(old: Baseline, names: Container[str], verdict: Verdict, note: str) -> list[Outcome]:
+def leftover(
+    old: Baseline, names: Container[str], verdict: Verdict, note: str
+) -> list[PairOutcome]:
     """Outcomes of pairs of the baseline that are not among these names."""
     gone = (Pair(name=name, truth="", estimate="") for name in old if name not in names)
-    return [Outcome.of(pair, verdict, note) for pair in gone]
+    return [PairOutcome.of(pair, verdict, note) for pair in gone]
 
 
-def update_notes(before: Entry | None, entry: Entry, now: Measured) -> Iterator[str]:
+def update_notes(
+    before: BaselineEntry | None, entry: BaselineEntry, now: Measured
+) -> Iterator[str]:
     """What is not seen from the values."""
     if before is None:
         yield "new in the baseline"

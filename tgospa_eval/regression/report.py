@@ -9,7 +9,7 @@ from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.files import is_missing, named, patience
 from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.regression.outcome import Outcome, Report, texts
+from tgospa_eval.regression.outcome import PairOutcome, Report, texts
 from tgospa_eval.regression.suite import ONLY_PAIR, Finding, Verdict
 from tgospa_eval.reports import tables as escape
 from tgospa_eval.reports.tables import (
@@ -33,7 +33,7 @@ WIDTHS = (16, 20, 11, 11, 11, 0)
 ANEW = "To make the whole baseline anew, if that is right"
 
 
-def title(outcome: Outcome) -> str:
+def title(outcome: PairOutcome) -> str:
     """What to call a pair."""
     return outcome.estimate if outcome.name == ONLY_PAIR and outcome.estimate else outcome.name
 
@@ -75,13 +75,13 @@ UNPROVEN = "the reported split, not proven: where optima tie, another has the sa
 LIMITS = ("baseline", "limit", "now")
 
 
-def _named(outcome: Outcome, k: int, rule: str) -> tuple[str, str]:
+def _named(outcome: PairOutcome, k: int, rule: str) -> tuple[str, str]:
     """The pair, in its first row, and a rule, as far as their columns hold them."""
     pair = "" if k else ending(visible(title(outcome)), WIDTHS[0] - 1)
     return pair, ending(visible(rule), WIDTHS[1] - 1)
 
 
-def _findings(outcome: Outcome) -> Iterator[Row]:
+def _findings(outcome: PairOutcome) -> Iterator[Row]:
     if not outcome.findings:
         yield _named(outcome, 0, outcome.verdict)
     for k, finding in enumerate(outcome.findings):
@@ -102,7 +102,7 @@ def shown_verdict(finding: Finding) -> str:
     return "warning" if finding.warning else finding.verdict
 
 
-def _changes(outcome: Outcome) -> Iterator[Row]:
+def _changes(outcome: PairOutcome) -> Iterator[Row]:
     for k, one in enumerate(outcome.changes):
         yield *_named(outcome, k, one.path), number_of(one.old), number_of(one.new)
 
@@ -130,7 +130,7 @@ def json_report(report: Report) -> str:
     return json_text(document)
 
 
-def _pair(outcome: Outcome) -> Json:
+def _pair(outcome: PairOutcome) -> Json:
     return {
         "name": outcome.name,
         "truth": outcome.truth,
@@ -188,7 +188,7 @@ def github_lines(report: Report) -> Iterator[str]:
         yield f"\n{ANEW}: {markdown_code(report.advice)}"
 
 
-def _cells(outcome: Outcome, *, updated: bool) -> Iterator[Row]:
+def _cells(outcome: PairOutcome, *, updated: bool) -> Iterator[Row]:
     """Rows of the table, in Markdown already."""
     name = markdown_code(title(outcome))
     if updated:
@@ -250,7 +250,7 @@ def annotations(report: Report) -> Iterator[str]:
             yield _command(kind, f"TGOSPA gate: {len(rest)} more pairs", names)
 
 
-def _warning(outcome: Outcome) -> tuple[str, str]:
+def _warning(outcome: PairOutcome) -> tuple[str, str]:
     broken = ", ".join(f"{finding.rule.text}" for finding in outcome.warned)
     lines = [f"broken or undecided, for a warning only: {broken}"] if broken else []
     return title(outcome), "\n".join((*lines, *(notice.sentence for notice in outcome.warnings)))
@@ -332,7 +332,7 @@ def junit(report: Report) -> str:
     )
 
 
-def _cases(outcome: Outcome, told: list[str]) -> Iterator[str]:
+def _cases(outcome: PairOutcome, told: list[str]) -> Iterator[str]:
     """A case for each rule, or one for what could not be judged; the first has time and lines."""
     text = "\n".join(outcome.notes)
     if not outcome.findings:
@@ -356,7 +356,7 @@ def _cases(outcome: Outcome, told: list[str]) -> Iterator[str]:
         yield _case(outcome, finding.rule.text, seconds, result + _output(lines))
 
 
-def _case(outcome: Outcome, name: str, seconds: float, result: str) -> str:
+def _case(outcome: PairOutcome, name: str, seconds: float, result: str) -> str:
     about = {"classname": title(outcome), "name": name, "time": f"{seconds:.3f}"}
     inner = f">\n   {result}\n  </testcase>\n" if result else " />\n"
     return f"  <testcase{_attributes(about)}{inner}"

@@ -13,7 +13,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import evaluate
 from tgospa_eval.evaluation.sides import TrajectoriesLike
 from tgospa_eval.regression.baseline import Measured, dump, load, make_entry, measured
-from tgospa_eval.regression.outcome import Outcome, Report, change, compare, update_notes
+from tgospa_eval.regression.outcome import PairOutcome, Report, change, compare, update_notes
 from tgospa_eval.regression.report import GATE_REPORTS
 from tgospa_eval.regression.suite import (
     DEFAULT,
@@ -54,7 +54,7 @@ READ_AS_THEY_ARE = {"on_duplicate": "error"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Judged:
+class GateResult:
     """What `gate` found; true if it passed, printed it is the table of the command.
 
     Parameters
@@ -122,7 +122,7 @@ def gate(
     limits: Mapping[str, float] | None = None,
     update_baseline: bool = False,
     **options: Any,
-) -> Judged:
+) -> GateResult:
     """Judge an estimate against a baseline, as ``tgospa-eval gate`` does.
 
     It fails only if the proven lower bound breaks a rule, and passes only if the proven upper bound
@@ -147,7 +147,7 @@ def gate(
 
     Returns
     -------
-    Judged
+    GateResult
         True if it passed; `Judged.verdict`, `Judged.findings`, `Judged.result`.
 
     Raises
@@ -171,13 +171,13 @@ def gate(
     if update_baseline:
         outcome = _updated(path, pair, now, given)
     elif entry is None:
-        outcome = Outcome.of(pair, Verdict.INCOMPARABLE, f"no such file: {path}")
+        outcome = PairOutcome.of(pair, Verdict.INCOMPARABLE, f"no such file: {path}")
     else:
         verdict, findings, notes = compare(now, entry, rules)
-        outcome = replace(Outcome.of(pair, verdict, *notes), findings=findings)
+        outcome = replace(PairOutcome.of(pair, verdict, *notes), findings=findings)
     outcome = replace(outcome, notes=tuple(map(in_python, outcome.notes)), warnings=result.warnings)
     report = Report(baseline=path, outcomes=(outcome,), version=__version__)
-    return Judged(report=report, result=result)
+    return GateResult(report=report, result=result)
 
 
 def _rules(
@@ -196,7 +196,7 @@ def _rules(
     ]
 
 
-def _updated(path: str, pair: Pair, now: Measured, given: Mapping[str, object]) -> Outcome:
+def _updated(path: str, pair: Pair, now: Measured, given: Mapping[str, object]) -> PairOutcome:
     """Make the baseline anew, with the options that the command has names for."""
     old = (load(path) or {}).get(ONLY_PAIR)
     plain = {
@@ -208,7 +208,7 @@ def _updated(path: str, pair: Pair, now: Measured, given: Mapping[str, object]) 
     entry = make_entry(now, plain | used)
     if old != entry:
         write_file(path, dump({ONLY_PAIR: entry}), "--baseline")
-    outcome = Outcome.of(pair, Verdict.UPDATED, *update_notes(old, entry, now))
+    outcome = PairOutcome.of(pair, Verdict.UPDATED, *update_notes(old, entry, now))
     return replace(outcome, changes=change(old, entry))
 
 

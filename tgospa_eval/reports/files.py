@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Files: TypeAlias = Mapping[str, str | bytes | Path]
 """Contents by name; a path is of a file that is taken as it is."""
 
-Fill = Callable[[Path], Collection[manifest.Entry]]
+Fill = Callable[[Path], Collection[manifest.FileEntry]]
 """Writes files into a folder that is there and empty, and says which."""
 
 PICTURES = ("png", "svg", "pdf")
@@ -245,8 +245,8 @@ def write_texts(
         As for `write_files`.
     """
 
-    def fill(fresh: Path) -> Collection[manifest.Entry]:
-        written: list[manifest.Entry] = []
+    def fill(fresh: Path) -> Collection[manifest.FileEntry]:
+        written: list[manifest.FileEntry] = []
         for name, content in texts.items():
             (fresh / name).parent.mkdir(parents=True, exist_ok=True)
             if isinstance(content, Path):
@@ -347,7 +347,7 @@ def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> 
             )
 
 
-def _write_all(fill: Fill, folder: Path, kind: Kind | None) -> Collection[manifest.Entry]:
+def _write_all(fill: Fill, folder: Path, kind: Kind | None) -> Collection[manifest.FileEntry]:
     folder.mkdir()
     files = fill(folder)
     if kind is not None:
@@ -356,7 +356,7 @@ def _write_all(fill: Fill, folder: Path, kind: Kind | None) -> Collection[manife
     return files
 
 
-def _write_new(fill: Fill, path: Path, kind: Kind | None) -> Collection[manifest.Entry] | None:
+def _write_new(fill: Fill, path: Path, kind: Kind | None) -> Collection[manifest.FileEntry] | None:
     """Write a folder beside, then rename it; None if another one has come up meanwhile."""
     import shutil  # here: it brings compression
 
@@ -377,7 +377,7 @@ def _write_new(fill: Fill, path: Path, kind: Kind | None) -> Collection[manifest
 
 def _write_over(
     fill: Fill, path: Path, kind: Kind | None, where: str | None
-) -> tuple[int, Collection[manifest.Entry]]:
+) -> tuple[int, Collection[manifest.FileEntry]]:
     """Write into a folder that is there; how many files of an older run were taken away, and files.
 
     `where` begins a refusal to write over files of others; without it they are replaced.
@@ -422,12 +422,14 @@ def csv_text(table: Columns) -> str:
     written = text.getvalue()
     if written.count(ENDS_OF_LINES) == 1 + len(columns[0] if columns else ()):
         return written.replace(ENDS_OF_LINES, "\n")
-    lines = _Lines()  # a text has such an end inside
+    lines = _CsvLines()  # a text has such an end inside
     _write(lines, table, columns)
     return "".join(lines)
 
 
-def _write(target: "io.StringIO | _Lines", table: Columns, columns: list[Sequence[object]]) -> None:
+def _write(
+    target: "io.StringIO | _CsvLines", table: Columns, columns: list[Sequence[object]]
+) -> None:
     writer = csv.writer(target, lineterminator=ENDS_OF_LINES)
     writer.writerow(map(csv_cell, table))
     writer.writerows(zip(*columns, strict=True))
@@ -443,7 +445,7 @@ def _cells(column: Sequence[object]) -> Sequence[object]:
     return [cells[value] if isinstance(value, str) else value for value in column]
 
 
-class _Lines(list[str]):
+class _CsvLines(list[str]):
     """Lines as a writer makes them, which quotes no ends of lines but those that it writes."""
 
     def write(self, line: str) -> None:

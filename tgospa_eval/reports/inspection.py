@@ -59,7 +59,7 @@ class Overlap(TypedDict):
     steps: int
 
 
-class Clock(TypedDict):
+class ClockRecord(TypedDict):
     """Another clock of the estimate that fits better, and how much."""
 
     time_scale: float
@@ -76,7 +76,7 @@ class Suggested(TypedDict):
     reason: str
 
 
-class Nearest(TypedDict):
+class NearestRecord(TypedDict):
     """Distances from truths to the nearest estimate."""
 
     cutoff: float
@@ -92,9 +92,9 @@ class PairDocument(TypedDict):
     steps: dict[str, int]
     left_out: dict[str, int]
     time: Overlap | None
-    clock: Clock | None
+    clock: ClockRecord | None
     extent: dict[str, Extent | None]
-    nearest: Nearest | None
+    nearest: NearestRecord | None
 
 
 class Inspection(WithSettings):
@@ -252,7 +252,7 @@ def _stretch(time: Overlap | None) -> str:
     return f"both have rows from t = {ends}, {counted(time['steps'], 'step')}"
 
 
-def _clock(clock: Clock) -> str:
+def _clock(clock: ClockRecord) -> str:
     """The stamps of the estimate that fit better."""
     values = {name: clock[name] for name in ("time_scale", "time_offset")}
     settings = " ".join(

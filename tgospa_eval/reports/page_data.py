@@ -43,7 +43,7 @@ NONE = -1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Side:
+class PageSide:
     """The trajectories of one side, by track and step.
 
     Parameters
@@ -175,7 +175,7 @@ def _windows(result: Summary, slid: Windows) -> WindowsData:
     }
 
 
-def _joined(parts: list[Result], name: str, size: int) -> Side:
+def _joined(parts: list[Result], name: str, size: int) -> PageSide:
     """One side of all parts, tracks numbered through."""
     sides, first = [], {"truth": 0, "estimate": 0}
     other = "estimate" if name == "truth" else "truth"
@@ -186,14 +186,14 @@ def _joined(parts: list[Result], name: str, size: int) -> Side:
         first["truth"] += len(part.labels.truths)
         first["estimate"] += len(part.labels.estimates)
     fields = ("track", "step", "other", "error", "state")
-    return Side(
+    return PageSide(
         **{field: np.concatenate([getattr(side, field) for side in sides]) for field in fields},
         spread=spreads.concatenated([side.spread for side in sides]),
         shared=sum(side.shared for side in sides),
     )
 
 
-def _side(result: Result, name: str, size: int) -> Side:
+def _side(result: Result, name: str, size: int) -> PageSide:
     states, problem = result.proof.states, result.proof.states.problem
     other = "estimate" if name == "truth" else "truth"
     own_row: Ints = getattr(problem, f"{name}_row")
@@ -221,7 +221,7 @@ def _side(result: Result, name: str, size: int) -> Side:
     spread = getattr(scene, f"{name}_covariance", None)
     spread = np.zeros((len(step), 0)) if spread is None else spread
     by_track = np.argsort(track, kind="stable")
-    return Side(
+    return PageSide(
         track=track[by_track],
         step=step[by_track],
         other=partner[by_track],
@@ -232,7 +232,7 @@ def _side(result: Result, name: str, size: int) -> Side:
     )
 
 
-def _runs(side: Side) -> tuple[Ints, Ints]:
+def _runs(side: PageSide) -> tuple[Ints, Ints]:
     """First and last row of each run."""
     if not len(side.track):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -243,7 +243,7 @@ def _runs(side: Side) -> tuple[Ints, Ints]:
 
 
 def _thinned(
-    sides: dict[str, Side], runs: dict[str, tuple[Ints, Ints]]
+    sides: dict[str, PageSide], runs: dict[str, tuple[Ints, Ints]]
 ) -> tuple[int, dict[str, Ints]]:
     """Stride with which hardly more than `VALUES` coordinates are drawn, and the rows by side."""
     stride = max(1, -(-sum(side.state.size for side in sides.values()) // VALUES))
@@ -257,7 +257,7 @@ def _thinned(
         stride += -(-stride // 4)
 
 
-def _drawn(side: Side, opens: Ints, closes: Ints, stride: int) -> Ints:
+def _drawn(side: PageSide, opens: Ints, closes: Ints, stride: int) -> Ints:
     """Rows that are drawn: every so many steps, ends of runs, and all that is unassigned."""
     if not side.state.shape[1]:
         return np.zeros(0, np.int64)

@@ -26,7 +26,7 @@ class Metric(TypedDict):
     existence: NotRequired[str]
 
 
-class Costs(TypedDict):
+class CostParts(TypedDict):
     """The parts of a cost."""
 
     localisation: float
@@ -127,7 +127,7 @@ class SolversRecord(WithSettings):
 # --- estimates ------------------------------------------------------------------------------------
 
 
-class EstimateRun(Costs):
+class EstimateRun(CostParts):
     """One estimate in one run."""
 
     total: float
@@ -162,7 +162,7 @@ Beside = TypedDict("Beside", {"with": NotRequired[OtherMetrics]})
 """Of one estimate: other metrics, over all its runs."""
 
 
-class EstimateRecord(Costs, Beside):
+class EstimateRecord(CostParts, Beside):
     """One estimate, mean over its runs."""
 
     name: str
@@ -179,7 +179,7 @@ class EstimateRecord(Costs, Beside):
     differences: NotRequired[list[str]]
 
 
-class Difference(Costs):
+class Difference(CostParts):
     """Costs per step of one estimate less those of another; bounds of the total."""
 
     total: list[float]

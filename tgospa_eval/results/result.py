@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Scene:
+class DrawnScene:
     """Where the objects were, for pictures alone: no number depends on it.
 
     Parameters
@@ -46,14 +46,14 @@ class Scene:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Compared:
+class ComparedSides:
     """The two sides as they were compared, after filters, grid and joined stamps.
 
     Parameters
     ----------
     moments : (T,) int or float array
         The steps, as numbers.
-    scene : Scene
+    scene : DrawnScene
         States.
     labels : Labels
         Ids.
@@ -62,7 +62,7 @@ class Compared:
     """
 
     moments: NDArray[np.generic]
-    scene: Scene
+    scene: DrawnScene
     labels: Labels
     settings: Mapping[str, object]
 
@@ -81,7 +81,7 @@ class Proof(Costs):
         The prices of the lower bound.
     reduced : tuple of Reduced
         Blocks whose lower bound is of a smaller cutoff.
-    compared : Compared
+    compared : ComparedSides
         What the numbers of steps and tracks stand for.
     """
 
@@ -89,7 +89,7 @@ class Proof(Costs):
     weights: Ints
     prices: Floats
     reduced: tuple[Reduced, ...]
-    compared: Compared
+    compared: ComparedSides
 
     def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
         """Write the proof folder: what a third party needs to check the bounds again.
@@ -119,14 +119,14 @@ class Result(Summary):
         Bounds and assignment.
     labels, gap, settings, solver, timings, input, version
         Times and ids, the gap that counts as exact, options, and how it was made.
-    scene : Scene, optional
+    scene : DrawnScene, optional
         The states, for pictures; not part of the JSON.
     source : object, optional
         What was evaluated and how, as `evaluation.prepare.Source`, for `explain` and `gradient`.
     """
 
     proof: Proof
-    scene: Scene | None = None
+    scene: DrawnScene | None = None
     source: object | None = None
 
     def explain(self, top: int = 10) -> "Explanation":

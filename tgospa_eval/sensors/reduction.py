@@ -17,7 +17,7 @@ from tgospa_eval.tracks.clouds import Cloud, Clouds
 from tgospa_eval.tracks.trajectories import Trajectories
 
 
-class Change(NamedTuple):
+class CloudChange(NamedTuple):
     """What a reduction changed in a cloud; None where that is not known or has no meaning."""
 
     particles: int
@@ -53,22 +53,22 @@ def reduce_trajectories(
     """
     effort = effort or Effort()
     if side.clouds is None:
-        return side, _table(side, [Change(1, 1, 0.0, 0.0, None, 0.0)] * len(side.step))
+        return side, _table(side, [CloudChange(1, 1, 0.0, 0.0, None, 0.0)] * len(side.step))
     after = reduced(side.clouds, reduction, effort)
     return side.with_clouds(after), _table(side, _changes(side.clouds, after, effort))
 
 
-def _table(side: Trajectories, changes: list[Change]) -> Columns:
+def _table(side: Trajectories, changes: list[CloudChange]) -> Columns:
     table = {"id": side.ids[side.track].tolist(), "t": side.shown[side.step].tolist()}
-    return table | {name: [getattr(one, name) for one in changes] for name in Change._fields}
+    return table | {name: [getattr(one, name) for one in changes] for name in CloudChange._fields}
 
 
-def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[Change]:
+def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[CloudChange]:
     """A row for each cloud: in threads, and announced, as it takes longer than to reduce."""
     directions = spread_directions(before.points.shape[1], None, np.random.default_rng(0))
     is_exact = can_transport()
 
-    def change(row: int) -> Change:
+    def change(row: int) -> CloudChange:
         return _compared(before[row], after[row], directions, is_exact=is_exact)
 
     count = int(np.count_nonzero(before.counts > after.counts))
@@ -86,10 +86,10 @@ def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[Change]:
         effort.stopwatch.stage = outer
 
 
-def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool) -> Change:
+def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool) -> CloudChange:
     sizes = len(before[1]), len(after[1])
     if sizes[0] == sizes[1]:
-        return Change(*sizes, 0.0, 0.0, 1.0, 0.0)
+        return CloudChange(*sizes, 0.0, 0.0, 1.0, 0.0)
     means = [weights @ points for points, weights in (before, after)]
     traces = [
         float(weights @ ((points - mean) ** 2).sum(axis=1))
@@ -101,7 +101,7 @@ def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool
         if is_exact and sizes[0] * sizes[1] <= MOST_PARTICLES**2
         else None
     )
-    return Change(
+    return CloudChange(
         *sizes,
         exact,
         sliced_wasserstein(before, after, directions),

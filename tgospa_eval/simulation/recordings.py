@@ -129,7 +129,7 @@ class Present:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rows:
+class RecordedRows:
     """Rows of a side, sorted by time, then id.
 
     Parameters
@@ -187,11 +187,11 @@ def present_targets(
         ids, begin, end, drawn = ids[left], begin[left], end[left], drawn[left]
 
 
-def truth_rows(present: Present) -> Rows:
+def truth_rows(present: Present) -> RecordedRows:
     """What is there, row by row."""
     step, column = np.nonzero(present.alive)
     x, y = rounded(present.positions[present.alive]).T
-    return Rows(t=step + present.first + 1, id=present.ids[column], x=x, y=y)
+    return RecordedRows(t=step + present.first + 1, id=present.ids[column], x=x, y=y)
 
 
 def rounded(positions: Floats) -> Floats:
@@ -406,14 +406,14 @@ BITS = 40
 
 def simulate_recording(
     kind: RecordingKind, layout: Layout, rng: np.random.Generator
-) -> Iterator[tuple[Rows, Rows]]:
+) -> Iterator[tuple[RecordedRows, RecordedRows]]:
     """Truth and estimate of a stretch of time after another.
 
     Every error has a stream of random numbers of its own: changing one leaves the draws of the
     others as they are.
     """
     for_targets, for_tracker, for_false = rng.spawn(3)
-    tracks, false = _Tracks(kind, for_tracker), _FalseTracks(kind, for_false)
+    tracks, false = _SimulatedTracks(kind, for_tracker), _FalseTracks(kind, for_false)
     for present in present_targets(kind, layout, for_targets):
         real = tracks.follow(present)
         made = false.rows(present.first, len(present.alive), tracks)
@@ -421,7 +421,7 @@ def simulate_recording(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Held:
+class TrackedTargets:
     """What tracks the targets have.
 
     Parameters
@@ -440,8 +440,8 @@ class Held:
 
 
 def hold_tracks(
-    detected: Bools, swaps: Ints, lost: Bools, silent: int, held: Held
-) -> tuple[Ints, Bools, Held]:
+    detected: Bools, swaps: Ints, lost: Bools, silent: int, held: TrackedTargets
+) -> tuple[Ints, Bools, TrackedTargets]:
     """Swap and lose tracks in the order of time, at one step swaps first.
 
     Parameters
@@ -455,7 +455,7 @@ def hold_tracks(
         Where a track is lost if it is reported there and was free before.
     silent : int
         Steps for which the target of a lost track is; then it has a new one.
-    held : Held
+    held : TrackedTargets
         Before the stretch.
 
     Returns
@@ -464,7 +464,7 @@ def hold_tracks(
         Track of each target.
     reported : (B, n) bool array
         Where it is reported.
-    held : Held
+    held : TrackedTargets
         After the stretch; its steps count from the same one.
     """
     track, free, next_id = held.track.copy(), held.free.copy(), held.next_id
@@ -488,10 +488,10 @@ def hold_tracks(
             next_id += 1
             tracks[step:, one] = track[one]
             reported[step : step + silent, one] = False
-    return tracks, reported, Held(track=track, free=free, next_id=next_id)
+    return tracks, reported, TrackedTargets(track=track, free=free, next_id=next_id)
 
 
-class _Tracks:
+class _SimulatedTracks:
     """The track that each living target has."""
 
     def __init__(self, kind: RecordingKind, rng: np.random.Generator) -> None:
@@ -508,7 +508,7 @@ class _Tracks:
         self.next_id += count
         return np.arange(self.next_id - count, self.next_id)
 
-    def follow(self, present: Present) -> Rows:
+    def follow(self, present: Present) -> RecordedRows:
         """What is reported of the targets."""
         known = np.isin(present.ids, self.ids)
         had = np.searchsorted(self.ids, present.ids[known])
@@ -522,14 +522,14 @@ class _Tracks:
         swaps = self._chosen_swaps(np.concatenate((before, places)))
         detected = (self.misses.random(present.alive.shape) < self.errors.detection) & present.alive
         lost = (self.losses.random(present.alive.shape) < self.errors.fragmentation) & detected
-        held = Held(track=track, free=free - present.first, next_id=self.next_id)
+        held = TrackedTargets(track=track, free=free - present.first, next_id=self.next_id)
         tracks, reported, held = hold_tracks(detected, swaps, lost, self.errors.lost, held)
         track, free, self.next_id = held.track, held.free + present.first, held.next_id
         self.ids, self.track, self.free, self.place = present.ids, track, free, places[-1]
         step, column = np.nonzero(reported)
         place = present.positions[step, column]
         x, y = rounded(place + self.noise.normal(0, self.errors.noise, place.shape)).T
-        return Rows(t=step + present.first + 1, id=tracks[step, column], x=x, y=y)
+        return RecordedRows(t=step + present.first + 1, id=tracks[step, column], x=x, y=y)
 
     def _chosen_swaps(self, places: Floats) -> Ints:
         """Step, and the two targets, of the swaps of a stretch; `places` begin a step before it.
@@ -553,7 +553,7 @@ class _FalseTracks:
         self.ids, self.begin, self.end = np.zeros((3, 0), np.int64)
         self.line = np.zeros((0, 4))
 
-    def rows(self, first: int, steps: int, tracks: _Tracks) -> Rows:
+    def rows(self, first: int, steps: int, tracks: _SimulatedTracks) -> RecordedRows:
         """Those of a stretch."""
         step = np.arange(first, first + steps)
         begin = np.repeat(step, self.rng.poisson(self.errors.false_rate, steps))
@@ -568,18 +568,18 @@ class _FalseTracks:
         row, column = np.nonzero(alive)
         age = (step[row] - self.begin[column])[:, None]
         x, y = rounded(self.line[column, :2] + self.line[column, 2:] * age).T
-        made = Rows(t=step[row] + 1, id=self.ids[column], x=x, y=y)
+        made = RecordedRows(t=step[row] + 1, id=self.ids[column], x=x, y=y)
         left = self.end > first + steps
         self.ids, self.begin, self.end = self.ids[left], self.begin[left], self.end[left]
         self.line = self.line[left]
         return made
 
 
-def _joined(real: Rows, false: Rows, first: int) -> Rows:
+def _joined(real: RecordedRows, false: RecordedRows, first: int) -> RecordedRows:
     """Rows of both in a stretch, sorted by time, then id."""
     t, ids, x, y = (
         np.concatenate((getattr(real, name), getattr(false, name)))
         for name in ("t", "id", "x", "y")
     )
     order = np.argsort((t - first) << BITS | ids, kind="stable")
-    return Rows(t=t[order], id=ids[order], x=x[order], y=y[order])
+    return RecordedRows(t=t[order], id=ids[order], x=x[order], y=y[order])

@@ -23,7 +23,7 @@ DECIMALS = 5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setting:
+class StudySetting:
     """What a source simulates, and by which parameters it evaluates.
 
     Parameters
@@ -75,7 +75,7 @@ class Setting:
 
 
 PUBLISHED = {
-    "garcia-fernandez-2020": Setting(
+    "garcia-fernandez-2020": StudySetting(
         source="Garcia-Fernandez, Svensson, Williams, Xia, Granstrom, Trajectory Poisson "
         "multi-Bernoulli filters, IEEE Trans. Signal Processing 2020; code: "
         "github.com/Agarciafernandez/MTT, ScenarioWilliams15.m",
@@ -92,7 +92,7 @@ PUBLISHED = {
         square=(0, 300),
         one_truth=True,
     ),
-    "xia-2019": Setting(
+    "xia-2019": StudySetting(
         source="Xia, Granstrom, Svensson, Garcia-Fernandez, Williams, Multi-scan implementation of "
         "the trajectory Poisson multi-Bernoulli mixture filter, J. Advances in Information Fusion "
         "2019; code: github.com/yuhsuansia/Multi-scan-trajectory-PMBM-filter, gentruth.m, case 2",
@@ -113,7 +113,7 @@ PUBLISHED = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Run:
+class SettingRun:
     """One run of a setting.
 
     Parameters
@@ -132,7 +132,7 @@ class Run:
     measurements: list[Floats]
 
 
-def run_setting(setting: Setting, seed: int) -> Run:
+def run_setting(setting: StudySetting, seed: int) -> SettingRun:
     """One run; where all runs of the source have the same truth, so have all seeds.
 
     The random numbers are not those of the source.
@@ -150,10 +150,12 @@ def run_setting(setting: Setting, seed: int) -> Run:
         false = rng.uniform(*setting.square, size=(rng.poisson(setting.clutter), 2))
         found = np.concatenate((step[~np.isnan(step[:, 0])], np.round(false, DECIMALS)))
         measurements.append(rng.permutation(found))
-    return Run(truth=_named(states, 1), estimate=_named(noisy, 101), measurements=measurements)
+    return SettingRun(
+        truth=_named(states, 1), estimate=_named(noisy, 101), measurements=measurements
+    )
 
 
-def _paths(setting: Setting, rng: np.random.Generator) -> Floats:
+def _paths(setting: StudySetting, rng: np.random.Generator) -> Floats:
     """Positions (T, m, 2), NaN where a target does not exist."""
     count, middle = len(setting.alive), (setting.steps + 1) // 2
     motion = np.array([[1.0, 1.0], [0.0, 1.0]])

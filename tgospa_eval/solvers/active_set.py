@@ -17,7 +17,7 @@ from tgospa_eval.problem.paths import best_values
 from tgospa_eval.problem.problem import REGRET, sum_by
 from tgospa_eval.problem.slots import changed
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.batches import Answer, Batch
+from tgospa_eval.solvers.batches import Answer, BlockBatch
 from tgospa_eval.solvers.block_costs import better, price_cap
 from tgospa_eval.solvers.restricted_lp import Proposal, solve_restricted_lp
 from tgospa_eval.solvers.trivial import best_paths
@@ -31,7 +31,7 @@ INTERIOR = 25_000
 from. 47,000 states took 82 s, the simplex method more than 190 s, and 11,000 the same by either."""
 
 
-def solve_active_sets(batch: Batch) -> Answer:
+def solve_active_sets(batch: BlockBatch) -> Answer:
     """Solve each block of a batch on the rows that matter."""
     begin = time.perf_counter()
     iterations, unsolved = 0, []
@@ -56,7 +56,7 @@ def solve_active_sets(batch: Batch) -> Answer:
 class _Block:
     """One block, and the best that is known of it."""
 
-    def __init__(self, states: States, batch: Batch) -> None:
+    def __init__(self, states: States, batch: BlockBatch) -> None:
         self.states, self.limit = states, batch.limit
         self.switch_price = np.minimum(states.problem.switch_price_at, price_cap(states)[0])
         self.row = states.pair_row[states.pair]

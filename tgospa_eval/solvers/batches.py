@@ -35,7 +35,7 @@ BATCH_STATES = 20_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Batch:
+class BlockBatch:
     """Some neighbouring blocks, those of them that are to be solved, and until when.
 
     Parameters
@@ -123,7 +123,7 @@ class Routine:
     """
 
     trivial: Trivial
-    solve: Callable[[Batch], Answer]
+    solve: Callable[[BlockBatch], Answer]
     jobs: int | None
     tries: bool = False
     divides: bool = False
@@ -209,7 +209,7 @@ def _solve_some(
             return Answer()
         part, state, slot = states.between(*cuts[number])
         start = None if warm_start is None else warm_start.between(state, slot)
-        batch = Batch(
+        batch = BlockBatch(
             states=part,
             wanted=wanted[blocks],
             quickly=quickly[blocks],
@@ -310,7 +310,7 @@ def _solve_window(divided: Divided, routine: Routine, window: TimeWindow) -> Ans
     )
 
 
-def _answer(batch: Batch, routine: Routine) -> Answer:
+def _answer(batch: BlockBatch, routine: Routine) -> Answer:
     """Solve a batch, of the wanted blocks those that are not trivial."""
     states, quickly = batch.states, batch.quickly
     begin = time.perf_counter()

@@ -15,7 +15,7 @@ from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.batches import Answer, Batch, Routine, solve_in_batches
+from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_batches
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.lp_rounds import Programmes
 from tgospa_eval.solvers.schedule import (
@@ -88,7 +88,7 @@ class Certified:
             warm_start=warm_start if kernels else None,
         )
 
-    def _ascend(self, batch: Batch) -> Answer:
+    def _ascend(self, batch: BlockBatch) -> Answer:
         """Stages of sweeps, then programmes, until no bracket is wide."""
         begin = time.perf_counter()
         tried = batch.wanted | batch.quickly
@@ -128,7 +128,7 @@ class Certified:
         )
 
 
-def _sweep(ascent: Ascent, programmes: Programmes, batch: Batch, *, near: bool) -> int:
+def _sweep(ascent: Ascent, programmes: Programmes, batch: BlockBatch, *, near: bool) -> int:
     """Stages from hot to cold, small programmes between the cold ones; the number of sweeps.
 
     `near` to the best prices, the stages begin there.
@@ -176,7 +176,7 @@ def _stage(ascent: Ascent, stage: Stage, threshold: float, late: Callable[[], bo
     return sweeps
 
 
-def _without_kernels(batch: Batch) -> Answer:
+def _without_kernels(batch: BlockBatch) -> Answer:
     """Programmes of the rows that compete."""
     from tgospa_eval.solvers.active_set import solve_active_sets  # HiGHS: slow to import
 

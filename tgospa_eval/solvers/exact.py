@@ -18,7 +18,7 @@ from tgospa_eval.errors import SolverError
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.batches import Answer, Batch, Routine, solve_in_batches
+from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_batches
 from tgospa_eval.solvers.block_costs import better, block_costs, price_cap, settle, unassigned_costs
 from tgospa_eval.solvers.capacities import CapacityRows, capacity_rows
 from tgospa_eval.solvers.schedule import check_time_limit
@@ -93,7 +93,7 @@ class Exact:
         )
 
 
-def _solve_blocks(batch: Batch) -> Answer:
+def _solve_blocks(batch: BlockBatch) -> Answer:
     """The blocks of a batch, one by one."""
     states, known = batch.states, _Known(batch)
     failures: list[tuple[Status, str]] = []
@@ -129,7 +129,7 @@ def _solve_blocks(batch: Batch) -> Answer:
 
 
 def _solve_block(
-    batch: Batch, part: States, seconds: dict[str, float]
+    batch: BlockBatch, part: States, seconds: dict[str, float]
 ) -> "tuple[Status, str, int, _Programme | None]":
     """Solve a block if there is time: how it ended, iterations, and what Clarabel was given."""
     limit = batch.limit
@@ -174,7 +174,7 @@ def _found(
 class _Known:
     """What is known of the blocks while Clarabel, which reports nothing, is at one of them."""
 
-    def __init__(self, batch: Batch) -> None:
+    def __init__(self, batch: BlockBatch) -> None:
         self.batch, states = batch, batch.states
         if not batch.limit.progress.watched:
             return
@@ -219,7 +219,7 @@ def _seconds(states: States) -> tuple[float, float]:
     return begun + size * BUILD, size * FACTOR * width**WIDTH_POWER
 
 
-def _short(batch: Batch, seconds: float) -> bool:
+def _short(batch: BlockBatch, seconds: float) -> bool:
     """Whether fewer seconds are left."""
     left = batch.limit.left()
     return left is not None and left < seconds

@@ -22,7 +22,7 @@ from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.slots import make_slots
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair
-from tgospa_eval.solvers.batches import Batch
+from tgospa_eval.solvers.batches import BlockBatch
 from tgospa_eval.solvers.block_costs import share_of_digits
 from tgospa_eval.solvers.capacities import load
 from tgospa_eval.solvers.dual_ascent import Ascent
@@ -160,7 +160,7 @@ class Programmes:
         Of HiGHS, and of all that is done here.
     """
 
-    def __init__(self, ascent: Ascent, batch: Batch) -> None:
+    def __init__(self, ascent: Ascent, batch: BlockBatch) -> None:
         self.ascent, self.batch = ascent, batch
         self.tried = batch.wanted | batch.quickly
         self.tempted = np.zeros(len(ascent.states.begin), bool)
@@ -299,7 +299,7 @@ class Programmes:
                 self._propose(self._apart(lambda: self._refined(solved), size))
                 self.report_progress()
 
-    def _solve_group(self, free: Ints, whole: bool) -> "_Solved":
+    def _solve_group(self, free: Ints, whole: bool) -> "_SolvedProgramme":
         """Solve one programme: of the problem itself, or of what a group touches, cut out."""
         from tgospa_eval.solvers.restricted_lp import solve_restricted_lp  # HiGHS: slow to import
 
@@ -320,9 +320,9 @@ class Programmes:
         self.interior = found.interior
         self.iterations += found.iterations
         slot = found.slot if slots is None else slots[found.slot]
-        return _Solved(free=free, slot=slot, found=found)
+        return _SolvedProgramme(free=free, slot=slot, found=found)
 
-    def _refined(self, solved: "list[_Solved]") -> "list[_Solved]":
+    def _refined(self, solved: "list[_SolvedProgramme]") -> "list[_SolvedProgramme]":
         """The same with duals to the last place."""
         from tgospa_eval.solvers.restricted_lp import refine  # HiGHS: slow to import
 
@@ -339,7 +339,7 @@ class Programmes:
         """
         return self.batch.limit.progress.apart(work) if size > PROGRAMMES.quick else work()
 
-    def _propose(self, solved: "list[_Solved]") -> None:
+    def _propose(self, solved: "list[_SolvedProgramme]") -> None:
         """Try weights and prices; mixtures of prices may be better: the dual value is convex."""
         ascent = self.ascent
         weights, prices = ascent.weights.copy(), ascent.prices.copy()
@@ -377,7 +377,7 @@ class Programmes:
             proposed = repair(states, proposed) / ONE
         self.ascent.try_weights(proposed)
 
-    def _try_best(self, solved: "list[_Solved]", prices: Floats) -> None:
+    def _try_best(self, solved: "list[_SolvedProgramme]", prices: Floats) -> None:
         """Try the new prices of the groups in whose time less is lost by them."""
         ascent = self.ascent
         states, prices = ascent.states, prices.copy()
@@ -393,7 +393,7 @@ class Programmes:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Solved:
+class _SolvedProgramme:
     """A programme that was solved.
 
     Parameters

@@ -21,7 +21,7 @@ Long = NDArray[np.longdouble]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Moves:
+class WeightMoves:
     """Transitions that a rise of the weight is charged for: w[to] - w[source] <= constant + rise.
 
     Parameters
@@ -58,7 +58,7 @@ class Programme:
     states : States
     free : (F,) int array
         The states that it decides, in order.
-    moves : Moves
+    moves : WeightMoves
     rows, columns : CapacityRows
     idle : (I,) int array
         Rows of A that hold with equality.
@@ -70,7 +70,7 @@ class Programme:
 
     states: States
     free: Ints
-    moves: Moves
+    moves: WeightMoves
     rows: CapacityRows
     columns: CapacityRows
     idle: Ints
@@ -210,7 +210,7 @@ def _prices(states: States, entry: Ints) -> Long:
     return price
 
 
-def _moves(states: States, free: Ints, held: Floats, switch_price: Floats) -> Moves:
+def _moves(states: States, free: Ints, held: Floats, switch_price: Floats) -> WeightMoves:
     """Transitions between a free state and the next of its pair, either of which may be held."""
     before = np.concatenate((free, free - 1))
     before.sort()
@@ -230,7 +230,7 @@ def _moves(states: States, free: Ints, held: Floats, switch_price: Floats) -> Mo
     np.add.at(reward, own[one_held], np.where(constant > 0, paid, -paid)[one_held])
     part = one_held & (constant > 0) & (constant < 1)
     arcs = np.flatnonzero(both | part)
-    return Moves(
+    return WeightMoves(
         reward=reward,
         to=np.where(both, b, own)[arcs],
         source=a[arcs],

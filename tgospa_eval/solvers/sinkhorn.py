@@ -20,7 +20,7 @@ from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.batches import Answer, Batch, Routine, solve_in_batches
+from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_batches
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.schedule import check_gap, check_jobs, check_time_limit
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
@@ -92,7 +92,7 @@ class Sinkhorn:
             time_limit=self.time_limit,
         )
 
-    def _sweep(self, batch: Batch) -> Answer:
+    def _sweep(self, batch: BlockBatch) -> Answer:
         """Sweeps of one batch."""
         begin = time.perf_counter()
         ascent = _ascent()(batch.states, batch.wanted, self.gap, batch.weights, batch.prices)

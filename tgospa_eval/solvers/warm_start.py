@@ -78,7 +78,7 @@ def save_solution(states: States, weights: Ints, prices: Floats) -> SavedSolutio
     begin, end = states.begin[used], states.end[used]
     begin = np.where(begin == states.block_begin[block], 0, begin)
     end = np.where(end == states.block_end[block], steps - 1, end)
-    origin = Origin.same(states.problem)
+    origin = ProblemOrigin.same(states.problem)
     pair = origin.pairs(states)[states.pair[used]]
     order = np.argsort(pair + begin)
     paid = np.flatnonzero(prices > 0)
@@ -94,7 +94,7 @@ def save_solution(states: States, weights: Ints, prices: Floats) -> SavedSolutio
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Origin:
+class ProblemOrigin:
     """Where the truths, estimates and steps of a problem are in that of the solutions saved.
 
     Parameters
@@ -112,7 +112,7 @@ class Origin:
     steps: int
 
     @classmethod
-    def same(cls, problem: Problem) -> "Origin":
+    def same(cls, problem: Problem) -> "ProblemOrigin":
         """Of a problem with the same objects."""
         return cls(
             truth=np.arange(problem.truths),
@@ -141,14 +141,14 @@ def make_warm_start(
     states: States,
     saved: tuple[SavedSolution, ...],
     shares: tuple[float, ...],
-    origin: Origin | None = None,
+    origin: ProblemOrigin | None = None,
 ) -> WarmStart:
     """The assignments of neighbours, and their prices in so many shares.
 
     A state has the weight that its pair had where it begins; a slot has the prices that its
     estimate was paid while it lasts. How they are spread over a slot means nothing.
     """
-    origin = origin or Origin.same(states.problem)
+    origin = origin or ProblemOrigin.same(states.problem)
     sought = origin.pairs(states)[states.pair] + origin.step[states.begin]
     slots, node = states.columns, states.columns.node
     number = origin.nodes(states)[node]

@@ -197,7 +197,7 @@ def _joined(mine: Times, theirs: Times, tolerance: float, clock: str) -> Times:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Stretches:
+class _TrackSegments:
     """Pairs of consecutive states of a track that are not too far apart.
 
     Parameters
@@ -219,7 +219,7 @@ class _Stretches:
     count: Ints
 
 
-def _stretches(side: Trajectories, mine: Times, theirs: Times, max_gap: float) -> _Stretches:
+def _stretches(side: Trajectories, mine: Times, theirs: Times, max_gap: float) -> _TrackSegments:
     order = np.argsort(side.track, kind="stable")  # rows are in the order of time
     track, time = side.track[order], mine[side.step[order]]
     gap = _apart(time[1:], time[:-1])
@@ -227,7 +227,7 @@ def _stretches(side: Trajectories, mine: Times, theirs: Times, max_gap: float) -
     first = np.flatnonzero(narrow)
     begin = np.searchsorted(theirs, time[first], side="right")
     count = np.searchsorted(theirs, time[first + 1], side="left") - begin
-    return _Stretches(order=order, first=first, gap=gap[first], begin=begin, count=count)
+    return _TrackSegments(order=order, first=first, gap=gap[first], begin=begin, count=count)
 
 
 def _between(

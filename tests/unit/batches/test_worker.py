@@ -12,7 +12,7 @@ from tgospa_eval.batches.jobs import Job
 from tgospa_eval.cli.batch.worker import (
     NOT_WRITTEN,
     UNSEEN,
-    Task,
+    JobTask,
     evaluate_job,
     files_of,
     given_text,
@@ -22,22 +22,22 @@ from tgospa_eval.cli.evaluate import run
 
 
 @pytest.fixture
-def task(tmp_path: Path, quickstart: tuple[str, str]) -> Task:
+def task(tmp_path: Path, quickstart: tuple[str, str]) -> JobTask:
     """A job in a folder of its own."""
     for name, path in zip(("t.csv", "e.csv"), quickstart, strict=True):
         shutil.copy(path, tmp_path / name)
     return asked(tmp_path, cutoff=10.0, switch_penalty=5.0, jobs=1)
 
 
-def asked(folder: Path, **options: Any) -> Task:
+def asked(folder: Path, **options: Any) -> JobTask:
     """Of the files of the folder."""
     job = Job(labels={"run": "1"}, truth=str(folder / "t.csv"), estimate=str(folder / "e.csv"))
     chosen = Request(**options)
     key = key_of(job, given_text(chosen), files_of(job, chosen))
-    return Task(job=job, options=chosen, key=key)
+    return JobTask(job=job, options=chosen, key=key)
 
 
-def test_a_row(task: Task) -> None:
+def test_a_row(task: JobTask) -> None:
     row = evaluate_job(task)
     assert (row["status"], row["message"], row["key"]) == ("done", "", task.key)
 
@@ -53,7 +53,7 @@ def test_a_time_limit_leaves_an_open_row(crowd: tuple[str, str], tmp_path: Path)
 
 
 @pytest.mark.parametrize("name", ["t.csv", "e.csv"])
-def test_a_file_that_cannot_be_read(task: Task, tmp_path: Path, name: str) -> None:
+def test_a_file_that_cannot_be_read(task: JobTask, tmp_path: Path, name: str) -> None:
     (tmp_path / name).unlink()
     row = evaluate_job(task)
     assert row["status"] == "failed"
@@ -71,7 +71,7 @@ def test_a_file_that_cannot_be_read(task: Task, tmp_path: Path, name: str) -> No
     ],
 )
 def test_a_fault(
-    task: Task, monkeypatch: pytest.MonkeyPatch, fault: Exception, message: str
+    task: JobTask, monkeypatch: pytest.MonkeyPatch, fault: Exception, message: str
 ) -> None:
     def fail(*_: object, **__: object) -> None:
         raise fault
@@ -81,7 +81,7 @@ def test_a_fault(
     assert (row["status"], row["message"], row["key"]) == ("failed", message, task.key)
 
 
-def test_a_file_that_changes_meanwhile(task: Task, tmp_path: Path) -> None:
+def test_a_file_that_changes_meanwhile(task: JobTask, tmp_path: Path) -> None:
     path = tmp_path / "e.csv"
     path.write_text(path.read_text(encoding="utf-8") + "new,1,0,0\n", encoding="utf-8")
     row = evaluate_job(task)
@@ -90,7 +90,7 @@ def test_a_file_that_changes_meanwhile(task: Task, tmp_path: Path) -> None:
     assert "total" not in row
 
 
-def test_a_changed_covariance_is_another_key(tmp_path: Path, task: Task) -> None:
+def test_a_changed_covariance_is_another_key(tmp_path: Path, task: JobTask) -> None:
     matrix = tmp_path / "S.csv"
     keys = set()
     for number in (1, 2):
@@ -100,7 +100,7 @@ def test_a_changed_covariance_is_another_key(tmp_path: Path, task: Task) -> None
 
 
 def test_a_worker_elsewhere_reads_paths_from_where_it_was_asked(
-    tmp_path: Path, task: Task, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, task: JobTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "S.csv").write_text("4,0\n0,1\n", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
@@ -124,7 +124,7 @@ def test_a_worker_elsewhere_reads_paths_from_where_it_was_asked(
     assert blind[UNSEEN] == here.job.truth
 
 
-def test_a_folder_of_a_report_that_cannot_be_made(task: Task, tmp_path: Path) -> None:
+def test_a_folder_of_a_report_that_cannot_be_made(task: JobTask, tmp_path: Path) -> None:
     (tmp_path / "reports").touch()
     row = evaluate_job(replace(task, folder=str(tmp_path / "reports" / "1")))
     assert row["status"] == "done"  # the number is there

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from tgospa_eval.common.interval import Interval, equal, excess, less, narrowest, overlap, places
 from tgospa_eval.comparison import entrants as runs
 from tgospa_eval.comparison import solvers
-from tgospa_eval.comparison.entrants import Run, called
-from tgospa_eval.comparison.solvers import Comparison
+from tgospa_eval.comparison.entrants import SolvedRun, called
+from tgospa_eval.comparison.solvers import SolverComparison
 from tgospa_eval.errors import SolverError
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.reports.files import csv_text
@@ -90,8 +90,8 @@ def test_solvers_are_compared(write: Write, invoke: Invoke) -> None:
 def here(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Run solvers in this process, with a change to what they answer."""
 
-    def here(change: Callable[[Solver, Run], Run] = lambda _, made: made) -> None:
-        def run(prepared: Prepared, solver: Solver) -> Run:
+    def here(change: Callable[[Solver, SolvedRun], SolvedRun] = lambda _, made: made) -> None:
+        def run(prepared: Prepared, solver: Solver) -> SolvedRun:
             return change(solver, runs.run_here(prepared, solver))
 
         monkeypatch.setattr(solvers.compare_solvers, "__defaults__", (run, lambda _: None))
@@ -114,7 +114,7 @@ def test_wrong_solver_is_found(write: Write, invoke: Invoke, here, tmp_path: Pat
 
 
 def test_one_that_fails_leaves_the_others(write: Write, invoke: Invoke, here) -> None:
-    def change(solver: Solver, made: Run) -> Run:
+    def change(solver: Solver, made: SolvedRun) -> SolvedRun:
         if solver.name == "exact":
             raise ZeroDivisionError("by nothing")
         return made
@@ -139,7 +139,7 @@ def test_errors_are_against_what_all_prove() -> None:
         solver="s", epsilon=None, bracket=bracket(90, 100), tgospa=10, lower_bound=9.5, parts={},
         counts={}, status="solved", finished=True, iterations=1, seconds={},
     )  # fmt: skip
-    comparison = Comparison(runs=(run, replace(run, bracket=bracket(80, 96))))
+    comparison = SolverComparison(runs=(run, replace(run, bracket=bracket(80, 96))))
     assert comparison.referee == bracket(90, 96)
     assert comparison.error(run) == pytest.approx(10 / 90)
     assert comparison.lower_error(comparison.runs[1]) == pytest.approx(16 / 96)

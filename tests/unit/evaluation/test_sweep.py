@@ -17,7 +17,7 @@ from tgospa_eval import Certified, ConfigError, Sinkhorn, evaluate, sweep
 from tgospa_eval.cli.evaluate.sweep import parse_sweep
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.evaluation import sweep as sensitivity
-from tgospa_eval.evaluation.prepare import Measured, fit, measure
+from tgospa_eval.evaluation.prepare import MeasuredSides, fit, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance, as_trajectories
 from tgospa_eval.problem.certificate import certify
@@ -97,7 +97,9 @@ def test_by_hand() -> None:
 # --- what neighbours say --------------------------------------------------------------------------
 
 
-def measured(truth: np.ndarray, estimate: np.ndarray, cutoff: float) -> tuple[Measured, object]:
+def measured(
+    truth: np.ndarray, estimate: np.ndarray, cutoff: float
+) -> tuple[MeasuredSides, object]:
     sides = [as_trajectories(side, "side") for side in (truth, estimate)]
     request = EvaluationRequest(
         parameters=Parameters(cutoff=cutoff, order=2, switch_penalty=0.0),

@@ -10,12 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.partitioned.long.component import Joined, Long
+from tgospa_eval.partitioned.long.component import ComponentBounds, Long
 from tgospa_eval.partitioned.long.run import solve_long
 from tgospa_eval.partitioned.long.windows import Window
 from tgospa_eval.partitioned.shards import problem_of
-from tgospa_eval.partitioned.share import ENTRY, PARTS_OF_TRACKS, Share
-from tgospa_eval.partitioned.tasks import Task, run_tasks
+from tgospa_eval.partitioned.share import ENTRY, PARTS_OF_TRACKS, PartialSums
+from tgospa_eval.partitioned.tasks import PartsTask, run_tasks
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Problem
@@ -90,7 +90,9 @@ def whole(entries: Entries, parameters: Parameters) -> tuple[Problem, Bounds, Br
     return problem, bounds, breakdown
 
 
-def check_parts(joined: Joined, problem: Problem, entries: Entries, parameters: Parameters) -> None:
+def check_parts(
+    joined: ComponentBounds, problem: Problem, entries: Entries, parameters: Parameters
+) -> None:
     """Cost and constraints of what is held, step by step and pair by pair; sums by track."""
     truths, estimates = np.unique(entries["truth"]), np.unique(entries["estimate"])
     first = int(entries["step"][0])
@@ -187,11 +189,11 @@ class KilledError(Exception):
     pass
 
 
-def killed_after(most: int) -> Callable[[Callable[[Task], None], Sequence[Task]], None]:
+def killed_after(most: int) -> Callable[[Callable[[PartsTask], None], Sequence[PartsTask]], None]:
     """Runs the tasks from the last to the first, and so many in all."""
 
-    def run(function: Callable[[Task], None], tasks: Sequence[Task]) -> None:
-        def one(task: Task) -> None:
+    def run(function: Callable[[PartsTask], None], tasks: Sequence[PartsTask]) -> None:
+        def one(task: PartsTask) -> None:
             if next(left, None) is None:
                 raise KilledError
             function(task)
@@ -224,11 +226,11 @@ def test_what_is_solved_in_time_is_proven(tmp_path: Path) -> None:
         windows: Iterator[int] = iter(range(in_time))
 
         def run(
-            function: Callable[[Task], None],
-            tasks: Sequence[Task],
+            function: Callable[[PartsTask], None],
+            tasks: Sequence[PartsTask],
             windows: Iterator[int] = windows,
         ) -> None:
-            def one(task: Task) -> None:
+            def one(task: PartsTask) -> None:
                 if isinstance(task, Window):
                     task = replace(task, end=0.0 if next(windows, None) is None else None)
                 function(task)
@@ -237,7 +239,7 @@ def test_what_is_solved_in_time_is_proven(tmp_path: Path) -> None:
 
         work = tmp_path / str(in_time)
         long = component(work, entries, parameters, len(entries) // 2, 5)
-        told: list[Share] = []
+        told: list[PartialSums] = []
         ended = None if in_time == 100 else 0.0  # 1970
         joined = solve_long(replace(long, end=ended), run, told.append)
         lower, upper = joined.share.bracket

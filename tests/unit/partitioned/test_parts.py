@@ -130,7 +130,7 @@ def test_processes_and_interruptions_change_nothing(
     begun = 0
     original = tasks._Work.__call__
 
-    def stops(work: tasks._Work, task: tasks.Task) -> object:
+    def stops(work: tasks._Work, task: tasks.PartsTask) -> object:
         nonlocal begun
         if begun == 2:
             begun = 0

@@ -12,7 +12,7 @@ import pytest
 
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.unpack import ZSTD
-from tgospa_eval.partitioned.sides import Side, open_side
+from tgospa_eval.partitioned.sides import PartsSide, open_side
 from tgospa_eval.partitioned.tasks import run_tasks
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.judged import digest, digest_of_sums, row_sums
@@ -38,7 +38,7 @@ def scene(rows: int = 60, ids: str = "integer", seed: int = 0) -> pd.DataFrame:
     )
 
 
-def opened(path: Path, work: Path, rows_together: int = 20, **options: Any) -> Side:
+def opened(path: Path, work: Path, rows_together: int = 20, **options: Any) -> PartsSide:
     return open_side(
         path,
         ReadOptions(**options),
@@ -60,7 +60,7 @@ def check_same(found: Trajectories, wanted: Trajectories) -> None:
     assert (found.columns, found.clock) == (wanted.columns, wanted.clock)
 
 
-def check_blocks(side: Side, whole: Trajectories, cuts: Sequence[int] = (0, 3, 4)) -> None:
+def check_blocks(side: PartsSide, whole: Trajectories, cuts: Sequence[int] = (0, 3, 4)) -> None:
     """All blocks between these steps, and all at once."""
     assert side.times.tolist() == whole.times.tolist()
     assert side.times.dtype == whole.times.dtype
@@ -73,7 +73,7 @@ def check_blocks(side: Side, whole: Trajectories, cuts: Sequence[int] = (0, 3, 4
         check_same(side.block(side.times[first], side.times[last - 1]), part)
 
 
-def combined_digest(side: Side, blocks: Sequence[Trajectories]) -> str:
+def combined_digest(side: PartsSide, blocks: Sequence[Trajectories]) -> str:
     return digest_of_sums(side.columns, [row_sums(block) for block in blocks])
 
 
@@ -248,7 +248,7 @@ def test_what_is_done_is_not_done_again(tmp_path: Path) -> None:
                 work(task)
                 done.append(task.output)
 
-    def again() -> Side:
+    def again() -> PartsSide:
         return open_side(
             parts, ReadOptions(), "truth", work=tmp_path / "work", rows_together=4, run=run
         )

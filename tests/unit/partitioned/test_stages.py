@@ -7,15 +7,15 @@ import numpy as np
 
 from tgospa_eval.cli.shared.progress import line
 from tgospa_eval.common.progress import Progress, Stopwatch
-from tgospa_eval.partitioned.share import Share
+from tgospa_eval.partitioned.share import PartialSums
 from tgospa_eval.partitioned.tasks import Stages
 from tgospa_eval.problem.tgospa import Parameters
 
 NOTHING = np.zeros(1)
 
 
-def share(objects: tuple[int, int], lower: float, upper: float) -> Share:
-    return Share(
+def share(objects: tuple[int, int], lower: float, upper: float) -> PartialSums:
+    return PartialSums(
         first=0,
         localisation=NOTHING,
         missed=NOTHING,

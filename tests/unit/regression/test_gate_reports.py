@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.regression.outcome import Change, Outcome, Report
+from tgospa_eval.regression.outcome import PairOutcome, Report, ValueChange
 from tgospa_eval.regression.report import (
     SUMMARY,
     annotations,
@@ -45,11 +45,13 @@ HOSTILE = [
 ]
 
 
-def outcome(name: str, now: float = 1.0, slack: str = "total:+0", warns: bool = False) -> Outcome:
+def outcome(
+    name: str, now: float = 1.0, slack: str = "total:+0", warns: bool = False
+) -> PairOutcome:
     rule = parse_rule(slack, option="warn-on" if warns else "fail-on")
     found = judge(rule, Value(lower=now, upper=now, proven=True, unit=1.0), 1.0)
     verdict = Verdict.PASS if warns else found.verdict
-    return Outcome(
+    return PairOutcome(
         name=name,
         truth="t.csv",
         estimate="e.csv",
@@ -61,14 +63,14 @@ def outcome(name: str, now: float = 1.0, slack: str = "total:+0", warns: bool = 
     )
 
 
-def absent(name: str) -> Outcome:
+def absent(name: str) -> PairOutcome:
     verdict = Verdict.INCOMPARABLE
-    return Outcome(
+    return PairOutcome(
         name=name, truth="", estimate="", verdict=verdict, status=2, notes=("not there",)
     )
 
 
-def report(*outcomes: Outcome) -> Report:
+def report(*outcomes: PairOutcome) -> Report:
     return Report(baseline="b.json", outcomes=outcomes, version="1", again=("tgospa-eval", "gate"))
 
 
@@ -97,11 +99,11 @@ def test_table_has_lines_of_its_own_only() -> None:
 def test_table_of_an_update() -> None:
     verdict = Verdict.UPDATED
     changes = (
-        Change(path="total", old=1.0, new=2e-300),
-        Change(path="by_class.a.tgospa", old=None, new=3.0),
+        ValueChange(path="total", old=1.0, new=2e-300),
+        ValueChange(path="by_class.a.tgospa", old=None, new=3.0),
     )
     found = report(
-        Outcome(
+        PairOutcome(
             name="x", truth="t", estimate="e", verdict=verdict, status=0, changes=changes
         )
     )  # fmt: skip

@@ -21,9 +21,9 @@ from tgospa_eval.simulation.recordings import (
     CITY,
     GRAIN,
     RECORDINGS,
-    Held,
     Layout,
     RecordingKind,
+    TrackedTargets,
     hold_tracks,
     simulate_recording,
 )
@@ -158,7 +158,7 @@ def test_tracks_of_a_stretch_are_those_of_single_steps(seed: int, silent: int, c
     detected, lost = rng.random((2, 12, 3)) < np.array([0.8, 0.3])[:, None, None]
     swaps = [(k, *rng.permutation(3)[:2]) for k in np.flatnonzero(rng.random(12) < 0.4)]
     exchanged = np.array(swaps, np.int64).reshape(-1, 3)
-    held = Held(track=np.array([1, 2, 3]), free=rng.integers(0, 5, 3), next_id=4)
+    held = TrackedTargets(track=np.array([1, 2, 3]), free=rng.integers(0, 5, 3), next_id=4)
     tracks, reported, after = hold_tracks(detected, exchanged, lost, silent, held)
 
     track, free, fresh = held.track.tolist(), held.free.tolist(), 4

@@ -9,7 +9,7 @@ import pytest
 
 from tgospa_eval import Trajectories, read_trajectories
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.explain.edits import Edit, Piece, Rows, edited
+from tgospa_eval.explain.edits import AddedRows, Edit, TrackPiece, edited
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.frames import from_frame
 from tgospa_eval.formats.text import bulk, scan
@@ -108,10 +108,12 @@ def test_rows_that_are_selected_joined_and_edited_keep_theirs() -> None:
             {"seen": seen},
         )
     # Track b becomes a track of its own from step 1 on; rows are added, one with an attribute.
-    edit = Edit(pieces={1: (Piece(0, 0, 1), Piece(1, 1, 2))}, fresh=("d",))
+    edit = Edit(pieces={1: (TrackPiece(0, 0, 1), TrackPiece(1, 1, 2))}, fresh=("d",))
     assert plain(edited(side, edit).attributes)["sensor"] == side.attributes["sensor"].tolist()
     state, at = np.zeros((2, 1)), np.array([2, 0])
-    rows = Rows(step=at, track=np.array([0, 2]), state=state, attributes={"seen": np.arange(2.0)})
+    rows = AddedRows(
+        step=at, track=np.array([0, 2]), state=state, attributes={"seen": np.arange(2.0)}
+    )
     same(
         edited(side, Edit(fresh=("d",), added=rows)).attributes,
         {"seen": [np.nan, 1, 1, 0.5, 0.25, 0], "sensor": ["lidar", "", "", "radar", "radar", ""]},

@@ -18,7 +18,7 @@ from tgospa_eval._version import __version__
 from tgospa_eval.api.request import Request, Values
 from tgospa_eval.batches import jobs
 from tgospa_eval.batches.curves import rms_curves
-from tgospa_eval.batches.jobs import Job, Plan
+from tgospa_eval.batches.jobs import BatchPlan, Job
 from tgospa_eval.batches.pairing import labels_of
 from tgospa_eval.batches.per_step import STEPS, STORED_CURVE, STORED_STEPS
 from tgospa_eval.batches.store import SCHEMA, SETTINGS_FILE, Row, Store, locked
@@ -27,7 +27,7 @@ from tgospa_eval.cli.batch.worker import (
     NOT_WRITTEN,
     OFF_STEPS,
     UNSEEN,
-    Task,
+    JobTask,
     digest_of,
     evaluate_job,
     files_of,
@@ -204,7 +204,7 @@ class BatchOptions(Values):
 
 def planned(
     paths: tuple[str, ...], batch: BatchOptions, options: Request, output: str | None
-) -> Plan:
+) -> BatchPlan:
     """The jobs that the arguments name in one of three ways."""
     if batch.layout:
         if len(paths) != 2:
@@ -243,7 +243,7 @@ def _within(job: Job, time: str | None) -> Job:
     return replace(job, frames=(int(frames[0]), int(frames[-1])) if len(frames) else None)
 
 
-def check_missing(plan: Plan, batch: BatchOptions) -> None:
+def check_missing(plan: BatchPlan, batch: BatchOptions) -> None:
     """List what is missing; without --allow-missing nothing is begun.
 
     Raises
@@ -282,11 +282,11 @@ def shard_of(text: str | None) -> tuple[int, int]:
 
 def tasks_of(
     ctx: click.Context,
-    plan: Plan,
+    plan: BatchPlan,
     options: Request,
     batch: BatchOptions,
     output: OutputOptions,
-) -> Iterator[Task]:
+) -> Iterator[JobTask]:
     """The jobs with their own options and their keys; what they share is there once."""
     shared = replace(options, jobs=1)
     of_all = given_text(shared)
@@ -305,7 +305,7 @@ def tasks_of(
         folder = None
         if batch.reports:
             folder = folder_of(str(output.output), job.labels, job.options)
-        yield Task(
+        yield JobTask(
             job=job,
             options=chosen,
             key=key_of(job, given, files_of(job, chosen), digest),
@@ -318,7 +318,9 @@ def tasks_of(
         )
 
 
-def left_over(tasks: list[Task], before: "pd.DataFrame", *, retry_failed: bool) -> Iterator[Task]:
+def left_over(
+    tasks: list[JobTask], before: "pd.DataFrame", *, retry_failed: bool
+) -> Iterator[JobTask]:
     """What is not done, and what lacks something that is asked for beside its row."""
     numbers = ["sizes.steps", STORED_STEPS, STORED_CURVE]
     found = before.reindex(columns=["key", "status", NOT_WRITTEN, *numbers])
@@ -335,7 +337,7 @@ def left_over(tasks: list[Task], before: "pd.DataFrame", *, retry_failed: bool) 
                 yield task.keeping(row)
 
 
-def size_of(task: Task) -> int:
+def size_of(task: JobTask) -> int:
     """Bytes of both files: the largest jobs come first, so that none is left at the end alone."""
     paths = (file_of(path) for path in (task.job.truth, task.job.estimate))
     return sum(os.path.getsize(file) for path in paths for file in files_at(path))
@@ -543,7 +545,7 @@ def report_batch(folder: str, batch: BatchOptions, output: OutputOptions) -> Non
     write_batch(store, tables, output, lenient=False)
 
 
-def _work(tasks: list[Task], store: Store, engine: Engine, *, quiet: bool) -> list[Row]:
+def _work(tasks: list[JobTask], store: Store, engine: Engine, *, quiet: bool) -> list[Row]:
     """Do the jobs, and store their rows every now and then, also when interrupted.
 
     Returns

@@ -15,7 +15,7 @@ from typing import Any
 from tgospa_eval._version import __version__
 from tgospa_eval.api.request import Request
 from tgospa_eval.batches.jobs import Job
-from tgospa_eval.batches.per_step import STEPS, STORED_CURVE, STORED_STEPS, StepCosts
+from tgospa_eval.batches.per_step import STEPS, STORED_CURVE, STORED_STEPS, JobSteps
 from tgospa_eval.batches.slices import stored_slices
 from tgospa_eval.batches.store import Row
 from tgospa_eval.cli.shared.values import OutputOptions
@@ -47,7 +47,7 @@ NAMING_FILES = ("covariance", "inner_cov", "step_weights")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Task:
+class JobTask:
     """A job with everything that a worker needs.
 
     Parameters
@@ -87,7 +87,7 @@ class Task:
         parts = (PROOF_FOLDER,) if self.proof else ()
         return self.folder is None or Path(self.folder, *parts).is_dir()
 
-    def keeping(self, row: Mapping[Hashable, Any]) -> "Task":
+    def keeping(self, row: Mapping[Hashable, Any]) -> "JobTask":
         """The same with the steps that a row of it has, for a new one takes its place."""
         curve = self.options.curve or bool(row[STORED_CURVE])
         return replace(
@@ -155,7 +155,7 @@ def files_of(job: Job, options: Request) -> tuple[str, ...]:
     return (job.truth, job.estimate, *filter(None, named))
 
 
-def evaluate_job(task: Task) -> Row:
+def evaluate_job(task: JobTask) -> Row:
     """The row of a job; a wrong file or a failed solver is a row as well, with its message."""
     from tgospa_eval.cli.evaluate.run import evaluate_files  # here: the parent does without
 
@@ -201,7 +201,7 @@ def _fault(error: Exception) -> str:
     return f"{type(error).__name__}: {error}: please report this as a bug"
 
 
-def _as_seen_here(task: Task) -> Task:
+def _as_seen_here(task: JobTask) -> JobTask:
     """The task with paths of this worker."""
     if not task.base:
         return task
@@ -227,7 +227,7 @@ def _as_seen_here(task: Task) -> Task:
     )
 
 
-def _unseen(asked: Task, here: Task) -> Row | None:
+def _unseen(asked: JobTask, here: JobTask) -> Row | None:
     """What to say of a file that is not there for a worker of a cluster; None if all are."""
     if not asked.base:
         return None
@@ -241,12 +241,12 @@ def _unseen(asked: Task, here: Task) -> Row | None:
     return None
 
 
-def lost_job(task: Task) -> Row:
+def lost_job(task: JobTask) -> Row:
     """The row of a job whose process died, also when nothing else was worked on."""
     return finished_row(task, {"status": "failed", "message": "its process died"}, 0.0)
 
 
-def finished_row(task: Task, row: Mapping[str, object], seconds: float) -> Row:
+def finished_row(task: JobTask, row: Mapping[str, object], seconds: float) -> Row:
     """With what every row has; texts as Parquet takes them."""
     whole = {
         "key": task.key,
@@ -302,11 +302,11 @@ def _steps(result: Summary, *, per_step: bool) -> Row:
     """The steps, where they are asked for, and what the row says of them."""
     if not per_step:
         return {STORED_STEPS: 0, STORED_CURVE: False}
-    steps = StepCosts.of(result)
+    steps = JobSteps.of(result)
     return {STEPS: steps, **steps.stored}
 
 
-def _written(result: Summary, task: Task, folder: str | None) -> Row:
+def _written(result: Summary, task: JobTask, folder: str | None) -> Row:
     """Write the result folder, if it is asked for; what the row says where that is not possible.
 
     A full disk, or what is in the way of a folder, takes nothing from the number.
@@ -322,7 +322,7 @@ def _written(result: Summary, task: Task, folder: str | None) -> Row:
     return {}
 
 
-def _write(result: Summary, task: Task, folder: str) -> None:
+def _write(result: Summary, task: JobTask, folder: str) -> None:
     """The result folder of a job, without pictures, in place of an older one."""
     from tgospa_eval.reports.files import RESULT, result_texts, write_texts
 

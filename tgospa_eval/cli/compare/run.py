@@ -27,7 +27,7 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted, natural, parsed, parsed_whole
 from tgospa_eval.comparison.entrants import (
     Entrant,
-    Outcome,
+    EntrantOutcome,
     check_solvers,
     name_of,
     outcome,
@@ -452,7 +452,7 @@ def _without_common(parts: list[tuple[str, ...]], step: int) -> list[tuple[str, 
     return [part[same:][::step] for part in turned]
 
 
-class Pairs:
+class FilePairs:
     """Pairs of files, read and made problems of; a truth is read once.
 
     Parameters
@@ -535,7 +535,7 @@ def compare_estimates(truth: str, estimates: tuple[str, ...], options: CompareOp
     stopwatch, quiet = Stopwatch(), options.output.quiet
 
     def work() -> Ranked:
-        pairs = Pairs(settings, stopwatch, quiet=quiet)
+        pairs = FilePairs(settings, stopwatch, quiet=quiet)
         found, parameters = _outcomes(pairs, runs, solver, per_step=options.per_step)
         # If it was interrupted: the runs that are whole, or what there is of the first.
         whole = max(min(map(len, found)), 1)
@@ -600,11 +600,11 @@ def _solver(options: CompareOptions) -> Solver:
 
 
 def _outcomes(
-    pairs: Pairs, runs: Runs, solver: Solver, *, per_step: bool
-) -> tuple[list[list[Outcome]], Metric]:
+    pairs: FilePairs, runs: Runs, solver: Solver, *, per_step: bool
+) -> tuple[list[list[EntrantOutcome]], Metric]:
     """Of each estimate what came of its runs, as many as were done; and the parameters."""
     stopwatch, (_, first) = pairs.stopwatch, runs[0]
-    found: list[list[Outcome]] = [[] for _ in first]
+    found: list[list[EntrantOutcome]] = [[] for _ in first]
     count = len(first) * len(runs)
     for done, (k, truth, path) in enumerate(
         (k, truth, path) for truth, paths in runs for k, path in enumerate(paths)
@@ -667,7 +667,7 @@ def compare_saved(paths: tuple[str, ...], options: CompareOptions) -> bool:
     options.check_folder()
     runs, names = _runs(paths)
     heads: list[list[Json]] = []
-    found: list[list[Outcome]] = []
+    found: list[list[EntrantOutcome]] = []
     for group in runs:
         documents = [read_result(path) for path in group]
         heads.append([{name: item.get(name, {}) for name in HEAD} for item in documents])
@@ -768,7 +768,7 @@ def compare_files(truth: str, estimate: str, options: CompareOptions) -> bool:
     stopwatch, quiet = Stopwatch(), options.output.quiet
 
     def work() -> SolversRecord:
-        pairs = Pairs(settings, stopwatch, quiet=quiet)
+        pairs = FilePairs(settings, stopwatch, quiet=quiet)
         prepared = pairs.prepared(truth, estimate)
         chosen, left_out = list(solvers), {}
         states = takes_long(prepared)

@@ -23,7 +23,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.regression.baseline import (
     Baseline,
-    Entry,
+    BaselineEntry,
     Measured,
     dump,
     load,
@@ -31,7 +31,14 @@ from tgospa_eval.regression.baseline import (
     measured,
     values_of,
 )
-from tgospa_eval.regression.outcome import Outcome, Report, change, compare, leftover, update_notes
+from tgospa_eval.regression.outcome import (
+    PairOutcome,
+    Report,
+    change,
+    compare,
+    leftover,
+    update_notes,
+)
 from tgospa_eval.regression.report import GATE_REPORTS
 from tgospa_eval.regression.suite import (
     DEFAULT,
@@ -136,7 +143,7 @@ class Given:
         """Whether it is from a configuration file."""
         return self.context.get_parameter_source(name) is ParameterSource.DEFAULT_MAP
 
-    def resolve(self, pair: Pair, entry: Entry | None, path: str) -> Chosen:
+    def resolve(self, pair: Pair, entry: BaselineEntry | None, path: str) -> Chosen:
         """The options of a pair."""
         own = {str(i.name): getattr(self.evaluation, str(i.name)) for i in EVALUATION}
         given = (
@@ -290,7 +297,7 @@ def judge_stores(given: Given, first: str, second: str | None) -> Report:
     outcomes = [
         _store_outcome(stored, pair, (old or {}).get(name), rules[name])
         if name in stored.faults or not path or (old and name in old)
-        else Outcome.of(pair, Verdict.INCOMPARABLE, missing)
+        else PairOutcome.of(pair, Verdict.INCOMPARABLE, missing)
         for name, pair in stored.pairs.items()
     ]
     outcomes += leftover(
@@ -417,17 +424,19 @@ def _measured(row: Row) -> Measured:
     )
 
 
-def _store_outcome(stored: _Stored, pair: Pair, entry: Entry | None, rules: list[Rule]) -> Outcome:
+def _store_outcome(
+    stored: _Stored, pair: Pair, entry: BaselineEntry | None, rules: list[Rule]
+) -> PairOutcome:
     """The verdict on a job."""
     if pair.name in stored.faults:
-        return Outcome.of(pair, Verdict.ERROR, stored.faults[pair.name])
+        return PairOutcome.of(pair, Verdict.ERROR, stored.faults[pair.name])
     verdict, findings, notes = compare(stored.now[pair.name], entry, rules)
     return _with_row(
-        replace(Outcome.of(pair, verdict, *notes), findings=findings), stored.rows[pair.name]
+        replace(PairOutcome.of(pair, verdict, *notes), findings=findings), stored.rows[pair.name]
     )
 
 
-def _with_row(outcome: Outcome, row: Row) -> Outcome:
+def _with_row(outcome: PairOutcome, row: Row) -> PairOutcome:
     """With what the row has: how long it took, and warnings about the data."""
     warnings = tuple(Notice(**record) for record in json.loads(row["warnings"]))
     return replace(outcome, seconds=float(row["seconds"]), warnings=warnings)
@@ -441,7 +450,7 @@ def _update_store(stored: _Stored, old: Baseline, path: str) -> Report:
     outcomes = [
         _with_row(
             replace(
-                Outcome.of(
+                PairOutcome.of(
                     pair, Verdict.UPDATED, *update_notes(old.get(name), new[name], stored.now[name])
                 ),
                 changes=change(old.get(name), new[name]),
@@ -480,7 +489,7 @@ def run_gate(given: Given, truth: str | None, estimate: str | None) -> int:
         report = replace(_judge(given, truth, estimate), settings_file=output.config)
     except TgospaError as error:
         pair = Pair(name="gate", truth=truth or "", estimate=estimate or "")
-        failed = replace(Outcome.of(pair, Verdict.ERROR, str(error)), status=error.exit_status)
+        failed = replace(PairOutcome.of(pair, Verdict.ERROR, str(error)), status=error.exit_status)
         spared = replace(gate, junit=None) if isinstance(error, OverInputError) else gate
         report = replace(_report(gate.baseline or "", [failed]), settings_file=output.config)
         _publish(report, spared)
@@ -550,7 +559,7 @@ def _judge(given: Given, truth: str | None, estimate: str | None) -> Report:
     outcomes = [
         _outcome(given, pair, (old or {}).get(pair.name), rules.get(pair.name, []), path)
         if pair.fault or (old and pair.name in old)
-        else Outcome.of(pair, Verdict.INCOMPARABLE, missing)
+        else PairOutcome.of(pair, Verdict.INCOMPARABLE, missing)
         for pair in suite.pairs
     ]
     outcomes += leftover(
@@ -562,7 +571,7 @@ def _judge(given: Given, truth: str | None, estimate: str | None) -> Report:
     return _report(path, outcomes, () if is_store(path) else again)
 
 
-def _report(path: str, outcomes: list[Outcome], again: tuple[str, ...] = ()) -> Report:
+def _report(path: str, outcomes: list[PairOutcome], again: tuple[str, ...] = ()) -> Report:
     return Report(baseline=path, outcomes=tuple(outcomes), version=__version__, again=again)
 
 
@@ -586,7 +595,7 @@ def _suite(given: Given, truth: str | None, estimate: str | None) -> Suite:
 
 
 def _evaluate(
-    given: Given, pair: Pair, entry: Entry | None, path: str
+    given: Given, pair: Pair, entry: BaselineEntry | None, path: str
 ) -> tuple[Summary, dict[str, object], Files]:
     """The result of a pair, the options that made it, and the proof of its value, if asked for."""
     chosen, prefix = given.resolve(pair, entry, path), given.gate.prefix(pair)
@@ -611,21 +620,21 @@ def _write_proof(gate: GateOptions, pair: Pair, files: Files) -> None:
 
 
 def _outcome(
-    given: Given, pair: Pair, entry: Entry | None, rules: list[Rule], path: str
-) -> Outcome:
+    given: Given, pair: Pair, entry: BaselineEntry | None, rules: list[Rule], path: str
+) -> PairOutcome:
     """The verdict on a pair; wrong files do not keep others from being judged."""
     if pair.fault:
-        return Outcome.of(pair, Verdict.ERROR, pair.fault)
+        return PairOutcome.of(pair, Verdict.ERROR, pair.fault)
     begin = time.monotonic()
     try:
         result, _, proof = _evaluate(given, pair, entry, path)
         _write_proof(given.gate, pair, proof)
     except TgospaError as error:
-        outcome = Outcome.of(pair, Verdict.ERROR, str(error))
+        outcome = PairOutcome.of(pair, Verdict.ERROR, str(error))
         return replace(outcome, status=error.exit_status, seconds=time.monotonic() - begin)
     verdict, findings, notes = compare(measured(result), entry, rules)
     return replace(
-        Outcome.of(pair, verdict, *notes),
+        PairOutcome.of(pair, verdict, *notes),
         findings=findings,
         seconds=time.monotonic() - begin,
         warnings=result.warnings,
@@ -649,7 +658,7 @@ def _update(given: Given, suite: Suite, old: Baseline, path: str) -> Report:
         now = measured(result)
         entry = new[pair.name] = make_entry(now, recorded)
         outcome = replace(
-            Outcome.of(pair, Verdict.UPDATED, *update_notes(before, entry, now)),
+            PairOutcome.of(pair, Verdict.UPDATED, *update_notes(before, entry, now)),
             changes=change(before, entry),
             seconds=time.monotonic() - begin,
             warnings=result.warnings,

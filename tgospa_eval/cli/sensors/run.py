@@ -26,7 +26,7 @@ from tgospa_eval.reports.clouds import association_text, reduction_text
 from tgospa_eval.reports.files import check_file, csv_text, write_file
 from tgospa_eval.results.records import Columns, Json, json_text, records
 from tgospa_eval.sensors.association import Association, associate
-from tgospa_eval.sensors.reduction import Change, reduce_trajectories
+from tgospa_eval.sensors.reduction import CloudChange, reduce_trajectories
 
 T = TypeVar("T")
 
@@ -141,7 +141,7 @@ def reduce_file(source: str, target: str, options: Request, output: SensorOption
         "particles": sum(table["particles"]),
         "kept": sum(table["kept"]),
     }
-    change = {name: _spread(name, table[name]) for name in Change._fields[2:]}
+    change = {name: _spread(name, table[name]) for name in CloudChange._fields[2:]}
     document = {
         "schema": "tgospa-eval/reduce/1",
         "version": __version__,

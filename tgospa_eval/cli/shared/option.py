@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 PATH = click.Path(readable=False)
 
 
-class Source(click.Path):
+class SourceFile(click.Path):
     """A file that is read, or - for the standard input, which can be one of them."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
@@ -32,7 +32,7 @@ class Source(click.Path):
         return STDIN
 
 
-SOURCE = Source(readable=False)
+SOURCE = SourceFile(readable=False)
 KEYS: dict[str, bool] = {}
 """Keys of a configuration file, and whether each is a flag."""
 

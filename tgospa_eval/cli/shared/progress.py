@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from typing import TypeVar
 
 from tgospa_eval.cli.shared.streams import answering, are_heard, print_notice
-from tgospa_eval.common.progress import Progress, Stopwatch, Task
+from tgospa_eval.common.progress import BackgroundTask, Progress, Stopwatch
 from tgospa_eval.text import visible
 
 T = TypeVar("T")
@@ -75,7 +75,7 @@ def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
             print_notice("stopping: what is proven so far follows; Ctrl-C again ends at once")
 
     with answering(take), Display(stopwatch) as display:
-        task = Task(work)
+        task = BackgroundTask(work)
         while not task.wait(0.1):
             if progress.stop.is_set() and not announced:
                 announced = True
@@ -101,7 +101,7 @@ def shown(stopwatch: Stopwatch, *, show: bool) -> Iterator[None]:
             while not ended.wait(0.2):
                 display.update()
 
-        looking = Task(look)
+        looking = BackgroundTask(look)
         try:
             yield
         finally:

@@ -11,7 +11,7 @@ import numpy as np
 from tgospa_eval.cli.shared.progress import Display
 from tgospa_eval.cli.shared.streams import emit
 from tgospa_eval.cli.simulate.values import SceneOptions
-from tgospa_eval.common.manifest import Entry, entry, read_manifest, unchanged
+from tgospa_eval.common.manifest import FileEntry, entry, read_manifest, unchanged
 from tgospa_eval.common.progress import Progress, Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
@@ -19,8 +19,8 @@ from tgospa_eval.formats.parts import PartWriter, check_parquet, part_name
 from tgospa_eval.formats.write import WRITERS, csv_text
 from tgospa_eval.reports.files import Kind, probe_folder, write_files, write_texts
 from tgospa_eval.simulation import Scene, Tracker, simulate
-from tgospa_eval.simulation.recordings import RECORDINGS, Layout, Rows, simulate_recording
-from tgospa_eval.simulation.settings import PUBLISHED, Run, run_setting
+from tgospa_eval.simulation.recordings import RECORDINGS, Layout, RecordedRows, simulate_recording
+from tgospa_eval.simulation.settings import PUBLISHED, SettingRun, run_setting
 from tgospa_eval.text import visible
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -58,7 +58,7 @@ def make_setting(folder: str, options: SceneOptions) -> None:
     emit("".join(f"{visible(line)}\n" for line in lines))
 
 
-def _measurements(run: Run) -> str:
+def _measurements(run: SettingRun) -> str:
     """CSV ``t,x,y``, a row for each measurement, shuffled within a step."""
     rows = [
         f"{time},{x!r},{y!r}\n"
@@ -175,7 +175,7 @@ def make_partitioned(folder: str, options: SceneOptions) -> None:
     stopwatch = Stopwatch()
     stopwatch.progress = Progress(watched=not options.quiet)
 
-    def fill(fresh: Path) -> Collection[Entry]:
+    def fill(fresh: Path) -> Collection[FileEntry]:
         counts[:] = _Count(), _Count()
         for side in FOLDERS:
             (fresh / side).mkdir()
@@ -214,7 +214,7 @@ class _Count:
         self.rows = 0
         self.seen = np.zeros(0, bool)
 
-    def add(self, rows: Rows) -> None:
+    def add(self, rows: RecordedRows) -> None:
         """Count some."""
         self.rows += len(rows.id)
         most = int(rows.id.max(initial=0)) + 1

@@ -11,7 +11,7 @@ from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.distances.base import Settings
+from tgospa_eval.distances.base import DistanceSettings
 from tgospa_eval.errors import InputError
 from tgospa_eval.evaluation.prepare import Prepared, fit, prepare
 from tgospa_eval.proof import verify_tgospa
@@ -21,7 +21,7 @@ from tgospa_eval.proof.write import check_provable, difference, proof_parameters
 Files = tuple[str, str]
 
 NOT_OF_THE_TABLES = (
-    *("cutoff", "order", "switch_penalty", "rho", "distance", *Settings.__annotations__),
+    *("cutoff", "order", "switch_penalty", "rho", "distance", *DistanceSettings.__annotations__),
     *("unit", "solver", "gap", "epsilon", "time_limit", "no_gating"),
 )
 """Options of the metric, which a verdict has as parameters, and of the solver. All others that a

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
-from tgospa_eval.distances.base import Distance, Effort, Floats, Pairs, Settings, Sides
+from tgospa_eval.distances.base import Distance, DistanceSettings, Effort, Floats, Pairs, Sides
 from tgospa_eval.distances.clouds.pairs import CloudPairs, OwnCovariance, announce
 from tgospa_eval.distances.clouds.reduction import Reduction
 from tgospa_eval.distances.clouds.transport import check_order, plan, whitened, whitened_points
@@ -150,9 +150,9 @@ class CloudWasserstein(Distance):
         """Whether covariance and scale are for so many columns."""
         self.lower_bound.check_columns(columns, name)
 
-    def settings(self, columns: tuple[str, ...]) -> Settings:
+    def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
         """Order, inner distance and reduction by the names of the options."""
-        found: Settings = {"cloud_order": self.order, "inner": self.inner}
+        found: DistanceSettings = {"cloud_order": self.order, "inner": self.inner}
         if self.covariance is not None:
             found["inner_cov"] = np.asarray(self.covariance).tolist()
         if self.scale is not None:
@@ -240,7 +240,7 @@ class PairCloudWasserstein(CloudWasserstein):
         del sides
         return self
 
-    def settings(self, columns: tuple[str, ...]) -> Settings:
+    def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
         """As of other clouds, with the word for it."""
         return {**super().settings(columns), "inner_cov": "pair"}
 

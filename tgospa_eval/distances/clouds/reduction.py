@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.base import Settings
+from tgospa_eval.distances.base import DistanceSettings
 from tgospa_eval.distances.clouds.transport import (
     RESAMPLING,
     Cloud,
@@ -96,9 +96,9 @@ class Reduction:
         if self.directions is not None and np.ndim(self.directions) == 0:
             _check_count("directions", self.directions, 1)
 
-    def settings(self) -> Settings:
+    def settings(self) -> DistanceSettings:
         """What changes the number, by the names of the options."""
-        found: Settings = {"reduce": self.size, "reduce_method": self.method}
+        found: DistanceSettings = {"reduce": self.size, "reduce_method": self.method}
         if self.method != "top":
             found["seed"] = self.seed
         if self.method in _METHODS:

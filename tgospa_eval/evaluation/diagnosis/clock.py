@@ -148,7 +148,7 @@ def _rounded_up(value: float) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Clock:
+class ClockError:
     """What makes the stamps of the estimate those of the truth.
 
     Parameters
@@ -193,7 +193,7 @@ def _looks_sound(sampler: Sampler) -> bool:
 
 def find_clock(
     sides: tuple[Trajectories, Trajectories], sampler: Sampler, given: Mapping[str, object]
-) -> Clock | None:
+) -> ClockError | None:
     """Another clock of the estimate, where that fits better than all others; else None.
 
     Parameters
@@ -244,7 +244,9 @@ def _since(times: Times, factor: "Fraction", begin: "Fraction") -> Floats:
     return apart * float(factor) + float(Fraction(first) * factor - begin)
 
 
-def _clock(found: Offset, search: Search, factor: "Fraction", given: Mapping[str, object]) -> Clock:
+def _clock(
+    found: Offset, search: Search, factor: "Fraction", given: Mapping[str, object]
+) -> ClockError:
     """The offset as it is to be written: of such that fit as well the plainest one."""
     from fractions import Fraction  # here: as in `find_clock`
 
@@ -261,7 +263,7 @@ def _clock(found: Offset, search: Search, factor: "Fraction", given: Mapping[str
         Fraction(repr(given.get(name, neutral)))
         for name, neutral in (("time_scale", 1.0), ("time_offset", 0.0))
     )
-    return Clock(
+    return ClockError(
         time_scale=float(f"{float(scaled * factor):.12g}"),
         time_offset=float(f"{float(added * factor + offset / unit):.12g}"),
         ahead=-float(f"{float(offset / unit):.12g}") if factor == 1 else 0.0,
@@ -296,7 +298,7 @@ def _rounded(value: float, noise: float) -> float:
     return round(value, digits)
 
 
-def _clock_warning(clock: Clock, kind: str, spell: Spelling) -> Notice:
+def _clock_warning(clock: ClockError, kind: str, spell: Spelling) -> Notice:
     cures = [] if clock.time_scale == 1 else [spell("time_scale", plain(clock.time_scale))]
     if clock.time_offset:
         cures.append(spell("time_offset", plain(clock.time_offset)))
@@ -311,7 +313,7 @@ def _clock_warning(clock: Clock, kind: str, spell: Spelling) -> Notice:
     )
 
 
-def _clock_text(clock: Clock, kind: str) -> str:
+def _clock_text(clock: ClockError, kind: str) -> str:
     if clock.ahead:
         way = "ahead" if clock.ahead > 0 else "behind"
         name = "" if kind == "number" else " s"

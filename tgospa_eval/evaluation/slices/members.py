@@ -39,7 +39,7 @@ QUARTILES = (0.25, 0.5, 0.75)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Share:
+class SliceShares:
     """A slice for each row of both sides, and how much of the row is in it.
 
     Parameters
@@ -64,21 +64,21 @@ class Members:
     ----------
     names : list of str
         Of all slices.
-    shares : tuple of Share
+    shares : tuple of SliceShares
         Of each row they sum to 1.
     kept : (n,) bool array
         Slices that are shown even if nothing is in them.
     """
 
     names: list[str]
-    shares: tuple[Share, ...]
+    shares: tuple[SliceShares, ...]
     kept: NDArray[np.bool_]
 
     def crossed(self, other: "Members") -> "Members":
         """The slices by both attributes."""
         size = len(other.names)
         shares = tuple(
-            Share(
+            SliceShares(
                 truth=a.truth * size + b.truth,
                 estimate=a.estimate * size + b.estimate,
                 truth_share=_product(a.truth_share, b.truth_share),
@@ -199,7 +199,7 @@ def _weighted(
         for side, size in zip(values, rows, strict=True)
     ]
     shares = tuple(
-        Share(
+        SliceShares(
             truth=part.shares[0].truth,
             estimate=part.shares[0].estimate,
             truth_share=share[0],
@@ -302,7 +302,7 @@ def _numbered(
     shown[:size] = True if kept is None else kept
     return Members(
         names=[*names, NO_VALUE, NO_ATTRIBUTE],
-        shares=(Share(truth=truth, estimate=estimate),),
+        shares=(SliceShares(truth=truth, estimate=estimate),),
         kept=shown,
     )
 

@@ -43,7 +43,7 @@ class RowCosts:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Cut:
+class SlicePlan:
     """Where the costs of two sides will go, known before anything is solved.
 
     Parameters
@@ -64,7 +64,7 @@ class Cut:
         )
 
 
-def cut(fitted: Fitted, asked: Sequence[SliceBy], cutoff: float) -> Cut:
+def cut(fitted: Fitted, asked: Sequence[SliceBy], cutoff: float) -> SlicePlan:
     """What each row of two sides belongs to, for each of what is asked for.
 
     Raises
@@ -74,7 +74,7 @@ def cut(fitted: Fitted, asked: Sequence[SliceBy], cutoff: float) -> Cut:
     """
     sides = fitted.alignment.truth, fitted.alignment.estimate
     described = Described(sides=sides, distance=fitted.distance, cutoff=cutoff)
-    return Cut(members={by.text: _members(by, described) for by in asked})
+    return SlicePlan(members={by.text: _members(by, described) for by in asked})
 
 
 def slices_of(result: Result, texts: Sequence[str], *, summed: bool = False) -> tuple[Slicing, ...]:

@@ -15,14 +15,14 @@ from tgospa_eval.formats.columns.roles import Roles
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.partitioned.input.runs import (
+    FilePiece,
     Moments,
-    Piece,
     RunsTask,
     merged_moments,
     moments_of,
     write_runs,
 )
-from tgospa_eval.partitioned.input.tables import Table, open_table, read_head, size_of
+from tgospa_eval.partitioned.input.tables import ParquetTable, open_table, read_head, size_of
 from tgospa_eval.partitioned.tasks import Run, writing
 from tgospa_eval.text import listed
 from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray
@@ -54,7 +54,7 @@ class Unit:
         Its first and its last time, as the files have them.
     rows : int
         Its rows.
-    piece : Piece, optional
+    piece : FilePiece, optional
         The row group; else it is a run.
     folder : str
         Of the run.
@@ -63,7 +63,7 @@ class Unit:
     low: int | float
     high: int | float
     rows: int
-    piece: Piece | None = None
+    piece: FilePiece | None = None
     folder: str = ""
 
 
@@ -122,7 +122,7 @@ def write_times(task: TimesTask) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Source:
+class IndexSource:
     """What an index is made of.
 
     Parameters
@@ -143,7 +143,7 @@ class Source:
     rows_together: int
 
 
-def index_tables(source: Source, run: Run[Any]) -> Index:
+def index_tables(source: IndexSource, run: Run[Any]) -> Index:
     """The index of Parquet files, which are sorted into runs if blocks would read them too often.
 
     Raises
@@ -167,7 +167,7 @@ def index_tables(source: Source, run: Run[Any]) -> Index:
     return _sorted(pieces, first.roles, source, run)
 
 
-def index_texts(source: Source, run: Run[Any]) -> Index:
+def index_texts(source: IndexSource, run: Run[Any]) -> Index:
     """The index of CSV files, whose rows are read once and sorted into runs.
 
     Raises
@@ -177,23 +177,23 @@ def index_texts(source: Source, run: Run[Any]) -> Index:
     """
     size = min(max(source.rows_together * BYTES_OF_LINE, LEAST_TEXT), MOST_TEXT)
     first = read_head(source.files[0], source.options)
-    pieces: list[tuple[Piece, int]] = []
+    pieces: list[tuple[FilePiece, int]] = []
     for file in source.files:
         head = read_head(file, source.options)
         check_alike(head.roles, first.roles, file, source.files[0])
         whole = size_of(file)
         if head.packed:
-            piece = Piece(file=file, begin=0, end=size, text=True)
+            piece = FilePiece(file=file, begin=0, end=size, text=True)
             pieces.append((piece, PACKED_TO * whole // BYTES_OF_LINE))
             continue
         for begin in range(0, whole, size):
             end = min(begin + size, whole)
-            piece = Piece(file=file, begin=begin, end=end, text=True)
+            piece = FilePiece(file=file, begin=begin, end=end, text=True)
             pieces.append((piece, (end - begin) // BYTES_OF_LINE))
     return _sorted(pieces, first.roles, source, run)
 
 
-def _tasks_of(table: Table, options: ReadOptions, output: str) -> Iterator[TimesTask]:
+def _tasks_of(table: ParquetTable, options: ReadOptions, output: str) -> Iterator[TimesTask]:
     """Tasks for the row groups of a file, several in each."""
     groups = table.groups
     begin = together = 0
@@ -216,12 +216,12 @@ def _gathered(tasks: Sequence[TimesTask], units: list[Unit]) -> Iterator[Moments
         found = pickle.loads(Path(task.output).read_bytes())
         for group, moments in zip(range(task.begin, task.end), found, strict=True):
             if len(moments.value):
-                piece = Piece(file=task.file, begin=group, end=group + 1)
+                piece = FilePiece(file=task.file, begin=group, end=group + 1)
                 units.append(_unit(moments, piece=piece))
                 yield moments
 
 
-def _unit(moments: Moments, piece: Piece | None = None, folder: str = "") -> Unit:
+def _unit(moments: Moments, piece: FilePiece | None = None, folder: str = "") -> Unit:
     return Unit(
         low=moments.value[0].item(),
         high=moments.value[-1].item(),
@@ -242,11 +242,11 @@ def _decoded(units: Sequence[Unit], whole: Moments, rows_together: int) -> int:
 
 
 def _sorted(
-    pieces: Sequence[tuple[Piece, int]], roles: Roles, source: Source, run: Run[Any]
+    pieces: Sequence[tuple[FilePiece, int]], roles: Roles, source: IndexSource, run: Run[Any]
 ) -> Index:
     """The index of pieces, with their rows or an estimate of them, after they became runs."""
     tasks: list[RunsTask] = []
-    waiting: list[Piece] = []
+    waiting: list[FilePiece] = []
     rows = 0
     for number, (piece, count) in enumerate(pieces, 1):
         waiting.append(piece)
@@ -302,7 +302,7 @@ def columns_in_use(roles: Roles) -> list[str]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Steps:
+class SideSteps:
     """Steps of a side within the range of time that is asked for, and what they are read of.
 
     Parameters
@@ -408,7 +408,7 @@ def store_steps(index: Index, options: ReadOptions, store: Path, name: str) -> i
 
 
 @lru_cache(maxsize=4)
-def steps_of(store: str) -> Steps:
+def steps_of(store: str) -> SideSteps:
     """What `store_steps` wrote; arrays stay in their files."""
     folder = Path(store)
     units, roles, converted = pickle.loads((folder / "units").read_bytes())
@@ -421,7 +421,7 @@ def steps_of(store: str) -> Steps:
         found: NDArray[np.bytes_] | None = np.load(path, mmap_mode="r") if path.exists() else None
         return found
 
-    return Steps(
+    return SideSteps(
         **arrays,
         labels=texts("labels"),
         texts=texts("texts"),

@@ -201,7 +201,7 @@ def merged_names(parts: Sequence[Numbered]) -> Numbered:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Piece:
+class FilePiece:
     """What of a file is read at once: row groups, or the lines of a text that begin in some bytes.
 
     Parameters
@@ -235,7 +235,7 @@ class RunsTask:
 
     Parameters
     ----------
-    pieces : tuple of Piece
+    pieces : tuple of FilePiece
         In the order of the files.
     options : ReadOptions
         How to read them.
@@ -245,28 +245,28 @@ class RunsTask:
         The folder.
     """
 
-    pieces: tuple[Piece, ...]
+    pieces: tuple[FilePiece, ...]
     options: ReadOptions
     rows: int
     output: str
 
 
 @dataclass(frozen=True, kw_only=True)
-class Origin:
+class RowOrigin:
     """Where consecutive rows of a run are from.
 
     Parameters
     ----------
     begin : int
         The first of them, as the run was before it was sorted.
-    piece : Piece
+    piece : FilePiece
         Where they are.
     first : int
         The place of the first: its row in a table, or in the piece of a text.
     """
 
     begin: int
-    piece: Piece
+    piece: FilePiece
     first: int
 
 
@@ -275,14 +275,14 @@ def write_runs(task: RunsTask) -> None:
     with writing(task.output) as folder:
         folder.mkdir()
         parts: list[Chunk | Rows] = []
-        origins: list[Origin] = []
+        origins: list[RowOrigin] = []
         moments: list[Moments] = []
         count = 0
         for part, piece, first in _parts(task):
             size = len(part.place) if isinstance(part, Chunk) else len(part.times.value)
             if not size:
                 continue
-            origins.append(Origin(begin=count, piece=piece, first=first))
+            origins.append(RowOrigin(begin=count, piece=piece, first=first))
             parts.append(part)
             count += size
             if count >= task.rows:
@@ -293,7 +293,7 @@ def write_runs(task: RunsTask) -> None:
         (folder / "moments").write_bytes(pickle.dumps(moments))
 
 
-def _parts(task: RunsTask) -> Iterator[tuple[Chunk | Rows, Piece, int]]:
+def _parts(task: RunsTask) -> Iterator[tuple[Chunk | Rows, FilePiece, int]]:
     """What the pieces have, and the piece and the place in it that each part begins at."""
     for piece in task.pieces:
         if piece.text:
@@ -307,7 +307,7 @@ def _parts(task: RunsTask) -> Iterator[tuple[Chunk | Rows, Piece, int]]:
 
 
 def _write(
-    folder: Path, given: Sequence[Chunk | Rows], origins: Sequence[Origin], options: ReadOptions
+    folder: Path, given: Sequence[Chunk | Rows], origins: Sequence[RowOrigin], options: ReadOptions
 ) -> Moments:
     """Write a run, and say which times it has."""
     folder.mkdir()
@@ -362,7 +362,7 @@ def run_rows(folder: str, span: Span, roles: Roles, options: ReadOptions) -> Row
     end = int(np.searchsorted(times, high, side="right"))
     if begin >= end:
         return None
-    origins: list[Origin]
+    origins: list[RowOrigin]
     origins, clock = pickle.loads((path / "origins").read_bytes())
     names = json.loads((path / "names.json").read_text(encoding="utf-8"))
     place = column("place")

@@ -193,7 +193,7 @@ Span = tuple[int | float, int | float]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Table:
+class ParquetTable:
     """A Parquet file, opened.
 
     Parameters
@@ -219,7 +219,7 @@ class Table:
         metadata = self.content.metadata
         return [metadata.row_group(k).num_rows for k in range(metadata.num_row_groups)]
 
-    def batches(self, group: int, columns: list[str]) -> "Iterator[pa.Table]":
+    def batches(self, group: int, columns: list[str]) -> "Iterator[pa.ParquetTable]":
         """The columns of a row group, some rows at a time.
 
         Raises
@@ -285,7 +285,7 @@ class Chunk:
 
     Parameters
     ----------
-    table : pyarrow.Table
+    table : pyarrow.ParquetTable
         The columns in use.
     schema : pyarrow.Schema
         All columns of the file.
@@ -344,7 +344,7 @@ def _converted(chunks: Sequence[Chunk], options: ReadOptions) -> Rows:
     return replace(rows, times=replace(rows.times, clock=first.times.clock, text=None))
 
 
-def open_table(file: File, options: ReadOptions) -> Table:
+def open_table(file: File, options: ReadOptions) -> ParquetTable:
     """Open a Parquet file and understand its columns.
 
     Raises
@@ -383,7 +383,7 @@ def open_table(file: File, options: ReadOptions) -> Table:
             raise
         roles = find_roles(list(whole.names), options, file.path)
     check_types(whole, roles, file.path)
-    return Table(file=file, content=content, schema=whole, roles=roles)
+    return ParquetTable(file=file, content=content, schema=whole, roles=roles)
 
 
 def times_of(table: "pa.Table", path: str, decimal: str, first: int, *, labelled: bool) -> Times:
@@ -459,7 +459,7 @@ def _of_texts(column: "pa.ChunkedArray", decimal: str) -> Times:
 
 def _with_times(
     table: "pa.Table", schema: "pa.Schema", header: str, times: Times
-) -> "tuple[pa.Table, pa.Schema]":
+) -> "tuple[pa.ParquetTable, pa.Schema]":
     """A table and its schema with times that are numbers."""
     import pyarrow as pa
 

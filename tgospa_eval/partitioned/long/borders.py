@@ -13,14 +13,14 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.partitioned.long.columns import load_columns
-from tgospa_eval.partitioned.long.rows import Rows, load_rows
+from tgospa_eval.partitioned.long.rows import RowsTask, load_rows
 from tgospa_eval.partitioned.long.tables import Table, load_part, save_parts
 from tgospa_eval.partitioned.shards import problem_of
 from tgospa_eval.partitioned.share import ENTRY
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.paths import row_steps, turns
 from tgospa_eval.problem.problem import Floats, Ints, Problem
-from tgospa_eval.problem.rows import Places, rows_of_component, running_of
+from tgospa_eval.problem.rows import PricedPlaces, rows_of_component, running_of
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.tgospa import Parameters
 
@@ -48,14 +48,14 @@ class Borders:
     ----------
     output : str
         The folder that is written.
-    rows : Rows
+    rows : RowsTask
         Which truths; it is done.
     windows : tuple of pairs of int
         The steps of each window: from, and to before.
     """
 
     output: str
-    rows: Rows
+    rows: RowsTask
     windows: tuple[tuple[int, int], ...]
 
 
@@ -113,7 +113,7 @@ def _weights(held: Table, whose: Ints, pair: Ints, step: int) -> Ints:
 class _Values:
     """Best values of rows up to each state, and from each on."""
 
-    def __init__(self, states: States, places: Places) -> None:
+    def __init__(self, states: States, places: PricedPlaces) -> None:
         columns = states.columns
         self.states, self.steps = states, row_steps(states)
         self.value = states.gain - columns.spans(running_of(places, states.problem.truths))

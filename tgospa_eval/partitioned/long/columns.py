@@ -12,18 +12,18 @@ from tgospa_eval.errors import SolverError
 from tgospa_eval.partitioned.long.tables import (
     BUSY,
     PRICE_AT,
-    Piece,
     Table,
+    WindowPiece,
     expansion,
     fraction,
     load_pieces,
 )
 from tgospa_eval.partitioned.shards import ASSIGNED_PAIR, SWITCHED
-from tgospa_eval.partitioned.share import HELD, PARTS_OF_TRACKS, Share
+from tgospa_eval.partitioned.share import HELD, PARTS_OF_TRACKS, PartialSums
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.certificate import idle_prices
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.problem.rows import Places
+from tgospa_eval.problem.rows import PricedPlaces
 from tgospa_eval.problem.slots import exact_running
 from tgospa_eval.problem.solution import Breakdown
 from tgospa_eval.problem.weights import ONE
@@ -37,7 +37,7 @@ def contribute(
     tables: Arrays | None = None,
     truths: Arrays | None = None,
     estimates: Arrays | None = None,
-    share: Share | None = None,
+    share: PartialSums | None = None,
 ) -> None:
     """Write what `partitioned.add_up` and `by_time` read of a shard; what is not given is nothing.
 
@@ -49,7 +49,7 @@ def contribute(
         ``assigned`` and ``switched``.
     truths, estimates : mapping, optional
         Parts of tracks, with ``track`` and ``rows``.
-    share : Share, optional
+    share : PartialSums, optional
         Sums.
     """
     none = {"assigned": np.zeros(0, ASSIGNED_PAIR), "switched": np.zeros(0, SWITCHED)}
@@ -67,12 +67,14 @@ def _named(parts: Arrays) -> dict[str, Any]:
     return dict(parts)
 
 
-def _no_share() -> Share:
+def _no_share() -> PartialSums:
     parts: dict[str, Any] = {
         name: np.zeros(0) for name in Breakdown.__annotations__ if name != "total"
     }
     count = np.zeros(0, np.int64)
-    return Share(**parts, first=0, truths=count, estimates=count, lower=np.zeros(0), upper=0.0)
+    return PartialSums(
+        **parts, first=0, truths=count, estimates=count, lower=np.zeros(0), upper=0.0
+    )
 
 
 # -------------------------------------------------------------------------------------------------
@@ -87,7 +89,7 @@ class Columns:
     ----------
     output : str
         The folder that is written.
-    pieces : tuple of Piece
+    pieces : tuple of WindowPiece
         All steps.
     number : int
         Which shard of estimates.
@@ -96,7 +98,7 @@ class Columns:
     """
 
     output: str
-    pieces: tuple[Piece, ...]
+    pieces: tuple[WindowPiece, ...]
     number: int
     estimates: Ints
 
@@ -136,7 +138,7 @@ class SomeColumns:
 
     Parameters
     ----------
-    places : Places
+    places : PricedPlaces
         Their prices; estimates are numbered in the order asked for.
     index : (K,) int array
         Number of each place among those of all estimates.
@@ -144,7 +146,7 @@ class SomeColumns:
         Likewise numbered.
     """
 
-    places: Places
+    places: PricedPlaces
     index: Ints
     busy: Table
 
@@ -177,7 +179,7 @@ def load_columns(folders: tuple[str, ...], estimates: Ints, first_step: int) -> 
     busy["begin"] -= first_step
     busy["end"] -= first_step
     return SomeColumns(
-        places=Places(
+        places=PricedPlaces(
             first=first.astype(np.int32),
             step=np.concatenate(steps).astype(np.int32),
             whole=np.concatenate(wholes),

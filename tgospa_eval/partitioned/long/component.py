@@ -1,9 +1,9 @@
 """A long component, and what is proven of it."""
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.partitioned.long.rows import Rows
-from tgospa_eval.partitioned.long.tables import Piece
-from tgospa_eval.partitioned.share import Share
+from tgospa_eval.partitioned.long.rows import RowsTask
+from tgospa_eval.partitioned.long.tables import WindowPiece
+from tgospa_eval.partitioned.share import PartialSums
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.tgospa import Parameters
 
@@ -43,18 +43,18 @@ class Long:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Joined:
+class ComponentBounds:
     """What is proven.
 
     Parameters
     ----------
-    share : Share
+    share : PartialSums
         What the component contributes.
     folders : tuple of str
         What it contributes, as folders of shards; all but one have an empty share.
-    pieces : tuple of Piece
+    pieces : tuple of WindowPiece
         Whose answers it was made of.
-    rows : tuple of Rows
+    rows : tuple of RowsTask
         By which it was proven.
     lost : (L,) float array
         Prices that nobody pays, by step.
@@ -62,9 +62,9 @@ class Joined:
         Of rows that could do better: by how much, first and last step.
     """
 
-    share: Share
+    share: PartialSums
     folders: tuple[str, ...]
-    pieces: tuple[Piece, ...]
-    rows: tuple[Rows, ...]
+    pieces: tuple[WindowPiece, ...]
+    rows: tuple[RowsTask, ...]
     lost: Floats
     regret: Floats

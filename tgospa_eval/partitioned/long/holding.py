@@ -17,7 +17,7 @@ from tgospa_eval.problem.states import States
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Known:
+class WindowFindings:
     """What windows have found of some rows, with the numbers of the tracks and steps of `States`.
 
     Parameters
@@ -35,7 +35,7 @@ class Known:
     busy: Table
 
 
-def hold_runs(states: States, known: Known) -> Ints:
+def hold_runs(states: States, known: WindowFindings) -> Ints:
     """Weights of all states, (S,), of those with a gain as they are."""
     weights = np.zeros(len(states.begin), np.int64)
     gains = np.flatnonzero(states.entry >= 0)

@@ -8,8 +8,15 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import SolverError
 from tgospa_eval.partitioned.long.columns import SomeColumns, contribute, load_columns
-from tgospa_eval.partitioned.long.holding import Known, hold_runs
-from tgospa_eval.partitioned.long.tables import GAIN, Piece, Table, expansion, halves, load_pieces
+from tgospa_eval.partitioned.long.holding import WindowFindings, hold_runs
+from tgospa_eval.partitioned.long.tables import (
+    GAIN,
+    Table,
+    WindowPiece,
+    expansion,
+    halves,
+    load_pieces,
+)
 from tgospa_eval.partitioned.shards import problem_of, tables_of
 from tgospa_eval.partitioned.share import HELD
 from tgospa_eval.partitioned.tasks import writing
@@ -25,14 +32,14 @@ from tgospa_eval.problem.weights import ONE, row_parts
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rows:
+class RowsTask:
     """The task to prove what there is of some truths.
 
     Parameters
     ----------
     output : str
         The folder that is written.
-    pieces : tuple of Piece
+    pieces : tuple of WindowPiece
         All steps.
     number : int
         Which shard of truths.
@@ -45,14 +52,14 @@ class Rows:
     """
 
     output: str
-    pieces: tuple[Piece, ...]
+    pieces: tuple[WindowPiece, ...]
     number: int
     columns: tuple[str, ...]
     window: tuple[int, int]
     parameters: Parameters
 
 
-def load_rows(task: Rows) -> tuple[Problem, Ints, tuple[Ints, Ints]]:
+def load_rows(task: RowsTask) -> tuple[Problem, Ints, tuple[Ints, Ints]]:
     """All entries of some truths, their weights, and the numbers of the truths and estimates."""
     first, last = task.window
     gains = load_pieces(task.pieces, "gains", task.number, GAIN)
@@ -61,7 +68,7 @@ def load_rows(task: Rows) -> tuple[Problem, Ints, tuple[Ints, Ints]]:
     return problem, np.ascontiguousarray(gains["weight"]), numbers
 
 
-def prove_rows(task: Rows) -> None:
+def prove_rows(task: RowsTask) -> None:
     """Best paths at the prices, runs that are held, switches, intervals, regrets."""
     first = task.window[0]
     problem, entry_weights, numbers = load_rows(task)
@@ -69,7 +76,7 @@ def prove_rows(task: Rows) -> None:
     states = rows_of_component(problem, columns.places)
     weights = hold_runs(
         states,
-        Known(
+        WindowFindings(
             weights=entry_weights,
             holds=_local_holds(task, numbers),
             busy=columns.busy,
@@ -127,7 +134,7 @@ def _assigned(states: States, weights: Ints) -> Ints:
     return halves(weights[used], estimate, states.problem.estimates)
 
 
-def _local_holds(task: Rows, numbers: tuple[Ints, Ints]) -> Table:
+def _local_holds(task: RowsTask, numbers: tuple[Ints, Ints]) -> Table:
     holds = load_pieces(task.pieces, "holds", task.number, HELD)
     for name, known in zip(("truth", "estimate"), numbers, strict=True):
         holds[name] = np.searchsorted(known, holds[name])

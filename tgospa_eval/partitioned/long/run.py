@@ -12,19 +12,19 @@ from numpy.typing import NDArray
 
 from tgospa_eval.partitioned.long.borders import Borders, value_borders
 from tgospa_eval.partitioned.long.columns import Columns, Rest, add_rest, contribute, join_columns
-from tgospa_eval.partitioned.long.component import Joined, Long
-from tgospa_eval.partitioned.long.rows import Rows, prove_rows
-from tgospa_eval.partitioned.long.tables import Piece, fraction
+from tgospa_eval.partitioned.long.component import ComponentBounds, Long
+from tgospa_eval.partitioned.long.rows import RowsTask, prove_rows
+from tgospa_eval.partitioned.long.tables import WindowPiece, fraction
 from tgospa_eval.partitioned.long.windows import (
+    ComponentPlan,
     Count,
-    Plan,
     Window,
     count_entries,
     make_plan,
     pieces_of,
     solve_window,
 )
-from tgospa_eval.partitioned.share import Share
+from tgospa_eval.partitioned.share import PartialSums
 from tgospa_eval.partitioned.tasks import Run, left_until, writing
 from tgospa_eval.problem.paths import down
 
@@ -36,15 +36,15 @@ WORST_STEPS = 1000
 
 
 def repairs(
-    component: Long, plan: Plan, joined: Joined, overlap: int, number: int
-) -> tuple[list[Borders], list[Window], tuple[Piece, ...]]:
+    component: Long, plan: ComponentPlan, joined: ComponentBounds, overlap: int, number: int
+) -> tuple[list[Borders], list[Window], tuple[WindowPiece, ...]]:
     """Windows around the open seams, their borders, and the pieces once these are solved.
 
     Parameters
     ----------
     component, plan
         What is solved.
-    joined : Joined
+    joined : ComponentBounds
         What is proven so far.
     overlap : int
         Of the windows of this round: four times as many steps are solved on either side of a seam.
@@ -84,7 +84,7 @@ def repairs(
 
 
 def _stretches(
-    component: Long, plan: Plan, joined: Joined, overlap: int
+    component: Long, plan: ComponentPlan, joined: ComponentBounds, overlap: int
 ) -> tuple[tuple[int, int], ...]:
     """Stretches around seams and steps that keep the bracket open, the worst first, none twice.
 
@@ -116,20 +116,20 @@ def _stretches(
     return tuple(sorted(chosen))
 
 
-def _replaced(pieces: tuple[Piece, ...], windows: list[Window]) -> tuple[Piece, ...]:
+def _replaced(pieces: tuple[WindowPiece, ...], windows: list[Window]) -> tuple[WindowPiece, ...]:
     """The pieces with the cores of the windows in the place of what was there."""
     fresh = pieces_of(windows)
-    kept: list[Piece] = []
+    kept: list[WindowPiece] = []
     for piece in pieces:
         low = piece.low
         for new in fresh:
             if new.high <= low or new.low >= piece.high:
                 continue
             if new.low > low:
-                kept.append(Piece(folder=piece.folder, low=low, high=new.low))
+                kept.append(WindowPiece(folder=piece.folder, low=low, high=new.low))
             low = max(low, new.high)
         if low < piece.high:
-            kept.append(Piece(folder=piece.folder, low=low, high=piece.high))
+            kept.append(WindowPiece(folder=piece.folder, low=low, high=piece.high))
     return tuple(sorted((*kept, *fresh), key=lambda piece: piece.low))
 
 
@@ -152,8 +152,8 @@ WINDOW_ENTRIES = 200_000
 def solve_long(
     component: Long,
     run: Run[Any],
-    proven: Callable[[Share], None] = lambda share: None,  # noqa: ARG005
-) -> Joined:
+    proven: Callable[[PartialSums], None] = lambda share: None,  # noqa: ARG005
+) -> ComponentBounds:
     """Solve a component, until its gap is met, repairs end or its time is up.
 
     Parameters
@@ -187,7 +187,7 @@ def solve_long(
     return _stored(best, f"{component.work}/result-{rounds}")
 
 
-def better(first: Joined, second: Joined, gap: float) -> Joined:
+def better(first: ComponentBounds, second: ComponentBounds, gap: float) -> ComponentBounds:
     """The assignment of either that costs less, with the higher of both bounds."""
     (low, cost), (other_low, other_cost) = first.share.bracket, second.share.bracket
     cheaper = second if other_cost < cost else first
@@ -197,13 +197,13 @@ def better(first: Joined, second: Joined, gap: float) -> Joined:
     return replace(cheaper, share=share)
 
 
-def width(joined: Joined) -> float:
+def width(joined: ComponentBounds) -> float:
     """Of its bracket."""
     lower, upper = joined.share.bracket
     return upper - lower
 
 
-def _stored(joined: Joined, output: str) -> Joined:
+def _stored(joined: ComponentBounds, output: str) -> ComponentBounds:
     """With the share in a folder like the others."""
     if not Path(output).exists():
         with writing(output) as folder:
@@ -212,7 +212,7 @@ def _stored(joined: Joined, output: str) -> Joined:
     return replace(joined, folders=(*joined.folders, output))
 
 
-def plan_long(component: Long, run: Run[Any]) -> Plan:
+def plan_long(component: Long, run: Run[Any]) -> ComponentPlan:
     """Count the entries and divide them."""
     counts = [
         Count(output=f"{component.work}/counts/{number:05d}.npz", entries=path)
@@ -230,7 +230,7 @@ def overlap_of(component: Long) -> int:
     return max(component.overlap, math.ceil(5 + 4 * price))
 
 
-def first_windows(component: Long, plan: Plan) -> list[Window]:
+def first_windows(component: Long, plan: ComponentPlan) -> list[Window]:
     """Windows whose cores follow one another."""
     size = max(min(WINDOW_ENTRIES, component.together // 2), 1)
     windows = []
@@ -253,8 +253,8 @@ def first_windows(component: Long, plan: Plan) -> list[Window]:
 
 
 def prove_long(
-    component: Long, plan: Plan, pieces: tuple[Piece, ...], name: str, run: Run[Any]
-) -> Joined:
+    component: Long, plan: ComponentPlan, pieces: tuple[WindowPiece, ...], name: str, run: Run[Any]
+) -> ComponentBounds:
     """Join pieces that have all steps, and prove what they say."""
     work = f"{component.work}/{name}"
     bounds = np.searchsorted(plan.estimates, plan.estimate_bounds).tolist()
@@ -270,7 +270,7 @@ def prove_long(
     run(join_columns, columns)
     joined = tuple(task.output for task in columns)
     rows = [
-        Rows(
+        RowsTask(
             output=f"{work}/rows/{n:05d}",
             pieces=pieces,
             number=n,
@@ -300,11 +300,11 @@ def prove_long(
 
 def _add_up(
     component: Long,
-    plan: Plan,
-    pieces: tuple[Piece, ...],
-    rows: list[Rows],
+    plan: ComponentPlan,
+    pieces: tuple[WindowPiece, ...],
+    rows: list[RowsTask],
     rest: tuple[str, ...],
-) -> Joined:
+) -> ComponentBounds:
     first, last = plan.window
     size = last - first + 1
     by_step = _steps(pieces)
@@ -340,7 +340,7 @@ def _add_up(
     }
     upper = math.fsum(np.concatenate(list(parts.values())).tolist())
     counts = [np.load(f"{folder}/counts.npy") for folder in sorted({p.folder for p in pieces})]
-    share = Share(
+    share = PartialSums(
         **parts,
         first=first,
         missed_count=missed,
@@ -354,7 +354,7 @@ def _add_up(
         states=states,
         solved=upper - math.fsum(lower) <= component.gap * upper,
     )
-    return Joined(
+    return ComponentBounds(
         share=share,
         folders=(*(task.output for task in rows), *rest),
         pieces=pieces,
@@ -364,7 +364,7 @@ def _add_up(
     )
 
 
-def _steps(pieces: tuple[Piece, ...]) -> dict[str, NDArray[Any]]:
+def _steps(pieces: tuple[WindowPiece, ...]) -> dict[str, NDArray[Any]]:
     """What windows say of each step."""
     parts: dict[str, list[NDArray[Any]]] = {}
     for piece in pieces:

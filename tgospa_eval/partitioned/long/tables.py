@@ -41,7 +41,7 @@ HALF_BITS = 25
 
 
 @dataclass(frozen=True, kw_only=True)
-class Piece:
+class WindowPiece:
     """Steps of which one window has the answer.
 
     Parameters
@@ -80,7 +80,7 @@ def load_part(folder: Path, name: str, part: int | None = None) -> Table:
 
 
 def load_pieces(
-    pieces: Iterable[Piece], name: str, part: int | None, dtype: np.dtype[np.void]
+    pieces: Iterable[WindowPiece], name: str, part: int | None, dtype: np.dtype[np.void]
 ) -> Table:
     """One part of a table, or all, of the steps of some pieces; stretches are cut to them."""
     begin, end = ("begin", "end") if "begin" in (dtype.names or ()) else ("step", "step")

@@ -12,13 +12,13 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import SolverError
 from tgospa_eval.partitioned.long.borders import Framed, frame, load_borders
-from tgospa_eval.partitioned.long.holding import Known, hold_runs
+from tgospa_eval.partitioned.long.holding import WindowFindings, hold_runs
 from tgospa_eval.partitioned.long.tables import (
     BUSY,
     GAIN,
     PRICE_AT,
-    Piece,
     Table,
+    WindowPiece,
     halves,
     load_pieces,
     save_parts,
@@ -80,7 +80,7 @@ def _counts(number: Ints) -> tuple[Ints, Ints]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Plan:
+class ComponentPlan:
     """What is known of a long component before it is solved.
 
     Parameters
@@ -151,7 +151,7 @@ class Plan:
 
 def make_plan(
     paths: Sequence[str], counted: Sequence[str], together: int, columns_together: int
-) -> Plan:
+) -> ComponentPlan:
     """Put together what was counted.
 
     Parameters
@@ -171,7 +171,7 @@ def make_plan(
                 known.append(found[name])
             sizes.append(int(found["step"][1].sum()))
     step, truth, estimate = (_added(known) for known in sides.values())
-    return Plan(
+    return ComponentPlan(
         paths=tuple(paths),
         file_first=np.concatenate(([0], np.cumsum(sizes))),
         step=step[0],
@@ -231,10 +231,10 @@ class Window:
     parameters : Parameters
         Of the metric.
     truth_bounds, estimate_bounds : int arrays
-        Shards, as of `Plan`.
+        Shards, as of `ComponentPlan`.
     gap : float
         Relative gap that counts as exact.
-    near : tuple of Piece
+    near : tuple of WindowPiece
         What is known, where the window was solved before.
     borders : tuple of str
         Outputs of `Borders`, where its pairs are worth something at its borders.
@@ -254,16 +254,16 @@ class Window:
     truth_bounds: Ints
     estimate_bounds: Ints
     gap: float
-    near: tuple[Piece, ...] = ()
+    near: tuple[WindowPiece, ...] = ()
     borders: tuple[str, ...] = ()
     number: int = 0
     ends: tuple[bool, bool] = (True, True)
     end: float | None = None
 
 
-def pieces_of(windows: list[Window]) -> tuple[Piece, ...]:
+def pieces_of(windows: list[Window]) -> tuple[WindowPiece, ...]:
     """The steps that windows have the answer of."""
-    return tuple(Piece(folder=w.output, low=w.core[0], high=w.core[1]) for w in windows)
+    return tuple(WindowPiece(folder=w.output, low=w.core[0], high=w.core[1]) for w in windows)
 
 
 def solve_window(task: Window) -> None:
@@ -297,7 +297,7 @@ def solve_window(task: Window) -> None:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Solved:
+class _SolvedWindow:
     """An answer, with the numbers of the whole, cut to the core but for the entries."""
 
     entry_weights: Ints
@@ -308,9 +308,9 @@ class _Solved:
     finished: bool = True
 
 
-def _solve(entry: Table, task: Window) -> _Solved:
+def _solve(entry: Table, task: Window) -> _SolvedWindow:
     if left_until(task.end) == 0:
-        return _Solved(
+        return _SolvedWindow(
             entry_weights=np.zeros(len(entry), np.int64),
             holds=np.zeros(0, HELD),
             places=np.zeros(0, PRICE_AT),
@@ -327,7 +327,7 @@ def _solve(entry: Table, task: Window) -> _Solved:
     gains = np.flatnonzero(states.entry >= 0)
     weights = np.zeros(len(framed.problem.cost), np.int64)
     weights[states.entry[gains]] = whole[gains]
-    return _Solved(
+    return _SolvedWindow(
         entry_weights=weights[len(framed.before) : len(framed.before) + len(entry)],
         holds=_holds(states, whole, task, framed),
         places=_places(states, solution, task, framed),
@@ -430,7 +430,7 @@ def _warm_start(states: States, task: Window, framed: Framed) -> WarmStart:
     low, high = task.around
     first, numbers = framed.first, framed.numbers
     pieces = tuple(
-        Piece(folder=piece.folder, low=max(piece.low, low), high=min(piece.high, high))
+        WindowPiece(folder=piece.folder, low=max(piece.low, low), high=min(piece.high, high))
         for piece in task.near
         if piece.low < high and piece.high > low
     )
@@ -443,7 +443,7 @@ def _warm_start(states: States, task: Window, framed: Framed) -> WarmStart:
             _outside(framed.after, "held_after", high),
         )
     )
-    known = Known(
+    known = WindowFindings(
         weights=np.ascontiguousarray(gains["weight"]),
         holds=_renumbered(load_pieces(pieces, "holds", None, HELD), first, numbers),
         busy=_renumbered(_busy(gains[gains["weight"] > 0]), first, numbers),
