@@ -54,6 +54,15 @@ def test_retired_words_are_not_in_names() -> None:
     assert found == set()
 
 
+def test_classes_have_names_of_their_own() -> None:
+    homes: dict[str, list[str]] = {}
+    for file, (_, tree) in sources().items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef) and file != "proof/verify_tgospa.py":  # for itself
+                homes.setdefault(node.name, []).append(file)
+    assert {name: files for name, files in homes.items() if len(files) > 1} == {}
+
+
 RETIRED_IN_TEXT = r"\b(contest|contested|hubs?|laws?|made-up|rough bounds?)\b"
 
 PAGES = [

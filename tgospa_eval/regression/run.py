@@ -148,7 +148,7 @@ def gate(
     Returns
     -------
     GateResult
-        True if it passed; `Judged.verdict`, `Judged.findings`, `Judged.result`.
+        True if it passed; `GateResult.verdict`, `GateResult.findings`, `GateResult.result`.
 
     Raises
     ------

@@ -213,7 +213,7 @@ class Alignment:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NearestStamps:
+class NearestTimes:
     """Pairs of stamps of which each is the nearest of the other side, ties to the earlier.
 
     The nearest stamp does not decrease from one stamp to the next, so pairs do not cross, and no
@@ -288,12 +288,12 @@ def align(
     )
 
 
-def nearest(first: Times, second: Times) -> NearestStamps:
+def nearest(first: Times, second: Times) -> NearestTimes:
     """Pairs of stamps that are each other's nearest; both sides must have some."""
     there, back = _nearest(first, second), _nearest(second, first)
     mine = np.flatnonzero(back[there] == np.arange(len(first)))
     other = there[mine]
-    return NearestStamps(first=mine, second=other, apart=_apart(first[mine], second[other]))
+    return NearestTimes(first=mine, second=other, apart=_apart(first[mine], second[other]))
 
 
 def within(
