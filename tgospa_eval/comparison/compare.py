@@ -31,7 +31,7 @@ from tgospa_eval.evaluation.sides import (
 )
 from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
 from tgospa_eval.evaluation.units import in_units_of_truth
-from tgospa_eval.formats.filters import parse_steps
+from tgospa_eval.formats.options import parse_steps
 from tgospa_eval.reports.comparison import render
 from tgospa_eval.reports.ranking import estimates_columns, pairs_columns
 from tgospa_eval.reports.records import Metric, RankingRecord, SolversRecord

@@ -23,7 +23,7 @@ from tgospa_eval.evaluation.sides import (
 from tgospa_eval.evaluation.sliding import Sliding, in_words
 from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
 from tgospa_eval.evaluation.units import in_units_of_truth
-from tgospa_eval.formats.filters import parse_steps
+from tgospa_eval.formats.options import parse_steps
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.solution import Solution

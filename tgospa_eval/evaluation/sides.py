@@ -20,7 +20,7 @@ from tgospa_eval.evaluation.objects import (
 )
 from tgospa_eval.evaluation.stone_soup import Components, TrackLike, of_tracks
 from tgospa_eval.formats import ROLES
-from tgospa_eval.formats.columns.asked import BOX
+from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
 from tgospa_eval.formats.columns.roles import Roles
-from tgospa_eval.formats.filters import Flags
+from tgospa_eval.formats.fields import Coded
+from tgospa_eval.formats.options import Flags
 from tgospa_eval.formats.times import Times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.attributes import Values
@@ -82,3 +83,16 @@ def number_ids(ids: Sequence[str]) -> Numbered:
     table = np.empty(len(order), dtype=object)
     table[:] = order
     return table, rank[number] if len(number) else number
+
+
+def numbered(column: Coded, name: Callable[[str], str] = str.strip) -> Numbered:
+    """Distinct names in natural order, and the number of each row's."""
+    table, number = number_ids([name(text) for text in column.distinct])
+    return table, number[column.code]
+
+
+def blanks(column: Numbered) -> Ints:
+    """Rows without a name."""
+    table, number = column
+    names = table.tolist()  # a list is searched ten times as fast
+    return np.flatnonzero(number == names.index("")) if "" in names else number[:0]

@@ -33,8 +33,8 @@ from tgospa_eval.engines.processes import Processes
 from tgospa_eval.engines.spread import Engine
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import runs_inside
-from tgospa_eval.formats.filters import parse_moments
 from tgospa_eval.formats.guess import file_of, files_at
+from tgospa_eval.formats.options import parse_moments
 
 if TYPE_CHECKING:
     import pandas as pd

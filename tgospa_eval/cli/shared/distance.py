@@ -13,7 +13,7 @@ from tgospa_eval.distances import DISTANCES, Distance
 from tgospa_eval.distances.base import Fault, Floats
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.columns.asked import BOX, parse_columns
+from tgospa_eval.formats.columns.headers import BOX, parse_columns
 from tgospa_eval.text import quoted
 
 

@@ -33,7 +33,7 @@ from tgospa_eval.evaluation.diagnosis.sample import (
     occupied,
     with_state,
 )
-from tgospa_eval.formats.columns.asked import BOX
+from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 

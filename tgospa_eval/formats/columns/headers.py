@@ -4,10 +4,95 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 
-from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.asked import ask
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import is_number
+from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.text import listed, quoted
+
+WEIGHT = "weight"
+"""Of particles."""
+
+NO_STATES = ("id", "t", "class", WEIGHT)
+"""Columns that are no part of the state, also where they are named."""
+
+PREFIXES = ("cov_", "std_", "rho_")
+"""Of entries of covariances."""
+
+BOX = ("left", "top", "width", "height")
+EDGES = (*BOX, "right", "bottom")
+
+
+def coordinate_names(size: int) -> tuple[str, ...]:
+    """Names of the components of states that have none: x, y, z, from four on x0, x1, ..."""
+    return tuple("xyz"[:size]) if size <= 3 else tuple(f"x{k}" for k in range(size))
+
+
+def columns_of_each(
+    shared: Sequence[str] | None, *own: Sequence[str] | None
+) -> list[tuple[tuple[str, ...] | None, tuple[str, ...]]]:
+    """The columns of each file, and the names among them whose headers it may lack.
+
+    Parameters
+    ----------
+    shared : sequence of str, optional
+        Items for all files.
+    own : sequences of str, optional
+        Items for each, which go before. States that are named for one are those of all.
+    """
+    maps, wanted = parse_columns(shared)
+    found = [parse_columns(items) for items in own]
+    named = wanted or next((states for _, states in found if states), ())
+    answer = []
+    for mapped, states in found:
+        chosen = named if set(states) <= set(named) else states
+        headers = maps | mapped
+        # Names of states in order, the others in front.
+        names = [*(name for name in headers if name not in chosen), *chosen]
+        items = tuple(f"{name}={headers[name]}" if name in headers else name for name in names)
+        answer.append((items or None, tuple(name for name in maps if name not in mapped)))
+    return answer
+
+
+def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Header of each mapped name, and the names of the state columns, in order.
+
+    Edges of boxes, weights and entries of covariances that are mapped are no state columns by that;
+    named without ``=`` they are.
+    """
+    mapped: dict[str, str] = {}
+    wanted: dict[str, None] = {}  # in order, and quick to look in
+    for item in columns or ():
+        name, equals, header = (part.strip() for part in item.partition("="))
+        if not name or (equals and not header):
+            raise ConfigError(f"columns: {quoted(item)} is neither a name nor name=header")
+        if name in wanted or name in mapped:
+            raise ConfigError(f"columns: {quoted(name)} is given twice")
+        if equals:
+            mapped[name] = header
+        if name not in NO_STATES and not (equals and _is_beside(name)):
+            wanted[name] = None
+    return mapped, tuple(wanted)
+
+
+def _is_beside(name: str) -> bool:
+    """Whether a column is of the box around a state, its covariance or its weight."""
+    return name in (*EDGES, WEIGHT) or name.startswith(PREFIXES)
+
+
+def ask(option: str, items: Sequence[str]) -> str:
+    """What to type or write so that these items are columns: ready to be pasted.
+
+    `option` is an option of the command line, an argument of Python, or nothing for a DataFrame.
+    """
+    if option.startswith("-"):
+        from shlex import quote  # here: for messages only
+
+        return f"{option} {quote(','.join(items))}"
+    if option:
+        return f"{option}={tuple(items)!r}"
+    names = (item.partition("=")[::2] for item in items)
+    return f"rename(columns={ ({header: name for name, header in names if header})!r})"
+
 
 Mix = tuple[tuple[int, float], ...]
 """A quantity as columns times factors: the centre of a box is left + 0.5 width."""
@@ -333,3 +418,76 @@ def _position(free: dict[int, str]) -> dict[str, int]:
                     depth = {} if third is None else {"z": third}
                     return dict(zip(names, (places[key], other), strict=True)) | depth
     return {}
+
+
+DETECTIONS = "rows without ids are detections, and TGOSPA compares tracks"
+
+
+def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
+    """Take back what is mapped to headers that another file may have; the message if none has.
+
+    Raises
+    ------
+    InputError
+        A header is missing that this very file should have.
+    """
+    lacking = {}
+    spreads = [name for name in headers.mapped if name.startswith(PREFIXES)]
+    points = all(headers.spelt(headers.mapped[name], name) is None for name in spreads)
+    for name, header in list(headers.mapped.items()):
+        if headers.spelt(header, name) is None:
+            near = headers.nearest(header)
+            mend = {f"{name}={header}": name if near == name else f"{name}={near or 'HEADER'}"}
+            given = ("=".join(map(str.strip, item.split("=", 1))) for item in options.columns or ())
+            remedy = ask(headers.option, [mend.get(item, item) for item in given])
+            remedy = f"name one of these, {remedy}" if near is None else f"did you mean {remedy}?"
+            fault = (
+                f"{headers.where}: no header {quoted(header)} for {name} "
+                f"(found: {headers.shown}); {remedy}"
+            )
+            if name not in options.shared and not (points and name in spreads):
+                raise InputError(fault)
+            lacking[name] = fault
+            del headers.mapped[name]
+    return lacking
+
+
+def absent(
+    headers: Headers,
+    needed: tuple[int | None, int | None],
+    states: dict[str, Mix | None],
+    sample: Sequence[str],
+) -> str:
+    """The message about columns that are missing, with what to type."""
+    missing = [name for name, found in zip(("id", "t"), needed, strict=True) if found is None]
+    missing += [name for name, mix in states.items() if mix is None] if states else ["position"]
+    lost = f"{headers.where}: no column for {listed(missing)} (found: {headers.shown})"
+    used = {k for k in needed if k is not None}
+    used |= {k for mix in states.values() for k, _ in mix or ()}
+    parts = headers.stamp(headers.names) if "t" in missing else ""
+    if parts:
+        return f"{lost}; {parts}"
+    items = headers.guess(missing, used, sample)
+    if not items:
+        remedy = ask(headers.option, [f"{missing[0]}=HEADER"])
+        why = f"; {DETECTIONS}" if missing[0] == "id" else ""
+        return f"{lost}; rename one, or map it with {remedy}{why}"
+    named = {item.partition("=")[0] for item in items}
+    rest = [name for name in missing if name not in named and name != "position"]
+    # What the user has mapped stays so, and so does the choice of states.
+    items += [f"{name}={header}" for name, header in headers.mapped.items() if name not in named]
+    if named & set(states):
+        items += [name for name in states if name not in {*named, *headers.mapped, *rest}]
+    also = f"; {', '.join(rest)} must be added" if rest else ""
+    also += f": {DETECTIONS}" if "id" in rest else ""
+    return f"{lost}; try {ask(headers.option, items)}{also}"
+
+
+def no_class(headers: Headers, options: ReadOptions, *, fixed: bool) -> str:
+    """The message where there are no classes."""
+    option = "--class" if options.classes is not None else options.class_for
+    remedy = f"add it, or map it with {ask(headers.option, ['class=HEADER'])}"
+    return (
+        f"{headers.where}: no column class for {option} (found: {headers.shown}); "
+        f"{'rows of this length have none' if fixed else remedy}"
+    )

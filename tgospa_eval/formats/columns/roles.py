@@ -1,17 +1,26 @@
 """Which column is what: headers to roles."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import field
+from dataclasses import field, fields
 from functools import cached_property, partial
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.columns.asked import BOX, PREFIXES, WEIGHT, parse_columns
-from tgospa_eval.formats.columns.headers import Headers, Mix
-from tgospa_eval.formats.columns.lacking import absent, no_class, without_maps
+from tgospa_eval.formats.columns.headers import (
+    BOX,
+    PREFIXES,
+    WEIGHT,
+    Headers,
+    Mix,
+    absent,
+    no_class,
+    parse_columns,
+    without_maps,
+)
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.text import listed, quoted
@@ -388,3 +397,34 @@ def _check_names(names: list[str], where: str) -> None:
         if name in seen:
             raise InputError(f"{where}: the header names {quoted(name)} twice; rename one")
         seen.add(name)
+
+
+MOST_HEADERS = 64
+
+_OPTIONS: Callable[[ReadOptions], tuple[object, ...]] = attrgetter(
+    *(field.name for field in fields(ReadOptions) if field.name != "beside")
+)
+"""What roles may depend on: all options but the names of the files."""
+
+_known: dict[tuple[tuple[str, ...], tuple[object, ...]], Roles] = {}
+
+
+def known_roles(
+    header: Sequence[str], options: ReadOptions, where: str, sample: Sequence[str]
+) -> Roles:
+    """`find_roles`, of the same header with the same options only once.
+
+    Raises
+    ------
+    InputError, ConfigError
+        As `find_roles`.
+    """
+    key = tuple(header), _OPTIONS(options)
+    if key not in _known:
+        roles = find_roles(header, options, where, sample=sample)
+        if roles.lacking or roles.passed:  # sentences that name the file
+            return roles
+        if len(_known) >= MOST_HEADERS:
+            _known.clear()
+        _known[key] = roles
+    return _known[key]

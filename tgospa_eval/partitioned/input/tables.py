@@ -19,8 +19,7 @@ from tgospa_eval.formats.columns.roles import Roles, find_roles
 from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.formats.text.convert import coded_times
-from tgospa_eval.formats.times import TimeError, Times
+from tgospa_eval.formats.times import TimeError, Times, coded_times
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.tracks.trajectories import Ints
 

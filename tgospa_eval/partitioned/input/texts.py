@@ -10,11 +10,11 @@ from tgospa_eval.common.files import CHUNK, named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.roles import Roles
+from tgospa_eval.formats.loading import PACKED_FROM, is_packed, unpacking
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.formats.text.convert import check_text, decode
-from tgospa_eval.formats.text.table import HEADER_BYTES, header_of, read_table, with_decimal
-from tgospa_eval.formats.unpack import PACKED_FROM, is_packed, unpacking
+from tgospa_eval.formats.text.scan import HEADER_BYTES, check_text, decode
+from tgospa_eval.formats.text.table import header_of, read_table, with_decimal
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.text import visible
 
