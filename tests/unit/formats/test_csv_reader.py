@@ -193,14 +193,40 @@ def test_a_plain_name_goes_before_aliases(write: Write) -> None:
         ("trk,clock,px,py", "a,1,2,3", "id=trk,t=clock,x=px,y=py"),
         ("no,name,secs,gps_east,gps_north", "1,b,2,3,4", "id=name,t=secs,x=gps_east,y=gps_north"),
         ("vx,vy,x1,y1,who,when", "0,0,1,1,a,2024-01-01", "id=who,t=when,x=x1,y=y1"),
-        ("a,b,c,d", "car,1,2,3", "id=a,t=b,x=c,y=d"),
-        ("my id,t,a b,c", "a,1,2,3", "id=my id,x=a b,y=c"),
+        ("my id,t,a x,a y", "a,1,2,3", "id=my id,x=a x,y=a y"),
     ],
 )
 def test_missing_columns_are_guessed(write: Write, header: str, row: str, items: str) -> None:
     path = write("a.csv", f"{header}\n{row}\n")
     assert f"columns={tuple(items.split(','))!r}" in refusal(path)[0]
     assert len(read_trajectories(path, columns=tuple(items.split(","))).ids) == 1
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        ("a,b,c,d", "rename one, or map it with columns=('id=HEADER',)"),
+        ("scan,range_m", "try columns=('t=scan',); id, position must be added: rows without ids"),
+        ("timestamp tx ty tz qx", "try columns=('x=tx', 'y=ty', 'z=tz'); id must be added"),
+    ],
+)
+def test_what_headers_do_not_hint_at_is_not_guessed(write: Write, header: str, said: str) -> None:
+    assert said in refusal(write("a.csv", header + "\n"))[0]
+
+
+@pytest.mark.parametrize(
+    ("header", "columns"),
+    [
+        ("event-id,timestamp,location-long,location-lat,individual-local-identifier", "lat,lon"),
+        ("y,x,mass,size,frame,particle", "x,y"),  # trackpy
+        ("t,shipid,lon,lat,heading", "lat,lon"),
+        ("x_min,y_min,x_max,y_max,class_id,confidence,tracker_id,frame_index", "x,y"),
+    ],
+)
+def test_headers_of_public_data(write: Write, header: str, columns: str) -> None:
+    row = ",".join(map(str, range(1, 2 + header.count(","))))
+    found = read_trajectories(write("a.csv", f"{header}\n{row}\n"))
+    assert ",".join(found.columns) == columns
 
 
 @pytest.mark.parametrize(
@@ -904,13 +930,13 @@ def test_options_that_mean_nothing(option: dict[str, str]) -> None:
         pytest.param(
             "id,t,u,v\na,1,2,3\n",
             ", line 1: ",
-            ("no column for position", "id, t, u, v", "columns=('x=u', 'y=v')"),
+            ("no column for position", "id, t, u, v", "columns=('x=HEADER', 'y=HEADER')"),
             id="no position column",
         ),
         pytest.param(
             "id,t,lat\na,1,2\n",
             ", line 1: ",
-            ("no column for position", "columns=('x=lat',)"),
+            ("no column for position", "columns=('x=HEADER', 'y=HEADER')"),
             id="half a place",
         ),
         pytest.param(

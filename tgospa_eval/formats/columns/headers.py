@@ -5,7 +5,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.text import listed, quoted
 
@@ -117,14 +116,16 @@ HEADER_ALIASES = {
         "object_uuid "
         "track_no track_num track_number target_number track_name target_name track_token "
         "instance_id instance_token entity_id agent_id vehicle_id person_id pedestrian_id actor_id "
+        "tracker_id player_id ship_id taxi_id individual_id individual_local_identifier particle "
         "mmsi icao24",
         "t": f"{' '.join(FIRST_ALIASES['t'])} ts stamp datetime utc utc_time time_utc timestep "
         "frame_id frame_idx frame_index frame_no frame_num frame_number base_date_time",
         "x": COORDINATE.format("x") + " easting utm_easting",
         "y": COORDINATE.format("y") + " northing utm_northing",
         "z": COORDINATE.format("z"),
-        "lat": "lat latitude gps_lat gps_latitude pos_lat",
-        "lon": "lon lng long longitude gps_lon gps_lng gps_longitude pos_lon",
+        "lat": "lat latitude gps_lat gps_latitude pos_lat location_lat",
+        "lon": "lon lng long longitude gps_lon gps_lng gps_longitude pos_lon location_lon "
+        "location_long",
         "left": "left bb_left bbox_left x_min",
         "top": "top bb_top bbox_top y_min",
         "width": "width bb_width bbox_width",
@@ -158,7 +159,7 @@ UNITS = {
 """Last words of headers that are no part of the name; lat_rad is no latitude in degrees."""
 
 HINTS = {
-    "id": ("id", "track", "trk", "obj", "target", "name", "who", "number", "no", "num"),
+    "id": ("id", "mmsi", "track", "trk", "obj", "target", "name", "who", "number", "no", "num"),
     "t": (
         "time",
         "stamp",
@@ -298,51 +299,24 @@ class Headers:
         found = get_close_matches(_joined(header), alike, n=1)
         return alike[found[0]] if found else None
 
-    def guess(self, wanted: Sequence[str], used: set[int], sample: Sequence[str]) -> list[str]:
-        """Items ``name=header`` for columns that were not found, by likely names, then by position.
+    def guess(self, wanted: Sequence[str], used: set[int]) -> list[str]:
+        """Items ``name=header`` for columns that were not found, by what is said in headers.
 
-        Parameters
-        ----------
-        wanted : sequence of str
-            Names of the columns; ``position`` is any two or three of the state.
-        used : set of int
-            Headers that are something else.
-        sample : sequence of str
-            Fields of the first row, if there is one: a position is a number.
+        `wanted` are their names, ``position`` is any two or three of the state; headers that are
+        `used` are something else.
         """
         free = {
             k: _joined(name)
             for k, name in enumerate(self.names)
             if k not in used and name.isprintable() and "," not in name and len(name) <= 40
         }
-        numeric = {
-            k: key
-            for k, key in free.items()
-            if k >= len(sample) or is_number(sample[k].strip().replace(",", "."))
-        }
-        found: dict[str, int] = {}
-        place = _position(numeric)
-        found |= {name: k for name, k in place.items() if {name, "position"} & set(wanted)}
-        names = [name for name in wanted if name != "position"]
-        for take in (_likely, _first):
-            for name in names:
-                left = {k: key for k, key in free.items() if k not in found.values()}
-                if name in ("id", "t"):
-                    left = {k: key for k, key in left.items() if not re.search(SCORE, key)}
-                if name == "id":
-                    left = {
-                        k: key for k, key in left.items() if not _is_fraction(sample[k : k + 1])
-                    }
-                at = None if name in found else take(name, left)
-                if at is not None:
-                    found[name] = at
-        if "position" in wanted and not {"x", "lat"} & set(found):
-            left = {
-                k: key
-                for k, key in numeric.items()
-                if k not in found.values() and not re.search(SCORE, key)
-            }
-            found |= dict(zip("xy", left, strict=False))
+        place = _position(free)
+        found = {name: k for name, k in place.items() if {name, "position"} & set(wanted)}
+        for name in wanted:
+            for hint in HINTS.get(name, ()):
+                at = next((k for k, key in free.items() if _hints(name, hint, key)), None)
+                if at is not None and at not in found.values():
+                    found.setdefault(name, at)
         order = ["id", "t", *(name for name in found if name not in ("id", "t"))]
         return [f"{name}={self.names[found[name]]}" for name in order if name in found]
 
@@ -379,29 +353,10 @@ def _keys(header: str) -> Iterator[tuple[str, str]]:
         yield "".join(words[:-1]).casefold(), words[-1].casefold()
 
 
-def _is_fraction(sample: Sequence[str]) -> bool:
-    """Whether the field, if there is one, is a number that is not whole."""
-    texts = [text.strip().replace(",", ".") for text in sample]
-    return any(is_number(text) and float(text) % 1 != 0 for text in texts)
-
-
-def _likely(name: str, free: dict[int, str]) -> int | None:
-    """A header with a part that hints at the column, or one that is spelt nearly so."""
-    from difflib import get_close_matches  # here: for mistakes only
-
-    for hint in HINTS.get(name, ()):
-        for k, key in free.items():
-            if (hint in key) if len(hint) > 3 else key.startswith(hint) or key.endswith(hint):
-                return k
-    close = get_close_matches(_joined(name), free.values(), n=1, cutoff=0.75)
-    return next((k for k, key in free.items() if close and key == close[0]), None)
-
-
-def _first(name: str, free: dict[int, str]) -> int | None:
-    """The first header that is left: tables begin with the object and the time."""
-    if name not in ("id", "t"):
-        return None
-    return next((k for k, key in free.items() if not re.search(NO_PLACE, key)), None)
+def _hints(name: str, hint: str, key: str) -> bool:
+    """Whether a header has the part that hints at a column, and is no score."""
+    there = hint in key if len(hint) > 3 else key.startswith(hint) or key.endswith(hint)
+    return there and not (name in ("id", "t") and re.search(SCORE, key))
 
 
 def _position(free: dict[int, str]) -> dict[str, int]:
@@ -456,7 +411,6 @@ def absent(
     headers: Headers,
     needed: tuple[int | None, int | None],
     states: dict[str, Mix | None],
-    sample: Sequence[str],
 ) -> str:
     """The message about columns that are missing, with what to type."""
     missing = [name for name, found in zip(("id", "t"), needed, strict=True) if found is None]
@@ -467,13 +421,15 @@ def absent(
     parts = headers.stamp(headers.names) if "t" in missing else ""
     if parts:
         return f"{lost}; {parts}"
-    items = headers.guess(missing, used, sample)
+    items = headers.guess(missing, used)
     if not items:
-        remedy = ask(headers.option, [f"{missing[0]}=HEADER"])
+        names = ("x", "y") if missing[0] == "position" else missing[:1]
+        remedy = ask(headers.option, [f"{name}=HEADER" for name in names])
         why = f"; {DETECTIONS}" if missing[0] == "id" else ""
         return f"{lost}; rename one, or map it with {remedy}{why}"
     named = {item.partition("=")[0] for item in items}
-    rest = [name for name in missing if name not in named and name != "position"]
+    placed = {"position"} if named & {"x", "lat"} else set()
+    rest = [name for name in missing if name not in named | placed]
     # What the user has mapped stays so, and so does the choice of states.
     items += [f"{name}={header}" for name, header in headers.mapped.items() if name not in named]
     if named & set(states):

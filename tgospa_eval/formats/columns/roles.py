@@ -184,12 +184,10 @@ def find_roles(
     where: str,
     *,
     fixed: bool = False,
-    sample: Sequence[str] = (),
 ) -> Roles:
     """Assign roles to the headers of a table; `where` begins every message.
 
-    `fixed` headers are those of a format, which nobody can rename. `sample` has the fields of the
-    first row, by which headers are guessed for the message that some are missing.
+    `fixed` headers are those of a format, which nobody can rename.
 
     Raises
     ------
@@ -211,7 +209,7 @@ def find_roles(
     found = {name: mixes.of(name, wanted) for name in wanted}
     state = tuple(mix for mix in found.values() if mix is not None)
     if identity is None or time is None or not wanted or len(state) < len(wanted):
-        fault = absent(headers, (identity, time), found, sample)
+        fault = absent(headers, (identity, time), found)
         raise InputError(f"{fault}; this format has no other" if fixed else fault)
     region = _region(mixes, wanted, options)
     klass = _class_column(headers, options, lacking, fixed=fixed)
@@ -409,9 +407,7 @@ _OPTIONS: Callable[[ReadOptions], tuple[object, ...]] = attrgetter(
 _known: dict[tuple[tuple[str, ...], tuple[object, ...]], Roles] = {}
 
 
-def known_roles(
-    header: Sequence[str], options: ReadOptions, where: str, sample: Sequence[str]
-) -> Roles:
+def known_roles(header: Sequence[str], options: ReadOptions, where: str) -> Roles:
     """`find_roles`, of the same header with the same options only once.
 
     Raises
@@ -421,7 +417,7 @@ def known_roles(
     """
     key = tuple(header), _OPTIONS(options)
     if key not in _known:
-        roles = find_roles(header, options, where, sample=sample)
+        roles = find_roles(header, options, where)
         if roles.lacking or roles.passed:  # sentences that name the file
             return roles
         if len(_known) >= MOST_HEADERS:

@@ -106,7 +106,7 @@ def header_of(text: str, path: str, options: ReadOptions) -> tuple[list[str], Ro
         try:
             reader = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
             names = [name.strip() for name in next(reader)]
-            roles = known_roles(names, options, where, sample)
+            roles = known_roles(names, options, where)
         except (InputError, csv.Error) as error:
             fault = fault or _explained(error, given, where)
             if not given.lstrip().startswith(COMMENTS):
