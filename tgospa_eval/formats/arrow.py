@@ -6,12 +6,11 @@ from dataclasses import replace
 from datetime import date
 from typing import TYPE_CHECKING
 
-from tgospa_eval.common.words import install
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import parse_columns
 from tgospa_eval.formats.columns.roles import Roles, find_roles
 from tgospa_eval.formats.frames import frame_rows
-from tgospa_eval.formats.loading import TABLE, check_room
+from tgospa_eval.formats.loading import TABLE, check_parquet, check_room
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import quoted
@@ -147,6 +146,15 @@ def _exact(table: "pa.Table", *names: str | None) -> "pa.Table":
     return table
 
 
+def _check(path: str, kind: str, data: bytes) -> None:
+    """Whether there is something, and what reads it."""
+    check_parquet(kind, f"{path}: ")
+    if not data:
+        raise InputError(
+            f"{path}: the file is empty; a set without objects has a schema and no rows"
+        )
+
+
 def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
     """The rows of a Parquet file, the same in either role; only the columns in use are read.
 
@@ -157,19 +165,10 @@ def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, giv
     ConfigError
         pyarrow is not installed.
     """
-    try:
-        import pyarrow as pa  # here: the extra may be missing, and other formats do without
-        import pyarrow.parquet as pq
-    except ModuleNotFoundError:
-        raise ConfigError(
-            f"{path}: Parquet files need the extra parquet: {install('parquet')}"
-        ) from None
-    from tgospa_eval.formats.arrow import arrow_rows, damaged
+    _check(path, "Parquet", data)
+    import pyarrow as pa
+    import pyarrow.parquet as pq
 
-    if not data:
-        raise InputError(
-            f"{path}: the file is empty; a set without objects has a schema and no rows"
-        )
     try:
         file = pq.ParquetFile(pa.BufferReader(data))
         schema = file.schema_arrow
@@ -203,19 +202,10 @@ def read_feather(path: str, data: bytes, options: ReadOptions, role: str, *, giv
     ConfigError
         pyarrow is not installed.
     """
-    try:
-        import pyarrow as pa  # here: the extra may be missing, and other formats do without
-        from pyarrow import ipc
-    except ModuleNotFoundError:
-        raise ConfigError(
-            f"{path}: Feather files need the extra parquet: {install('parquet')}"
-        ) from None
-    from tgospa_eval.formats.arrow import arrow_rows, damaged
+    _check(path, "Feather", data)
+    import pyarrow as pa
+    from pyarrow import ipc
 
-    if not data:
-        raise InputError(
-            f"{path}: the file is empty; a set without objects has a schema and no rows"
-        )
     if data.startswith(FIRST_VERSION):
         raise InputError(f"{path}: Feather of version 1; write version 2, the default since 2020")
     # The messages in their order, not by the footer: what was measured is what is read.

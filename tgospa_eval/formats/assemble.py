@@ -310,12 +310,6 @@ def _repeats(
     detections = which == "error" and len(taken) > 1 and [*rows.ids[0][:2]] == ["-1"]
     if not len(again) and not detections:
         return None
-    from tgospa_eval.formats.assemble import (
-        most_repeat,
-        only_detections,
-        refusal,
-    )  # few files need them
-
     if not len(again):
         raise InputError(only_detections(rows.name))
     if which == "error":
@@ -353,16 +347,16 @@ def _covariances(
     rows: Rows, taken: Ints, spread: "Spread", options: ReadOptions, choice: _Choice
 ) -> Floats:
     """The covariances of some rows."""
-    from tgospa_eval.formats.columns.spread import Cells, covariances_of
+    from tgospa_eval.formats.columns.spread import covariances_of
 
     numbers = rows.roles.numbers
-    cells = Cells(
-        values={column: rows.numbers[taken, numbers.index(column)] for column in spread.columns},
-        row=taken,
-        where=lambda row: f"{rows.where(row)} (id {rows.called(row)}, t {rows.moment(row)})",
-    )
     covariance, notices = covariances_of(
-        cells, spread, missing=options.missing_covariance, fix=options.fix_covariance
+        {column: rows.numbers[taken, numbers.index(column)] for column in spread.columns},
+        taken,
+        lambda row: f"{rows.where(row)} (id {rows.called(row)}, t {rows.moment(row)})",
+        spread,
+        missing=options.missing_covariance,
+        fix=options.fix_covariance,
     )
     choice.warnings += [notice for notice in notices if notice.code]
     choice.notices += [notice.text for notice in notices if not notice.code]

@@ -102,13 +102,7 @@ def frame_rows(
             if column != roles.weight:
                 raise
             states[:, k], weight_fault = np.nan, str(error)  # it may be something else
-    header = f"column {quoted(frame.columns[roles.time])}"
-    try:
-        times = _times(frame.iloc[:, roles.time], header, name, decimal)
-    except TimeError as error:
-        raise InputError(f"{where(error.row)}, {header}: {error}") from None
-    except UNWRITTEN:
-        raise _unwritten(frame.iloc[:, roles.time], header, where) from None
+    times = frame_times(frame.iloc[:, roles.time], name, decimal, where)
     ids = named(roles.id, "an id")
     blank = blanks(ids)
     if len(blank):

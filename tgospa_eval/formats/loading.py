@@ -261,3 +261,19 @@ def unpacked_file(path: str, max_input: float | None) -> bytes:
     """The bytes of a file, unpacked, as many as `max_input` GB allow."""
     data = load(path, most_bytes(max_input, path))
     return unpack(data, path, most_unpacked(max_input, len(data))) if is_packed(data) else data
+
+
+def check_parquet(kind: str = "Parquet", begin: str = "") -> None:
+    """Whether pyarrow is there.
+
+    Raises
+    ------
+    ConfigError
+        It is not installed.
+    """
+    try:
+        import pyarrow.parquet  # noqa: F401  (here: the extra may be missing)
+    except ModuleNotFoundError:
+        raise ConfigError(
+            f"{begin}{kind} files need the extra parquet: {install('parquet')}"
+        ) from None

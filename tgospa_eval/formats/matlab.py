@@ -42,18 +42,8 @@ TEXT_HEADER = 128
 MATRIX, DEFLATED = 14, 15
 """Types of elements: an array, and one that is compressed."""
 
-ELEMENT_TYPES = {
-    1: "i1",
-    2: "u1",
-    3: "i2",
-    4: "u2",
-    5: "i4",
-    6: "u4",
-    7: "f4",
-    9: "f8",
-    12: "i8",
-    13: "u8",
-}
+NUMBER_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8", "i8", "u8")
+ELEMENT_TYPES = dict(zip((1, 2, 3, 4, 5, 6, 7, 9, 12, 13), NUMBER_TYPES, strict=True))
 """Types of elements that hold numbers."""
 
 CELL_ARRAY, STRUCTURE = 1, 2

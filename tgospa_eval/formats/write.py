@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.words import install
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.formats.columns.spread import spelt
+from tgospa_eval.formats.loading import check_parquet
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -54,11 +54,10 @@ def parquet_bytes(trajectories: Trajectories) -> bytes:
     ConfigError
         pyarrow is not installed.
     """
-    try:
-        import pyarrow as pa  # here: the extra may be missing
-        import pyarrow.parquet as pq
-    except ModuleNotFoundError:
-        raise ConfigError(f"Parquet files need the extra parquet: {install('parquet')}") from None
+    check_parquet()
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     buffer = io.BytesIO()
     pq.write_table(pa.table(_columns(trajectories)), buffer)
     return buffer.getvalue()
@@ -176,20 +175,6 @@ def _boxes(trajectories: Trajectories, name: str) -> Iterator[tuple[int, int, li
                 "fit"
             ) from None
         yield number, frame, state
-
-
-def check_parquet() -> None:
-    """Whether Parquet files can be written.
-
-    Raises
-    ------
-    ConfigError
-        pyarrow is not installed.
-    """
-    try:
-        import pyarrow.parquet  # noqa: F401  (here: the extra may be missing)
-    except ModuleNotFoundError:
-        raise ConfigError(f"Parquet files need the extra parquet: {install('parquet')}") from None
 
 
 def part_name(number: int) -> str:

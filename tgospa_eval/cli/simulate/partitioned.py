@@ -15,7 +15,8 @@ from tgospa_eval.common.progress import Progress
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.formats.write import PartWriter, check_parquet, part_name
+from tgospa_eval.formats.loading import check_parquet
+from tgospa_eval.formats.write import PartWriter, part_name
 from tgospa_eval.reports.folders import Kind, probe_folder, write_files
 from tgospa_eval.simulation.kinds import RECORDINGS
 from tgospa_eval.simulation.recordings import Layout, Rows

@@ -160,19 +160,7 @@ UNITS = {
 
 HINTS = {
     "id": ("id", "mmsi", "track", "trk", "obj", "target", "name", "who", "number", "no", "num"),
-    "t": (
-        "time",
-        "stamp",
-        "frame",
-        "date",
-        "sec",
-        "scan",
-        "epoch",
-        "clock",
-        "when",
-        "zeit",
-        "tick",
-    ),
+    "t": ("time", "stamp", "frame", "date", "sec", "scan", "epoch", "clock", "when"),
     "lat": ("lat",),
     "lon": ("lon", "lng"),
 }
