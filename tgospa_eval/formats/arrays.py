@@ -4,6 +4,7 @@ import io
 import struct
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from math import prod
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +15,12 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import BOX, coordinate_names
 from tgospa_eval.formats.columns.roles import find_roles
 from tgospa_eval.formats.frames import frame_rows
-from tgospa_eval.formats.loading import TABLE, check_room
+from tgospa_eval.formats.loading import TABLE, check_room, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 
 AXES = 3
@@ -62,19 +63,13 @@ def _array(path: str, data: bytes) -> Array:
             read = np.lib.format.read_array_header_1_0
         shape, in_columns, kind = read(stream)
     except Exception as error:  # a header is parsed as Python: damage ends in any fault
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError(f"{path}: no readable npy file: {reason}") from None
+        raise unreadable(path, "npy", error) from None
     size, there = prod(shape) * kind.itemsize, len(data) - stream.tell()
     if kind.hasobject or size != there or min(shape, default=1) < 0:
         what = "Python objects" if kind.hasobject else f"{there:,} bytes where {size:,} should be"
         raise InputError(f"{path}: no readable npy file: {what}")
     values = np.frombuffer(data, kind, offset=stream.tell())
     return values.reshape(shape, order="F" if in_columns else "C")
-
-
-def is_array(arrays: Mapping[str, Array]) -> bool:
-    """Whether one of the arrays of an npz file has the axes (T, k, d)."""
-    return any(array.ndim == AXES for array in arrays.values())
 
 
 def array_rows(path: str, arrays: Mapping[str, Array], file: int, options: ReadOptions) -> Rows:
@@ -108,7 +103,8 @@ def array_rows(path: str, arrays: Mapping[str, Array], file: int, options: ReadO
         _beside(path, arrays, names, states.shape[axis]) for names, axis in AXIS_ARRAYS.values()
     )
     if columns is None:
-        columns = np.array(_default_names(size, boxes=options.boxes))
+        is_box = options.boxes and size == len(BOX)
+        columns = np.array(BOX if is_box else coordinate_names(size))
     names = [str(name).strip() for name in columns]
     taken = {"id", "t"} & set(names)
     if taken:
@@ -121,24 +117,10 @@ def array_rows(path: str, arrays: Mapping[str, Array], file: int, options: ReadO
     table |= {name: flat[:, k] for k, name in enumerate(names)}
     if len(table) < size + 2:
         raise InputError(f"{path}: columns {', '.join(names)}: a name is there twice; rename one")
-    return _rows(path, pd.DataFrame(table), names, options)
-
-
-def _default_names(size: int, *, boxes: bool) -> list[str]:
-    """Names of so many coordinates."""
-    if boxes and size == len(BOX):
-        return list(BOX)
-    return list(coordinate_names(size))
-
-
-def _rows(path: str, frame: "pd.DataFrame", names: list[str], options: ReadOptions) -> Rows:
-    """The rows of the table; columns without the usual names of states are states all the same."""
-    from dataclasses import replace
-
-    asked = options
     if options.columns is None and not options.boxes and not STATE_NAMES & set(names):
-        asked = replace(options, columns=tuple(names))
-    return frame_rows(frame, find_roles(list(frame.columns), asked, path), path, options.decimal)
+        options = replace(options, columns=tuple(names))  # states of other names all the same
+    roles = find_roles(list(table), options, path)
+    return frame_rows(pd.DataFrame(table), roles, path, options.decimal)
 
 
 def _beside(
@@ -182,9 +164,8 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
     except Exception as error:  # damaged archives end in errors of many kinds
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError(f"{path}: no readable npz file: {reason}") from None
-    if is_array(arrays):
+        raise unreadable(path, "npz", error) from None
+    if any(array.ndim == AXES for array in arrays.values()):
         return array_rows(path, arrays, len(data), options)
     columns: dict[str, Any] = {}
     for name, array in arrays.items():
@@ -199,12 +180,10 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
             f"{path}: arrays {shapes or 'missing'}; they must be columns of one length, "
             "x may be (P, d)"
         )
-    asked = options
     if options.columns is None and "x0" in columns and "x" not in columns:
-        from dataclasses import replace
-
-        asked = replace(options, columns=tuple(name for name in columns if _is_numbered(name)))
-    roles = find_roles(list(columns), asked, path)
+        numbered = (name for name in columns if name[:1] == "x" and name[1:].isdigit())
+        options = replace(options, columns=tuple(numbered))
+    roles = find_roles(list(columns), options, path)
     return frame_rows(pd.DataFrame(columns), roles, path, options.decimal)
 
 
@@ -215,7 +194,3 @@ def _unpacked(data: bytes) -> int:
             return sum(member.file_size for member in archive.infolist())
     except (zipfile.BadZipFile, ValueError, NotImplementedError, struct.error):
         return 0
-
-
-def _is_numbered(name: str) -> bool:
-    return name[:1] == "x" and name[1:].isdigit()

@@ -10,7 +10,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import parse_columns
 from tgospa_eval.formats.columns.roles import Roles, find_roles
 from tgospa_eval.formats.frames import frame_rows
-from tgospa_eval.formats.loading import TABLE, check_parquet, check_room
+from tgospa_eval.formats.loading import TABLE, check_parquet, check_room, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import quoted
@@ -65,22 +65,13 @@ def arrow_rows(
     except (InputError, MemoryError):
         raise
     except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
-        raise damaged(path, kind, error) from None
+        raise unreadable(path, kind, error) from None
     del table
     # The same roles by position in the subset, where mapped headers without a use are missing.
     shared = replace(options, shared=tuple(parse_columns(options.columns)[0]))
     found = find_roles(subset, shared, path)
     whole = {name: getattr(roles, name) for name in ("unused", "passed", "lacking")}
     return frame_rows(frame, replace(found, **whole), path, options.decimal, where)
-
-
-def damaged(path: str, kind: str, error: Exception) -> InputError:
-    """Message about a file that pyarrow cannot read."""
-    if isinstance(error, UnicodeDecodeError):
-        text = "a text that is not UTF-8; the file is damaged"
-    else:
-        text = (str(error).splitlines() or [type(error).__name__])[0]
-    return InputError(f"{path}: no readable {kind} file: {text}")
 
 
 def check_types(schema: "pa.Schema", roles: Roles, path: str) -> None:
@@ -173,7 +164,7 @@ def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, giv
         file = pq.ParquetFile(pa.BufferReader(data))
         schema = file.schema_arrow
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise damaged(path, "Parquet", error) from None
+        raise unreadable(path, "Parquet", error) from None
 
     def read(subset: Sequence[str]) -> "pa.Table":
         rows = file.metadata.num_rows
@@ -214,7 +205,7 @@ def read_feather(path: str, data: bytes, options: ReadOptions, role: str, *, giv
         schema = ipc.open_stream(content).schema
         names = schema.names
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise damaged(path, "Feather", error) from None
+        raise unreadable(path, "Feather", error) from None
 
     def read(subset: Sequence[str]) -> "pa.Table":
         rows, unpacked = _lengths(content)

@@ -132,12 +132,10 @@ def unpack(data: bytes, path: str, most: int = SETTINGS) -> bytes:
     ConfigError
         The package that unpacks it is missing.
     """
-    opened = next((opener for magic, opener in OPENERS.items() if data.startswith(magic)), None)
-    if opened is None:
+    if not is_packed(data):
         return data
     pieces, size = [], 0
-    stream, faults = opened(io.BytesIO(data), path)
-    try:
+    with _content(io.BytesIO(data), path) as stream:
         while piece := stream.read(CHUNK):
             size += len(piece)
             if size > most:
@@ -146,8 +144,6 @@ def unpack(data: bytes, path: str, most: int = SETTINGS) -> bytes:
                     "it is meant, allow more with --max-input GB, or any with 0"
                 )
             pieces.append(piece)
-    except faults as error:
-        raise damaged(path, error) from None
     return b"".join(pieces)
 
 
@@ -169,24 +165,37 @@ def unpacking(place: str, path: str) -> Iterator[BinaryIO]:
     ConfigError
         The package that unpacks it is missing.
     """
-    with named(path, InputError), open(place, "rb") as file:
-        head = file.read(PACKED_FROM)
-        file.seek(0)
-        opened = next((opener for magic, opener in OPENERS.items() if head.startswith(magic)), None)
-        if opened is None:
-            yield file
-            return
-        stream, faults = opened(file, path)
-        try:
-            yield stream
-        except faults as error:
-            raise damaged(path, error) from None
+    with named(path, InputError), open(place, "rb") as file, _content(file, path) as stream:
+        yield stream
 
 
-def damaged(path: str, error: Exception) -> InputError:
-    """Message about a compressed file that cannot be unpacked."""
-    why = (str(error).splitlines() or [type(error).__name__])[0]
-    return InputError(f"{path}: cannot be unpacked, it is damaged: {why}")
+@contextmanager
+def _content(file: BinaryIO, path: str) -> Iterator[BinaryIO]:
+    """The same of an open file."""
+    head = file.read(PACKED_FROM)
+    file.seek(0)
+    opened = next((opener for magic, opener in OPENERS.items() if head.startswith(magic)), None)
+    if opened is None:
+        yield file
+        return
+    stream, faults = opened(file, path)
+    try:
+        yield stream
+    except faults as error:
+        why = reason_of(error)
+        raise InputError(f"{path}: cannot be unpacked, it is damaged: {why}") from None
+
+
+def unreadable(path: str, kind: str, error: Exception) -> InputError:
+    """Message about a damaged file."""
+    return InputError(f"{path}: no readable {kind} file: {reason_of(error)}")
+
+
+def reason_of(error: Exception) -> str:
+    """The first line of an error."""
+    if isinstance(error, UnicodeDecodeError):
+        return "a text that is not UTF-8; the file is damaged"
+    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def plain_name(path: str) -> str:

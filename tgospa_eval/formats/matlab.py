@@ -23,14 +23,13 @@ from numpy.typing import NDArray
 from tgospa_eval.common.words import counted, install, more
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.formats.columns.headers import coordinate_names
-from tgospa_eval.formats.columns.roles import Roles, find_roles
+from tgospa_eval.formats.columns.roles import find_roles
 from tgospa_eval.formats.guess import file_of
-from tgospa_eval.formats.loading import TABLE, check_room
+from tgospa_eval.formats.loading import TABLE, check_room, unreadable
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.formats.rows import Rows, number_ids
-from tgospa_eval.formats.times import Times
+from tgospa_eval.formats.rows import Rows, number_ids, rows_by_components
 from tgospa_eval.text import listed, quoted
-from tgospa_eval.tracks.trajectories import Floats, Ints
+from tgospa_eval.tracks.trajectories import Ints
 
 Fields = dict[str, NDArray[np.generic]]
 """Fields of a structure; of what is no array of real numbers an array of objects."""
@@ -128,7 +127,7 @@ def variables(path: str, data: bytes, limit: float | None) -> Iterator[dict[str,
     except TgospaError:
         raise
     except DAMAGES as error:
-        raise _damaged(path, error) from None
+        raise unreadable(path, "MAT", error) from None
 
 
 def _tag(data: bytes, at: int, order: str) -> tuple[int, int, int, int]:
@@ -307,7 +306,7 @@ def _of_version_73(path: str, data: bytes, limit: float | None) -> Iterator[dict
     except (TgospaError, MemoryError):
         raise
     except Exception as error:  # damaged files end in errors of many kinds
-        raise _damaged(path, error) from None
+        raise unreadable(path, "MAT", error) from None
 
 
 Room = Callable[[int, str], None]
@@ -364,11 +363,6 @@ def _group_fields(group: Any, room: Room) -> Fields:
     return found
 
 
-def _damaged(path: str, error: Exception) -> InputError:
-    reason = (str(error).splitlines() or [type(error).__name__])[0]
-    return InputError(f"{path}: no readable MAT file: {reason}")
-
-
 TRAJECTORY_FIELDS = ("tVec", "iVec", "xState")
 NO_SET = "no structure with the fields tVec, iVec, xState"
 
@@ -391,17 +385,7 @@ def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
         name = sets.chosen(path, role)
         sets.check_sides(options.beside, options.roles)
         fields, about = sets.fields(name), list(sets.notices(path, name, role))
-    tracks = _Tracks(f"{path}, {name}", fields)
-    names = coordinate_names(len(tracks.state))
-    asked, notices = options, []
-    if options.columns is None and not options.boxes and len(names) > 3:
-        asked = replace(options, columns=names)
-        notices.append(
-            f"states have {len(names)} components, {names[0]} to {names[-1]}, and all are "
-            f"compared; of positions and velocities name the positions: --columns x=x0,y=x2"
-        )
-    roles = find_roles(["id", "t", *names], asked, path, fixed=True)
-    return tracks.rows(path, replace(roles, passed=(*roles.passed, *notices, *about)))
+    return _rows(path, f"{path}, {name}", fields, about, options)
 
 
 def names_of_runs(path: str, data: bytes, limit: float | None) -> list[str]:
@@ -574,87 +558,70 @@ class _Sets:
         return listed([*map(self._span, self.there), *others])
 
 
-class _Tracks:
-    """A set of trajectories, checked.
-
-    Parameters
-    ----------
-    name : str
-        Begins the messages.
-    fields : dict of str to array
-        Fields of the structure.
-    """
-
-    def __init__(self, name: str, fields: Mapping[str, NDArray[np.generic]]) -> None:
-        self.name = name
-        for field in TRAJECTORY_FIELDS:
-            if fields[field].dtype.kind not in "iuf":
-                raise InputError(
-                    f"{name}.{field}: no real numbers; it must be a numeric array of one structure"
-                )
-        self.start, self.length = (self._whole(field, fields[field]) for field in ("tVec", "iVec"))
-        state = fields["xState"]
-        if not state.size and not len(self.start):
-            state = np.zeros((state.shape[0] or 2, 0, 0))
-        if state.ndim == 2:  # MATLAB drops a last dimension of 1
-            state = state[:, :, None]
-        sizes = f"{len(self.start)} in tVec, {len(self.length)} in iVec"
-        if state.ndim != 3 or not len(self.start) == len(self.length) == state.shape[2]:
-            shape = " x ".join(map(str, fields["xState"].shape))
+def _rows(path: str, name: str, fields: Fields, about: list[str], options: ReadOptions) -> Rows:
+    """A row for each trajectory and step; `name` begins the messages."""
+    for field in TRAJECTORY_FIELDS:
+        if fields[field].dtype.kind not in "iuf":
             raise InputError(
-                f"{name}: {sizes}, and xState is {shape}; it must be d x T x n for n trajectories"
+                f"{name}.{field}: no real numbers; it must be a numeric array of one structure"
             )
-        self.state: NDArray[np.generic] = state
-        last = self.start + self.length - 1
-        wrong = np.flatnonzero((self.length > 0) & ((self.start < 1) | (last > state.shape[1])))
-        if len(wrong):
-            k = int(wrong[0])
-            raise InputError(
-                f"{name}: trajectory {k + 1} is from step {self.start[k]} to {last[k]}"
-                f"{more(len(wrong))}; xState has the steps 1 to {state.shape[1]}"
-            )
-
-    def _whole(self, field: str, values: NDArray[np.generic]) -> Ints:
-        """Start steps or lengths as integers."""
-        numbers = values.astype(np.float64).ravel()
-        if values.size and max(values.shape, default=1) != values.size:
-            shape = " x ".join(map(str, values.shape))
-            raise InputError(f"{self.name}.{field}: is {shape}; it must be a vector")
-        wrong = np.flatnonzero(~((np.abs(numbers) < 2**31) & (numbers == np.rint(numbers))))
-        if len(wrong) or (numbers < 0).any():
-            k = int(wrong[0]) if len(wrong) else int(np.argmin(numbers))
-            raise InputError(
-                f"{self.name}.{field}: {numbers[k]:g} of trajectory {k + 1} is no step; it must be "
-                "a whole number"
-            )
-        return numbers.astype(np.int64)
-
-    def rows(self, path: str, roles: Roles) -> Rows:
-        """A row for each trajectory and step."""
-        step = np.arange(1, self.state.shape[1] + 1)[:, None]
-        track, index = np.nonzero(((step >= self.start) & (step < self.start + self.length)).T)
-
-        def where(row: int) -> str:
-            return f"{self.name}, trajectory {track[row] + 1}, step {index[row] + 1}"
-
-        def component(column: int) -> Floats:
-            return np.asarray(self.state[column - 2, index, track], dtype=np.float64)
-
-        numbers = np.empty((len(track), len(roles.numbers)), order="F")
-        for k, column in enumerate(roles.numbers):
-            numbers[:, k] = component(column)
-        infinite = np.flatnonzero(np.isinf(numbers).any(axis=1))
-        if len(infinite):
-            raise InputError(
-                f"{where(int(infinite[0]))}: infinite{more(len(infinite))}; use NaN if absent"
-            )
-        ids, number = number_ids([str(k + 1) for k in range(len(self.start))])
-        return Rows(
-            name=path,
-            roles=roles,
-            ids=(ids, number[track]),
-            times=Times(value=index + 1, clock="number", text=None),
-            numbers=numbers,
-            where=where,
-            attributes={column: component(column) for column in roles.texts},
+    start, length = (_whole(f"{name}.{field}", fields[field]) for field in ("tVec", "iVec"))
+    state = fields["xState"]
+    if not state.size and not len(start):
+        state = np.zeros((state.shape[0] or 2, 0, 0))
+    if state.ndim == 2:  # MATLAB drops a last dimension of 1
+        state = state[:, :, None]
+    if state.ndim != 3 or not len(start) == len(length) == state.shape[2]:
+        shape = " x ".join(map(str, fields["xState"].shape))
+        raise InputError(
+            f"{name}: {len(start)} in tVec, {len(length)} in iVec, and xState is {shape}; it must "
+            "be d x T x n for n trajectories"
         )
+    last = start + length - 1
+    wrong = np.flatnonzero((length > 0) & ((start < 1) | (last > state.shape[1])))
+    if len(wrong):
+        k = int(wrong[0])
+        raise InputError(
+            f"{name}: trajectory {k + 1} is from step {start[k]} to {last[k]}{more(len(wrong))}; "
+            f"xState has the steps 1 to {state.shape[1]}"
+        )
+    names = coordinate_names(len(state))
+    if options.columns is None and not options.boxes and len(names) > 3:
+        options = replace(options, columns=names)
+        about.insert(
+            0,
+            f"states have {len(names)} components, {names[0]} to {names[-1]}, and all are "
+            f"compared; of positions and velocities name the positions: --columns x=x0,y=x2",
+        )
+    roles = find_roles(["id", "t", *names], options, path, fixed=True)
+    step = np.arange(1, state.shape[1] + 1)[:, None]
+    track, index = np.nonzero(((step >= start) & (step < start + length)).T)
+    ids, number = number_ids([str(k + 1) for k in range(len(start))])
+    rows = rows_by_components(
+        lambda column: np.asarray(state[column - 2, index, track], dtype=np.float64),
+        index + 1,
+        replace(roles, passed=(*roles.passed, *about)),
+        name=path,
+        ids=(ids, number[track]),
+        where=lambda row: f"{name}, trajectory {track[row] + 1}, step {index[row] + 1}",
+    )
+    infinite = np.flatnonzero(np.isinf(rows.numbers).any(axis=1))
+    if len(infinite):
+        place = rows.where(int(infinite[0]))
+        raise InputError(f"{place}: infinite{more(len(infinite))}; use NaN if absent")
+    return rows
+
+
+def _whole(name: str, values: NDArray[np.generic]) -> Ints:
+    """Start steps or lengths as integers."""
+    numbers = values.astype(np.float64).ravel()
+    if values.size and max(values.shape, default=1) != values.size:
+        shape = " x ".join(map(str, values.shape))
+        raise InputError(f"{name}: is {shape}; it must be a vector")
+    wrong = np.flatnonzero(~((np.abs(numbers) < 2**31) & (numbers == np.rint(numbers))))
+    if len(wrong) or (numbers < 0).any():
+        k = int(wrong[0]) if len(wrong) else int(np.argmin(numbers))
+        raise InputError(
+            f"{name}: {numbers[k]:g} of trajectory {k + 1} is no step; it must be a whole number"
+        )
+    return numbers.astype(np.int64)

@@ -11,14 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.roles import find_roles
 from tgospa_eval.formats.guess import SAMPLES, is_table_folder
 from tgospa_eval.formats.loading import check_room, load, most_bytes
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.formats.rows import Rows, number_ids
-from tgospa_eval.formats.times import Times
+from tgospa_eval.formats.rows import Rows, number_ids, rows_by_components
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats
 
@@ -28,23 +26,8 @@ JSON_BYTES = 6
 Record = dict[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Samples:
-    """When samples were, and in which scene.
-
-    Parameters
-    ----------
-    path : str
-        Their table, for messages.
-    time : dict of str to int
-        Microseconds since 1970, by token.
-    scene : dict of str to str
-        Name of the scene, by token.
-    """
-
-    path: str
-    time: Mapping[str, int]
-    scene: Mapping[str, str]
+Samples = Mapping[str, tuple[int, str]]
+"""When samples were, in microseconds since 1970, and the name of their scene, by token."""
 
 
 def read_samples(folder: str, options: ReadOptions) -> Samples:
@@ -59,18 +42,16 @@ def read_samples(folder: str, options: ReadOptions) -> Samples:
     if os.path.isfile(os.path.join(folder, "scene.json")):
         names = {row["token"]: row["name"] for row in table(folder, "scene", options, "name")}
     path = os.path.join(folder, SAMPLES)
-    time: dict[str, int] = {}
-    scene: dict[str, str] = {}
+    found: dict[str, tuple[int, str]] = {}
     for k, row in enumerate(table(folder, "sample", options, "scene_token"), start=1):
         stamp = row.get("timestamp")
         if isinstance(stamp, bool) or not isinstance(stamp, int) or abs(stamp) >= 2**63:
             raise InputError(
                 f"{path}, row {k}: timestamp is {quoted(stamp)}; it must be whole microseconds"
             )
-        time[row["token"]] = stamp
-        name: str = row["scene_token"]
-        scene[row["token"]] = names.get(name, name)
-    return Samples(path=path, time=time, scene=scene)
+        scene: str = row["scene_token"]
+        found[row["token"]] = stamp, names.get(scene, scene)
+    return found
 
 
 def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence[Record]:
@@ -172,8 +153,9 @@ def read_nuscenes(path: str, data: bytes, options: ReadOptions, role: str, *, gi
         found = list(_annotations(path, samples, options))
     else:
         results = _results(path, data, options)
-        samples = read_samples(_folder_for(path, options), options)
-        found = list(_tracks(path, results, samples))
+        folder = _folder_for(path, options)
+        samples = read_samples(folder, options)
+        found = list(_tracks(path, results, samples, os.path.join(folder, SAMPLES)))
     return _rows(path, found, samples, options)
 
 
@@ -204,21 +186,23 @@ def _results(path: str, data: bytes, options: ReadOptions) -> Mapping[str, Any]:
     return results
 
 
-def _tracks(path: str, results: Mapping[str, Any], samples: Samples) -> Iterator[_Object]:
+def _tracks(
+    path: str, results: Mapping[str, Any], samples: Samples, table_path: str
+) -> Iterator[_Object]:
     """Objects of results, and samples that have none."""
     scenes: dict[str, set[str]] = {}
     found: list[_Object] = []
     for token, objects in results.items():
-        if token not in samples.time:
+        if token not in samples:
             raise InputError(
-                f"{path}: sample {quoted(token)} is not in {samples.path}; the tables must be of "
+                f"{path}: sample {quoted(token)} is not in {table_path}; the tables must be of "
                 "the version that was tracked"
             )
         if not isinstance(objects, list):
             raise InputError(f"{path}, sample {quoted(token)}: no list of objects")
         if not objects:
             found.append(_Object(token, apart=NO_OBJECT))
-        scene = samples.scene[token]
+        scene = samples[token][1]
         for k, item in enumerate(objects, start=1):
             try:
                 if not isinstance(item, dict):
@@ -236,7 +220,7 @@ def _tracks(path: str, results: Mapping[str, Any], samples: Samples) -> Iterator
     several = {name for name, those in scenes.items() if len(those) > 1}
     for item in found:  # an id is one track in each scene
         if item.id in several:
-            yield item._replace(id=f"{samples.scene[item.sample]}/{item.id}")
+            yield item._replace(id=f"{samples[item.sample][1]}/{item.id}")
         else:
             yield item
 
@@ -248,14 +232,14 @@ def _annotations(path: str, samples: Samples, options: ReadOptions) -> Iterator[
         row["token"]: categories.get(row["category_token"], "")
         for row in table(path, "instance", options, "category_token")
     }
-    empty = dict.fromkeys(samples.time)
+    empty = dict.fromkeys(samples)
     tracked = set(TRACKED.values())
     rows = table(path, "sample_annotation", options, "sample_token", "instance_token")
     for k, item in enumerate(rows, start=1):
         sample, name = item["sample_token"], item["instance_token"]
         try:
-            if sample not in samples.time:
-                raise ValueError(f"sample {quoted(sample)} is not in {samples.path}")
+            if sample not in samples:
+                raise ValueError(f"sample {quoted(sample)} is not in {os.path.join(path, SAMPLES)}")
             if name not in kinds:
                 raise ValueError(f"instance {quoted(name)} is not in instance.json")
             numbers = (*_vectors(item), np.nan)
@@ -326,24 +310,16 @@ def _rows(path: str, found: Sequence[_Object], samples: Samples, options: ReadOp
     def component(column: int) -> Floats:
         return np.asarray(values[:, column - 3])
 
-    numbers = np.empty((len(found), len(roles.numbers)), order="F")
-    for k, column in enumerate(roles.numbers):
-        numbers[:, k] = component(column)
-    return Rows(
+    return rows_by_components(
+        component,
+        [samples[item.sample][0] for item in found],
+        roles,
         name=path,
-        roles=roles,
         ids=ids,
-        times=Times(
-            value=np.array([samples.time[item.sample] for item in found], np.int64),
-            clock="number",
-            text=None,
-        ),
-        numbers=numbers,
         where=lambda row: _where(path, found[row]),
         classes=number_ids([item.klass or first.klass for item in found])
         if roles.klass is not None
         else None,
-        attributes={column: component(column) for column in roles.texts},
         apart={
             rule: (np.array([item.apart == text for item in found], bool), text)
             for rule, text in (

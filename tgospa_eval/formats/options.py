@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import field
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,8 +73,7 @@ def parse_moments(text: str | None) -> Moments | None:
     if text is None:
         return None
     found = []
-    for colon in (match.start() for match in re.finditer(":", text)):
-        halves = [text[:colon].strip(), text[colon + 1 :].strip()]
+    for halves in _splits(text, 2):
         given = [half for half in halves if half]
         try:
             times = parse_times(given, floats) if given else None
@@ -104,21 +104,14 @@ def parse_steps(text: str | None) -> Steps | None:
     if text is None:
         return None
     found: list[Steps] = []
-    parts = text.split(":")
-    for i in range(1, len(parts)):
-        for j in range(i + 1, len(parts) + 1):
-            first, last, every = (
-                ":".join(parts[a:b]).strip() for a, b in ((0, i), (i, j), (j, None))
-            )
-            if j < len(parts) - 1 or not (first and last) or (j < len(parts) and not every):
-                continue
-            try:
-                times = parse_times([first, last], floats)
-                apart = Duration.of(every, "--steps") if every else None
-            except (TimeError, ConfigError):
-                continue
-            low, high = times.value.tolist()
-            found.append(Steps(first=low, last=high, every=apart, clock=times.clock, text=text))
+    for given in (*_splits(text, 2), *_splits(text, 3)):
+        try:
+            times = parse_times(given[:2], floats)
+            every = Duration.of(given[2], "--steps") if given[2:] else None
+        except (TimeError, ConfigError):
+            continue
+        low, high = times.value.tolist()
+        found.append(Steps(first=low, last=high, every=every, clock=times.clock, text=text))
     if len(found) != 1:
         raise ConfigError(
             f"--steps {quoted(text)}: must be FIRST:LAST or FIRST:LAST:EVERY, two numbers or two "
@@ -127,6 +120,13 @@ def parse_steps(text: str | None) -> Steps | None:
     if found[0].first > found[0].last:
         raise ConfigError(f"--steps {quoted(text)}: ends before it begins")
     return found[0]
+
+
+def _splits(text: str, count: int) -> Iterator[list[str]]:
+    """The text split at colons into so many parts, in every way: times may have colons."""
+    colons = [match.start() for match in re.finditer(":", text)]
+    for at in combinations(colons, count - 1):
+        yield [text[a + 1 : b].strip() for a, b in pairwise((-1, *at, len(text)))]
 
 
 def class_named(name: str, there: Collection[str]) -> str | None:

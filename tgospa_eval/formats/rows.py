@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,22 @@ class Rows:
         """Time of a row as read."""
         times = self.times
         return times.text[row].strip() if times.text is not None else times.value[row].item()
+
+
+def rows_by_components(
+    component: Callable[[int], Floats], times: Sequence[int] | Ints, roles: Roles, **more: Any
+) -> Rows:
+    """Rows whose columns a function gives by number, with whole times; `more` as of `Rows`."""
+    numbers = np.empty((len(times), len(roles.numbers)), order="F")
+    for k, column in enumerate(roles.numbers):
+        numbers[:, k] = component(column)
+    return Rows(
+        roles=roles,
+        times=Times(value=np.asarray(times, np.int64), clock="number", text=None),
+        numbers=numbers,
+        attributes={column: component(column) for column in roles.texts},
+        **more,
+    )
 
 
 def number_ids(ids: Sequence[str]) -> Numbered:

@@ -41,11 +41,6 @@ def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: A
     return text.getvalue()
 
 
-def csv_bytes(trajectories: Trajectories) -> bytes:
-    """`csv_text` in UTF-8."""
-    return csv_text(trajectories).encode()
-
-
 def parquet_bytes(trajectories: Trajectories) -> bytes:
     """The table of `csv_text` as Parquet.
 
@@ -75,7 +70,7 @@ def npz_bytes(trajectories: Trajectories) -> bytes:
 
 
 TABLES: dict[str, Callable[[Trajectories], bytes]] = {
-    ".csv": csv_bytes,
+    ".csv": lambda trajectories: csv_text(trajectories).encode(),
     ".parquet": parquet_bytes,
     ".pq": parquet_bytes,
     ".npz": npz_bytes,
@@ -151,22 +146,17 @@ WRITERS: dict[str, Callable[[Trajectories, str], str]] = {
 }
 
 
-def _rows(trajectories: Trajectories) -> Iterator[tuple[str, object, list[float]]]:
-    """Id, time and state of each row, as plain Python values: their text is the shortest exact."""
-    times = trajectories.shown
-    ids, times = trajectories.ids.tolist(), times.tolist()
-    for step, track, state in zip(
-        trajectories.step.tolist(), trajectories.track.tolist(), trajectories.state, strict=True
-    ):
-        yield ids[track], times[step], state.tolist()
-
-
 def _boxes(trajectories: Trajectories, name: str) -> Iterator[tuple[int, int, list[float]]]:
     if trajectories.columns != BOX:
         raise InputError(
             f"{name} files hold boxes {','.join(BOX)}, not {','.join(trajectories.columns)}"
         )
-    for identity, time, state in _rows(trajectories):
+    # As plain Python values: their text is the shortest exact.
+    ids, times = trajectories.ids.tolist(), trajectories.shown.tolist()
+    for step, track, state in zip(
+        trajectories.step.tolist(), trajectories.track.tolist(), trajectories.state, strict=True
+    ):
+        identity, time = ids[track], times[step]
         try:
             number, frame = int(identity), int(str(time))
         except ValueError:
@@ -174,7 +164,7 @@ def _boxes(trajectories: Trajectories, name: str) -> Iterator[tuple[int, int, li
                 f"{name} files number objects and frames; id {quoted(identity)} at {time} does not "
                 "fit"
             ) from None
-        yield number, frame, state
+        yield number, frame, state.tolist()
 
 
 def part_name(number: int) -> str:

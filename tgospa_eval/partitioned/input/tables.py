@@ -14,9 +14,10 @@ from tgospa_eval.common.files import named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.arrow import arrow_rows, check_dates, check_types, damaged
+from tgospa_eval.formats.arrow import arrow_rows, check_dates, check_types
 from tgospa_eval.formats.columns.roles import Roles, find_roles
 from tgospa_eval.formats.fields import Coded
+from tgospa_eval.formats.loading import unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import TimeError, Times, coded_times
@@ -87,7 +88,7 @@ class Table:
                     table = table.append_column(key, column)
                 yield table.select(columns)
         except (pa.ArrowException, OSError, ValueError, TypeError) as error:
-            raise damaged(self.file.path, "Parquet", error) from None
+            raise unreadable(self.file.path, "Parquet", error) from None
 
     def times(self, group: int, options: ReadOptions) -> Iterator[Times]:
         """The times of a row group, some rows at a time."""
@@ -214,7 +215,7 @@ def open_table(file: File, options: ReadOptions) -> Table:
         content = pq.ParquetFile(file.place, buffer_size=BYTES_OF_COLUMN, pre_buffer=False)
         schema = content.schema_arrow
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise damaged(file.path, "Parquet", error) from None
+        raise unreadable(file.path, "Parquet", error) from None
     keys = [pa.field(key, pa.string()) for key, _ in file.keys if key not in schema.names]
     whole = pa.schema([*schema, *keys])
     try:
@@ -264,7 +265,7 @@ def times_of(table: "pa.Table", path: str, decimal: str, first: int, *, labelled
     except InputError:
         raise
     except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
-        raise damaged(path, "Parquet", error) from None
+        raise unreadable(path, "Parquet", error) from None
     return frame_times(frame.iloc[:, 0], path, decimal, where)
 
 
