@@ -1,7 +1,7 @@
 """Headers of a table: where a column is found, and which header was probably meant."""
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 
 from tgospa_eval.errors import ConfigError, InputError
@@ -68,14 +68,10 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
             raise ConfigError(f"columns: {quoted(name)} is given twice")
         if equals:
             mapped[name] = header
-        if name not in NO_STATES and not (equals and _is_beside(name)):
+        beside = name in (*EDGES, WEIGHT) or name.startswith(PREFIXES)
+        if name not in NO_STATES and not (equals and beside):
             wanted[name] = None
     return mapped, tuple(wanted)
-
-
-def _is_beside(name: str) -> bool:
-    """Whether a column is of the box around a state, its covariance or its weight."""
-    return name in (*EDGES, WEIGHT) or name.startswith(PREFIXES)
 
 
 def ask(option: str, items: Sequence[str]) -> str:
@@ -252,13 +248,12 @@ class Headers:
 
     def _places(self, name: str) -> list[int]:
         """Positions of all headers that may be a column, the most usual first."""
-        return self._of(_aliases(name), name)
-
-    def _of(self, keys: Iterable[str], name: str) -> list[int]:
-        """Positions of headers that are one of these words, with a unit of the column if any."""
         units = UNITS.get(name, ())
         places = (
-            k for key in keys for k, unit in self.keyed.get(key, ()) if not unit or unit in units
+            k
+            for key in _aliases(name)
+            for k, unit in self.keyed.get(key, ())
+            if not unit or unit in units
         )
         return list(dict.fromkeys(places))
 
