@@ -105,6 +105,16 @@ def test_the_rest_is_left_to_the_careful_way(rows: str) -> None:
     assert fields(rows) is None
 
 
+@pytest.mark.parametrize("end", [",", ", ", ",\t"])
+def test_a_delimiter_at_the_end_of_a_line_without_a_header_is_none(
+    write: Callable[[str, str], str], end: str
+) -> None:
+    rows = "0,1,1,2,4,6,1,-1,-1,-1\n1,1,1,2,4,6,1,-1,-1"
+    for name in WAYS:
+        with way(name), pytest.raises(InputError, match="line 2: 9 fields, line 1 has 10"):
+            read_trajectories(write("a.txt", rows + end))
+
+
 @compiled
 def test_a_decimal_comma_between_commas_is_none() -> None:
     assert fields("a,1,2,3\n", decimal=",") is None

@@ -253,7 +253,8 @@ def scan(
 
     None if some row has more or fewer fields than there are `kinds` (1 for numbers, 2 for texts,
     3 for both, 0 for what is passed over) or begins like a comment, a field is not plainly a number
-    or blank, or has a quote inside, a line end or, unless there may be `quotes`, one around it.
+    or blank, or has a quote or a line end inside. Unless there may be `quotes` around a field, none
+    is blank behind the last delimiter.
     `data` is UTF-8, of which the rows begin at `start`; a blank as delimiter is any number of
     blanks and tabs.
     """
@@ -329,6 +330,8 @@ def scan(
                 if at == stop or at[0] != mark:
                     return None
                 at += 1
+        if not quotes and not blanks and (at[-1] == mark or at[-1] == c' ' or at[-1] == c'\t'):
+            return None
         row += 1
         if at == stop:
             break

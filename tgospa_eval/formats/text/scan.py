@@ -24,7 +24,7 @@ from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, Ints
 
 scanner: Any = compiled("tgospa_eval.formats.text._scan")
-"""The extension module, or None: then files take two to nine times as long."""
+"""The extension module, or None: then large files take some ten times as long."""
 
 AS_NUMBER, AS_TEXT = 1, 2
 """What a column is read as; it may be both."""
