@@ -369,7 +369,8 @@ def test_a_small_evaluation_imports_little(
     assert "distances.vector" in ours
     assert ours & {f"distances.{name}" for name in OTHER_DISTANCES} == set()
     assert not ours & {"tracks.clouds", "tracks.covariances", "inspection", "sensors", "gate"}
-    assert not ours & {"formats.spread", "formats.particles", "formats.matrix", "formats.frames"}
+    rare = ("columns.spread", "particles", "text.matrix", "frames", "text.plain", "arrow")
+    assert not ours & {f"formats.{name}" for name in rare}
     # Nor what writes folders, or other formats than the table.
     assert "reports.console" in ours
     assert not ours & {f"reports.{name}" for name in ("files", "folders", "manifest", "markup")}

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from tgospa_eval.errors import TgospaError
 from tgospa_eval.formats import FORMATS, ROLES, ReadOptions, read
-from tgospa_eval.formats.text import bulk, convert, scan, table
+from tgospa_eval.formats.text import scan, table
 
 MEMORY = 50_000_000
 """Bytes beyond what the largest of these files, some kilobytes, may ever need."""
@@ -173,9 +173,9 @@ def answer(path: Path, options: ReadOptions, role: str, format_: str | None) -> 
 def answers(path: Path, options: ReadOptions, role: str, format_: str | None) -> None:
     """Read it as it comes, without the compiled loop, and as a large file."""
     found = []
-    for size, scanner in ((bulk.BULK_BYTES, scan.scanner), (bulk.BULK_BYTES, None), (0, None)):
+    for size, scanner in ((scan.LARGE_BYTES, scan.scanner), (scan.LARGE_BYTES, None), (0, None)):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(bulk, "BULK_BYTES", size)
+            patch.setattr(scan, "LARGE_BYTES", size)
             patch.setattr(scan, "scanner", scanner)
             found.append(answer(path, options, role, format_))
     assert found[0] == found[1] == found[2]
@@ -328,9 +328,9 @@ def test_memory_per_byte(
 ) -> None:
     # A row takes 32 bytes as numbers, some 80 with keys and their order: two or three times its
     # text. A list of fields would take twenty times.
-    monkeypatch.setattr(bulk, "BULK_BYTES", abs(size))
+    monkeypatch.setattr(scan, "LARGE_BYTES", abs(size))
     monkeypatch.setattr(scan, "scanner", scan.scanner if size < 0 else None)
-    monkeypatch.setattr(convert, "LETTERS_TOGETHER", 1 << 12)
+    monkeypatch.setattr(scan, "LETTERS_TOGETHER", 1 << 12)
     monkeypatch.setattr(table, "ROWS_OF_BLOCK", 1 << 7)
     format_ = "csv" if name == "quoted" else name
     lines = SEEDS[name].splitlines()

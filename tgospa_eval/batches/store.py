@@ -90,13 +90,6 @@ def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
     fcntl.flock(own, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-# -------------------------------------------------------------------------------------------------
-# The store of a batch: settings once, and a row for each job in parts that appear whole.
-#
-# A part is written beside and renamed, so whoever is killed leaves all that was finished
-# before, and
-# nothing half. Of several rows with one key the last that is done counts.
-
 SCHEMA, SETTINGS_FILE = STORE_SCHEMA, STORE
 PART_FOLDER = "jobs"
 

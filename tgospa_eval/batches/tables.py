@@ -87,15 +87,6 @@ def joined_metrics(rows: "pd.DataFrame") -> dict[str, float]:
     return numbers | {name: float(rows[name].sum()) for name in costs}
 
 
-# -------------------------------------------------------------------------------------------------
-# Tables of a batch: costs of jobs are added, never their roots.
-#
-# Of a group of jobs COMBINED is ``(sum of totals)^(1/p)``, per step ``(sum of totals / sum of
-# steps)^(1/p)`` with the steps of the horizon, and RMS ``(mean of totals)^(1/p)``, which
-# is that of Monte Carlo runs (docs/reference/batch.md). Bounds travel: those of a sum are the
-# sums of
-# the bounds.
-
 SUMS = (
     "total_lower", "total", "total_upper", *PARTS, *(f"counts.{name}" for name in COUNTED_PARTS),
     "judged.steps",

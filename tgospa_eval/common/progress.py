@@ -34,11 +34,6 @@ class Status(StrEnum):
         return self in (Status.SOLVED, Status.MET)
 
 
-# -------------------------------------------------------------------------------------------------
-# What is known of long work while it goes on, and how it is stopped before its end.
-#
-# Those who do the work write it, whoever waits for it reads it; where nobody does, nothing is kept.
-
 T = TypeVar("T")
 
 SOON = 1.0

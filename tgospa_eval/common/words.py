@@ -51,10 +51,6 @@ def plain(value: float) -> int | float:
     return int(value) if value.is_integer() else value
 
 
-# -------------------------------------------------------------------------------------------------
-# Words of messages and reports: counts with their nouns, what to install, their order.
-
-
 def counted(number: int, one: str, many: str = "") -> str:
     """A count with its noun: 1 row, 2 rows; `many` where that takes more than an s.
 

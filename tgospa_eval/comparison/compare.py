@@ -30,7 +30,7 @@ from tgospa_eval.evaluation.sides import (
     as_trajectories,
     in_units_of_truth,
 )
-from tgospa_eval.formats.filters import parse_steps
+from tgospa_eval.formats.options import parse_steps
 from tgospa_eval.reports.comparison import estimates_columns, pairs_columns, render, solvers_columns
 from tgospa_eval.reports.records import Metric, RankingRecord, SolversRecord
 from tgospa_eval.results.records import json_text

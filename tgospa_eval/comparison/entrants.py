@@ -427,10 +427,6 @@ def check_solvers(solvers: Sequence[Solver]) -> None:
         raise ConfigError(f"{twice} is given twice")
 
 
-# -------------------------------------------------------------------------------------------------
-# Estimates that are compared: what is needed of their evaluations, and how long each run is.
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EntrantOutcome:
     """What a ranking needs of the evaluation of one estimate in one run.

@@ -140,18 +140,6 @@ def signs(own: JoinedSteps, other: JoinedSteps) -> Floats:
     return np.where(small, 0.0, np.sign(own.total - other.total))
 
 
-# -------------------------------------------------------------------------------------------------
-# Several estimates of one truth: proven order, and what the differences are made of.
-#
-# With several runs of each (Monte Carlo) costs are averaged over the runs, and roots are taken
-# last:
-# ``tgospa`` is (mean total)^(1/p), its normalised form (mean of total / T)^(1/p), for p = 2 the
-# root
-# of the mean square over runs. Averages of brackets bracket the averages. Ranked is the normalised
-# form, in which each run counts the same however long it is; where runs differ in length the
-# order of
-# the mean totals may be another, and `opposed` marks it.
-
 RANKED = "normalised.tgospa"
 """The field of an estimate by which estimates are ranked."""
 

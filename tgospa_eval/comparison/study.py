@@ -255,14 +255,6 @@ def _flat(document: Mapping[str, object], prefix: str = "") -> dict[str, object]
     return found
 
 
-# -------------------------------------------------------------------------------------------------
-# The scaling study: solvers on synthetic scenes of many sizes, several of each.
-#
-# After figures 2 and 3 of Nevelius Wernholm, Wärnsäter and Ringh: error over temperature, time and
-# error over the number of targets and over the number of steps. Every scene has a seed of its own,
-# made of the seed of the study, the size and the number of the run: what is added later leaves what
-# is there as it is.
-
 Size = tuple[int, int]
 
 

@@ -330,9 +330,6 @@ def _tree(
     return near["i"][order] + a.at[step], near["j"][order] + b.at[step]
 
 
-# -------------------------------------------------------------------------------------------------
-# Which pairs of one step are nearer than the cutoff: time and memory for the near pairs only.
-
 Value = TypeVar("Value", bound=np.generic)
 
 ROWS_TOGETHER = 1 << 15

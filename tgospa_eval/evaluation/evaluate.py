@@ -31,7 +31,7 @@ from tgospa_eval.evaluation.sides import (
     as_step_weights,
     in_units_of_truth,
 )
-from tgospa_eval.formats.filters import parse_steps
+from tgospa_eval.formats.options import parse_steps
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.solution import Solution

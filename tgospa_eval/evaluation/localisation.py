@@ -62,9 +62,6 @@ def rounded_coordinates(prepared: Prepared, proof: Proof) -> tuple[Notice, ...]:
     )
 
 
-# -------------------------------------------------------------------------------------------------
-# What the cost of localisation is made of: means and spreads, distances and existence.
-
 BLOCK = 1 << 16
 """Pairs whose distances are taken apart at a time."""
 

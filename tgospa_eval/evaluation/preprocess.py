@@ -17,7 +17,7 @@ from tgospa_eval.distances.boxes import TRACKEVAL_EPS, overlaps
 from tgospa_eval.distances.gating import starts_of_steps
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import Reading
-from tgospa_eval.formats.filters import Flags
+from tgospa_eval.formats.options import Flags
 from tgospa_eval.formats.text.kitti import IGNORED
 from tgospa_eval.tracks.alignment import TimeMatching, align
 

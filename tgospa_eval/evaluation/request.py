@@ -159,9 +159,6 @@ def _spans_of_time(times: TimeArray, size: Duration, every: Duration) -> tuple[I
     return first[kept], last[kept]
 
 
-# -------------------------------------------------------------------------------------------------
-# What is asked of an evaluation, whoever asks: a command line, a suite, or Python.
-
 OF_TRACKEVAL = ("hota", "clear", "identity")
 OTHER_METRICS = (*OF_TRACKEVAL, "gospa")
 """What can be evaluated beside TGOSPA, in the order in which it is shown."""

@@ -25,7 +25,7 @@ from tgospa_eval.evaluation.objects import (
     times_of,
 )
 from tgospa_eval.formats import ROLES
-from tgospa_eval.formats.columns.asked import BOX
+from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
@@ -182,10 +182,6 @@ def _components(mapping: Sequence[int] | None, size: int, name: str) -> list[int
             f"{name}, from 0 to {size - 1}"
         )
     return chosen
-
-
-# -------------------------------------------------------------------------------------------------
-# What a user gives of a side, as `Trajectories`; names of distances and solvers as records.
 
 
 class ArrowTable(Protocol):

@@ -7,7 +7,7 @@ from itertools import pairwise
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import floats, is_number
-from tgospa_eval.formats.filters import parse_region
+from tgospa_eval.formats.options import parse_region
 from tgospa_eval.results.slices import CROSSED
 from tgospa_eval.text import quoted
 

@@ -30,7 +30,7 @@ from tgospa_eval.evaluation.sides import (
     as_step_weights,
     in_units_of_truth,
 )
-from tgospa_eval.formats.filters import parse_steps
+from tgospa_eval.formats.options import parse_steps
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats

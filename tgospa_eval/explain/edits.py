@@ -157,9 +157,6 @@ class Assigned:
         return found
 
 
-# -------------------------------------------------------------------------------------------------
-# What a repair does to the rows of an estimate. Knows no metric.
-
 NANOSECONDS = "datetime64[ns]"
 
 

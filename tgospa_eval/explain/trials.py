@@ -236,14 +236,6 @@ def _overfull(begin: Ints, end: Ints, weight: Floats) -> bool:
     return bool((np.cumsum(change[order])[steps] > 1).any())
 
 
-# -------------------------------------------------------------------------------------------------
-# Proof of what a repair saves: what it touches is solved again, the bounds of the rest stay.
-#
-#     V = sum over components of V_b + sum of the prices of what is near to none,
-#
-# and a repair changes few components (docs/theory/solvers.md, "Repairs"). Those of many repairs are
-# solved together, as copies at steps of their own, from the assignment and the prices at hand.
-
 COPIES_TOGETHER = 1 << 18
 """Rows and entries of the copies that are solved together."""
 

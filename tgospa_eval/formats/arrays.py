@@ -1,23 +1,27 @@
 """Arrays of NumPy (T, k, d), NaN where an object is absent: npy files, and npz with one."""
 
 import io
+import struct
+import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from math import prod
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.asked import BOX
+from tgospa_eval.formats.columns.headers import BOX, coordinate_names
 from tgospa_eval.formats.columns.roles import find_roles
 from tgospa_eval.formats.frames import frame_rows
+from tgospa_eval.formats.loading import TABLE, check_room, unreadable
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.formats.room import TABLE, check_room
 from tgospa_eval.formats.rows import Rows
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
+
 
 AXES = 3
 NAMES_OF_TIMES, NAMES_OF_IDS = ("t", "times"), ("id", "ids")
@@ -59,19 +63,13 @@ def _array(path: str, data: bytes) -> Array:
             read = np.lib.format.read_array_header_1_0
         shape, in_columns, kind = read(stream)
     except Exception as error:  # a header is parsed as Python: damage ends in any fault
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError(f"{path}: no readable npy file: {reason}") from None
+        raise unreadable(path, "npy", error) from None
     size, there = prod(shape) * kind.itemsize, len(data) - stream.tell()
     if kind.hasobject or size != there or min(shape, default=1) < 0:
         what = "Python objects" if kind.hasobject else f"{there:,} bytes where {size:,} should be"
         raise InputError(f"{path}: no readable npy file: {what}")
     values = np.frombuffer(data, kind, offset=stream.tell())
     return values.reshape(shape, order="F" if in_columns else "C")
-
-
-def is_array(arrays: Mapping[str, Array]) -> bool:
-    """Whether one of the arrays of an npz file has the axes (T, k, d)."""
-    return any(array.ndim == AXES for array in arrays.values())
 
 
 def array_rows(path: str, arrays: Mapping[str, Array], file: int, options: ReadOptions) -> Rows:
@@ -105,7 +103,8 @@ def array_rows(path: str, arrays: Mapping[str, Array], file: int, options: ReadO
         _beside(path, arrays, names, states.shape[axis]) for names, axis in AXIS_ARRAYS.values()
     )
     if columns is None:
-        columns = np.array(_default_names(size, boxes=options.boxes))
+        is_box = options.boxes and size == len(BOX)
+        columns = np.array(BOX if is_box else coordinate_names(size))
     names = [str(name).strip() for name in columns]
     taken = {"id", "t"} & set(names)
     if taken:
@@ -118,24 +117,10 @@ def array_rows(path: str, arrays: Mapping[str, Array], file: int, options: ReadO
     table |= {name: flat[:, k] for k, name in enumerate(names)}
     if len(table) < size + 2:
         raise InputError(f"{path}: columns {', '.join(names)}: a name is there twice; rename one")
-    return _rows(path, pd.DataFrame(table), names, options)
-
-
-def _default_names(size: int, *, boxes: bool) -> list[str]:
-    """Names of so many coordinates."""
-    if boxes and size == len(BOX):
-        return list(BOX)
-    return list("xyz"[:size]) if size <= AXES else [f"x{k}" for k in range(size)]
-
-
-def _rows(path: str, frame: "pd.DataFrame", names: list[str], options: ReadOptions) -> Rows:
-    """The rows of the table; columns without the usual names of states are states all the same."""
-    from dataclasses import replace
-
-    asked = options
     if options.columns is None and not options.boxes and not STATE_NAMES & set(names):
-        asked = replace(options, columns=tuple(names))
-    return frame_rows(frame, find_roles(list(frame.columns), asked, path), path, options.decimal)
+        options = replace(options, columns=tuple(names))  # states of other names all the same
+    roles = find_roles(list(table), options, path)
+    return frame_rows(pd.DataFrame(table), roles, path, options.decimal)
 
 
 def _beside(
@@ -155,3 +140,57 @@ def _beside(
     if found.shape != (length,):
         raise InputError(f"{path}: {name} has the shape {found.shape}, the states need ({length},)")
     return found
+
+
+def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
+    """The rows of an npz file, the same in either role.
+
+    Arrays ``id, t, weight, x, y, ...`` of one length, as the columns of a CSV file; or only ``x``
+    with the shape (P, d): then its columns are x, y, z, from four on x0, x1, ... Or an array
+    (T, k, d), see `formats.arrays`.
+
+    Raises
+    ------
+    InputError
+        The file is no npz, or see `formats.read`. Rows count from 0.
+    """
+    import pandas as pd
+
+    if not data:
+        raise InputError(f"{path}: the file is empty; a set without objects has empty arrays")
+    size = _unpacked(data)
+    check_room(path, TABLE * size, len(data), options.max_input, f"arrays of {size:,} bytes")
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except Exception as error:  # damaged archives end in errors of many kinds
+        raise unreadable(path, "npz", error) from None
+    if any(array.ndim == AXES for array in arrays.values()):
+        return array_rows(path, arrays, len(data), options)
+    columns: dict[str, Any] = {}
+    for name, array in arrays.items():
+        if name == "x" and array.ndim == 2:
+            columns |= dict(zip(coordinate_names(array.shape[1]), array.T, strict=True))
+        else:
+            columns[name] = array
+    rows = {len(array) if array.ndim == 1 else -1 for array in columns.values()}
+    if len(rows) != 1 or -1 in rows:
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+        raise InputError(
+            f"{path}: arrays {shapes or 'missing'}; they must be columns of one length, "
+            "x may be (P, d)"
+        )
+    if options.columns is None and "x0" in columns and "x" not in columns:
+        numbered = (name for name in columns if name[:1] == "x" and name[1:].isdigit())
+        options = replace(options, columns=tuple(numbered))
+    roles = find_roles(list(columns), options, path)
+    return frame_rows(pd.DataFrame(columns), roles, path, options.decimal)
+
+
+def _unpacked(data: bytes) -> int:
+    """Bytes of the arrays, by the directory of the archive; if there is none, reading it fails."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            return sum(member.file_size for member in archive.infolist())
+    except (zipfile.BadZipFile, ValueError, NotImplementedError, struct.error):
+        return 0

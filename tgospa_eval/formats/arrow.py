@@ -1,14 +1,16 @@
 """Tables of Arrow, of Parquet and Feather files, with the columns of the CSV files."""
 
+import struct
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import date
 from typing import TYPE_CHECKING
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.asked import parse_columns
+from tgospa_eval.formats.columns.headers import parse_columns
 from tgospa_eval.formats.columns.roles import Roles, find_roles
 from tgospa_eval.formats.frames import frame_rows
+from tgospa_eval.formats.loading import TABLE, check_parquet, check_room, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import quoted
@@ -63,22 +65,13 @@ def arrow_rows(
     except (InputError, MemoryError):
         raise
     except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
-        raise damaged(path, kind, error) from None
+        raise unreadable(path, kind, error) from None
     del table
     # The same roles by position in the subset, where mapped headers without a use are missing.
     shared = replace(options, shared=tuple(parse_columns(options.columns)[0]))
     found = find_roles(subset, shared, path)
     whole = {name: getattr(roles, name) for name in ("unused", "passed", "lacking")}
     return frame_rows(frame, replace(found, **whole), path, options.decimal, where)
-
-
-def damaged(path: str, kind: str, error: Exception) -> InputError:
-    """Message about a file that pyarrow cannot read."""
-    if isinstance(error, UnicodeDecodeError):
-        text = "a text that is not UTF-8; the file is damaged"
-    else:
-        text = (str(error).splitlines() or [type(error).__name__])[0]
-    return InputError(f"{path}: no readable {kind} file: {text}")
 
 
 def check_types(schema: "pa.Schema", roles: Roles, path: str) -> None:
@@ -142,3 +135,162 @@ def _exact(table: "pa.Table", *names: str | None) -> "pa.Table":
             column = table.column_names.index(name)
             table = table.set_column(column, name, table[name].cast(pa.string()))
     return table
+
+
+def _check(path: str, kind: str, data: bytes) -> None:
+    """Whether there is something, and what reads it."""
+    check_parquet(kind, f"{path}: ")
+    if not data:
+        raise InputError(
+            f"{path}: the file is empty; a set without objects has a schema and no rows"
+        )
+
+
+def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
+    """The rows of a Parquet file, the same in either role; only the columns in use are read.
+
+    Raises
+    ------
+    InputError
+        The file is no Parquet, or see `formats.read`. Rows count from 0.
+    ConfigError
+        pyarrow is not installed.
+    """
+    _check(path, "Parquet", data)
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        file = pq.ParquetFile(pa.BufferReader(data))
+        schema = file.schema_arrow
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise unreadable(path, "Parquet", error) from None
+
+    def read(subset: Sequence[str]) -> "pa.Table":
+        rows = file.metadata.num_rows
+        what = f"{rows:,} rows of {len(subset)} columns"
+        check_room(path, TABLE * 8 * rows * len(subset), len(data), options.max_input, what)
+        return file.read(columns=subset)
+
+    return arrow_rows(path, "Parquet", schema, read, options)
+
+
+FIRST_VERSION = b"FEA1"
+PREAMBLE = 8
+"""Bytes before the messages: ARROW1 and two of zero."""
+
+HEADERS = {"record batch": (2,), "dictionary": (2, 1)}
+"""Where in the header of a message the lengths of its arrays are."""
+
+
+def read_feather(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
+    """The rows of a Feather file, the same in either role; only the columns in use are read.
+
+    Raises
+    ------
+    InputError
+        The file is no Feather, or see `formats.read`. Rows count from 0.
+    ConfigError
+        pyarrow is not installed.
+    """
+    _check(path, "Feather", data)
+    import pyarrow as pa
+    from pyarrow import ipc
+
+    if data.startswith(FIRST_VERSION):
+        raise InputError(f"{path}: Feather of version 1; write version 2, the default since 2020")
+    # The messages in their order, not by the footer: what was measured is what is read.
+    content = pa.py_buffer(data)[PREAMBLE:]
+    try:
+        schema = ipc.open_stream(content).schema
+        names = schema.names
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise unreadable(path, "Feather", error) from None
+
+    def read(subset: Sequence[str]) -> "pa.Table":
+        rows, unpacked = _lengths(content)
+        what = f"{rows:,} rows of {len(subset)} columns, {unpacked:,} bytes"
+        size = TABLE * max(8 * rows * len(subset), unpacked)
+        check_room(path, size, len(data), options.max_input, what)
+        wanted = ipc.IpcReadOptions(included_fields=[names.index(name) for name in subset])
+        return ipc.open_stream(content, options=wanted).read_all()
+
+    return arrow_rows(path, "Feather", schema, read, options)
+
+
+def _lengths(content: "pa.Buffer") -> tuple[int, int]:
+    """Rows of all batches, and the bytes to which their arrays unpack, before any does.
+
+    By the columnar format of Arrow: a message is a flat buffer and a body; a compressed array of
+    the body begins with its length.
+    """
+    from pyarrow import ipc
+
+    rows = unpacked = 0
+    for message in ipc.MessageReader.open_stream(content):
+        if message.type not in HEADERS:
+            continue
+        try:
+            data = message.metadata.to_pybytes()
+            batch = struct.unpack_from("<I", data)[0]
+            for field in HEADERS[message.type]:
+                batch = _target(data, batch, field)
+            length = _place(data, batch, 0)
+            rows += struct.unpack_from("<q", data, length)[0] if length else 0
+            body = memoryview(message.body) if message.body is not None else b""
+            packed = _place(data, batch, 3)
+            begin = _target(data, batch, 2)
+            for k in range(struct.unpack_from("<I", data, begin)[0]):
+                offset, length = struct.unpack_from("<qq", data, begin + 4 + 16 * k)
+                size = struct.unpack_from("<q", body, offset)[0] if packed and length else -1
+                unpacked += length if size < 0 else size
+        except (struct.error, ValueError):
+            raise OSError("a damaged message") from None
+    return rows, unpacked
+
+
+def _place(data: bytes, table: int, field: int) -> int:
+    """Where a field of a table of a flat buffer is; 0 if it is missing."""
+    offsets = table - int(struct.unpack_from("<i", data, table)[0])
+    if 4 + 2 * field >= struct.unpack_from("<H", data, offsets)[0]:
+        return 0
+    offset = int(struct.unpack_from("<H", data, offsets + 4 + 2 * field)[0])
+    return table + offset if offset else 0
+
+
+def _target(data: bytes, table: int, field: int) -> int:
+    """Where the table or vector is that a field has; ValueError if it is missing."""
+    at = _place(data, table, field)
+    if not at:
+        raise ValueError
+    return at + int(struct.unpack_from("<I", data, at)[0])
+
+
+ARGOVERSE_HEADERS = {
+    "id": "track_uuid",
+    "t": "timestamp_ns",
+    "class": "category",
+    "x": "tx_m",
+    "y": "ty_m",
+    "z": "tz_m",
+}
+
+
+def read_argoverse(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:
+    """The rows of a Feather file, states by default the centres (x, y), the same in either role.
+
+    Raises
+    ------
+    InputError
+        As of any Feather file. Rows count from 0.
+    ConfigError
+        pyarrow is not installed.
+    """
+    if not options.boxes:
+        mapped, wanted = parse_columns(options.columns)
+        wanted = wanted or ("x", "y")
+        names = dict.fromkeys(("id", "t", "class", *mapped, *wanted))  # states in their order
+        headers = {name: mapped.get(name) or ARGOVERSE_HEADERS.get(name) for name in names}
+        items = tuple(f"{name}={header}" if header else name for name, header in headers.items())
+        options = replace(options, columns=items)
+    return read_feather(path, data, options, role, given=given)

@@ -10,18 +10,20 @@ from tgospa_eval.common.arrays import places_of
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.attributes import attributes_of
-from tgospa_eval.formats.filters import Flags, class_named, is_alike
-from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.columns.headers import fraction, one_stamp
+from tgospa_eval.formats.fields import Coded, floats
+from tgospa_eval.formats.options import Flags, ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.attributes import Values
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
 from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray, Trajectories
 
 if TYPE_CHECKING:
-    from tgospa_eval.formats.columns.spread import Spread
+    from tgospa_eval.formats.columns.spread import SpreadColumns
     from tgospa_eval.formats.particles import Particles
+
 
 AIS_UNKNOWN = (91.0, 181.0)
 """Latitude and longitude that ships send while they do not know theirs (ITU-R M.1371)."""
@@ -308,12 +310,6 @@ def _repeats(
     detections = which == "error" and len(taken) > 1 and [*rows.ids[0][:2]] == ["-1"]
     if not len(again) and not detections:
         return None
-    from tgospa_eval.formats.repeats import (
-        most_repeat,
-        only_detections,
-        refusal,
-    )  # few files need them
-
     if not len(again):
         raise InputError(only_detections(rows.name))
     if which == "error":
@@ -348,19 +344,19 @@ def _classes(
 
 
 def _covariances(
-    rows: Rows, taken: Ints, spread: "Spread", options: ReadOptions, choice: _Choice
+    rows: Rows, taken: Ints, spread: "SpreadColumns", options: ReadOptions, choice: _Choice
 ) -> Floats:
     """The covariances of some rows."""
-    from tgospa_eval.formats.columns.spread import Cells, covariances_of
+    from tgospa_eval.formats.columns.spread import covariances_of
 
     numbers = rows.roles.numbers
-    cells = Cells(
-        values={column: rows.numbers[taken, numbers.index(column)] for column in spread.columns},
-        row=taken,
-        where=lambda row: f"{rows.where(row)} (id {rows.called(row)}, t {rows.moment(row)})",
-    )
     covariance, notices = covariances_of(
-        cells, spread, missing=options.missing_covariance, fix=options.fix_covariance
+        {column: rows.numbers[taken, numbers.index(column)] for column in spread.columns},
+        taken,
+        lambda row: f"{rows.where(row)} (id {rows.called(row)}, t {rows.moment(row)})",
+        spread,
+        missing=options.missing_covariance,
+        fix=options.fix_covariance,
     )
     choice.warnings += [notice for notice in notices if notice.code]
     choice.notices += [notice.text for notice in notices if not notice.code]
@@ -398,3 +394,113 @@ def _number_times(value: TimeArray) -> tuple[TimeArray, Ints]:
             return np.flatnonzero(seen) + low, (np.cumsum(seen) - 1)[value - low]
     moments, step = np.unique(value, return_inverse=True)
     return cast(TimeArray, moments), step
+
+
+def attribute_of(column: Coded, decimal: str = ".") -> Values:
+    """Numbers if every text that is not blank is one, NaN where blank; else the texts."""
+    texts = [text.strip() for text in column.distinct]
+    try:
+        return floats([text or "nan" for text in texts], decimal)[column.code]
+    except ValueError:
+        table = np.empty(len(texts), dtype=object)
+        table[:] = texts
+        return np.asarray(table[column.code])
+
+
+def attributes_of(rows: Rows, taken: Ints) -> dict[str, Values]:
+    """What is asked for of some rows of a file, by name; of a cloud its first particle's."""
+    roles = rows.roles
+    found: dict[str, Values] = {}
+    for name, column in roles.attributes.items():
+        if column in rows.attributes:
+            found[name] = rows.attributes[column][taken]
+        elif column in roles.numbers:
+            found[name] = rows.numbers[taken, roles.numbers.index(column)]
+        elif column == roles.time and rows.times.text is None:
+            found[name] = rows.times.value[taken].astype(np.float64)
+        elif column == roles.time:
+            found[name] = np.array([rows.moment(row) for row in taken.tolist()], dtype=object)
+        else:
+            numbered = rows.ids if column == roles.id else rows.classes
+            assert numbered is not None  # a column is one of these or among the texts
+            found[name] = attribute_of(Coded(numbered[0].tolist(), numbered[1][taken]))
+    return found
+
+
+PARTICLES_HINT = "particles of one object need a column weight"
+
+NO_TRACKS = "-1: these are detections, and TGOSPA compares tracks"
+
+NEARLY_ALL = 0.9
+"""Share of rows from which one id is that of nearly all."""
+
+
+def only_detections(name: str) -> str:
+    """Message for a file whose only id is -1."""
+    return f"{name}: every id is {NO_TRACKS}; give a single track another id"
+
+
+def refusal(taken: Ints, again: Ints, key: Ints, rows: Rows, format: str) -> str:
+    """Message for the repeated row that comes first in the file.
+
+    Parameters
+    ----------
+    taken : int array
+        Rows that take part, in the order of their keys.
+    again : int array
+        Places in `taken` before each row that repeats the one before.
+    key : (R,) int array
+        Of all rows, by id and time.
+    rows, format
+        The file, and how it was read.
+    """
+    second = taken[again + 1]
+    k = int(np.argmin(second))
+    row = int(second[k])
+    first = int(taken[np.searchsorted(key[taken], key[row])])
+    where, roles = rows.where, rows.roles
+    message = (
+        f"{where(row)}: id {rows.called(row)} at t {rows.moment(row)} was given before, "
+        f"{where(first)}{more(len(again))}; "
+    )
+    cause = _cause(taken, again, rows)
+    if cause:
+        return message + cause
+    remedy = "--on-duplicate first or last"
+    if format == "frame":
+        remedy = f"drop_duplicates({[roles.headers[roles.id], roles.headers[roles.time]]!r})"
+    return f"{message}one row per object and step, or {remedy}; {PARTICLES_HINT}"
+
+
+def most_repeat(taken: Ints, again: Ints, rows: Rows, which: str) -> Iterator[Notice]:
+    """A warning if most rows are left out; arguments as of `refusal`."""
+    if 2 * len(again) > len(taken):
+        yield Notice(
+            code="duplicates",
+            text=f"{len(again):,} of {len(taken):,} rows repeat an (id, t), and the {which} one "
+            "was taken: the number says little about the tracker",
+            remedy=_cause(taken, again, rows)
+            or "name the columns of ids and times, --columns id=HEADER,t=HEADER",
+        )
+
+
+def _cause(taken: Ints, again: Ints, rows: Rows) -> str:
+    """Why rows may repeat an (id, t), with a remedy; blank if it is not known."""
+    time = rows.roles.headers[rows.roles.time]
+    rest = next(filter(fraction, rows.roles.unused), None)
+    if rest and not fraction(time):
+        return f"it seems that {one_stamp(time, rest)}"
+    counts = np.bincount(rows.ids[1][taken])
+    name, header = rows.ids[0][int(counts.argmax())], rows.roles.headers[rows.roles.id]
+    if counts.max() < NEARLY_ALL * len(taken):
+        return ""
+    share = "every id is" if counts.max() == len(taken) else "nearly every id is"
+    if name == "-1":
+        return f"{share} {NO_TRACKS}"
+    if 2 * len(again) <= len(taken):
+        return ""
+    return (
+        f"{share} {quoted(name)}, as of detections, and TGOSPA compares tracks; if another column "
+        f"than {quoted(header)} has the ids, name it, --columns id=HEADER; "
+        f"{PARTICLES_HINT}"
+    )

@@ -6,6 +6,7 @@ from typing import overload
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.tracks.attributes import Values
 from tgospa_eval.tracks.trajectories import Floats, Ints
 
 
@@ -61,3 +62,14 @@ class Coded(Sequence[str]):
 
     def __iter__(self) -> Iterator[str]:
         return map(self.distinct.__getitem__, self.code.tolist())
+
+
+def attribute_of(column: Coded, decimal: str = ".") -> Values:
+    """Numbers if every text that is not blank is one, NaN where blank; else the texts."""
+    texts = [text.strip() for text in column.distinct]
+    try:
+        return floats([text or "nan" for text in texts], decimal)[column.code]
+    except ValueError:
+        table = np.empty(len(texts), dtype=object)
+        table[:] = texts
+        return np.asarray(table[column.code])

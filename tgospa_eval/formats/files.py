@@ -17,16 +17,16 @@ from tgospa_eval.tracks.trajectories import Trajectories
 
 FORMATS = {
     "csv": ("tgospa_eval.formats.text.table", "read_table"),
-    "parquet": ("tgospa_eval.formats.parquet", "read_parquet"),
-    "feather": ("tgospa_eval.formats.feather", "read_feather"),
+    "parquet": ("tgospa_eval.formats.arrow", "read_parquet"),
+    "feather": ("tgospa_eval.formats.arrow", "read_feather"),
     "motchallenge": ("tgospa_eval.formats.text.motchallenge", "read_motchallenge"),
     "visdrone": ("tgospa_eval.formats.text.visdrone", "read_visdrone"),
     "kitti": ("tgospa_eval.formats.text.kitti", "read_kitti"),
-    "npz": ("tgospa_eval.formats.npz", "read_npz"),
+    "npz": ("tgospa_eval.formats.arrays", "read_npz"),
     "npy": ("tgospa_eval.formats.arrays", "read_npy"),
     "mat": ("tgospa_eval.formats.matlab", "read_mat"),
     "nuscenes": ("tgospa_eval.formats.nuscenes", "read_nuscenes"),
-    "argoverse": ("tgospa_eval.formats.argoverse", "read_argoverse"),
+    "argoverse": ("tgospa_eval.formats.arrow", "read_argoverse"),
 }
 """Module and function that read each format; imported when used."""
 
@@ -62,7 +62,7 @@ def read(
     """
     from tgospa_eval.formats.assemble import assemble
     from tgospa_eval.formats.guess import file_of, guess, is_table_folder
-    from tgospa_eval.formats.room import TEXT, check_room
+    from tgospa_eval.formats.loading import TEXT, check_room, unpacked_file
 
     one_of("role", role, ROLES)
     if format is not None:
@@ -76,7 +76,7 @@ def read(
     options = options or ReadOptions()
     file = file_of(name)
     of_tables = format in (None, "nuscenes") and is_table_folder(file)
-    data = b"" if of_tables else _loaded(file, options.max_input)
+    data = b"" if of_tables else unpacked_file(file, options.max_input)
     chosen = format or ("nuscenes" if of_tables else guess(file, data))
     if chosen not in PACKED:
         size = len(data)
@@ -109,19 +109,10 @@ def runs_inside(path: str, max_input: float | None = None) -> list[str]:
     ConfigError
         The package that reads it is missing.
     """
+    from tgospa_eval.formats.loading import unpacked_file
     from tgospa_eval.formats.matlab import names_of_runs
 
-    return names_of_runs(path, _loaded(path, max_input), max_input)
-
-
-def _loaded(file: str, max_input: float | None) -> bytes:
-    """The bytes of a file, unpacked."""
-    from tgospa_eval.formats.room import most_bytes, most_unpacked
-    from tgospa_eval.formats.text.convert import load
-    from tgospa_eval.formats.unpack import is_packed, unpack
-
-    data = load(file, most_bytes(max_input, file))
-    return unpack(data, file, most_unpacked(max_input, len(data))) if is_packed(data) else data
+    return names_of_runs(path, unpacked_file(path, max_input), max_input)
 
 
 @spoken_in_python()

@@ -13,14 +13,13 @@ from pandas.errors import OutOfBoundsDatetime
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import assemble
-from tgospa_eval.formats.attributes import attribute_of
 from tgospa_eval.formats.columns.roles import Roles, find_roles
-from tgospa_eval.formats.fields import Coded
+from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
-from tgospa_eval.formats.rows import Numbered, Rows, number_ids
-from tgospa_eval.formats.text.convert import blanks, coded_times, numbers
-from tgospa_eval.formats.times import TimeError, Times
+from tgospa_eval.formats.rows import Numbered, Rows, blanks, number_ids
+from tgospa_eval.formats.text.scan import numbers
+from tgospa_eval.formats.times import TimeError, Times, coded_times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.attributes import Values
 from tgospa_eval.tracks.trajectories import Floats
@@ -103,13 +102,7 @@ def frame_rows(
             if column != roles.weight:
                 raise
             states[:, k], weight_fault = np.nan, str(error)  # it may be something else
-    header = f"column {quoted(frame.columns[roles.time])}"
-    try:
-        times = _times(frame.iloc[:, roles.time], header, name, decimal)
-    except TimeError as error:
-        raise InputError(f"{where(error.row)}, {header}: {error}") from None
-    except UNWRITTEN:
-        raise _unwritten(frame.iloc[:, roles.time], header, where) from None
+    times = frame_times(frame.iloc[:, roles.time], name, decimal, where)
     ids = named(roles.id, "an id")
     blank = blanks(ids)
     if len(blank):

@@ -7,7 +7,7 @@ from itertools import takewhile
 
 from tgospa_eval.common.patterns import WITH_VARIABLES
 from tgospa_eval.formats.fields import is_number
-from tgospa_eval.formats.unpack import plain_name
+from tgospa_eval.formats.loading import plain_name
 
 ENDINGS = {
     ".csv": "csv",

@@ -6,25 +6,362 @@ among these is a hole, in which the target is absent. A cell may have one in eac
 of a Monte Carlo study.
 """
 
+import math
 import os
 import re
-from collections.abc import Iterator, Mapping
+import struct
+import zlib
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache, partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.words import counted, more
-from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.roles import Roles, find_roles
+from tgospa_eval.common.words import counted, install, more
+from tgospa_eval.errors import ConfigError, InputError, TgospaError
+from tgospa_eval.formats.columns.headers import coordinate_names
+from tgospa_eval.formats.columns.roles import find_roles
 from tgospa_eval.formats.guess import file_of
-from tgospa_eval.formats.mat_files import Fields, Variable, variables
+from tgospa_eval.formats.loading import TABLE, check_room, unreadable
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.formats.rows import Rows, number_ids
-from tgospa_eval.formats.times import Times
+from tgospa_eval.formats.rows import Rows, number_ids, rows_by_components
 from tgospa_eval.text import listed, quoted
-from tgospa_eval.tracks.trajectories import Floats, Ints
+from tgospa_eval.tracks.trajectories import Ints
+
+Fields = dict[str, NDArray[np.generic]]
+"""Fields of a structure; of what is no array of real numbers an array of objects."""
+
+MAT_5, MAT_73 = b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file"
+"""How files begin."""
+
+TEXT_HEADER = 128
+MATRIX, DEFLATED = 14, 15
+"""Types of elements: an array, and one that is compressed."""
+
+NUMBER_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8", "i8", "u8")
+ELEMENT_TYPES = dict(zip((1, 2, 3, 4, 5, 6, 7, 9, 12, 13), NUMBER_TYPES, strict=True))
+"""Types of elements that hold numbers."""
+
+CELL_ARRAY, STRUCTURE = 1, 2
+NUMERIC = range(6, 16)
+"""Classes of arrays."""
+
+COMPLEX = 0x800
+"""Flag of an array."""
+
+EMPTY = "MATLAB_empty"
+"""Attribute of HDF5."""
+
+BEGIN_BYTES = 1 << 12
+"""Bytes of a variable that mostly have its class, its name and those of its fields."""
+
+INFLATED_BYTES = 1 << 24
+"""Bytes that are unpacked at a time."""
+
+NO_NUMBERS = np.empty(1, dtype=object)
+
+DAMAGES = (ValueError, struct.error, IndexError, KeyError, OverflowError, zlib.error)
+"""In what reading a damaged file ends."""
+
+
+class Variable(NamedTuple):
+    """A variable of a file.
+
+    Parameters
+    ----------
+    cells : int, optional
+        How many elements a cell has; None is no cell.
+    fields : frozenset of str
+        Names of the fields of a structure; of a cell those of its first element that is not empty.
+    read : callable
+        Gives the fields of the structure, or of the element at a place, from 0 on; none of what is
+        no single structure.
+    """
+
+    cells: int | None
+    fields: frozenset[str]
+    read: Callable[[int], Fields]
+
+
+@contextmanager
+def variables(path: str, data: bytes, limit: float | None) -> Iterator[dict[str, Variable]]:
+    """Variables of a file by name, to be read while the context lasts.
+
+    Version 5 (-v6, -v7) is read here, by the published description of the format: SciPy's reader
+    ends the process (segmentation fault) with one damaged file in fifty, and unpacks whatever a
+    file claims. Version 7.3 is HDF5 and needs h5py.
+
+    Parameters
+    ----------
+    path : str
+        The file, for messages.
+    data : bytes
+        Its content.
+    limit : float, optional
+        GB that it may take, see `formats.room.check_room`.
+
+    Raises
+    ------
+    InputError
+        It is no MAT file of these versions, damaged, or too large.
+    ConfigError
+        h5py is not installed, and the file needs it.
+    """
+    if data.startswith(MAT_73):
+        with _of_version_73(path, data, limit) as found:
+            yield found
+        return
+    if not data.startswith(MAT_5):
+        raise InputError(f"{path}: no MAT file of version 5 or 7.3; save with -v7 in MATLAB")
+
+    def room(size: int) -> None:
+        check_room(path, TABLE * size, len(data), limit, f"arrays of {size:,} bytes")
+
+    room(len(data))
+    order = "<" if data[126:128] == b"IM" else ">"
+    try:
+        yield dict(_variables(data, order, room))
+    except TgospaError:
+        raise
+    except DAMAGES as error:
+        raise unreadable(path, "MAT", error) from None
+
+
+def _tag(data: bytes, at: int, order: str) -> tuple[int, int, int, int]:
+    """An element of which the data may have the beginning alone: type, begin, end, the next one."""
+    (word,) = struct.unpack_from(f"{order}I", data, at)
+    if word >> 16:  # a small one: type, size and content in eight bytes
+        return word & 0xFFFF, at + 4, at + 4 + (word >> 16), at + 8
+    (size,) = struct.unpack_from(f"{order}I", data, at + 4)
+    return word, at + 8, at + 8 + size, at + 8 + size + -size % 8
+
+
+def _whole_tag(data: bytes, at: int, order: str) -> tuple[int, int, int, int]:
+    """The same; ValueError if the data end before the element does."""
+    kind, begin, end, after = _tag(data, at, order)
+    if end > len(data) or (begin == at + 4 and not end <= after <= len(data)):
+        raise ValueError("it ends early")
+    return kind, begin, end, after
+
+
+def _variables(
+    data: bytes, order: str, room: Callable[[int], None]
+) -> Iterator[tuple[str, Variable]]:
+    """Variables one by one; what is compressed is unpacked as far as it is needed."""
+    at = TEXT_HEADER
+    while at < len(data):
+        kind, begin, end, after = _whole_tag(data, at, order)
+        if kind == DEFLATED:
+            head, whole = _inflated(data[begin:end], room)
+            after = end
+        else:
+            head = data[begin - 8 : end]
+            whole = partial(bytes, head)
+        at = after
+        try:
+            name, cells, fields = _begin(head, order)
+        except (ValueError, struct.error):
+            name, cells, fields = _begin(whole(), order)
+
+        def read(place: int, whole: Callable[[], bytes] = whole) -> Fields:
+            return _structure(whole(), order, place)
+
+        yield name, Variable(cells, fields, read)
+
+
+def _inflated(data: bytes, room: Callable[[int], None]) -> tuple[bytes, Callable[[], bytes]]:
+    """The first bytes of what is compressed, and what gives all; `room` raises if there is none."""
+    inflate = zlib.decompressobj()
+    head = inflate.decompress(data, BEGIN_BYTES)
+
+    @cache
+    def whole() -> bytes:
+        found = bytearray(head)
+        while inflate.unconsumed_tail:
+            found += inflate.decompress(inflate.unconsumed_tail, INFLATED_BYTES)
+            room(len(found))
+        return bytes(found)
+
+    return head, whole
+
+
+class _Array(NamedTuple):
+    """What an array begins with; functions and objects have a class alone.
+
+    Names of fields are those of a single structure, and `rest` is where these begin.
+    """
+
+    kind: int
+    real: bool = False
+    sizes: tuple[int, ...] = ()
+    name: str = ""
+    fields: tuple[str, ...] = ()
+    rest: int = 0
+
+
+def _array(data: bytes, begin: int, order: str) -> _Array:
+    """The first parts of an array: flags, dimensions, name, names of fields."""
+    _, at, _, after = _whole_tag(data, begin, order)
+    (flags,) = struct.unpack_from(f"{order}I", data, at)
+    if flags & 0xFF > NUMERIC[-1]:
+        return _Array(flags & 0xFF)
+    _, at, end, after = _whole_tag(data, after, order)
+    sizes = struct.unpack_from(f"{order}{(end - at) // 4}i", data, at)
+    _, at, end, after = _whole_tag(data, after, order)
+    name = data[at:end].decode("ascii", "replace")
+    fields: tuple[str, ...] = ()
+    if flags & 0xFF == STRUCTURE and math.prod(sizes) == 1:
+        _, at, _, after = _whole_tag(data, after, order)
+        (width,) = struct.unpack_from(f"{order}i", data, at)
+        _, at, end, after = _whole_tag(data, after, order)
+        if width < 1 or (end - at) % width:
+            raise ValueError("names of fields of odd lengths")
+        texts = (data[k : k + width].partition(b"\0")[0] for k in range(at, end, width))
+        fields = tuple(text.decode("ascii", "replace") for text in texts)
+    return _Array(flags & 0xFF, not flags & COMPLEX, sizes, name, fields, after)
+
+
+def _inside(kind: int, begin: int) -> int:
+    """Where the parts of an array begin."""
+    if kind != MATRIX:
+        raise ValueError(f"an element of type {kind}, not an array")
+    return begin
+
+
+def _begin(data: bytes, order: str) -> tuple[str, int | None, frozenset[str]]:
+    """Name of a variable, elements of a cell, names of fields, from the beginning of its bytes."""
+    array = _array(data, _inside(*_tag(data, 0, order)[:2]), order)
+    if array.kind != CELL_ARRAY:
+        return array.name, None, frozenset(array.fields)
+    at, count = array.rest, max(math.prod(array.sizes), 0)
+    for _ in range(count):
+        kind, begin, end, at = _tag(data, at, order)
+        if end > _inside(kind, begin):  # not empty in few bytes
+            inner = _array(data, begin, order)
+            if math.prod(inner.sizes):
+                return array.name, count, frozenset(inner.fields)
+    return array.name, count, frozenset()
+
+
+def _structure(data: bytes, order: str, place: int) -> Fields:
+    """Fields of a structure, or of the one at a place in a cell."""
+    array = _array(data, _inside(*_whole_tag(data, 0, order)[:2]), order)
+    if array.kind == CELL_ARRAY:
+        at = array.rest
+        for _ in range(place):
+            at = _whole_tag(data, at, order)[3]
+        kind, begin, end, _ = _whole_tag(data, at, order)
+        if _inside(kind, begin) == end:
+            return {}
+        array = _array(data, begin, order)
+    at = array.rest
+    found: Fields = {}
+    for name in array.fields:
+        found[name] = _numbers(data, at, order)
+        at = _whole_tag(data, at, order)[3]
+    return found
+
+
+def _numbers(data: bytes, at: int, order: str) -> NDArray[np.generic]:
+    """An array of real numbers in the order of MATLAB."""
+    kind, begin, end, _ = _whole_tag(data, at, order)
+    if _inside(kind, begin) == end:
+        return np.zeros((0, 0))
+    array = _array(data, begin, order)
+    if array.kind not in NUMERIC or not array.real:
+        return NO_NUMBERS
+    if not math.prod(array.sizes):
+        return np.zeros(array.sizes)
+    kind, begin, end, _ = _whole_tag(data, array.rest, order)
+    values = np.frombuffer(data[begin:end], f"{order}{ELEMENT_TYPES[kind]}")
+    return np.asarray(values.reshape(array.sizes, order="F"))
+
+
+@contextmanager
+def _of_version_73(path: str, data: bytes, limit: float | None) -> Iterator[dict[str, Variable]]:
+    """The same of HDF5, whose dimensions are in reverse order."""
+    try:
+        import h5py  # here: the extra may be missing, and other formats do without
+    except ModuleNotFoundError:
+        raise ConfigError(
+            f"{path}: MAT files of version 7.3 need the extra matlab: {install('matlab')}; or save "
+            "with -v7 in MATLAB"
+        ) from None
+    try:
+        # The bytes themselves: a file object of Python that HDF5 calls ends the process at times.
+        access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+        access.set_fapl_core(backing_store=False)
+        access.set_file_image(data)
+        name = os.fsencode(os.path.join(path, "image"))  # must be no file, and none is below one
+
+        def room(size: int, what: str) -> None:
+            check_room(path, TABLE * size, len(data), limit, f"{what} of {size:,} bytes")
+
+        with h5py.File(h5py.h5f.open(name, h5py.h5f.ACC_RDONLY, access)) as file:
+            names = [name for name in file if not name.startswith("#")]
+            yield {name: _of_group(_held(file, name), room, name) for name in names}
+    except (TgospaError, MemoryError):
+        raise
+    except Exception as error:  # damaged files end in errors of many kinds
+        raise unreadable(path, "MAT", error) from None
+
+
+Room = Callable[[int, str], None]
+"""Raises if there is none for so many bytes, of what."""
+
+
+def _held(group: Any, name: str) -> Any:
+    """What a group has by a name; nothing of what is not in this very file."""
+    import h5py
+
+    return group[name] if isinstance(group.get(name, getlink=True), h5py.HardLink) else None
+
+
+def _of_group(item: Any, room: Room, name: str) -> Variable:
+    """A variable of HDF5: a group is a structure, references are the elements of a cell."""
+    import h5py
+
+    is_cell = isinstance(item, h5py.Dataset) and h5py.check_ref_dtype(item.dtype) is h5py.Reference
+    if not is_cell or item.external or item.is_virtual:
+        return Variable(None, _fields_of_group(item), lambda _: _group_fields(item, room))
+    room(item.nbytes, name)
+    elements = np.asarray(item[()]).T.ravel(order="F")
+    filled = (
+        element for element in map(item.file.__getitem__, elements) if not element.attrs.get(EMPTY)
+    )
+    names = _fields_of_group(next(filled, None))
+    return Variable(len(elements), names, lambda at: _group_fields(item.file[elements[at]], room))
+
+
+def _fields_of_group(item: Any) -> frozenset[str]:
+    """Names of the fields of a structure, which is a group."""
+    import h5py
+
+    return frozenset(item) if isinstance(item, h5py.Group) else frozenset()
+
+
+def _group_fields(group: Any, room: Room) -> Fields:
+    """Fields of a structure; only what is in this very file is followed."""
+    import h5py
+
+    found: Fields = {}
+    for field in sorted(_fields_of_group(group)):
+        data = _held(group, field)
+        if not isinstance(data, h5py.Dataset) or data.external or data.is_virtual:
+            continue
+        room(data.nbytes, field)
+        values = np.asarray(data[()]).T
+        if data.attrs.get(EMPTY):  # which has its dimensions for values
+            sizes = [int(size) for size in values.ravel()]
+            if 0 not in sizes:
+                raise ValueError(f"{field} is called empty, and is not")
+            values = np.zeros(sizes)
+        found[field] = values
+    return found
+
 
 TRAJECTORY_FIELDS = ("tVec", "iVec", "xState")
 NO_SET = "no structure with the fields tVec, iVec, xState"
@@ -48,17 +385,7 @@ def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
         name = sets.chosen(path, role)
         sets.check_sides(options.beside, options.roles)
         fields, about = sets.fields(name), list(sets.notices(path, name, role))
-    tracks = _Tracks(f"{path}, {name}", fields)
-    names = _names(len(tracks.state))
-    asked, notices = options, []
-    if options.columns is None and not options.boxes and len(names) > 3:
-        asked = replace(options, columns=names)
-        notices.append(
-            f"states have {len(names)} components, {names[0]} to {names[-1]}, and all are "
-            f"compared; of positions and velocities name the positions: --columns x=x0,y=x2"
-        )
-    roles = find_roles(["id", "t", *names], asked, path, fixed=True)
-    return tracks.rows(path, replace(roles, passed=(*roles.passed, *notices, *about)))
+    return _rows(path, f"{path}, {name}", fields, about, options)
 
 
 def names_of_runs(path: str, data: bytes, limit: float | None) -> list[str]:
@@ -73,8 +400,8 @@ def names_of_runs(path: str, data: bytes, limit: float | None) -> list[str]:
         found = []
         for name, count in sets.there.items():
             if count:
-                sets.fields(_element(name, count))  # a damaged file may claim any count
-            found += [name] if count is None else [_element(name, k + 1) for k in range(count)]
+                sets.fields(_run(name, count))  # a damaged file may claim any count
+            found += [name] if count is None else [_run(name, k + 1) for k in range(count)]
         return found
 
 
@@ -87,12 +414,7 @@ def _sets(path: str, data: bytes, limit: float | None) -> "Iterator[_Sets]":
         yield _Sets(file_of(path), found)
 
 
-def _names(size: int) -> tuple[str, ...]:
-    """Names of the components of a state."""
-    return tuple("xyz"[:size]) if size <= 3 else tuple(f"x{k}" for k in range(size))
-
-
-def _element(name: str, place: int) -> str:
+def _run(name: str, place: int) -> str:
     """An element of a cell, as MATLAB writes it."""
     return f"{name}{{{place}}}"
 
@@ -205,7 +527,7 @@ class _Sets:
             raise InputError(f"{path}: {name} is no cell; {self.file}:{name} reads it")
         if not 1 <= int(place) <= count:
             raise InputError(f"{path}: {name} has {counted(count, 'run')}, {self._span(name)}")
-        return _element(name, int(place))
+        return _run(name, int(place))
 
     def _one_of(self, path: str, name: str) -> str:
         """A variable, or the only run of a cell."""
@@ -213,20 +535,20 @@ class _Sets:
         if count is None:
             return name
         if count == 1:
-            return _element(name, 1)
+            return _run(name, 1)
         raise InputError(
             f"{path}: {name} is a cell of {counted(count, 'run')}; choose one, "
-            f"{self.file}:{_element(name, 1)}, or all in a batch, {self.file}:{name}{{run}}"
+            f"{self.file}:{_run(name, 1)}, or all in a batch, {self.file}:{name}{{run}}"
         )
 
     def _runs(self) -> list[str]:
         """The variables, cells by their first elements."""
-        return [name if count is None else _element(name, 1) for name, count in self.there.items()]
+        return [name if count is None else _run(name, 1) for name, count in self.there.items()]
 
     def _span(self, name: str) -> str:
         """A variable, a cell from its first element to its last."""
         count = self.there[name]
-        ends = [name] if count is None else [_element(name, k) for k in sorted({1, count})]
+        ends = [name] if count is None else [_run(name, k) for k in sorted({1, count})]
         return " to ".join(ends)
 
     def _listed(self, *, everything: bool = False) -> str:
@@ -236,87 +558,70 @@ class _Sets:
         return listed([*map(self._span, self.there), *others])
 
 
-class _Tracks:
-    """A set of trajectories, checked.
-
-    Parameters
-    ----------
-    name : str
-        Begins the messages.
-    fields : dict of str to array
-        Fields of the structure.
-    """
-
-    def __init__(self, name: str, fields: Mapping[str, NDArray[np.generic]]) -> None:
-        self.name = name
-        for field in TRAJECTORY_FIELDS:
-            if fields[field].dtype.kind not in "iuf":
-                raise InputError(
-                    f"{name}.{field}: no real numbers; it must be a numeric array of one structure"
-                )
-        self.start, self.length = (self._whole(field, fields[field]) for field in ("tVec", "iVec"))
-        state = fields["xState"]
-        if not state.size and not len(self.start):
-            state = np.zeros((state.shape[0] or 2, 0, 0))
-        if state.ndim == 2:  # MATLAB drops a last dimension of 1
-            state = state[:, :, None]
-        sizes = f"{len(self.start)} in tVec, {len(self.length)} in iVec"
-        if state.ndim != 3 or not len(self.start) == len(self.length) == state.shape[2]:
-            shape = " x ".join(map(str, fields["xState"].shape))
+def _rows(path: str, name: str, fields: Fields, about: list[str], options: ReadOptions) -> Rows:
+    """A row for each trajectory and step; `name` begins the messages."""
+    for field in TRAJECTORY_FIELDS:
+        if fields[field].dtype.kind not in "iuf":
             raise InputError(
-                f"{name}: {sizes}, and xState is {shape}; it must be d x T x n for n trajectories"
+                f"{name}.{field}: no real numbers; it must be a numeric array of one structure"
             )
-        self.state: NDArray[np.generic] = state
-        last = self.start + self.length - 1
-        wrong = np.flatnonzero((self.length > 0) & ((self.start < 1) | (last > state.shape[1])))
-        if len(wrong):
-            k = int(wrong[0])
-            raise InputError(
-                f"{name}: trajectory {k + 1} is from step {self.start[k]} to {last[k]}"
-                f"{more(len(wrong))}; xState has the steps 1 to {state.shape[1]}"
-            )
-
-    def _whole(self, field: str, values: NDArray[np.generic]) -> Ints:
-        """Start steps or lengths as integers."""
-        numbers = values.astype(np.float64).ravel()
-        if values.size and max(values.shape, default=1) != values.size:
-            shape = " x ".join(map(str, values.shape))
-            raise InputError(f"{self.name}.{field}: is {shape}; it must be a vector")
-        wrong = np.flatnonzero(~((np.abs(numbers) < 2**31) & (numbers == np.rint(numbers))))
-        if len(wrong) or (numbers < 0).any():
-            k = int(wrong[0]) if len(wrong) else int(np.argmin(numbers))
-            raise InputError(
-                f"{self.name}.{field}: {numbers[k]:g} of trajectory {k + 1} is no step; it must be "
-                "a whole number"
-            )
-        return numbers.astype(np.int64)
-
-    def rows(self, path: str, roles: Roles) -> Rows:
-        """A row for each trajectory and step."""
-        step = np.arange(1, self.state.shape[1] + 1)[:, None]
-        track, index = np.nonzero(((step >= self.start) & (step < self.start + self.length)).T)
-
-        def where(row: int) -> str:
-            return f"{self.name}, trajectory {track[row] + 1}, step {index[row] + 1}"
-
-        def component(column: int) -> Floats:
-            return np.asarray(self.state[column - 2, index, track], dtype=np.float64)
-
-        numbers = np.empty((len(track), len(roles.numbers)), order="F")
-        for k, column in enumerate(roles.numbers):
-            numbers[:, k] = component(column)
-        infinite = np.flatnonzero(np.isinf(numbers).any(axis=1))
-        if len(infinite):
-            raise InputError(
-                f"{where(int(infinite[0]))}: infinite{more(len(infinite))}; use NaN if absent"
-            )
-        ids, number = number_ids([str(k + 1) for k in range(len(self.start))])
-        return Rows(
-            name=path,
-            roles=roles,
-            ids=(ids, number[track]),
-            times=Times(value=index + 1, clock="number", text=None),
-            numbers=numbers,
-            where=where,
-            attributes={column: component(column) for column in roles.texts},
+    start, length = (_whole(f"{name}.{field}", fields[field]) for field in ("tVec", "iVec"))
+    state = fields["xState"]
+    if not state.size and not len(start):
+        state = np.zeros((state.shape[0] or 2, 0, 0))
+    if state.ndim == 2:  # MATLAB drops a last dimension of 1
+        state = state[:, :, None]
+    if state.ndim != 3 or not len(start) == len(length) == state.shape[2]:
+        shape = " x ".join(map(str, fields["xState"].shape))
+        raise InputError(
+            f"{name}: {len(start)} in tVec, {len(length)} in iVec, and xState is {shape}; it must "
+            "be d x T x n for n trajectories"
         )
+    last = start + length - 1
+    wrong = np.flatnonzero((length > 0) & ((start < 1) | (last > state.shape[1])))
+    if len(wrong):
+        k = int(wrong[0])
+        raise InputError(
+            f"{name}: trajectory {k + 1} is from step {start[k]} to {last[k]}{more(len(wrong))}; "
+            f"xState has the steps 1 to {state.shape[1]}"
+        )
+    names = coordinate_names(len(state))
+    if options.columns is None and not options.boxes and len(names) > 3:
+        options = replace(options, columns=names)
+        about.insert(
+            0,
+            f"states have {len(names)} components, {names[0]} to {names[-1]}, and all are "
+            f"compared; of positions and velocities name the positions: --columns x=x0,y=x2",
+        )
+    roles = find_roles(["id", "t", *names], options, path, fixed=True)
+    step = np.arange(1, state.shape[1] + 1)[:, None]
+    track, index = np.nonzero(((step >= start) & (step < start + length)).T)
+    ids, number = number_ids([str(k + 1) for k in range(len(start))])
+    rows = rows_by_components(
+        lambda column: np.asarray(state[column - 2, index, track], dtype=np.float64),
+        index + 1,
+        replace(roles, passed=(*roles.passed, *about)),
+        name=path,
+        ids=(ids, number[track]),
+        where=lambda row: f"{name}, trajectory {track[row] + 1}, step {index[row] + 1}",
+    )
+    infinite = np.flatnonzero(np.isinf(rows.numbers).any(axis=1))
+    if len(infinite):
+        place = rows.where(int(infinite[0]))
+        raise InputError(f"{place}: infinite{more(len(infinite))}; use NaN if absent")
+    return rows
+
+
+def _whole(name: str, values: NDArray[np.generic]) -> Ints:
+    """Start steps or lengths as integers."""
+    numbers = values.astype(np.float64).ravel()
+    if values.size and max(values.shape, default=1) != values.size:
+        shape = " x ".join(map(str, values.shape))
+        raise InputError(f"{name}: is {shape}; it must be a vector")
+    wrong = np.flatnonzero(~((np.abs(numbers) < 2**31) & (numbers == np.rint(numbers))))
+    if len(wrong) or (numbers < 0).any():
+        k = int(wrong[0]) if len(wrong) else int(np.argmin(numbers))
+        raise InputError(
+            f"{name}: {numbers[k]:g} of trajectory {k + 1} is no step; it must be a whole number"
+        )
+    return numbers.astype(np.int64)

@@ -3,6 +3,7 @@
 Results name samples by tokens; when these were, and of which scene, is in the tables alone.
 """
 
+import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -13,18 +14,94 @@ import numpy as np
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.roles import find_roles
 from tgospa_eval.formats.guess import SAMPLES, is_table_folder
-from tgospa_eval.formats.nuscenes_tables import (
-    Samples,
-    is_unicode,
-    load_json,
-    read_samples,
-    table,
-)
+from tgospa_eval.formats.loading import check_room, load, most_bytes
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.formats.rows import Rows, number_ids
-from tgospa_eval.formats.times import Times
+from tgospa_eval.formats.rows import Rows, number_ids, rows_by_components
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats
+
+JSON_BYTES = 6
+"""Bytes that a byte of JSON takes as objects of Python: 5.2, measured."""
+
+Record = dict[str, Any]
+
+
+Samples = Mapping[str, tuple[int, str]]
+"""When samples were, in microseconds since 1970, and the name of their scene, by token."""
+
+
+def read_samples(folder: str, options: ReadOptions) -> Samples:
+    """The samples of a folder of tables.
+
+    Raises
+    ------
+    InputError
+        A table is missing, or no such table.
+    """
+    names: dict[str, str] = {}
+    if os.path.isfile(os.path.join(folder, "scene.json")):
+        names = {row["token"]: row["name"] for row in table(folder, "scene", options, "name")}
+    path = os.path.join(folder, SAMPLES)
+    found: dict[str, tuple[int, str]] = {}
+    for k, row in enumerate(table(folder, "sample", options, "scene_token"), start=1):
+        stamp = row.get("timestamp")
+        if isinstance(stamp, bool) or not isinstance(stamp, int) or abs(stamp) >= 2**63:
+            raise InputError(
+                f"{path}, row {k}: timestamp is {quoted(stamp)}; it must be whole microseconds"
+            )
+        scene: str = row["scene_token"]
+        found[row["token"]] = stamp, names.get(scene, scene)
+    return found
+
+
+def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence[Record]:
+    """The records of a table; each has a token and these texts.
+
+    Raises
+    ------
+    InputError
+        The file is missing, or no such table.
+    """
+    path = os.path.join(folder, f"{name}.json")
+    rows = load_json(path, load(path, most_bytes(options.max_input, path)), options)
+    if not isinstance(rows, list):
+        raise InputError(f"{path}: no table of nuScenes, which is a list of records")
+    for k, row in enumerate(rows, start=1):
+        for key in ("token", *texts):
+            text = row.get(key) if isinstance(row, dict) else None
+            if not isinstance(text, str) or not is_unicode(text):
+                raise InputError(f"{path}, row {k}: no text {quoted(key)} in the record")
+    return rows
+
+
+def is_unicode(text: str) -> bool:
+    """Whether a text can be written: JSON may have halves of characters."""
+    return text.isascii() or not any("\ud800" <= letter <= "\udfff" for letter in text)
+
+
+def load_json(path: str, data: bytes, options: ReadOptions) -> Any:
+    """The document in a file.
+
+    Raises
+    ------
+    InputError
+        It is no JSON, or too large.
+    """
+    size = len(data)
+    check_room(path, JSON_BYTES * size, size, options.max_input, f"{size:,} bytes of JSON")
+    if not data:
+        raise InputError(
+            f'{path}: the file is empty; results without objects are {{"results": {{}}}}'
+        )
+    try:
+        return json.loads(data)
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise InputError(f"{path}, {place}: no readable JSON: {error.msg}") from None
+    except (UnicodeDecodeError, RecursionError, ValueError) as error:
+        reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)
+        raise InputError(f"{path}: no readable JSON: {reason}") from None
+
 
 TRACKED = {
     "vehicle.bicycle": "bicycle",
@@ -76,8 +153,9 @@ def read_nuscenes(path: str, data: bytes, options: ReadOptions, role: str, *, gi
         found = list(_annotations(path, samples, options))
     else:
         results = _results(path, data, options)
-        samples = read_samples(_folder_for(path, options), options)
-        found = list(_tracks(path, results, samples))
+        folder = _folder_for(path, options)
+        samples = read_samples(folder, options)
+        found = list(_tracks(path, results, samples, os.path.join(folder, SAMPLES)))
     return _rows(path, found, samples, options)
 
 
@@ -108,21 +186,23 @@ def _results(path: str, data: bytes, options: ReadOptions) -> Mapping[str, Any]:
     return results
 
 
-def _tracks(path: str, results: Mapping[str, Any], samples: Samples) -> Iterator[_Object]:
+def _tracks(
+    path: str, results: Mapping[str, Any], samples: Samples, table_path: str
+) -> Iterator[_Object]:
     """Objects of results, and samples that have none."""
     scenes: dict[str, set[str]] = {}
     found: list[_Object] = []
     for token, objects in results.items():
-        if token not in samples.time:
+        if token not in samples:
             raise InputError(
-                f"{path}: sample {quoted(token)} is not in {samples.path}; the tables must be of "
+                f"{path}: sample {quoted(token)} is not in {table_path}; the tables must be of "
                 "the version that was tracked"
             )
         if not isinstance(objects, list):
             raise InputError(f"{path}, sample {quoted(token)}: no list of objects")
         if not objects:
             found.append(_Object(token, apart=NO_OBJECT))
-        scene = samples.scene[token]
+        scene = samples[token][1]
         for k, item in enumerate(objects, start=1):
             try:
                 if not isinstance(item, dict):
@@ -140,7 +220,7 @@ def _tracks(path: str, results: Mapping[str, Any], samples: Samples) -> Iterator
     several = {name for name, those in scenes.items() if len(those) > 1}
     for item in found:  # an id is one track in each scene
         if item.id in several:
-            yield item._replace(id=f"{samples.scene[item.sample]}/{item.id}")
+            yield item._replace(id=f"{samples[item.sample][1]}/{item.id}")
         else:
             yield item
 
@@ -152,14 +232,14 @@ def _annotations(path: str, samples: Samples, options: ReadOptions) -> Iterator[
         row["token"]: categories.get(row["category_token"], "")
         for row in table(path, "instance", options, "category_token")
     }
-    empty = dict.fromkeys(samples.time)
+    empty = dict.fromkeys(samples)
     tracked = set(TRACKED.values())
     rows = table(path, "sample_annotation", options, "sample_token", "instance_token")
     for k, item in enumerate(rows, start=1):
         sample, name = item["sample_token"], item["instance_token"]
         try:
-            if sample not in samples.time:
-                raise ValueError(f"sample {quoted(sample)} is not in {samples.path}")
+            if sample not in samples:
+                raise ValueError(f"sample {quoted(sample)} is not in {os.path.join(path, SAMPLES)}")
             if name not in kinds:
                 raise ValueError(f"instance {quoted(name)} is not in instance.json")
             numbers = (*_vectors(item), np.nan)
@@ -230,24 +310,16 @@ def _rows(path: str, found: Sequence[_Object], samples: Samples, options: ReadOp
     def component(column: int) -> Floats:
         return np.asarray(values[:, column - 3])
 
-    numbers = np.empty((len(found), len(roles.numbers)), order="F")
-    for k, column in enumerate(roles.numbers):
-        numbers[:, k] = component(column)
-    return Rows(
+    return rows_by_components(
+        component,
+        [samples[item.sample][0] for item in found],
+        roles,
         name=path,
-        roles=roles,
         ids=ids,
-        times=Times(
-            value=np.array([samples.time[item.sample] for item in found], np.int64),
-            clock="number",
-            text=None,
-        ),
-        numbers=numbers,
         where=lambda row: _where(path, found[row]),
         classes=number_ids([item.klass or first.klass for item in found])
         if roles.klass is not None
         else None,
-        attributes={column: component(column) for column in roles.texts},
         apart={
             rule: (np.array([item.apart == text for item in found], bool), text)
             for rule, text in (

@@ -5,7 +5,7 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.filters import Flags
+from tgospa_eval.formats.options import Flags
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import BLANK
 from tgospa_eval.tracks.clouds import LARGEST_COORDINATE, UNEVEN_SUM, Clouds, are_normalised

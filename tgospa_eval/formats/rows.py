@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
 from tgospa_eval.formats.columns.roles import Roles
-from tgospa_eval.formats.filters import Flags
+from tgospa_eval.formats.fields import Coded
+from tgospa_eval.formats.options import Flags
 from tgospa_eval.formats.times import Times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.attributes import Values
@@ -72,6 +73,22 @@ class Rows:
         return times.text[row].strip() if times.text is not None else times.value[row].item()
 
 
+def rows_by_components(
+    component: Callable[[int], Floats], times: Sequence[int] | Ints, roles: Roles, **more: Any
+) -> Rows:
+    """Rows whose columns a function gives by number, with whole times; `more` as of `Rows`."""
+    numbers = np.empty((len(times), len(roles.numbers)), order="F")
+    for k, column in enumerate(roles.numbers):
+        numbers[:, k] = component(column)
+    return Rows(
+        roles=roles,
+        times=Times(value=np.asarray(times, np.int64), clock="number", text=None),
+        numbers=numbers,
+        attributes={column: component(column) for column in roles.texts},
+        **more,
+    )
+
+
 def number_ids(ids: Sequence[str]) -> Numbered:
     """Distinct ids in natural order (2 before 10), and the number of each row's."""
     seen: dict[str, int] = {}
@@ -82,3 +99,16 @@ def number_ids(ids: Sequence[str]) -> Numbered:
     table = np.empty(len(order), dtype=object)
     table[:] = order
     return table, rank[number] if len(number) else number
+
+
+def numbered(column: Coded, name: Callable[[str], str] = str.strip) -> Numbered:
+    """Distinct names in natural order, and the number of each row's."""
+    table, number = number_ids([name(text) for text in column.distinct])
+    return table, number[column.code]
+
+
+def blanks(column: Numbered) -> Ints:
+    """Rows without a name."""
+    table, number = column
+    names = table.tolist()  # a list is searched ten times as fast
+    return np.flatnonzero(number == names.index("")) if "" in names else number[:0]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
-from tgospa_eval.formats.fields import floats
+from tgospa_eval.formats.fields import Coded, floats
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, TimeArray
 
@@ -85,6 +85,26 @@ def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Float
                 "write all times as 64-bit integers",
             )
     return Times(value=value + 0.0, clock="number", text=None)  # + 0.0 makes -0.0 the same step
+
+
+def coded_times(column: Coded, decimal: str) -> Times:
+    """Times of a column, each distinct text parsed once.
+
+    Raises
+    ------
+    TimeError
+        As `parse_times`, of the first row that is wrong.
+    """
+
+    def to_floats(texts: Sequence[str]) -> Floats:
+        return floats(texts, decimal)
+
+    try:
+        times = parse_times(column.distinct, to_floats)
+    except TimeError:
+        return parse_times(list(column), to_floats)  # its error has the row, and their number
+    text = None if times.text is None else column
+    return Times(value=times.value[column.code], clock=times.clock, text=text)
 
 
 def places(series: Sequence[Sequence[int | float | str]]) -> list[NDArray[np.int64]]:

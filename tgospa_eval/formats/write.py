@@ -2,18 +2,22 @@
 
 import csv
 import io
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.words import install
-from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.columns.asked import BOX
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.formats.columns.spread import spelt
+from tgospa_eval.formats.loading import check_parquet
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
+
+if TYPE_CHECKING:
+    import pyarrow.parquet as pq
 
 
 def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: ARG001
@@ -37,11 +41,6 @@ def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: A
     return text.getvalue()
 
 
-def csv_bytes(trajectories: Trajectories) -> bytes:
-    """`csv_text` in UTF-8."""
-    return csv_text(trajectories).encode()
-
-
 def parquet_bytes(trajectories: Trajectories) -> bytes:
     """The table of `csv_text` as Parquet.
 
@@ -50,11 +49,10 @@ def parquet_bytes(trajectories: Trajectories) -> bytes:
     ConfigError
         pyarrow is not installed.
     """
-    try:
-        import pyarrow as pa  # here: the extra may be missing
-        import pyarrow.parquet as pq
-    except ModuleNotFoundError:
-        raise ConfigError(f"Parquet files need the extra parquet: {install('parquet')}") from None
+    check_parquet()
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     buffer = io.BytesIO()
     pq.write_table(pa.table(_columns(trajectories)), buffer)
     return buffer.getvalue()
@@ -72,7 +70,7 @@ def npz_bytes(trajectories: Trajectories) -> bytes:
 
 
 TABLES: dict[str, Callable[[Trajectories], bytes]] = {
-    ".csv": csv_bytes,
+    ".csv": lambda trajectories: csv_text(trajectories).encode(),
     ".parquet": parquet_bytes,
     ".pq": parquet_bytes,
     ".npz": npz_bytes,
@@ -148,22 +146,17 @@ WRITERS: dict[str, Callable[[Trajectories, str], str]] = {
 }
 
 
-def _rows(trajectories: Trajectories) -> Iterator[tuple[str, object, list[float]]]:
-    """Id, time and state of each row, as plain Python values: their text is the shortest exact."""
-    times = trajectories.shown
-    ids, times = trajectories.ids.tolist(), times.tolist()
-    for step, track, state in zip(
-        trajectories.step.tolist(), trajectories.track.tolist(), trajectories.state, strict=True
-    ):
-        yield ids[track], times[step], state.tolist()
-
-
 def _boxes(trajectories: Trajectories, name: str) -> Iterator[tuple[int, int, list[float]]]:
     if trajectories.columns != BOX:
         raise InputError(
             f"{name} files hold boxes {','.join(BOX)}, not {','.join(trajectories.columns)}"
         )
-    for identity, time, state in _rows(trajectories):
+    # As plain Python values: their text is the shortest exact.
+    ids, times = trajectories.ids.tolist(), trajectories.shown.tolist()
+    for step, track, state in zip(
+        trajectories.step.tolist(), trajectories.track.tolist(), trajectories.state, strict=True
+    ):
+        identity, time = ids[track], times[step]
         try:
             number, frame = int(identity), int(str(time))
         except ValueError:
@@ -171,4 +164,59 @@ def _boxes(trajectories: Trajectories, name: str) -> Iterator[tuple[int, int, li
                 f"{name} files number objects and frames; id {quoted(identity)} at {time} does not "
                 "fit"
             ) from None
-        yield number, frame, state
+        yield number, frame, state.tolist()
+
+
+def part_name(number: int) -> str:
+    """Name of a part; names sort as numbers do."""
+    return f"part-{number:05d}.parquet"
+
+
+class PartWriter:
+    """Writes parts one after another; at the end of a block the last one is complete.
+
+    Parameters
+    ----------
+    folder : Path
+        Which is there.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.count = 0
+        self._part: pq.ParquetWriter | None = None
+        self._file: BinaryIO
+
+    def __enter__(self) -> "PartWriter":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end_part()
+
+    def add(self, columns: Mapping[str, NDArray[np.generic]]) -> None:
+        """Write rows as a row group of the part."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        table = pa.table(columns)
+        if self._part is None:
+            # A file of Python's, whose errors are those of the system.
+            self._file = (self.folder / part_name(self.count)).open("wb")
+            # Times and ids are few in a row group, states are all different.
+            few = [name for name in columns if columns[name].dtype.kind == "i"]
+            self._part = pq.ParquetWriter(
+                self._file,
+                table.schema,
+                compression="zstd",
+                compression_level=1,
+                use_dictionary=few,
+            )
+            self.count += 1
+        self._part.write_table(table, row_group_size=max(len(table), 1))
+
+    def end_part(self) -> None:
+        """Close the part; what is added next is in another."""
+        if self._part is not None:
+            part, self._part = self._part, None
+            with self._file:
+                part.close()

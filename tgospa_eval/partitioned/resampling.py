@@ -171,17 +171,6 @@ def outermost(side: Trajectories, *, last: bool) -> Trajectories:
     return some(side, np.sort(len(track) - 1 - row if last else row))
 
 
-# -------------------------------------------------------------------------------------------------
-# Both sides interpolated at the steps, block by block.
-#
-# A state at a step is on the line between two of its track, which may be in other blocks, and
-# as far
-# away as the longest gap. So all blocks are read once for the first and the last state of each
-# track
-# in them. From these each gets the last state of every track before it, and the first after it, of
-# those that are near enough; and how many states there will be at each step is known before there
-# is one, so that no block makes more than there is memory for.
-
 NEIGHBOURS = "neighbours"
 """In the folder of work, that of states that others lie between."""
 

@@ -87,9 +87,6 @@ def stretch(folder: str, shard: int) -> NDArray[np.void]:
     return np.asarray(found)
 
 
-# -------------------------------------------------------------------------------------------------
-# A shard: some components as a problem of their own, solved, proven, and what it contributes.
-
 ASSIGNED_PAIR = np.dtype([*ENTRY.descr, ("weight", "<f8")])
 """A near pair that is assigned, and how much of it."""
 

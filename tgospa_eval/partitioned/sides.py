@@ -24,11 +24,11 @@ from tgospa_eval.formats.assemble import (
     RULES_SAID,
     assemble,
     class_notices,
+    only_detections,
     said_of,
 )
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
-from tgospa_eval.formats.repeats import only_detections
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import Times
 from tgospa_eval.partitioned.input.index import (

@@ -112,9 +112,6 @@ def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
     return np.array(kept, np.int64)
 
 
-# -------------------------------------------------------------------------------------------------
-# Trajectories in the plane, with what was missed, false and switched where it happened.
-
 VECTOR_POINTS = 40_000
 """Points that are drawn as lines and marks in vector files; more become dots."""
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.formats.columns.asked import BOX
+from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.clock import Clock, edges, placed, words
 from tgospa_eval.reports.drawn import Drawn, PageData

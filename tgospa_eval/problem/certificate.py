@@ -72,14 +72,6 @@ def unpaired_prices(states: States) -> tuple[float, float]:
     return found[0], found[1]
 
 
-# -------------------------------------------------------------------------------------------------
-# Proof: bounds of the optimum from whatever a solver left, and the split of the cost.
-#
-# Over the whole reduced problem, in NumPy and in kernels of its own with NumPy twins; knows no
-# solver, and no solver grades its own work.
-# Weights become integers (multiples of 1/ONE) first, so that feasibility is checked, not estimated.
-# Both bounds are rounded outward (docs/theory/certificate.md, "Rounding").
-
 ROUNDOFF = 2.0**-53
 """Largest relative error of one rounded operation."""
 

@@ -209,13 +209,6 @@ def forward(
         yield best if others is None else np.maximum(best, others)
 
 
-# -------------------------------------------------------------------------------------------------
-# Bounds of the costs of the steps 1..k, for every k, from a solution of the whole, in one pass.
-#
-# Its assignment up to k is feasible there, and its prices up to k are prices there
-# (docs/theory/solvers.md, "The curve").
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cells:
     """A cell for each block and each step of its window; arrays over cells are (C,).

@@ -265,9 +265,6 @@ def _whole(value: float, bits: int) -> int:
     return (numerator << bits) // denominator
 
 
-# -------------------------------------------------------------------------------------------------
-# A result as a proof folder: both tables as compared, prices, assignment, and the claim.
-
 COLUMN_NUMBERS = "scale", "periodic"
 """Settings of a distance that have a number for some columns."""
 

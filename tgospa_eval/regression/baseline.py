@@ -144,9 +144,6 @@ def _measured_values(result: Summary) -> dict[Key, Value]:
     return values_of(numbers, result.scale)
 
 
-# -------------------------------------------------------------------------------------------------
-# Baselines: values, options and what was judged of each pair, as JSON made for git.
-
 SCHEMA = "tgospa-eval/baseline/2"
 BOUNDS = ("lower_bound", "upper_bound")
 MEASURED = (*PROVEN, *SPLIT)

@@ -287,9 +287,6 @@ def _path(path: str, option: str, text: str) -> str:
     return path
 
 
-# -------------------------------------------------------------------------------------------------
-# Suites: several pairs to judge, from a TOML file. Knows names of files, not their content.
-
 RULE_KEYS = ("fail-on", "warn-on", "max")
 PAIR_KEYS = ("name", "truth", "estimate", "options", *RULE_KEYS)
 SUITE_KEYS = ("baseline", "pair", "options", *RULE_KEYS)

@@ -157,9 +157,6 @@ def _plain(name: str, value: Any) -> Any:
     return list(value) if THRESHOLDS in name else value
 
 
-# -------------------------------------------------------------------------------------------------
-# Tables of a batch as text, Markdown, LaTeX, CSV and JSON.
-
 NARROW = 1e-9
 """Relative width of a bracket below which one number is shown."""
 

@@ -188,12 +188,6 @@ def _percent(value: float, top: float) -> float:
     return 100.0 * (1.0 - value / top)
 
 
-# -------------------------------------------------------------------------------------------------
-# The page of a batch: who is best and how sure that is, job by job, part by part, over time.
-#
-# Words and numbers from a template, without a script; the page loads nothing. Everything that comes
-# from the user passes through the autoescape of the template.
-
 MOST_GROUPS = 40
 MOST_FAULTS = 50
 COSTLIEST = 10

@@ -243,9 +243,6 @@ def _kept(values: Any) -> list[int]:
     return sorted(np.argsort(-largest, kind="stable")[:MOST_SQUARES].tolist())
 
 
-# -------------------------------------------------------------------------------------------------
-# What page and pictures of a batch have in common: values, colours, what is beside what.
-
 MOST_LINES = 6
 """Groups whose curves are drawn."""
 

@@ -148,9 +148,6 @@ def round_steps(low: float, high: float, most: int = 6) -> list[float]:
     return [k * each for k in range(first, math.floor(high / each + 1e-9) + 1)]
 
 
-# -------------------------------------------------------------------------------------------------
-# Ticks of an axis of time at round times, and their names; what all share stands once.
-
 CLOCK = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200)
 """Round numbers of seconds within a day."""
 

@@ -559,10 +559,6 @@ def _deviation(values: Spread, form: str) -> str:
     return "-" if value is None else ("0" if value < EXACT else f"{value:{form}}")
 
 
-# -------------------------------------------------------------------------------------------------
-# Documents of `compare` in the formats that are printed. Computes nothing that is not in them.
-
-
 def render(document: Comparison, format: str) -> str:
     """What ``--format`` prints."""
     if format == "json":

@@ -79,9 +79,6 @@ def _folded(rows: Sequence[RepairRow]) -> Iterator[RepairRow]:
         yield from (("", line, "", "", "") for line in more)
 
 
-# -------------------------------------------------------------------------------------------------
-# The table for a terminal: 80 columns, no colour, plain ASCII but for the user's own words.
-
 SHOWN = 5
 COUNTED = {
     "missed": ("object-step without estimate", "object-steps without estimate"),

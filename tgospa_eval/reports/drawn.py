@@ -107,9 +107,6 @@ def _deviations(variances: Floats) -> Floats:
     return np.sqrt(np.where(np.isfinite(variances), np.maximum(variances, 0.0), 0.0))
 
 
-# -------------------------------------------------------------------------------------------------
-# What the page and the pictures of a result draw, as records; of many steps, thinned.
-
 MOST_STRETCHES = 600
 """Stretches of steps that are drawn of a recording of any length."""
 

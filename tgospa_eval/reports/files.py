@@ -407,9 +407,6 @@ def _write_over(
             shutil.rmtree(fresh, ignore_errors=True)
 
 
-# -------------------------------------------------------------------------------------------------
-# The result as files: JSON, CSV tables, the report; whole or absent.
-
 ENDS_OF_LINES = "\r\n"
 """Characters of which a text in a CSV file is quoted that has one."""
 

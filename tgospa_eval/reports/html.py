@@ -198,14 +198,6 @@ def _switches(result: PartitionedResult) -> tuple[str, Table]:
     return title, Table(head=("t", "truth", "from", "to", "switches", "cost"), rows=rows)
 
 
-# -------------------------------------------------------------------------------------------------
-# The report as one page: words from a template, pictures by its script from packed data.
-#
-# The page loads nothing: style, script and data are inside. Everything that comes from the user
-# passes through the autoescape of the template, or through `tojson` as data that the script
-# shows as
-# text.
-
 SCRIPTS = (
     "data",
     "canvas",

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.formats.columns.asked import BOX
+from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE

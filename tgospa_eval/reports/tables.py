@@ -95,9 +95,6 @@ def csv_cell(value: object) -> object:
     return value
 
 
-# -------------------------------------------------------------------------------------------------
-# Tables with words around them, as plain text, Markdown or LaTeX. Knows no metric.
-
 WIDTH = 80
 """Columns of a terminal."""
 

@@ -124,9 +124,6 @@ class Similarity:
         }
 
 
-# -------------------------------------------------------------------------------------------------
-# The numbers of an evaluation, or of a sum of several, and their tables. Knows no output.
-
 T = TypeVar("T")
 
 SPLIT_PARTS = (

@@ -148,9 +148,6 @@ class StoredTables:
                 file.close()
 
 
-# -------------------------------------------------------------------------------------------------
-# The result of an evaluation of partitioned data: sums in memory, tables as files.
-
 MOST_RECORDS = 100_000
 """Steps, or switches, of which the JSON document has a record each; of more it names the table."""
 

@@ -55,13 +55,6 @@ def encounters(truth: Floats, near: float) -> Ints:
     return found[np.lexsort((found[:, 1], found[:, 0], found[:, 2]))]
 
 
-# -------------------------------------------------------------------------------------------------
-# Ground truth of synthetic scenes. Knows no tracker and no file.
-#
-# Every scenario is a function ``(targets, steps, area, rng) -> (T, m, 2)`` of positions in the
-# square
-# [0, A]^2, NaN where a target does not exist; A is `area`, the side of the square.
-
 Scenario = Callable[[int, int, float, np.random.Generator], Floats]
 
 SPEED = 1 / 100

@@ -139,14 +139,6 @@ def _joined(low: Ints, high: Ints) -> tuple[Ints, Ints]:
     return concatenated(low, high - low), first
 
 
-# -------------------------------------------------------------------------------------------------
-# Linear programmes on the states that prices left undecided, in rounds that reach farther.
-#
-# Each is localised: what has slack above the reach or is decided is held, components without a
-# share
-# in the gap are left out (docs/theory/solvers.md, "Programmes"). What comes out is judged on all
-# states; whether it is the optimum is not known here.
-
 Mask = NDArray[np.bool_]
 T = TypeVar("T")
 

@@ -350,11 +350,6 @@ def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
     )
 
 
-# -------------------------------------------------------------------------------------------------
-# The restricted linear programme: what prices could not settle, by HiGHS, the rest held.
-#
-# HiGHS only proposes; bounds are evaluated on all states afterwards.
-
 LARGE_LP, ITERATIONS_EACH, WORK_EACH, SAMPLED_ROWS = 2000, 2.0, 150, 6
 """A programme with so many constraints that takes the simplex method more than so many iterations,
 or so much work, for each of them is dense with ties: the interior point method is up to ten times

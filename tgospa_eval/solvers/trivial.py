@@ -106,10 +106,6 @@ def _losers(states: States, claimed: Ints, preference: Floats) -> Ints:
     return np.unique(state[order[second]])
 
 
-# -------------------------------------------------------------------------------------------------
-# Blocks that are answered once, before any solver: one row, or one step at a time.
-
-
 def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:
     """Write weights (S,) and prices (K,) of the blocks without transitions; the other blocks.
 

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ReadOptions, read, read_trajectories
-from tgospa_eval.formats.columns import known
+from tgospa_eval.formats.columns import roles
 from tgospa_eval.formats.columns.roles import find_roles
-from tgospa_eval.formats.text import bulk, scan
+from tgospa_eval.formats.text import scan
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Write = Callable[[str, str | bytes], str]
@@ -41,14 +41,14 @@ def refusal(path: str, **options: Any) -> list[str]:
     return str(caught.value).split("\n")
 
 
-@pytest.fixture(autouse=True, scope="module", params=["compiled", "small", "large"])
+@pytest.fixture(autouse=True, scope="module", params=["compiled", "careful", "large"])
 def route(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Everything three times: how a file is parsed must not show."""
+    """Everything three times: how a file is read must not show."""
     with pytest.MonkeyPatch.context() as patch:
-        if request.param != "compiled":
+        if request.param == "careful":
             patch.setattr(scan, "scanner", None)
         if request.param == "large":
-            patch.setattr(bulk, "BULK_BYTES", 0)
+            patch.setattr(scan, "LARGE_BYTES", 0)
         yield
 
 
@@ -193,14 +193,40 @@ def test_a_plain_name_goes_before_aliases(write: Write) -> None:
         ("trk,clock,px,py", "a,1,2,3", "id=trk,t=clock,x=px,y=py"),
         ("no,name,secs,gps_east,gps_north", "1,b,2,3,4", "id=name,t=secs,x=gps_east,y=gps_north"),
         ("vx,vy,x1,y1,who,when", "0,0,1,1,a,2024-01-01", "id=who,t=when,x=x1,y=y1"),
-        ("a,b,c,d", "car,1,2,3", "id=a,t=b,x=c,y=d"),
-        ("my id,t,a b,c", "a,1,2,3", "id=my id,x=a b,y=c"),
+        ("my id,t,a x,a y", "a,1,2,3", "id=my id,x=a x,y=a y"),
     ],
 )
 def test_missing_columns_are_guessed(write: Write, header: str, row: str, items: str) -> None:
     path = write("a.csv", f"{header}\n{row}\n")
     assert f"columns={tuple(items.split(','))!r}" in refusal(path)[0]
     assert len(read_trajectories(path, columns=tuple(items.split(","))).ids) == 1
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        ("a,b,c,d", "rename one, or map it with columns=('id=HEADER',)"),
+        ("scan,range_m", "try columns=('t=scan',); id, position must be added: rows without ids"),
+        ("timestamp tx ty tz qx", "try columns=('x=tx', 'y=ty', 'z=tz'); id must be added"),
+    ],
+)
+def test_what_headers_do_not_hint_at_is_not_guessed(write: Write, header: str, said: str) -> None:
+    assert said in refusal(write("a.csv", header + "\n"))[0]
+
+
+@pytest.mark.parametrize(
+    ("header", "columns"),
+    [
+        ("event-id,timestamp,location-long,location-lat,individual-local-identifier", "lat,lon"),
+        ("y,x,mass,size,frame,particle", "x,y"),  # trackpy
+        ("t,shipid,lon,lat,heading", "lat,lon"),
+        ("x_min,y_min,x_max,y_max,class_id,confidence,tracker_id,frame_index", "x,y"),
+    ],
+)
+def test_headers_of_public_data(write: Write, header: str, columns: str) -> None:
+    row = ",".join(map(str, range(1, 2 + header.count(","))))
+    found = read_trajectories(write("a.csv", f"{header}\n{row}\n"))
+    assert ",".join(found.columns) == columns
 
 
 @pytest.mark.parametrize(
@@ -251,8 +277,8 @@ def test_the_mark_of_thousands_of_a_large_file_is_none_of_decimals(
     start = f"id;t;x\n{'0' * 12}"
     rows = "".join(f"{k:06d};{k:06d};1,250\n" for k in range(5_000))
     text = start + rows
-    monkeypatch.setattr(bulk, "BULK_BYTES", 1 << 16)
-    assert len(text) > bulk.BULK_BYTES
+    monkeypatch.setattr(scan, "LARGE_BYTES", 1 << 16)
+    assert len(text) > scan.LARGE_BYTES
     assert text[: 1 << 16].endswith(";1,2")
     assert "1,250" in refusal(write("a.csv", text))[0]
 
@@ -352,9 +378,9 @@ def test_comments_above_the_header(write: Write, above: str, header: str) -> Non
         read(write("b.csv", f"{above}{header}\na,1,y\n"))
 
 
-@pytest.mark.parametrize("size", [bulk.BULK_BYTES, 0])
+@pytest.mark.parametrize("size", [scan.LARGE_BYTES, 0])
 def test_comments_between_rows(write: Write, monkeypatch: pytest.MonkeyPatch, size: int) -> None:
-    monkeypatch.setattr(bulk, "BULK_BYTES", size)
+    monkeypatch.setattr(scan, "LARGE_BYTES", size)
     text = 'id,t,x\n# start\na,1,2\n\n  // the "second" part: 2, 3, 4, 5\n{}"b",1,3\n% end'
     reading = read(write("a.csv", text.format("")))
     assert rows_of(reading.trajectories) == {("a", 1): (2.0,), ("b", 1): (3.0,)}
@@ -379,13 +405,13 @@ TABLES_BY_BLANKS = (
 )
 
 
-@pytest.mark.parametrize("size", [bulk.BULK_BYTES, 0])
+@pytest.mark.parametrize("size", [scan.LARGE_BYTES, 0])
 @pytest.mark.parametrize("scanner", [scan.scanner, None])
 @pytest.mark.parametrize("text", TABLES_BY_BLANKS)
 def test_columns_separated_by_blanks(
     write: Write, monkeypatch: pytest.MonkeyPatch, text: str, scanner: object, size: int
 ) -> None:
-    monkeypatch.setattr(bulk, "BULK_BYTES", size)
+    monkeypatch.setattr(scan, "LARGE_BYTES", size)
     monkeypatch.setattr(scan, "scanner", scanner)
     reading = read(write("a.txt", text))
     assert rows_of(reading.trajectories) == {("1", 0): (2.5, 1.0), ("1", 1): (3.5, 2.0)}
@@ -680,7 +706,8 @@ def test_the_header_of_a_study_is_understood_once(
         seen.append(header)
         return find_roles(header, options, *rest, **more)
 
-    monkeypatch.setattr(known, "find_roles", counted)
+    monkeypatch.setattr(roles, "find_roles", counted)
+    monkeypatch.setattr(roles, "_known", {})
     for k in range(3):
         path = write(f"{k}.csv", "seen_once_id,t,x,y\na,1,2,3\n")
         options = ReadOptions(columns=("id=seen_once_id",)).beside_others((path,))
@@ -903,13 +930,13 @@ def test_options_that_mean_nothing(option: dict[str, str]) -> None:
         pytest.param(
             "id,t,u,v\na,1,2,3\n",
             ", line 1: ",
-            ("no column for position", "id, t, u, v", "columns=('x=u', 'y=v')"),
+            ("no column for position", "id, t, u, v", "columns=('x=HEADER', 'y=HEADER')"),
             id="no position column",
         ),
         pytest.param(
             "id,t,lat\na,1,2\n",
             ", line 1: ",
-            ("no column for position", "columns=('x=lat',)"),
+            ("no column for position", "columns=('x=HEADER', 'y=HEADER')"),
             id="half a place",
         ),
         pytest.param(

@@ -67,7 +67,10 @@ def test_what_it_unpacks_to_is_known_before(
         read("lie.feather")
 
 
-def test_no_feather(write: Callable[[str, str | bytes], str]) -> None:
+def test_no_feather(
+    write: Callable[[str, str | bytes], str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     for data, message in (
         (b"", "empty"),
         (b"FEA1" + bytes(60), "version 1"),
@@ -76,3 +79,8 @@ def test_no_feather(write: Callable[[str, str | bytes], str]) -> None:
     ):
         with pytest.raises(InputError, match=message):
             read(write("a.feather", data))
+    table = pa.table({"id": ["a"], "t": [0], "wxyz": [1.0]})
+    feather.write_feather(table, "name.feather")
+    damaged = Path("name.feather").read_bytes().replace(b"wxyz", b"w\xffyz")
+    with pytest.raises(InputError, match="no readable Feather file: a text that is not UTF-8"):
+        read(write("a.feather", damaged))

@@ -16,7 +16,7 @@ from tgospa_eval import read_trajectories
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import Reading, ReadOptions, read
 from tgospa_eval.formats.columns.roles import find_roles
-from tgospa_eval.formats.text import bulk, scan
+from tgospa_eval.formats.text import scan
 
 Run = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
@@ -494,7 +494,7 @@ def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None
     if request.param != "compiled":
         monkeypatch.setattr(scan, "scanner", None)
     if request.param == "large":
-        monkeypatch.setattr(bulk, "BULK_BYTES", 0)
+        monkeypatch.setattr(scan, "LARGE_BYTES", 0)
 
 
 @pytest.mark.usefixtures("way")

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from tgospa_eval.formats import ReadOptions, read
-from tgospa_eval.formats.unpack import ZSTD
+from tgospa_eval.formats.loading import ZSTD
 from tgospa_eval.partitioned.sides import PartsSide, open_side
 from tgospa_eval.partitioned.tasks import run_tasks
 from tgospa_eval.tracks.conversion import Conversion

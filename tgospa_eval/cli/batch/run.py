@@ -52,8 +52,8 @@ from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.evaluation.request import chosen_metrics
 from tgospa_eval.evaluation.slicing import parse_slices
 from tgospa_eval.formats import runs_inside
-from tgospa_eval.formats.filters import parse_moments
 from tgospa_eval.formats.guess import file_of, files_at
+from tgospa_eval.formats.options import parse_moments
 from tgospa_eval.reports.batch import BATCH_REPORTS, slices_of_groups
 from tgospa_eval.reports.batch_records import BatchTables
 from tgospa_eval.reports.batch_view import BatchView
@@ -342,9 +342,6 @@ def size_of(task: JobTask) -> int:
     paths = (file_of(path) for path in (task.job.truth, task.job.estimate))
     return sum(os.path.getsize(file) for path in paths for file in files_at(path))
 
-
-# -------------------------------------------------------------------------------------------------
-# From the options of a batch to its store and tables.
 
 FLUSH = 2.0
 """Seconds after which rows are written: so much work a killed process loses at most."""

@@ -465,9 +465,6 @@ def _update_store(stored: _Stored, old: Baseline, path: str) -> Report:
     return Report(baseline=path, outcomes=tuple(outcomes), version=__version__)
 
 
-# -------------------------------------------------------------------------------------------------
-# From the options of the gate to verdicts, and these to stdout and files.
-
 Files = Mapping[str, str]
 
 

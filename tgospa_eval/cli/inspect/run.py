@@ -61,10 +61,6 @@ def _kind(path: str) -> str:
     return os.path.splitext(path)[1].lower().removeprefix(".")
 
 
-# -------------------------------------------------------------------------------------------------
-# From the options of ``inspect`` to its document.
-
-
 def inspect_files(
     paths: tuple[str, ...],
     options: Request,

@@ -12,7 +12,7 @@ from tgospa_eval.distances import DISTANCES, Distance
 from tgospa_eval.distances.base import Fault, Floats
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.columns.asked import BOX, parse_columns
+from tgospa_eval.formats.columns.headers import BOX, parse_columns
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
@@ -104,10 +104,6 @@ def cloud_distance(options: Request) -> "CloudWasserstein":
 
 def _spelt(name: str) -> str:
     return name.replace("_", "-")
-
-
-# -------------------------------------------------------------------------------------------------
-# From the options to a base distance.
 
 
 class DistanceOptions:

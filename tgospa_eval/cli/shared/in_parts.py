@@ -11,7 +11,7 @@ from tgospa_eval.api.request import Request
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.machine import machine_memory
 from tgospa_eval.formats.guess import is_table_folder
-from tgospa_eval.formats.room import TABLE, TEXT
+from tgospa_eval.formats.loading import TABLE, TEXT
 
 PARQUET, TEXTS = (".parquet", ".pq"), (".csv", ".tsv")
 LEFT_BEHIND = ("_", ".")

@@ -9,7 +9,7 @@ from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.guess import SAMPLES, file_of, is_table_folder
-from tgospa_eval.formats.unpack import plain_name
+from tgospa_eval.formats.loading import plain_name
 from tgospa_eval.text import listed
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".pq", ".feather", ".arrow", ".npz", ".mat")

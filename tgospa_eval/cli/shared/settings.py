@@ -20,8 +20,8 @@ from tgospa_eval.evaluation.request import (
     chosen_parameters,
 )
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
-from tgospa_eval.formats.columns.asked import columns_of_each
-from tgospa_eval.formats.filters import parse_steps
+from tgospa_eval.formats.columns.headers import columns_of_each
+from tgospa_eval.formats.options import parse_steps
 from tgospa_eval.formats.reading import Known, check_classes
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.records import FileInfo

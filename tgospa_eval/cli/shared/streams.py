@@ -69,13 +69,6 @@ def are_heard() -> bool:
     return is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-# -------------------------------------------------------------------------------------------------
-# stdout and stderr: what is written there is text, and what happens if it cannot be written.
-#
-# The last line of defence: control characters are escaped here whatever was forgotten
-# elsewhere, and
-# no line is a command of a CI system but those that the gate means.
-
 CI = ("CI", "GITHUB_ACTIONS", "TF_BUILD", "TEAMCITY_VERSION")
 """Set where stdout is a log that is searched for commands."""
 

@@ -15,8 +15,8 @@ from tgospa_eval.common.manifest import FileEntry, entry, read_manifest, unchang
 from tgospa_eval.common.progress import Progress, Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.formats.parts import PartWriter, check_parquet, part_name
-from tgospa_eval.formats.write import WRITERS, csv_text
+from tgospa_eval.formats.loading import check_parquet
+from tgospa_eval.formats.write import WRITERS, PartWriter, csv_text, part_name
 from tgospa_eval.reports.files import Kind, probe_folder, write_files, write_texts
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.simulation.recordings import RECORDINGS, Layout, RecordedRows, simulate_recording
@@ -67,9 +67,6 @@ def _measurements(run: SettingRun) -> str:
     ]
     return "".join(["t,x,y\n", *rows])
 
-
-# -------------------------------------------------------------------------------------------------
-# From the options of ``simulate`` to files.
 
 DISTANCE_OF_STATE = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
 """Distances of states that are more than points."""

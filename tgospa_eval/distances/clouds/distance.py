@@ -68,11 +68,6 @@ def slopes_of_particles(
     return np.concatenate(found)
 
 
-# -------------------------------------------------------------------------------------------------
-# Wasserstein distance of particle clouds as base distance: settings, and clouds made ready.
-#
-# Which pairs of them are near is found in `tgospa_eval.distances.clouds.pairs`.
-
 INNER = ("euclidean", "mahalanobis")
 
 

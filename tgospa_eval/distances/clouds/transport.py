@@ -244,18 +244,6 @@ def _generator(rng: "np.random.Generator | int | None") -> "np.random.Generator"
         raise ConfigError(f"rng is {rng!r}: must be a numpy.random.Generator or a seed") from None
 
 
-# -------------------------------------------------------------------------------------------------
-# Optimal transport between two particle clouds, exactly.
-#
-# The mass of one cloud is moved to the other at the least cost
-#
-#     W_q = (min_w  sum_ij w_ij d(x_i, y_j)^q)^(1/q),   w_ij >= 0,
-#     sum_j w_ij = weight of x_i,   sum_i w_ij = weight of y_j,
-#
-# [Danu] equations 7 and 14; equation 13 has lost the root, without which it is no metric. In one
-# dimension sorting solves it, against one point there is nothing to choose, clouds of equally many
-# particles of equal weight are an assignment; the rest is solved by POT, the extra ``clouds``.
-
 Cloud = tuple[Floats, Floats]
 """Points (N, d) and weights (N,) > 0 that sum to 1."""
 

@@ -181,16 +181,6 @@ def occupied(side: Trajectories) -> NDArray[np.bool_]:
     return np.bincount(side.step, minlength=len(side.times)) > 0
 
 
-# -------------------------------------------------------------------------------------------------
-# Bounds of the per-step GOSPA cost of a few steps, for what a change of the data would save.
-#
-#     cost = (m + n) / 2 - G,   G = max over disjoint pairs of sum 1 - (d / c)^p,   in units of c^p,
-#
-# of m truths and n estimates (docs/theory/metric.md, "Identities"). The sums of the largest
-# terms of
-# each truth and of each estimate bound G from above, a greedy choice from below. Assignments are
-# computed only where these bounds leave an answer open.
-
 DENSE = 1_000_000
 """Pairs of a step, near or not, up to which an assignment is computed."""
 

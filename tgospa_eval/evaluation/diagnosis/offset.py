@@ -147,17 +147,6 @@ def _usual(truth: Trajectories, own: Floats, distance: Distance) -> tuple[float,
     return median(time), median(distance(truth.state[before], truth.state[after]) / time)
 
 
-# -------------------------------------------------------------------------------------------------
-# How far the clock of the estimate is off: the shift of its stamps that fits the truth best.
-#
-#     G(shift) = sum over steps of the estimate of  max over disjoint pairs of  sum 1 - (d / c)^p,
-#
-# with the truth on straight lines between its states. Pairs that are near, whatever their
-# times, say
-# which shifts are worth a look; G makes these finer. A shift is named only if all others that are
-# as well covered fit worse, by more than what differs from one stretch of the recording to the next
-# explains: targets at rest, or on a circle, name none.
-
 SAMPLED, SAMPLED_TIMES = 600, 300
 """Rows of the estimate that are looked at, and steps, at most."""
 

@@ -118,9 +118,6 @@ def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distan
     return median(np.concatenate(nearest))
 
 
-# -------------------------------------------------------------------------------------------------
-# Whether default parameters and the unit suit the data.
-
 PARAMETER_NAMES = {"cutoff": "cutoff c", "switch_penalty": "switch penalty gamma"}
 
 

@@ -31,7 +31,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     step_costs,
     with_state,
 )
-from tgospa_eval.formats.columns.asked import BOX
+from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.text import quoted
@@ -234,13 +234,6 @@ def _lines(
 def _displaced_by(estimate: Trajectories, by: Floats) -> Trajectories:
     return with_state(estimate, estimate.state + by)
 
-
-# -------------------------------------------------------------------------------------------------
-# Warnings about the states of two sides: other units, other axes, another origin.
-#
-# Each suspicion is tried on some steps that both sides have: there is a warning only where
-# undoing it
-# would at least halve the per-step GOSPA cost.
 
 FACTORS = {
     1000.0: ("metres", "kilometres"),

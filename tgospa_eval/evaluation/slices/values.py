@@ -10,7 +10,7 @@ from tgospa_eval.distances import Distance, near_pairs
 from tgospa_eval.distances.sphere import Haversine
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.slicing import DERIVED, Attribute
-from tgospa_eval.formats.columns.asked import BOX
+from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.attributes import Values

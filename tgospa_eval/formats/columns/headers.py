@@ -1,13 +1,93 @@
 """Headers of a table: where a column is found, and which header was probably meant."""
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 
-from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.asked import ask
-from tgospa_eval.formats.fields import is_number
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.text import listed, quoted
+
+WEIGHT = "weight"
+"""Of particles."""
+
+NO_STATES = ("id", "t", "class", WEIGHT)
+"""Columns that are no part of the state, also where they are named."""
+
+PREFIXES = ("cov_", "std_", "rho_")
+"""Of entries of covariances."""
+
+BOX = ("left", "top", "width", "height")
+EDGES = (*BOX, "right", "bottom")
+
+
+def coordinate_names(size: int) -> tuple[str, ...]:
+    """Names of the components of states that have none: x, y, z, from four on x0, x1, ..."""
+    return tuple("xyz"[:size]) if size <= 3 else tuple(f"x{k}" for k in range(size))
+
+
+def columns_of_each(
+    shared: Sequence[str] | None, *own: Sequence[str] | None
+) -> list[tuple[tuple[str, ...] | None, tuple[str, ...]]]:
+    """The columns of each file, and the names among them whose headers it may lack.
+
+    Parameters
+    ----------
+    shared : sequence of str, optional
+        Items for all files.
+    own : sequences of str, optional
+        Items for each, which go before. States that are named for one are those of all.
+    """
+    maps, wanted = parse_columns(shared)
+    found = [parse_columns(items) for items in own]
+    named = wanted or next((states for _, states in found if states), ())
+    answer = []
+    for mapped, states in found:
+        chosen = named if set(states) <= set(named) else states
+        headers = maps | mapped
+        # Names of states in order, the others in front.
+        names = [*(name for name in headers if name not in chosen), *chosen]
+        items = tuple(f"{name}={headers[name]}" if name in headers else name for name in names)
+        answer.append((items or None, tuple(name for name in maps if name not in mapped)))
+    return answer
+
+
+def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Header of each mapped name, and the names of the state columns, in order.
+
+    Edges of boxes, weights and entries of covariances that are mapped are no state columns by that;
+    named without ``=`` they are.
+    """
+    mapped: dict[str, str] = {}
+    wanted: dict[str, None] = {}  # in order, and quick to look in
+    for item in columns or ():
+        name, equals, header = (part.strip() for part in item.partition("="))
+        if not name or (equals and not header):
+            raise ConfigError(f"columns: {quoted(item)} is neither a name nor name=header")
+        if name in wanted or name in mapped:
+            raise ConfigError(f"columns: {quoted(name)} is given twice")
+        if equals:
+            mapped[name] = header
+        beside = name in (*EDGES, WEIGHT) or name.startswith(PREFIXES)
+        if name not in NO_STATES and not (equals and beside):
+            wanted[name] = None
+    return mapped, tuple(wanted)
+
+
+def ask(option: str, items: Sequence[str]) -> str:
+    """What to type or write so that these items are columns: ready to be pasted.
+
+    `option` is an option of the command line, an argument of Python, or nothing for a DataFrame.
+    """
+    if option.startswith("-"):
+        from shlex import quote  # here: for messages only
+
+        return f"{option} {quote(','.join(items))}"
+    if option:
+        return f"{option}={tuple(items)!r}"
+    names = (item.partition("=")[::2] for item in items)
+    return f"rename(columns={ ({header: name for name, header in names if header})!r})"
+
 
 Mix = tuple[tuple[int, float], ...]
 """A quantity as columns times factors: the centre of a box is left + 0.5 width."""
@@ -32,14 +112,16 @@ HEADER_ALIASES = {
         "object_uuid "
         "track_no track_num track_number target_number track_name target_name track_token "
         "instance_id instance_token entity_id agent_id vehicle_id person_id pedestrian_id actor_id "
+        "tracker_id player_id ship_id taxi_id individual_id individual_local_identifier particle "
         "mmsi icao24",
         "t": f"{' '.join(FIRST_ALIASES['t'])} ts stamp datetime utc utc_time time_utc timestep "
         "frame_id frame_idx frame_index frame_no frame_num frame_number base_date_time",
         "x": COORDINATE.format("x") + " easting utm_easting",
         "y": COORDINATE.format("y") + " northing utm_northing",
         "z": COORDINATE.format("z"),
-        "lat": "lat latitude gps_lat gps_latitude pos_lat",
-        "lon": "lon lng long longitude gps_lon gps_lng gps_longitude pos_lon",
+        "lat": "lat latitude gps_lat gps_latitude pos_lat location_lat",
+        "lon": "lon lng long longitude gps_lon gps_lng gps_longitude pos_lon location_lon "
+        "location_long",
         "left": "left bb_left bbox_left x_min",
         "top": "top bb_top bbox_top y_min",
         "width": "width bb_width bbox_width",
@@ -73,20 +155,8 @@ UNITS = {
 """Last words of headers that are no part of the name; lat_rad is no latitude in degrees."""
 
 HINTS = {
-    "id": ("id", "track", "trk", "obj", "target", "name", "who", "number", "no", "num"),
-    "t": (
-        "time",
-        "stamp",
-        "frame",
-        "date",
-        "sec",
-        "scan",
-        "epoch",
-        "clock",
-        "when",
-        "zeit",
-        "tick",
-    ),
+    "id": ("id", "mmsi", "track", "trk", "obj", "target", "name", "who", "number", "no", "num"),
+    "t": ("time", "stamp", "frame", "date", "sec", "scan", "epoch", "clock", "when"),
     "lat": ("lat",),
     "lon": ("lon", "lng"),
 }
@@ -178,13 +248,12 @@ class Headers:
 
     def _places(self, name: str) -> list[int]:
         """Positions of all headers that may be a column, the most usual first."""
-        return self._of(_aliases(name), name)
-
-    def _of(self, keys: Iterable[str], name: str) -> list[int]:
-        """Positions of headers that are one of these words, with a unit of the column if any."""
         units = UNITS.get(name, ())
         places = (
-            k for key in keys for k, unit in self.keyed.get(key, ()) if not unit or unit in units
+            k
+            for key in _aliases(name)
+            for k, unit in self.keyed.get(key, ())
+            if not unit or unit in units
         )
         return list(dict.fromkeys(places))
 
@@ -213,51 +282,24 @@ class Headers:
         found = get_close_matches(_joined(header), alike, n=1)
         return alike[found[0]] if found else None
 
-    def guess(self, wanted: Sequence[str], used: set[int], sample: Sequence[str]) -> list[str]:
-        """Items ``name=header`` for columns that were not found, by likely names, then by position.
+    def guess(self, wanted: Sequence[str], used: set[int]) -> list[str]:
+        """Items ``name=header`` for columns that were not found, by what is said in headers.
 
-        Parameters
-        ----------
-        wanted : sequence of str
-            Names of the columns; ``position`` is any two or three of the state.
-        used : set of int
-            Headers that are something else.
-        sample : sequence of str
-            Fields of the first row, if there is one: a position is a number.
+        `wanted` are their names, ``position`` is any two or three of the state; headers that are
+        `used` are something else.
         """
         free = {
             k: _joined(name)
             for k, name in enumerate(self.names)
             if k not in used and name.isprintable() and "," not in name and len(name) <= 40
         }
-        numeric = {
-            k: key
-            for k, key in free.items()
-            if k >= len(sample) or is_number(sample[k].strip().replace(",", "."))
-        }
-        found: dict[str, int] = {}
-        place = _position(numeric)
-        found |= {name: k for name, k in place.items() if {name, "position"} & set(wanted)}
-        names = [name for name in wanted if name != "position"]
-        for take in (_likely, _first):
-            for name in names:
-                left = {k: key for k, key in free.items() if k not in found.values()}
-                if name in ("id", "t"):
-                    left = {k: key for k, key in left.items() if not re.search(SCORE, key)}
-                if name == "id":
-                    left = {
-                        k: key for k, key in left.items() if not _is_fraction(sample[k : k + 1])
-                    }
-                at = None if name in found else take(name, left)
-                if at is not None:
-                    found[name] = at
-        if "position" in wanted and not {"x", "lat"} & set(found):
-            left = {
-                k: key
-                for k, key in numeric.items()
-                if k not in found.values() and not re.search(SCORE, key)
-            }
-            found |= dict(zip("xy", left, strict=False))
+        place = _position(free)
+        found = {name: k for name, k in place.items() if {name, "position"} & set(wanted)}
+        for name in wanted:
+            for hint in HINTS.get(name, ()):
+                at = next((k for k, key in free.items() if _hints(name, hint, key)), None)
+                if at is not None and at not in found.values():
+                    found.setdefault(name, at)
         order = ["id", "t", *(name for name in found if name not in ("id", "t"))]
         return [f"{name}={self.names[found[name]]}" for name in order if name in found]
 
@@ -294,29 +336,10 @@ def _keys(header: str) -> Iterator[tuple[str, str]]:
         yield "".join(words[:-1]).casefold(), words[-1].casefold()
 
 
-def _is_fraction(sample: Sequence[str]) -> bool:
-    """Whether the field, if there is one, is a number that is not whole."""
-    texts = [text.strip().replace(",", ".") for text in sample]
-    return any(is_number(text) and float(text) % 1 != 0 for text in texts)
-
-
-def _likely(name: str, free: dict[int, str]) -> int | None:
-    """A header with a part that hints at the column, or one that is spelt nearly so."""
-    from difflib import get_close_matches  # here: for mistakes only
-
-    for hint in HINTS.get(name, ()):
-        for k, key in free.items():
-            if (hint in key) if len(hint) > 3 else key.startswith(hint) or key.endswith(hint):
-                return k
-    close = get_close_matches(_joined(name), free.values(), n=1, cutoff=0.75)
-    return next((k for k, key in free.items() if close and key == close[0]), None)
-
-
-def _first(name: str, free: dict[int, str]) -> int | None:
-    """The first header that is left: tables begin with the object and the time."""
-    if name not in ("id", "t"):
-        return None
-    return next((k for k, key in free.items() if not re.search(NO_PLACE, key)), None)
+def _hints(name: str, hint: str, key: str) -> bool:
+    """Whether a header has the part that hints at a column, and is no score."""
+    there = hint in key if len(hint) > 3 else key.startswith(hint) or key.endswith(hint)
+    return there and not (name in ("id", "t") and re.search(SCORE, key))
 
 
 def _position(free: dict[int, str]) -> dict[str, int]:
@@ -333,3 +356,77 @@ def _position(free: dict[int, str]) -> dict[str, int]:
                     depth = {} if third is None else {"z": third}
                     return dict(zip(names, (places[key], other), strict=True)) | depth
     return {}
+
+
+DETECTIONS = "rows without ids are detections, and TGOSPA compares tracks"
+
+
+def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
+    """Take back what is mapped to headers that another file may have; the message if none has.
+
+    Raises
+    ------
+    InputError
+        A header is missing that this very file should have.
+    """
+    lacking = {}
+    spreads = [name for name in headers.mapped if name.startswith(PREFIXES)]
+    points = all(headers.spelt(headers.mapped[name], name) is None for name in spreads)
+    for name, header in list(headers.mapped.items()):
+        if headers.spelt(header, name) is None:
+            near = headers.nearest(header)
+            mend = {f"{name}={header}": name if near == name else f"{name}={near or 'HEADER'}"}
+            given = ("=".join(map(str.strip, item.split("=", 1))) for item in options.columns or ())
+            remedy = ask(headers.option, [mend.get(item, item) for item in given])
+            remedy = f"name one of these, {remedy}" if near is None else f"did you mean {remedy}?"
+            fault = (
+                f"{headers.where}: no header {quoted(header)} for {name} "
+                f"(found: {headers.shown}); {remedy}"
+            )
+            if name not in options.shared and not (points and name in spreads):
+                raise InputError(fault)
+            lacking[name] = fault
+            del headers.mapped[name]
+    return lacking
+
+
+def absent(
+    headers: Headers,
+    needed: tuple[int | None, int | None],
+    states: dict[str, Mix | None],
+) -> str:
+    """The message about columns that are missing, with what to type."""
+    missing = [name for name, found in zip(("id", "t"), needed, strict=True) if found is None]
+    missing += [name for name, mix in states.items() if mix is None] if states else ["position"]
+    lost = f"{headers.where}: no column for {listed(missing)} (found: {headers.shown})"
+    used = {k for k in needed if k is not None}
+    used |= {k for mix in states.values() for k, _ in mix or ()}
+    parts = headers.stamp(headers.names) if "t" in missing else ""
+    if parts:
+        return f"{lost}; {parts}"
+    items = headers.guess(missing, used)
+    if not items:
+        names = ("x", "y") if missing[0] == "position" else missing[:1]
+        remedy = ask(headers.option, [f"{name}=HEADER" for name in names])
+        why = f"; {DETECTIONS}" if missing[0] == "id" else ""
+        return f"{lost}; rename one, or map it with {remedy}{why}"
+    named = {item.partition("=")[0] for item in items}
+    placed = {"position"} if named & {"x", "lat"} else set()
+    rest = [name for name in missing if name not in named | placed]
+    # What the user has mapped stays so, and so does the choice of states.
+    items += [f"{name}={header}" for name, header in headers.mapped.items() if name not in named]
+    if named & set(states):
+        items += [name for name in states if name not in {*named, *headers.mapped, *rest}]
+    also = f"; {', '.join(rest)} must be added" if rest else ""
+    also += f": {DETECTIONS}" if "id" in rest else ""
+    return f"{lost}; try {ask(headers.option, items)}{also}"
+
+
+def no_class(headers: Headers, options: ReadOptions, *, fixed: bool) -> str:
+    """The message where there are no classes."""
+    option = "--class" if options.classes is not None else options.class_for
+    remedy = f"add it, or map it with {ask(headers.option, ['class=HEADER'])}"
+    return (
+        f"{headers.where}: no column class for {option} (found: {headers.shown}); "
+        f"{'rows of this length have none' if fixed else remedy}"
+    )

@@ -1,17 +1,26 @@
 """Which column is what: headers to roles."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import field
+from dataclasses import field, fields
 from functools import cached_property, partial
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.columns.asked import BOX, PREFIXES, WEIGHT, parse_columns
-from tgospa_eval.formats.columns.headers import Headers, Mix
-from tgospa_eval.formats.columns.lacking import absent, no_class, without_maps
+from tgospa_eval.formats.columns.headers import (
+    BOX,
+    PREFIXES,
+    WEIGHT,
+    Headers,
+    Mix,
+    absent,
+    no_class,
+    parse_columns,
+    without_maps,
+)
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.text import listed, quoted
@@ -19,7 +28,7 @@ from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.trajectories import Floats
 
 if TYPE_CHECKING:
-    from tgospa_eval.formats.columns.spread import Spread
+    from tgospa_eval.formats.columns.spread import SpreadColumns
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +57,7 @@ class Roles:
         Column of the weights of particles.
     attributes : dict of str to int
         Columns of the attributes that are asked for, as far as they are there.
-    spread : Spread, optional
+    spread : SpreadColumns, optional
         Columns of the covariances.
     asked : bool
         Whether covariances were asked for.
@@ -74,7 +83,7 @@ class Roles:
     unused: tuple[str, ...]
     weight: int | None = None
     attributes: dict[str, int] = field(default_factory=dict)
-    spread: "Spread | None" = None
+    spread: "SpreadColumns | None" = None
     asked: bool = False
     headers: tuple[str, ...] = ()
     fixed: bool = False
@@ -175,12 +184,10 @@ def find_roles(
     where: str,
     *,
     fixed: bool = False,
-    sample: Sequence[str] = (),
 ) -> Roles:
     """Assign roles to the headers of a table; `where` begins every message.
 
-    `fixed` headers are those of a format, which nobody can rename. `sample` has the fields of the
-    first row, by which headers are guessed for the message that some are missing.
+    `fixed` headers are those of a format, which nobody can rename.
 
     Raises
     ------
@@ -202,7 +209,7 @@ def find_roles(
     found = {name: mixes.of(name, wanted) for name in wanted}
     state = tuple(mix for mix in found.values() if mix is not None)
     if identity is None or time is None or not wanted or len(state) < len(wanted):
-        fault = absent(headers, (identity, time), found, sample)
+        fault = absent(headers, (identity, time), found)
         raise InputError(f"{fault}; this format has no other" if fixed else fault)
     region = _region(mixes, wanted, options)
     klass = _class_column(headers, options, lacking, fixed=fixed)
@@ -315,7 +322,9 @@ def _class_column(
     return klass
 
 
-def _spread(headers: Headers, wanted: tuple[str, ...], state: Sequence[Mix]) -> "Spread | None":
+def _spread(
+    headers: Headers, wanted: tuple[str, ...], state: Sequence[Mix]
+) -> "SpreadColumns | None":
     """Columns of the covariances, by the first naming of which there are any."""
     from tgospa_eval.formats.columns.spread import find_spread  # here: most states are points
 
@@ -388,3 +397,32 @@ def _check_names(names: list[str], where: str) -> None:
         if name in seen:
             raise InputError(f"{where}: the header names {quoted(name)} twice; rename one")
         seen.add(name)
+
+
+MOST_HEADERS = 64
+
+_OPTIONS: Callable[[ReadOptions], tuple[object, ...]] = attrgetter(
+    *(field.name for field in fields(ReadOptions) if field.name != "beside")
+)
+"""What roles may depend on: all options but the names of the files."""
+
+_known: dict[tuple[tuple[str, ...], tuple[object, ...]], Roles] = {}
+
+
+def known_roles(header: Sequence[str], options: ReadOptions, where: str) -> Roles:
+    """`find_roles`, of the same header with the same options only once.
+
+    Raises
+    ------
+    InputError, ConfigError
+        As `find_roles`.
+    """
+    key = tuple(header), _OPTIONS(options)
+    if key not in _known:
+        roles = find_roles(header, options, where)
+        if roles.lacking or roles.passed:  # sentences that name the file
+            return roles
+        if len(_known) >= MOST_HEADERS:
+            _known.clear()
+        _known[key] = roles
+    return _known[key]

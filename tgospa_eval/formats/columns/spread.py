@@ -5,7 +5,7 @@ Two spellings: `cov_xx`, `cov_xy`, `cov_yy` (names of more than one letter apart
 `tracks.covariances`.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ BEYOND = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spread:
+class SpreadColumns:
     """Where the covariances of a table are.
 
     Parameters
@@ -61,6 +61,10 @@ class Spread:
         ]
 
 
+First = Callable[[NDArray[np.bool_]], tuple[int, str, str]]
+"""Position and place of the wrong one that comes first in the file; how many more."""
+
+
 def spelt(first: str, second: str, *, deviations: bool = False) -> list[str]:
     """Headers of an entry of a covariance, the usual one first."""
     if deviations and first == second:
@@ -76,7 +80,7 @@ def spelt(first: str, second: str, *, deviations: bool = False) -> list[str]:
 
 def find_spread(
     names: Sequence[str], find: Callable[[str], int | None], where: str
-) -> Spread | None:
+) -> SpreadColumns | None:
     """The columns of the covariances of these state columns; None if there are none.
 
     Covariances are taken before standard deviations. `find` gives the position of a header.
@@ -87,7 +91,7 @@ def find_spread(
         There are some columns, and that of a variance is missing.
     """
     for deviations in (False, True):
-        found = Spread(names=tuple(names), entries=(), deviations=deviations)
+        found = SpreadColumns(names=tuple(names), entries=(), deviations=deviations)
         entries = []
         for i, j, _ in found.labels():
             spellings = spelt(names[j], names[i], deviations=deviations)
@@ -95,7 +99,7 @@ def find_spread(
             entries.append(tuple(dict.fromkeys(k for k in places if k is not None)))
         if not any(entries):
             continue
-        found = Spread(names=tuple(names), entries=tuple(entries), deviations=deviations)
+        found = SpreadColumns(names=tuple(names), entries=tuple(entries), deviations=deviations)
         for (i, j, label), entry in zip(found.labels(), entries, strict=True):
             if i == j and not entry:
                 raise InputError(
@@ -106,41 +110,26 @@ def find_spread(
     return None
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Cells:
-    """The numbers of the rows that take part, with words for messages.
-
-    Parameters
-    ----------
-    values : dict of int to (R,) float array
-        By column, NaN where blank.
-    row : (R,) int array
-        Row of the file of each.
-    where : callable
-        Where a row of the file is, and what it is about.
-    """
-
-    values: dict[int, Floats]
-    row: Ints
-    where: Callable[[int], str]
-
-    def first(self, wrong: NDArray[np.bool_]) -> tuple[int, str, str]:
-        """Position and place of the wrong one that comes first in the file; how many more."""
-        at = np.flatnonzero(wrong)
-        first = int(at[np.argmin(self.row[at])])
-        return first, self.where(int(self.row[first])), more(len(at))
-
-
 def covariances_of(
-    cells: Cells, spread: Spread, *, missing: str, fix: bool
+    values: Mapping[int, Floats],
+    row: Ints,
+    where: Callable[[int], str],
+    spread: SpreadColumns,
+    *,
+    missing: str,
+    fix: bool,
 ) -> tuple[Floats, list[Notice]]:
     """Lower triangles (R, d (d + 1) / 2) of the rows, and what the user should know of them.
 
     Parameters
     ----------
-    cells : Cells
-        The numbers.
-    spread : Spread
+    values : dict of int to (R,) float array
+        The numbers of the rows that take part, by column, NaN where blank.
+    row : (R,) int array
+        Row of the file of each.
+    where : callable
+        Where a row of the file is, and what it is about.
+    spread : SpreadColumns
         Which column is which entry.
     missing : {"error", "zero"}
         What a row without any covariance is: wrong, or a point.
@@ -152,14 +141,21 @@ def covariances_of(
     InputError
         A covariance is blank, not symmetric, or none.
     """
+
+    def first(wrong: NDArray[np.bool_]) -> tuple[int, str, str]:
+        """Position and place of the wrong one that comes first in the file; how many more."""
+        at = np.flatnonzero(wrong)
+        found = int(at[np.argmin(row[at])])
+        return found, where(int(row[found])), more(len(at))
+
     notices = []
     if spread.absent:
         what = "column" if len(spread.absent) == 1 else "columns"
         notices.append(Notice(text=f"no {what} {', '.join(spread.absent)}: taken as 0"))
-    without = _blank(cells, spread)
+    without = _blank(values, spread, first)
     if without.any():
         if missing == "error":
-            _, place, others = cells.first(without)
+            _, place, others = first(without)
             raise InputError(
                 f"{place}: no covariance{others}; add it, or --missing-cov zero makes such states "
                 "points"
@@ -172,18 +168,16 @@ def covariances_of(
     packed = np.zeros((len(spread.entries), len(without)))
     for k in range(len(packed)):
         if spread.entries[k]:
-            packed[k] = _entry(k, cells, spread, without)
+            packed[k] = _entry(k, values, spread, without, first)
     if spread.deviations:
-        packed = _products(packed, spread, cells, fix=fix)
-    order = np.argsort(cells.row, kind="stable")  # messages name the first of the file
-    in_order = cells.row[order]
-    packed[:, order], changed = accept(
-        packed[:, order], lambda k: cells.where(int(in_order[k])), fix=fix
-    )
+        packed = _products(packed, spread, first, fix=fix)
+    order = np.argsort(row, kind="stable")  # messages name the first of the file
+    in_order = row[order]
+    packed[:, order], changed = accept(packed[:, order], lambda k: where(int(in_order[k])), fix=fix)
     return np.ascontiguousarray(packed.T), notices + changed
 
 
-def _blank(cells: Cells, spread: Spread) -> NDArray[np.bool_]:
+def _blank(values: Mapping[int, Floats], spread: SpreadColumns, first: First) -> NDArray[np.bool_]:
     """Rows without any covariance.
 
     Raises
@@ -191,11 +185,11 @@ def _blank(cells: Cells, spread: Spread) -> NDArray[np.bool_]:
     InputError
         Of a row some entries are blank and others are not.
     """
-    blank = {column: np.isnan(values) for column, values in cells.values.items()}
+    blank = {column: np.isnan(values) for column, values in values.items()}
     without = np.all(list(blank.values()), axis=0)
     partly = np.any(list(blank.values()), axis=0) & ~without
     if partly.any():
-        at, place, others = cells.first(partly)
+        at, place, others = first(partly)
         label = next(
             label
             for (_, _, label), entry in zip(spread.labels(), spread.entries, strict=True)
@@ -208,7 +202,13 @@ def _blank(cells: Cells, spread: Spread) -> NDArray[np.bool_]:
     return np.asarray(without, bool)
 
 
-def _entry(k: int, cells: Cells, spread: Spread, without: NDArray[np.bool_]) -> Floats:
+def _entry(
+    k: int,
+    values: Mapping[int, Floats],
+    spread: SpreadColumns,
+    without: NDArray[np.bool_],
+    first_of: First,
+) -> Floats:
     """The k-th entry of the lower triangles: the mean of both columns, if there are two.
 
     Raises
@@ -217,12 +217,12 @@ def _entry(k: int, cells: Cells, spread: Spread, without: NDArray[np.bool_]) -> 
         They differ by more than rounding.
     """
     i, j, label = list(spread.labels())[k]
-    first, *mirrored = (np.where(without, 0.0, cells.values[c]) for c in spread.entries[k])
+    first, *mirrored = (np.where(without, 0.0, values[c]) for c in spread.entries[k])
     for other in mirrored:
-        scale = np.ones(len(without)) if spread.deviations else _scale(cells, spread, i, j)
+        scale = np.ones(len(without)) if spread.deviations else _scale(values, spread, i, j)
         mean, wrong = symmetric(first, other, np.where(without, 0.0, scale))
         if len(wrong):
-            at, place, others = cells.first(np.isin(np.arange(len(without)), wrong))
+            at, place, others = first_of(np.isin(np.arange(len(without)), wrong))
             raise InputError(
                 f"{place}: covariance not symmetric: {label} is given as {first[at]:.15g} "
                 f"and as {other[at]:.15g}{others}; correct one, or leave it out"
@@ -231,20 +231,20 @@ def _entry(k: int, cells: Cells, spread: Spread, without: NDArray[np.bool_]) -> 
     return np.asarray(first, np.float64)
 
 
-def _scale(cells: Cells, spread: Spread, i: int, j: int) -> Floats:
+def _scale(values: Mapping[int, Floats], spread: SpreadColumns, i: int, j: int) -> Floats:
     """Root of the product of two variances."""
-    first, second = (cells.values[spread.entries[k * (k + 3) // 2][0]] for k in (i, j))
+    first, second = (values[spread.entries[k * (k + 3) // 2][0]] for k in (i, j))
     return np.sqrt(np.abs(first)) * np.sqrt(np.abs(second))
 
 
-def _products(packed: Floats, spread: Spread, cells: Cells, *, fix: bool) -> Floats:
+def _products(packed: Floats, spread: SpreadColumns, first: First, *, fix: bool) -> Floats:
     """Covariances of standard deviations and correlations, these of any size if they are mended."""
     beyond = np.inf if fix else 1 + BEYOND
     for k, (i, j, label) in enumerate(spread.labels()):
         least, most = (0.0, LARGEST_VARIANCE**0.5) if i == j else (-beyond, beyond)
         wrong = ~((packed[k] >= least) & (packed[k] <= most))
         if wrong.any():
-            at, place, others = cells.first(wrong)
+            at, place, others = first(wrong)
             rule = f"0 to {most:g}" if i == j else "-1 to 1; correct it or use --fix-cov"
             raise InputError(
                 f"{place}: {label} is {packed[k, at]:g}{others}; it must be from {rule}"

@@ -4,10 +4,10 @@
 
 import numpy as np
 
-from cpython.unicode cimport PyUnicode_DecodeASCII
+from cpython.unicode cimport PyUnicode_DecodeUTF8
 from libc.math cimport INFINITY, NAN
 from libc.stdint cimport int64_t, uint64_t
-from libc.string cimport memcmp
+from libc.string cimport memcmp, memcpy
 
 cdef extern from "Python.h":
     double PyOS_string_to_double(const char *text, char **end, void *overflow) except? -1.0
@@ -27,6 +27,74 @@ cdef enum:
     TEXT = 2
     MOST_DIGITS = 19  # of 64 bits
     LONGEST = 120
+    SCALES = 65  # powers of ten that are multiplied here: less than so many, up or down
+    PLAIN = 0  # of letters
+    ENDS = 1
+    ODD = 2
+
+cdef uint64_t[2 * SCALES - 1] HIGH, LOW
+"""The first 128 bits of the powers of five from -64 to 64, as Lemire has them."""
+
+
+def _powers_of_five():
+    for k in range(2 * SCALES - 1):
+        power = 5 ** abs(k - SCALES + 1)
+        length = power.bit_length()
+        if k >= SCALES - 1:
+            bits = power << 128 >> length
+        elif k >= SCALES - 28:
+            bits = (1 << (length + 127)) // power + 1
+        else:
+            bits = (1 << (2 * length + 128)) // power + 1
+            bits >>= bits.bit_length() - 128
+        HIGH[k], LOW[k] = bits >> 64, bits & (2**64 - 1)
+
+
+_powers_of_five()
+
+
+cdef inline uint64_t product(uint64_t one, uint64_t two, uint64_t* high) noexcept:
+    """The lower 64 bits of a product, and the upper."""
+    cdef uint64_t half = 0xFFFFFFFF
+    cdef uint64_t low = (one & half) * (two & half)
+    cdef uint64_t first = (one >> 32) * (two & half) + (low >> 32)
+    cdef uint64_t second = (one & half) * (two >> 32) + (first & half)
+    high[0] = (one >> 32) * (two >> 32) + (first >> 32) + (second >> 32)
+    return (second << 32) | (low & half)
+
+
+cdef double nearest(uint64_t mantissa, int scale) noexcept:
+    """The double nearest to mantissa 10^scale, of a mantissa > 0 and a scale within `SCALES`.
+
+    Eisel and Lemire: Lemire, Number parsing at a gigabyte per second, Software: Practice and
+    Experience 51 (2021); that 128 bits of the power suffice: Mushtak and Lemire, Fast number
+    parsing without fallback, same journal 53 (2023).
+    """
+    cdef uint64_t high, low, more, bits
+    cdef int zeros = 0, step = 32, upper, exponent
+    cdef double value
+    while step:  # leading zeros of the mantissa
+        if mantissa >> (64 - step) == 0:
+            mantissa <<= step
+            zeros += step
+        step >>= 1
+    low = product(mantissa, HIGH[scale + SCALES - 1], &high)
+    if high & 0x1FF == 0x1FF:
+        product(mantissa, LOW[scale + SCALES - 1], &more)
+        low += more
+        high += low < more
+    upper = high >> 63
+    bits = high >> (upper + 9)
+    exponent = ((217706 * scale) >> 16) + 63 + upper - zeros + 1023
+    if low <= 1 and -4 <= scale <= 23 and bits & 3 == 1 and bits << (upper + 9) == high:
+        bits &= ~<uint64_t>1  # half way between two doubles: to the even one
+    bits = (bits + (bits & 1)) >> 1
+    if bits >= EXACT:
+        bits = EXACT >> 1
+        exponent += 1
+    bits = (bits & ~(EXACT >> 1)) | (<uint64_t>exponent << 52)
+    memcpy(&value, &bits, 8)
+    return value
 
 
 cdef inline bint is_digit(const char* at, const char* stop) noexcept:
@@ -49,20 +117,20 @@ cdef double slowly(const char* at, const char* stop, char decimal) except? -1.0:
 
 
 cdef const char* number(
-    const char* at, const char* stop, char delimiter, char decimal, double* value, Py_ssize_t* long_
+    const char* at, const char* stop, const u8* letters, char decimal, double* value
 ) except? NULL:
     """The end of the field, whose number is written to `value`, NaN where blank; NULL where odd.
 
     A mantissa up to 2^53 times or through a power of ten up to 10^22: both are doubles, so that
     the one operation rounds correctly (Clinger, How to read floating point numbers accurately,
-    PLDI 1990). Python reads what has more digits, and `long_` counts it.
+    PLDI 1990). Others of 19 digits are `nearest`; Python reads what has more.
     """
     cdef const char* begin
     cdef const char* end
     cdef uint64_t mantissa = 0
     cdef int digits = 0, scale = 0, exponent = 0
     cdef bint negative = False, some = False, whole = True, minus
-    while delimiter != c' ' and at < stop and at[0] == c' ':
+    while at < stop and at[0] == c' ' and letters[c' '] == PLAIN:
         at += 1
     begin = at
     if at < stop and (at[0] == c'-' or at[0] == c'+'):
@@ -104,9 +172,9 @@ cdef const char* number(
         if (at[0] | 32) == c'n' and (at[1] | 32) == c'a' and (at[2] | 32) == c'n':
             at += 3
             begin = at
-    while delimiter != c' ' and at < stop and at[0] == c' ':
+    while at < stop and at[0] == c' ' and letters[c' '] == PLAIN:
         at += 1
-    if at < stop and at[0] != delimiter and at[0] != c'\n':
+    if at < stop and letters[<u8>at[0]] != ENDS:
         return NULL
     if not some:
         if end != begin and end + 3 != begin:  # a sign or a mark alone
@@ -119,12 +187,14 @@ cdef const char* number(
             value[0] /= POWERS[-scale]
         else:
             value[0] *= POWERS[scale]
-        if negative:
-            value[0] = -value[0]
-        return at
-    long_[0] += 1
-    value[0] = slowly(begin, end, decimal)
-    return at if -INFINITY < value[0] < INFINITY else NULL
+    elif whole and mantissa > 0 and -SCALES < scale < SCALES:
+        value[0] = nearest(mantissa, scale)
+    else:
+        value[0] = slowly(begin, end, decimal)
+        return at if -INFINITY < value[0] < INFINITY else NULL
+    if negative:
+        value[0] = -value[0]
+    return at
 
 
 cdef class Coder:
@@ -154,7 +224,7 @@ cdef class Coder:
             if code >= 0 and self.is_text(code, data, at, length):
                 self.last = code
                 return code
-        text = PyUnicode_DecodeASCII(at, length, NULL)
+        text = PyUnicode_DecodeUTF8(at, length, NULL)
         code = self.seen.setdefault(text, len(self.seen))
         if code == <int64_t>len(self.seen) - 1:  # new; or the newest again, of the same letters
             self.begin[code], self.length[code] = at - data, length
@@ -165,25 +235,44 @@ cdef class Coder:
         return code
 
 
+cdef bint is_marked(const char* at, const char* stop) noexcept:
+    """Whether a row begins like a comment, in quotes as well."""
+    cdef bint quoted = False
+    while at < stop and (at[0] == c' ' or at[0] == c'\t' or (at[0] == c'"' and not quoted)):
+        quoted |= at[0] == c'"'
+        at += 1
+    if at < stop and (at[0] == c'#' or at[0] == c'%'):
+        return True
+    return at + 1 < stop and at[0] == c'/' and at[1] == c'/'
+
+
 def scan(
-    bytes data, Py_ssize_t start, str delimiter, str decimal, const u8[::1] kinds,
-    Py_ssize_t most_long,
+    bytes data, Py_ssize_t start, str delimiter, str decimal, const u8[::1] kinds, bint quotes
 ):
     """Columns of numbers (n, R), and of texts: codes (k, R) and the distinct texts of each.
 
     None if some row has more or fewer fields than there are `kinds` (1 for numbers, 2 for texts,
-    3 for both, 0 for what is passed over), a field is not plainly a number or blank, or more than
-    `most_long` numbers are left to Python. `data` is ASCII text without quotes and carriage
-    returns, of which the rows begin at `start`.
+    3 for both, 0 for what is passed over) or begins like a comment, a field is not plainly a number
+    or blank, or has a quote or a line end inside. Unless there may be `quotes` around a field, none
+    is blank behind the last delimiter.
+    `data` is UTF-8, of which the rows begin at `start`; a blank as delimiter is any number of
+    blanks and tabs.
     """
     cdef const char* base = data
     cdef const char* at = base + start
     cdef const char* stop = base + len(data)
     cdef const char* begin
-    cdef const char* end = NULL
+    cdef const char* end
     cdef char mark = ord(delimiter), point = ord(decimal)
-    cdef Py_ssize_t width = kinds.shape[0], row = 0, long_ = 0, rows, k, n, j
-    while stop > at and stop[-1] == c'\n':
+    cdef bint blanks = mark == c' '
+    cdef u8[256] letters
+    cdef Py_ssize_t width = kinds.shape[0], row = 0, rows, k, n, j
+    for k in range(256):
+        letters[k] = ODD if (k < 32 and k != 9) or k == c'"' or (blanks and k > 127) else PLAIN
+    letters[<u8>mark] = letters[c'\n'] = letters[c'\r'] = ENDS
+    if blanks:
+        letters[c'\t'] = ENDS
+    while stop > at and (stop[-1] == c'\n' or stop[-1] == c'\r'):
         stop -= 1
     if stop == at:
         return None
@@ -194,28 +283,63 @@ def scan(
     cdef int64_t[:, ::1] code = codes
     cdef list coders = [Coder(rows) for _ in range(len(codes))]
     while True:
+        if is_marked(at, stop):
+            return None
         n = j = 0
         for k in range(width):
+            while blanks and at < stop and (at[0] == c' ' or at[0] == c'\t'):
+                at += 1
             begin = at
+            if at < stop and at[0] == c'"':
+                if not quotes:
+                    return None
+                begin += 1
+                at += 1
+                while at < stop and at[0] != c'"' and at[0] != c'\n' and at[0] != c'\r':
+                    at += 1
+                if at == stop or at[0] != c'"':
+                    return None
+                end = at
+                at += 1
+                if at < stop and letters[<u8>at[0]] != ENDS:
+                    return None
+            else:
+                if kinds[k] != NUMBER:
+                    while at < stop and letters[<u8>at[0]] == PLAIN:
+                        at += 1
+                    if at < stop and letters[<u8>at[0]] == ODD:
+                        return None
+                end = at
             if kinds[k] & NUMBER:
-                at = number(begin, stop, mark, point, &value[n, row], &long_)
-                if at == NULL or long_ > most_long:
+                if kinds[k] == NUMBER and at == begin:
+                    at = end = number(begin, stop, letters, point, &value[n, row])
+                    if at == NULL:
+                        return None
+                elif number(begin, end, letters, point, &value[n, row]) != end:
                     return None
                 n += 1
-            else:
-                while at < stop and at[0] != mark and at[0] != c'\n':
-                    at += 1
             if kinds[k] & TEXT:
-                code[j, row] = (<Coder>coders[j]).code(base, begin, at - begin)
+                code[j, row] = (<Coder>coders[j]).code(base, begin, end - begin)
                 j += 1
-            if k < width - 1:
+            if blanks:
+                if at == begin:
+                    return None  # a row too short
+                while at < stop and (at[0] == c' ' or at[0] == c'\t'):
+                    at += 1
+            elif k < width - 1:
                 if at == stop or at[0] != mark:
                     return None
                 at += 1
-        if at < stop and at[0] != c'\n':
+        if not quotes and not blanks and (at[-1] == mark or at[-1] == c' ' or at[-1] == c'\t'):
             return None
         row += 1
         if at == stop:
             break
+        if at[0] == c'\r':
+            at += 1
+        if at == stop or at[0] != c'\n':
+            return None
         at += 1
-    return found, codes, [list((<Coder>coder).seen) for coder in coders]
+        if at == stop:
+            return None
+    return (found, codes, [list((<Coder>coder).seen) for coder in coders]) if row == rows else None

@@ -10,7 +10,7 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.formats.text.plain import PlainForm, leave_out_unknown, read_plain
+from tgospa_eval.formats.text.plain import leave_out_unknown, read_plain
 
 FIELDS = (
     *("frame", "id", "class", "truncated", "occluded", "alpha"),
@@ -33,18 +33,13 @@ def read_kitti(path: str, data: bytes, options: ReadOptions, role: str, *, given
     InputError
         See `formats.read`.
     """
-    rows, texts, _ = read_plain(
-        path,
-        data,
-        options,
-        PlainForm(_header, commas=False, empty=17),
-        given=given,
-        texts=("class",),
+    rows, texts = read_plain(
+        path, data, options, _header, empty=17, given=given, texts=("class",), commas=False
     )
     kind = texts[TYPE_FIELD]
     ignored = np.array([text == IGNORED for text in kind.distinct], bool)
     rows.apart[IGNORED] = ignored[kind.code], f"of type {IGNORED} left out"
-    leave_out_unknown(rows, FIELDS, KITTI_UNKNOWN)
+    leave_out_unknown(rows, KITTI_UNKNOWN)
     return rows
 
 

@@ -2,8 +2,8 @@
 
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import floats
-from tgospa_eval.formats.text.convert import check_text, decode, load
-from tgospa_eval.formats.unpack import unpack
+from tgospa_eval.formats.loading import load, unpack
+from tgospa_eval.formats.text.scan import check_text, decode
 from tgospa_eval.text import quoted
 
 MATRIX_DELIMITERS = ";\t,"

@@ -8,12 +8,13 @@ from dataclasses import replace
 
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.asked import BOX
+from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.formats.text.convert import Places, numbers
-from tgospa_eval.formats.text.plain import PlainForm, leave_out_unknown, read_plain
+from tgospa_eval.formats.text.plain import leave_out_unknown, read_plain
+from tgospa_eval.formats.text.scan import numbers
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats
 
 FLAG_FIELD = 6
@@ -33,17 +34,15 @@ def read_motchallenge(
         See `formats.read`.
     """
     flagged = ("conf",) if role == "truth" else ()
-    rows, texts, places = read_plain(
-        path, data, options, PlainForm(_header, commas=True, empty=7), given=given, texts=flagged
-    )
+    rows, texts = read_plain(path, data, options, _header, empty=7, given=given, texts=flagged)
     refuse_detections(rows)
-    leave_out_unknown(rows, places.names, MOT_UNKNOWN)
+    leave_out_unknown(rows, MOT_UNKNOWN)
     if rows.classes is not None and list(rows.classes[0]) == ["-1"] and "class" in options.shared:
         # Results of some trackers fill the columns with -1.
         lacking = {**rows.roles.lacking, "class": f"{path}: every class is -1, not known"}
         rows = replace(rows, classes=None, roles=replace(rows.roles, lacking=lacking))
     if FLAG_FIELD in texts:
-        flags = flags_of(texts[FLAG_FIELD], places, FLAG_FIELD)
+        flags = flags_of(texts[FLAG_FIELD], rows, "conf")
         rows.apart[NOT_CONSIDERED] = flags == 0, "left out: 0 in column 7, not to be considered"
     return rows
 
@@ -73,11 +72,11 @@ def refuse_detections(rows: Rows) -> None:
         )
 
 
-def flags_of(texts: Coded, places: Places, column: int) -> Floats:
+def flags_of(texts: Coded, rows: Rows, name: str) -> Floats:
     """A column as numbers, of which 0 is for rows that are not to be considered."""
     values, wrong = numbers([text.strip() for text in texts.distinct], ".")
     if wrong:
         _, wrong = numbers([text.strip() for text in texts], ".")  # with the row, and how many
         row, message = wrong[0]
-        raise InputError(f"{places.field(row, column)}: {message}")
+        raise InputError(f"{rows.where(row)}, column {quoted(name)}: {message}")
     return values[texts.code]

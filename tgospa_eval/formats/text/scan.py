@@ -1,66 +1,352 @@
-"""Plain text to columns by a compiled loop: one pass, correctly rounded, no objects for fields.
+"""Lines of text to columns, in two ways that answer alike: a compiled loop, and with care.
 
-A quick way only: whatever is not plainly right is left to the careful one, which reports what is
-wrong and where. Nothing is different without it but the time.
+The loop takes one pass over the bytes, rounds correctly and makes no objects of fields. What is not
+plainly right it leaves to `gather`, whose texts the readers of the formats split, and which knows
+what is wrong and where.
 """
 
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from tgospa_eval.common.compiled import compiled
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import counted, more
+from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.roles import Roles
-from tgospa_eval.formats.fields import Coded
-from tgospa_eval.formats.guess import COMMENTS
-from tgospa_eval.formats.text.bulk import Layout
-from tgospa_eval.formats.text.convert import Fields, text_columns
+from tgospa_eval.formats.fields import Coded, attribute_of, floats
+from tgospa_eval.formats.rows import Rows, blanks, numbered
+from tgospa_eval.formats.times import TimeError, coded_times, remedy_for
+from tgospa_eval.text import quoted
+from tgospa_eval.tracks.trajectories import Floats, Ints
 
 scanner: Any = compiled("tgospa_eval.formats.text._scan")
-"""The extension module, or None."""
-
-ODD = (b'"', *(mark[:1].encode() for mark in COMMENTS))
-"""Letters of what may be not plain."""
+"""The extension module, or None: then large files take some ten times as long."""
 
 AS_NUMBER, AS_TEXT = 1, 2
 """What a column is read as; it may be both."""
 
-LONG_BYTES = 8_000_000
-"""Bytes from which numbers of 16 digits and more are read faster by the parser of pandas."""
+LETTERS_TOGETHER = 1 << 17
+"""Letters of text that are turned into fields at a time."""
 
-MOST_LONG = 1_000
-"""Such numbers in a file of that size."""
+LARGE_BYTES = 4_000_000
+"""Bytes from which a file is not decoded unless the compiled loop leaves it."""
+
+HEADER_BYTES = 1 << 16
+"""Bytes in which the header of a large file is looked for."""
+
+COMPRESSED = {
+    b"PK\x03\x04": "zip",
+    b"BZh": "bzip2",
+    b"\xfd7zXZ\0": "xz",
+}
+"""How compressed files begin that are not unpacked here; `formats.loading` unpacks others."""
+
+Block = tuple[Ints, Sequence[Sequence[str]]]
+"""Some rows of a file: the line of each, and the fields as texts, column by column."""
+
+
+def check_text(data: bytes, path: str) -> None:
+    """Whether the bytes can be text.
+
+    Raises
+    ------
+    InputError
+        There are none, or they are binary or UTF-16.
+    """
+    if not data:
+        raise InputError(
+            f"{path}: the file is empty; a set without objects is a header alone, or text of "
+            "MOTChallenge or KITTI whose format is named (--truth-format, --estimate-format)"
+        )
+    for magic, program in COMPRESSED.items():
+        if data.startswith(magic):
+            raise InputError(f"{path}: compressed by {program}; unpack it, or use gzip or zstd")
+    if data[:4] in (b"\xff\xfe\0\0", b"\0\0\xfe\xff"):
+        raise InputError(f"{path}, line 1: UTF-32 text; save the file as UTF-8")
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise InputError(f"{path}, line 1: UTF-16 text; save the file as UTF-8")
+    if 0 in data:
+        line = data.count(b"\n", 0, data.index(0)) + 1
+        raise InputError(
+            f"{path}, line {line}: binary data, not text; a CSV, Parquet, MOTChallenge or KITTI "
+            "file is needed"
+        )
+
+
+def decode(data: bytes, path: str) -> str:
+    """The text, with one kind of line end."""
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise InputError(
+            f"{path}, line {line}: not UTF-8 (byte 0x{data[error.start]:02x}); save it as UTF-8"
+        ) from None
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    return text
+
+
+def beginning(data: bytes, path: str) -> tuple[str, bool]:
+    """The text, of a large ASCII file its first lines alone; and whether that is all of it."""
+    if len(data) < LARGE_BYTES or not data.isascii():
+        return decode(data, path), True
+    end = data.rfind(b"\n", 0, HEADER_BYTES) + 1
+    return decode(data[:end] if end else data, path), not end
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fields:
+    """The columns of a file that are used.
+
+    Parameters
+    ----------
+    lines : (R,) int array or range
+        Line of each row.
+    coded : dict of int to Coded
+        Texts, by column.
+    values : (R, n) float array
+        The columns `Roles.numbers`, NaN where blank.
+    mistakes : sequence of tuple
+        Column and row of what is no number, and the message.
+    """
+
+    lines: Ints | range
+    coded: dict[int, Coded]
+    values: Floats
+    mistakes: Sequence[tuple[int, int, str]] = ()
+
+
+def text_columns(roles: Roles, texts: Sequence[int] = ()) -> tuple[int, ...]:
+    """Columns that are read as texts: ids, times, classes, attributes, and those asked for."""
+    klass = () if roles.klass is None else (roles.klass,)
+    return tuple(dict.fromkeys((roles.id, roles.time, *texts, *klass, *roles.texts)))
 
 
 def scanned(
     data: bytes,
-    start: int,
-    layout: Layout,
+    first: int,
+    width: int,
+    delimiter: str,
     roles: Roles,
-    decimal: str,
-    texts: tuple[int, ...] = (),
+    decimal: str = ".",
+    texts: Sequence[int] = (),
+    *,
+    quotes: bool = True,
 ) -> Fields | None:
-    """The columns of ASCII text whose rows begin at byte `start`; None if it is not plain.
+    """The columns of UTF-8 text whose rows begin on line `first`; None if it is not plain.
 
-    Plain are rows of the same number of fields, without quotes, comments, blank lines and returns,
-    with numbers that are finite or blank.
+    Plain are rows of `width` fields, without line ends and quotes inside, comments, blank lines and
+    returns for line ends, with numbers that are finite or blank.
     """
-    if scanner is None or layout.delimiter == decimal or b"\r" in data:
+    if scanner is None or delimiter == decimal:
         return None
-    if any(data.find(mark, start) >= 0 for mark in ODD):
+    if b"\r" in data and data.count(b"\r") != data.count(b"\r\n"):
         return None
+    start = 0
+    for _ in range(first - 1):
+        start = data.find(b"\n", start) + 1
+        if not start:
+            return None
     wanted = text_columns(roles, texts)
-    kinds = np.zeros(layout.width, np.uint8)
+    kinds = np.zeros(width, np.uint8)
     kinds[list(roles.numbers)] |= AS_NUMBER
     kinds[list(wanted)] |= AS_TEXT
-    most_long = MOST_LONG if len(data) >= LONG_BYTES else len(data)
-    found = scanner.scan(data, start, layout.delimiter, decimal, kinds, most_long)
+    found = scanner.scan(data, start, delimiter, decimal, kinds, quotes)
     if found is None:
         return None
     values, codes, distinct = found
     if list(roles.numbers) != sorted(roles.numbers):
         values = values[np.searchsorted(np.sort(roles.numbers), roles.numbers)]
     return Fields(
-        lines=range(layout.first, layout.first + values.shape[1]),
+        lines=range(first, first + values.shape[1]),
         coded={column: Coded(distinct[k], codes[k]) for k, column in enumerate(sorted(wanted))},
         values=values.T,
     )
+
+
+def chunks(text: str, start: int = 0) -> Iterator[str]:
+    """The text from `start` on in whole lines, some 10^5 letters at a time."""
+    stop = len(text.rstrip("\n"))
+    while start < stop:
+        end = text.find("\n", start + LETTERS_TOGETHER, stop)
+        end = stop if end < 0 else end
+        yield text[start:end]
+        start = end + 1
+
+
+def gather(
+    blocks: Iterable[Block], roles: Roles, decimal: str, texts: Sequence[int] = ()
+) -> Fields:
+    """The columns of blocks of texts; `texts` are more columns to be returned as such.
+
+    A block is turned into numbers before the next one is asked for: texts of numbers are not held,
+    of others each distinct one.
+    """
+    wanted = text_columns(roles, texts)
+    seen: dict[int, dict[str, int]] = {column: {} for column in wanted}
+    codes: dict[int, list[Ints]] = {column: [np.zeros(0, np.int64)] for column in wanted}
+    readers = {column: ScannedNumbers(decimal) for column in roles.numbers}
+    lines: list[Ints] = [np.zeros(0, np.int64)]
+    for numbers_of_lines, columns in blocks:
+        lines.append(numbers_of_lines)
+        for column, known in seen.items():
+            for text in dict.fromkeys(columns[column]):  # most are repeated
+                known.setdefault(text, len(known))
+            code = map(known.__getitem__, columns[column])
+            codes[column].append(np.fromiter(code, np.int64, len(columns[column])))
+        for column, reader in readers.items():
+            reader.add(columns[column])
+    coded = {
+        column: Coded(list(known), np.concatenate(codes.pop(column)))
+        for column, known in seen.items()
+    }
+    whole = np.concatenate(lines)
+    values = np.empty((len(whole), len(roles.numbers)), order="F")
+    mistakes: list[tuple[int, int, str]] = []
+    for k, column in enumerate(roles.numbers):
+        reader = readers.pop(column)
+        values[:, k] = reader.values()
+        mistakes += [(column, row, message) for row, message in reader.mistakes]
+    return Fields(lines=whole, coded=coded, values=values, mistakes=mistakes)
+
+
+class ScannedNumbers:
+    """A column of numbers, NaN where blank, block by block; and the mistakes in it."""
+
+    def __init__(self, decimal: str) -> None:
+        self.decimal = decimal
+        self.blocks: list[Floats] = [np.zeros(0)]
+        self.rows = 0
+        self.wrong: dict[str, tuple[int, str, int]] = {}
+
+    def add(self, texts: Sequence[str]) -> None:
+        """The next rows."""
+        try:
+            values = floats(texts, self.decimal)
+        except ValueError:
+            values = np.full(len(texts), np.nan)
+            for row, text in enumerate(texts):
+                try:
+                    values[row] = floats([text], self.decimal)[0]
+                except ValueError:
+                    if text.strip():
+                        self._count("not a number", row, text)
+        for row in np.flatnonzero(np.isinf(values)).tolist():
+            self._count("infinite", row, texts[row])
+        self.blocks.append(values)
+        self.rows += len(values)
+
+    def _count(self, what: str, row: int, text: str) -> None:
+        first, text, count = self.wrong.get(what, (self.rows + row, text, 0))
+        self.wrong[what] = first, text, count + 1
+
+    def values(self) -> Floats:
+        """All rows."""
+        return np.concatenate(self.blocks)
+
+    @property
+    def mistakes(self) -> Iterator[tuple[int, str]]:
+        """The first row of each kind of mistake, and its message."""
+        for what in ("not a number", "infinite"):
+            if what in self.wrong:
+                row, text, count = self.wrong[what]
+                remedy = remedy_for(text if what == "not a number" else "")
+                yield row, f"{what}: {quoted(text)}{more(count)}; {remedy}"
+
+
+def numbers(texts: Sequence[str], decimal: str) -> tuple[Floats, list[tuple[int, str]]]:
+    """A column of numbers, NaN where blank; and the first row of each kind of mistake."""
+    column = ScannedNumbers(decimal)
+    column.add(texts)
+    return column.values(), list(column.mistakes)
+
+
+def convert(
+    fields: Fields,
+    roles: Roles,
+    decimal: str,
+    path: str,
+    names: Sequence[str],
+    name_id: Callable[[str], str] = str.strip,
+) -> Rows:
+    """The rows of the fields of a file; all mistakes in one error.
+
+    Parameters
+    ----------
+    fields : Fields
+        The columns.
+    roles : Roles
+        Which column is what.
+    decimal : str
+        Decimal mark.
+    path, names
+        The file and its columns, for messages.
+    name_id : callable
+        Text of an id to its name.
+
+    Raises
+    ------
+    InputError
+        An id is blank, a text is no number or no time, or infinite.
+    """
+
+    def where(row: int) -> str:
+        return f"{path}, line {lines[row]}"
+
+    coded, lines = fields.coded, fields.lines
+    problems: list[str] = []
+    of_weights: list[str] = []  # a column of this name may be something else
+    ids = numbered(coded[roles.id], name_id)
+    blank = blanks(ids)
+    if len(blank):
+        place = f"{where(int(blank[0]))}, column {quoted(names[roles.id])}"
+        problems.append(f"{place}: blank id{more(len(blank))}; name the object")
+    for column, row, message in fields.mistakes:
+        wrong = of_weights if column == roles.weight else problems
+        wrong.append(f"{where(row)}, column {quoted(names[column])}: {message}")
+    try:
+        times = coded_times(coded[roles.time], decimal)
+    except TimeError as error:
+        problems.append(f"{where(error.row)}, column {quoted(names[roles.time])}: {error}")
+    if problems:
+        raise InputError(*problems)
+    return Rows(
+        name=path,
+        roles=roles,
+        ids=ids,
+        times=times,
+        numbers=fields.values,
+        where=where,
+        classes=None if roles.klass is None else numbered(coded[roles.klass]),
+        attributes={column: attribute_of(coded[column], decimal) for column in roles.texts},
+        weight_fault="\n".join(of_weights) or None,
+    )
+
+
+def plain_id(text: str) -> str:
+    """Ids of formats without quotes are integers, which some programs write as 3.0 or 3.000e+00."""
+    text = text.strip()
+    if text.isdigit() or "_" in text or not text.isascii():
+        return text
+    from decimal import Decimal  # here: slow to import, and few numbers are ids
+
+    try:
+        if not math.isfinite(float(text)):
+            return text
+        value = Decimal(text)  # float() makes one id of 9007199254740993.0 and ...992.0
+        return str(int(value)) if value == value.to_integral_value() else text
+    except (ValueError, ArithmeticError):
+        return text
+
+
+def with_comments(roles: Roles, count: int) -> Roles:
+    """The roles with a notice about so many comments."""
+    if not count:
+        return roles
+    notice = f"{counted(count, 'line')} of comments passed over"
+    return replace(roles, passed=(*roles.passed, notice))

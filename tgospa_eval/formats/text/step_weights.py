@@ -9,9 +9,9 @@ from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import FIRST_ALIASES
 from tgospa_eval.formats.fields import floats
-from tgospa_eval.formats.text.convert import check_text, decode, load, numbers
+from tgospa_eval.formats.loading import load, unpack
+from tgospa_eval.formats.text.scan import check_text, decode, numbers
 from tgospa_eval.formats.times import TimeError, parse_times
-from tgospa_eval.formats.unpack import unpack
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.step_weights import WeightsByTime, repeated
 from tgospa_eval.tracks.trajectories import Floats

@@ -1,41 +1,40 @@
 """CSV tables: ``id,t,x[,y[,z]]`` and other columns, one row per object and step.
 
 Parsed here and not by pandas, for exact floats, exact integers, messages that name the line, and a
-start without importing pandas; only large regular files take the quick way of
-`formats.text.bulk`. Text without quotes, the common case, is split in one call a piece after
-the delimiters of every line were counted; other text goes through the csv module.
+start without importing pandas. What the compiled loop leaves is split here: text without quotes in
+one call a piece, after the delimiters of every line were counted; the rest by the csv module.
 """
 
 import csv
 import io
 import itertools
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.known import known_roles
-from tgospa_eval.formats.columns.roles import Roles
+from tgospa_eval.formats.columns.roles import Roles, known_roles
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.formats.text import bulk
-from tgospa_eval.formats.text.by_blanks import header_by_blanks, rows_by_tabs, unquoted
-from tgospa_eval.formats.text.comments import Oddities, with_comments
-from tgospa_eval.formats.text.convert import (
+from tgospa_eval.formats.text.scan import (
     Block,
+    beginning,
     check_text,
     chunks,
     convert,
     decode,
     gather,
+    plain_id,
+    scanned,
+    with_comments,
 )
-from tgospa_eval.formats.text.scan import scanned
+from tgospa_eval.tracks.trajectories import Ints
 
 DELIMITERS = ",;\t"
 
@@ -43,14 +42,20 @@ DECIMAL = r"[+-]?\d*[.,]\d+([eE][+-]?\d+)?"
 GROUPED_NUMBER = r"[+-]?[1-9]\d{0,2}[.,]\d{3}"
 """Numbers whose mark may be one between thousands."""
 
-HEADER_BYTES = 1 << 16
-"""Bytes in which the header of a large file is looked for."""
-
 BLANKS = " "
 """Delimiter of tables whose columns are separated by any number of blanks."""
 
 ROWS_OF_BLOCK = 1 << 13
 """Rows of a block from the csv module."""
+
+QUOTED_OR_BLANKS = re.compile(r'"[^"\n]*"|[ \t]+')
+QUOTED_OR_ODD = re.compile(r'["\x0b\x0c\x1c-\x1f]')
+OUTER_BLANKS = re.compile(r"^[ \t]+|[ \t]+$", re.MULTILINE)
+COMMENT = re.compile(rf"^[ \t]*(?:{'|'.join(map(re.escape, COMMENTS))})(?:[ \t].*)?$", re.MULTILINE)
+"""A line of a table by blanks that is a comment: no id is a mark alone."""
+
+FEWEST = 3
+"""Columns of a table by blanks: id, t and x."""
 
 
 def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
@@ -62,47 +67,21 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
         See `formats.read`.
     """
     check_text(data, path)
-    # A large ASCII file needs no decoding unless it takes the careful way.
-    large = len(data) >= bulk.BULK_BYTES
-    whole = not (large and data.isascii() and b"\n" in data[:HEADER_BYTES])
-    text = decode(data if whole else data[:HEADER_BYTES], path)
+    text, whole = beginning(data, path)
     names, roles, delimiter, first, start = header_of(text, path, options)
-    by_blanks = delimiter == BLANKS
-    if by_blanks:
-        text = text if whole else decode(data, path)
-        tabs, comments = rows_by_tabs(text[start:])
-        text, whole, delimiter = text[:start] + tabs, True, "\t"
-        data, roles = text.encode(), with_comments(roles, comments)
-        del tabs
-    rows = text[start:]
-    if large:  # what is cut off in the middle of a number may look like another one
-        rows = rows[: rows.rfind("\n") + 1]
-    roles, decimal = with_decimal(rows, delimiter, roles, options.decimal)
-    del rows
-    layout = bulk.Layout(path=path, first=first, delimiter=delimiter, width=len(names))
-    name_id: Callable[[str], str] = str.strip
-    if by_blanks:
-        from tgospa_eval.formats.text.plain import plain_id  # here: slow to import
-
-        name_id = plain_id  # numpy.savetxt writes 1.000e+00
-    fields = None
-    if text.isascii():  # letters and bytes are at the same places
-        plain = text.encode() if whole else data.replace(b"\r\n", b"\n")
-        fields = scanned(plain, start, layout, roles, decimal)
-        del plain
-    if fields is None and large:
-        found = bulk.read_bulk(data, layout, roles, decimal, name_id=name_id)
-        if found is not None:
-            return found[0]
+    roles, decimal = with_decimal(text[start:], delimiter, roles, options.decimal)
+    name_id = plain_id if delimiter == BLANKS else str.strip  # numpy.savetxt writes 1.000e+00
+    fields = scanned(data, first, len(names), delimiter, roles, decimal)
     if fields is None:
         text = text if whole else decode(data, path)
-        odd = Oddities(path, len(names))
-        blocks = tokenise(text, start, delimiter, first, odd)
-        if any(mark in text for mark in COMMENTS):
-            blocks = odd.watched(blocks)
-        fields = gather(blocks, roles, decimal)
+        if delimiter == BLANKS:
+            tabs, comments = rows_by_tabs(text[start:])
+            text, delimiter = text[:start] + tabs, "\t"
+            roles = with_comments(roles, comments)
+        odd = _Oddities(path, len(names), marked=any(mark in text for mark in COMMENTS))
+        fields = gather(tokenise(text, start, delimiter, first, odd), roles, decimal)
         roles = odd.settled(roles)
-    return convert(fields, roles, decimal, path, names, name_id=name_id)[0]
+    return convert(fields, roles, decimal, path, names, name_id)
 
 
 def header_of(text: str, path: str, options: ReadOptions) -> tuple[list[str], Roles, str, int, int]:
@@ -127,7 +106,7 @@ def header_of(text: str, path: str, options: ReadOptions) -> tuple[list[str], Ro
         try:
             reader = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
             names = [name.strip() for name in next(reader)]
-            roles = known_roles(names, options, where, sample)
+            roles = known_roles(names, options, where)
         except (InputError, csv.Error) as error:
             fault = fault or _explained(error, given, where)
             if not given.lstrip().startswith(COMMENTS):
@@ -166,11 +145,44 @@ def _explained(error: InputError | csv.Error, line: str, where: str) -> InputErr
 
 def _delimiter(header: str, decimal: str) -> str:
     """The most frequent delimiter outside quotes; the decimal mark only if there is no other."""
-    plain = unquoted(header)
+    plain = _unquoted(header)
     return max(
         DELIMITERS,
         key=lambda mark: (mark != decimal, plain.count(mark)) if plain.count(mark) else (False, 0),
     )
+
+
+def header_by_blanks(line: str, after: str) -> str | None:
+    """A line without any other delimiter with tabs in place of blanks; None where it has another.
+
+    So numpy.savetxt writes tables, and the trajectories of robotics. A comment mark in front is
+    left out if the line after has as many words: else it is a comment.
+    """
+    line = line.strip()
+    if any(mark in _unquoted(line) for mark in ",;\t|"):
+        return None
+    mark = next((mark for mark in COMMENTS if line.startswith(mark)), "")
+    words = _tabbed(line.removeprefix(mark).strip())
+    count = words.count("\t") + 1
+    fits = not mark or not after.strip() or len(after.split()) == count
+    return words if count >= FEWEST and fits else None
+
+
+def rows_by_tabs(text: str) -> tuple[str, int]:
+    """The rows with tabs in place of blanks, comments as blank lines, and their number."""
+    text, comments = COMMENT.subn("", text)
+    if text.isascii() and not QUOTED_OR_ODD.search(text):  # ten times as fast
+        return "\n".join(map("\t".join, map(str.split, text.split("\n")))), comments
+    return _tabbed(OUTER_BLANKS.sub("", text)), comments
+
+
+def _tabbed(text: str) -> str:
+    return QUOTED_OR_BLANKS.sub(lambda found: found[0] if found[0][0] == '"' else "\t", text)
+
+
+def _unquoted(line: str) -> str:
+    """A line without what is in quotes."""
+    return re.sub(r'"[^"]*"', "", line) if '"' in line else line
 
 
 def with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[Roles, str]:
@@ -183,7 +195,9 @@ def with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[R
     other = {".": ",", ",": "."}[asked]
     if other == delimiter or other not in text:
         return roles, asked
-    lines = itertools.islice(io.StringIO(text), ROWS_OF_BLOCK)
+    lines: Iterable[str] = itertools.islice(io.StringIO(text), ROWS_OF_BLOCK)
+    if delimiter == BLANKS:
+        lines, delimiter = rows_by_tabs("".join(lines))[0].split("\n"), "\t"
     certain = False
     with suppress(csv.Error):  # an error when all rows are read
         for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True):
@@ -198,28 +212,92 @@ def with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[R
     return replace(roles, passed=(*roles.passed, notice)), other
 
 
+class _Oddities:
+    """Lines of other lengths, and rows that begin like comments.
+
+    A line that begins like a comment may be a row as well, for an id may begin so: where all do.
+
+    Parameters
+    ----------
+    path : str
+        The file, for messages.
+    width : int
+        Number of columns.
+    marked : bool
+        Whether there are marks of comments in the file.
+    """
+
+    def __init__(self, path: str, width: int, *, marked: bool) -> None:
+        self.path, self.width, self.is_marked = path, width, marked
+        self.wrong: list[tuple[int, int]] = []
+        self.comments: list[tuple[int, int]] = []
+        self.marked: int | None = None
+        self.all_marked = True
+
+    def add(self, line: int, fields: list[str]) -> None:
+        """A line of another length."""
+        is_comment = fields[0].lstrip().startswith(COMMENTS)
+        (self.comments if is_comment else self.wrong).append((line, len(fields)))
+
+    def watched(self, lines: Ints, columns: Sequence[Sequence[str]]) -> Block:
+        """The same rows; which of them begin like comments is noted."""
+        if self.is_marked:
+            begins = [text.lstrip(" \t").startswith(COMMENTS) for text in columns[0]]
+            if self.marked is None and any(begins):
+                self.marked = int(lines[begins.index(True)])
+            self.all_marked = self.all_marked and all(begins)
+        return lines, columns
+
+    def settled(self, roles: Roles) -> Roles:
+        """The roles with a notice about comments, when all rows are read.
+
+        Raises
+        ------
+        InputError
+            A row has the wrong length; or it may be a comment as well as a row.
+        """
+        wrong = self.wrong
+        if self.marked is not None and self.all_marked:  # ids begin so
+            wrong = sorted([*wrong, *self.comments])
+        if wrong:
+            line, found = wrong[0]
+            raise InputError(
+                f"{self.path}, line {line}: {counted(found, 'field')}, the header has "
+                f"{self.width}{more(len(wrong))}; give every row one field per column"
+            )
+        if self.marked is None:
+            return with_comments(roles, len(self.comments))
+        if not self.all_marked:
+            raise InputError(
+                f"{self.path}, line {self.marked}: a comment, not a row, or an id that begins like "
+                "one; delete such lines (ids may begin like comments if all do)"
+            )
+        return roles
+
+
 def tokenise(
-    text: str, start: int, delimiter: str, first_line: int, odd: Oddities
+    text: str, start: int, delimiter: str, first_line: int, odd: _Oddities
 ) -> Iterator[Block]:
     """The rows of the table from letter `start` on; lines that are none are told to `odd`."""
     if text.find('"', start) >= 0:
         yield from _tokenise_slowly(chunks(text, start), delimiter, first_line, odd)
         return
     line, width = first_line, odd.width
+    others = bytes(set(range(256)) - {ord(delimiter), ord("\n")})
     for chunk in chunks(text, start):
-        if width > 1 and bulk.is_regular(chunk.encode(), 0, delimiter, width):
+        count = chunk.count("\n") + 1
+        marks = chunk.encode().translate(None, others) + b"\n"
+        if width > 1 and marks == (delimiter.encode() * (width - 1) + b"\n") * count:
             fields = chunk.replace("\n", delimiter).split(delimiter)
-            yield Block(
-                lines=np.arange(line, line + len(fields) // width),
-                columns=[fields[k::width] for k in range(width)],
-            )
+            columns = [fields[k::width] for k in range(width)]
+            yield odd.watched(np.arange(line, line + count), columns)
         else:
             yield from _tokenise_slowly([chunk], delimiter, line, odd)
-        line += chunk.count("\n") + 1
+        line += count
 
 
 def _tokenise_slowly(
-    parts: Iterable[str], delimiter: str, first_line: int, odd: Oddities
+    parts: Iterable[str], delimiter: str, first_line: int, odd: _Oddities
 ) -> Iterator[Block]:
     """Quotes, blank lines and rows of the wrong length, through the csv module."""
     lines: list[int] = []
@@ -236,14 +314,14 @@ def _tokenise_slowly(
                     odd.add(begin, row)
             begin = first_line + reader.line_num
             if len(rows) == ROWS_OF_BLOCK:
-                yield Block(lines=np.array(lines), columns=list(zip(*rows, strict=True)))
+                yield odd.watched(np.array(lines), list(zip(*rows, strict=True)))
                 lines, rows = [], []
     except csv.Error as error:
         raise InputError(
             f"{odd.path}, line {begin}: {error}; close quotes, and double those inside a field"
         ) from None
     if rows:
-        yield Block(lines=np.array(lines), columns=list(zip(*rows, strict=True)))
+        yield odd.watched(np.array(lines), list(zip(*rows, strict=True)))
 
 
 def _lines(parts: Iterable[str]) -> Iterator[str]:

@@ -10,14 +10,13 @@ import numpy as np
 
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.attributes import attribute_of
-from tgospa_eval.formats.columns.asked import BOX
-from tgospa_eval.formats.fields import Coded
+from tgospa_eval.formats.columns.headers import BOX
+from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.formats.rows import Rows
-from tgospa_eval.formats.text.convert import Places, numbered
+from tgospa_eval.formats.rows import Rows, numbered
 from tgospa_eval.formats.text.motchallenge import flags_of, refuse_detections
-from tgospa_eval.formats.text.plain import PlainForm, plain_id, read_plain
+from tgospa_eval.formats.text.plain import read_plain
+from tgospa_eval.formats.text.scan import plain_id
 from tgospa_eval.text import quoted
 
 VISDRONE_FIELDS = ("frame", "id", *BOX, "score", "class", "truncation", "occlusion")
@@ -45,23 +44,17 @@ def read_visdrone(path: str, data: bytes, options: ReadOptions, role: str, *, gi
         See `formats.read`; or a class is none of VisDrone.
     """
     flagged = ("score",) if role == "truth" else ()
-    rows, texts, places = read_plain(
-        path,
-        data,
-        options,
-        PlainForm(_header, commas=True, empty=len(VISDRONE_FIELDS)),
-        given=given,
-        texts=("class", *flagged),
-    )
+    wanted = ("class", *flagged)
+    rows, texts = read_plain(path, data, options, _header, empty=10, given=given, texts=wanted)
     refuse_detections(rows)
-    category = _named(texts[CATEGORY_FIELD], places)
+    category = _named(texts[CATEGORY_FIELD], rows)
     for name in NOT_EVALUATED:
         there = np.array([text == name for text in category.distinct], bool)
         if there.any():
             number = CATEGORIES.index(name)
             rows.apart[name] = there[category.code], f"left out: {name}, class {number}"
     if SCORE_FIELD in texts:
-        flags = flags_of(texts[SCORE_FIELD], places, SCORE_FIELD)
+        flags = flags_of(texts[SCORE_FIELD], rows, "score")
         rows.apart["not considered"] = flags == 0, "left out: score 0, not to be considered"
     attributes = dict(rows.attributes)
     if CATEGORY_FIELD in attributes:
@@ -80,7 +73,7 @@ def _header(fields: list[str], where: str) -> list[str]:
     return list(VISDRONE_FIELDS)
 
 
-def _named(texts: Coded, places: Places) -> Coded:
+def _named(texts: Coded, rows: Rows) -> Coded:
     """The names of classes that are numbers; blank where no class is known.
 
     Raises
@@ -92,10 +85,10 @@ def _named(texts: Coded, places: Places) -> Coded:
     names = [known.get(plain_id(text)) for text in texts.distinct]
     wrong = np.array([name is None for name in names], bool)
     if wrong.any():
-        rows = np.flatnonzero(wrong[texts.code])
-        row = int(rows[0])
+        at = np.flatnonzero(wrong[texts.code])
+        row = int(at[0])
         raise InputError(
-            f"{places.field(row, CATEGORY_FIELD)}: {quoted(texts[row].strip())} is no class of "
-            f"VisDrone{more(len(rows))}; these are 0 to {len(CATEGORIES) - 1}, or -1 for none"
+            f'{rows.where(row)}, column "class": {quoted(texts[row].strip())} is no class of '
+            f"VisDrone{more(len(at))}; these are 0 to {len(CATEGORIES) - 1}, or -1 for none"
         )
     return Coded([name or "" for name in names], texts.code)

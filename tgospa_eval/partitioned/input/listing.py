@@ -11,8 +11,8 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.guess import GUESSED_FROM, guess, is_table_folder
+from tgospa_eval.formats.loading import is_packed, plain_name
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.formats.unpack import is_packed, plain_name
 from tgospa_eval.text import listed, quoted
 
 PARQUET_ENDINGS, CSV_ENDINGS = (".parquet", ".pq"), (".csv", ".tsv")

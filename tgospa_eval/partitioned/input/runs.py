@@ -193,13 +193,6 @@ def merged_names(parts: Sequence[Numbered]) -> Numbered:
     return table, np.concatenate(numbers)
 
 
-# -------------------------------------------------------------------------------------------------
-# Rows of a side in order of time: runs of bounded size, each sorted, from which blocks are read.
-#
-# A side whose files are not in order of time is read once. As many rows as are worked on together
-# are sorted by time and written as a run; a block takes its share of each run, which is one range.
-
-
 @dataclass(frozen=True, kw_only=True)
 class FilePiece:
     """What of a file is read at once: row groups, or the lines of a text that begin in some bytes.

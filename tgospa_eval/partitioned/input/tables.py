@@ -16,15 +16,15 @@ from tgospa_eval.common.files import CHUNK, named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.arrow import arrow_rows, check_dates, check_types, damaged
+from tgospa_eval.formats.arrow import arrow_rows, check_dates, check_types
 from tgospa_eval.formats.columns.roles import Roles, find_roles
 from tgospa_eval.formats.fields import Coded
+from tgospa_eval.formats.loading import PACKED_FROM, is_packed, unpacking, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.formats.text.convert import check_text, coded_times, decode
-from tgospa_eval.formats.text.table import HEADER_BYTES, header_of, read_table, with_decimal
-from tgospa_eval.formats.times import TimeError, Times
-from tgospa_eval.formats.unpack import PACKED_FROM, is_packed, unpacking
+from tgospa_eval.formats.text.scan import HEADER_BYTES, check_text, decode
+from tgospa_eval.formats.text.table import header_of, read_table, with_decimal
+from tgospa_eval.formats.times import TimeError, Times, coded_times
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.text import visible
 from tgospa_eval.tracks.trajectories import Ints
@@ -179,9 +179,6 @@ def size_of(file: File) -> int:
         return os.path.getsize(file.place)
 
 
-# -------------------------------------------------------------------------------------------------
-# Parquet files in parts: times of a row group, rows of a range of time, batch by batch.
-
 DECODED = 1 << 17
 """Rows that are decoded together."""
 
@@ -243,7 +240,7 @@ class ParquetTable:
                     table = table.append_column(key, column)
                 yield table.select(columns)
         except (pa.ArrowException, OSError, ValueError, TypeError) as error:
-            raise damaged(self.file.path, "Parquet", error) from None
+            raise unreadable(self.file.path, "Parquet", error) from None
 
     def times(self, group: int, options: ReadOptions) -> Iterator[Times]:
         """The times of a row group, some rows at a time."""
@@ -370,7 +367,7 @@ def open_table(file: File, options: ReadOptions) -> ParquetTable:
         content = pq.ParquetFile(file.place, buffer_size=BYTES_OF_COLUMN, pre_buffer=False)
         schema = content.schema_arrow
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise damaged(file.path, "Parquet", error) from None
+        raise unreadable(file.path, "Parquet", error) from None
     keys = [pa.field(key, pa.string()) for key, _ in file.keys if key not in schema.names]
     whole = pa.schema([*schema, *keys])
     try:
@@ -420,7 +417,7 @@ def times_of(table: "pa.Table", path: str, decimal: str, first: int, *, labelled
     except InputError:
         raise
     except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
-        raise damaged(path, "Parquet", error) from None
+        raise unreadable(path, "Parquet", error) from None
     return frame_times(frame.iloc[:, 0], path, decimal, where)
 
 

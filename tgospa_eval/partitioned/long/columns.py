@@ -77,10 +77,6 @@ def _no_share() -> PartialSums:
     )
 
 
-# -------------------------------------------------------------------------------------------------
-# Estimates of a long component: their prices in one unit each, and what is left of them.
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Columns:
     """The task to put together what windows say of some estimates.

@@ -133,9 +133,6 @@ def _replaced(pieces: tuple[WindowPiece, ...], windows: list[Window]) -> tuple[W
     return tuple(sorted((*kept, *fresh), key=lambda piece: piece.low))
 
 
-# -------------------------------------------------------------------------------------------------
-# One long component: planned, solved in windows, joined, proven, repaired where it is open.
-
 REPAIR_ROUNDS = 12
 """How often open seams are solved again, each time with twice the overlap."""
 

@@ -22,9 +22,6 @@ def expansion(terms: list[float]) -> Floats:
     return np.array([*parts, math.nextafter(rest, -math.inf)])
 
 
-# -------------------------------------------------------------------------------------------------
-# What passes between the tasks of a long component: tables in the parts that other tasks read.
-
 Table = NDArray[np.void]
 
 GAIN = np.dtype([*ENTRY.descr, ("weight", "<i8")])

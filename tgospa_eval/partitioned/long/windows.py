@@ -210,10 +210,6 @@ def read_entries(stretches: tuple[tuple[str, int, int], ...]) -> Table:
     return np.concatenate(found)
 
 
-# -------------------------------------------------------------------------------------------------
-# A window of a long component: solved by itself, and what its middle says.
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Window:
     """The task to solve a window.

@@ -1,0 +1,288 @@
+"""The bytes of a file, unpacked, and whether there is room for what is in them.
+
+Small files may unpack to anything: what reading takes is known before it is read.
+"""
+
+import io
+import math
+import os
+import stat
+import sys
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from importlib import import_module
+from typing import BinaryIO
+
+from tgospa_eval.common.files import CHUNK, SETTINGS, STDIN, named, read_bytes
+from tgospa_eval.common.machine import available_memory
+from tgospa_eval.common.words import install
+from tgospa_eval.errors import ConfigError, InputError
+
+GIGABYTE = 1e9
+DEFAULT_GIGABYTES = 4.0
+"""GB that reading a far smaller file may take: some 20 million rows of four columns."""
+
+UNPACKED = 300
+"""Times its own size that reading a file may take beyond that; recordings take 5 to 100 times."""
+
+TABLE, TEXT = 6, 3
+"""Bytes that reading takes for each byte of a table of doubles, and of a text. Measured at 10
+million rows: 4.2 (npz), 4.7 (Parquet) and 2.9 (CSV)."""
+
+MODEST = 1e8
+"""Bytes that are there on any machine: to ask takes longer than to read a small file."""
+
+
+def check_room(path: str, size: float, file: int, limit: float | None, what: str) -> None:
+    """Whether there is room for what a file unpacks to.
+
+    Parameters
+    ----------
+    path : str
+        The file, for the message.
+    size : float
+        Bytes that reading takes.
+    file : int
+        Bytes of the file.
+    limit : float, optional
+        GB that it may take, 0 for any; by default what is available, but no more than
+        `DEFAULT_GIGABYTES` where that is `UNPACKED` times the file and more.
+    what : str
+        What is in the file.
+
+    Raises
+    ------
+    InputError
+        There is not.
+    """
+    if limit == 0:
+        return
+    limits = []
+    if limit is not None:
+        limits.append((limit, "allowed"))
+    else:
+        free = available_memory() if size > MODEST else None
+        if free is not None:
+            limits.append((free / GIGABYTE, "available"))
+        if size > UNPACKED * file:
+            limits.append((DEFAULT_GIGABYTES, "allowed"))
+    most, kind = min(limits, default=(math.inf, ""))
+    if size > most * GIGABYTE:
+        needed = size / GIGABYTE
+        raise InputError(
+            f"{path}: {what}: reading it takes some {needed:.2g} GB, {kind} are {most:.2g} GB; if "
+            "it is meant, allow more with --max-input GB, or any with 0"
+        )
+
+
+def most_bytes(limit: float | None, path: str) -> int:
+    """Bytes that a file itself may have; what is available matters to the largest alone."""
+    if limit == 0:
+        return sys.maxsize - 1
+    if limit is not None:
+        return int(limit * GIGABYTE)
+    most = int(DEFAULT_GIGABYTES * GIGABYTE)
+    with suppress(OSError, ValueError):  # whoever reads it will say so
+        found = os.stat(path)
+        if stat.S_ISREG(found.st_mode) and found.st_size <= MODEST:
+            return most
+    return max(most, available_memory() or 0)
+
+
+def most_unpacked(limit: float | None, file: int) -> int:
+    """Bytes to which a compressed file of so many may unpack: texts shrink to a tenth."""
+    if limit == 0:
+        return sys.maxsize
+    if limit is not None:
+        return int(limit * GIGABYTE / TEXT)
+    most = max(DEFAULT_GIGABYTES * GIGABYTE, UNPACKED * file)
+    return int(min(most, available_memory() or most) / TEXT)
+
+
+ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
+"""Of the standard library, or the same for older versions."""
+
+PACKED_ENDINGS = (".gz", ".gzip", ".zst", ".zstd")
+
+
+PACKED_FROM = 8
+"""Bytes that tell how a file is compressed."""
+
+
+def is_packed(data: bytes) -> bool:
+    """Whether a file is compressed in a way that is unpacked here."""
+    return data.startswith(tuple(OPENERS))
+
+
+def unpack(data: bytes, path: str, most: int = SETTINGS) -> bytes:
+    """The content of a file, of at most so many bytes if it is compressed.
+
+    Parameters
+    ----------
+    data, path
+        The file.
+    most : int
+        Bytes that a compressed file may have unpacked: a small one can have any number.
+
+    Raises
+    ------
+    InputError
+        It is damaged, or unpacks to more.
+    ConfigError
+        The package that unpacks it is missing.
+    """
+    if not is_packed(data):
+        return data
+    pieces, size = [], 0
+    with _content(io.BytesIO(data), path) as stream:
+        while piece := stream.read(CHUNK):
+            size += len(piece)
+            if size > most:
+                raise InputError(
+                    f"{path}: {len(data):,} bytes that unpack to more than {most / 1e9:.2g} GB; if "
+                    "it is meant, allow more with --max-input GB, or any with 0"
+                )
+            pieces.append(piece)
+    return b"".join(pieces)
+
+
+@contextmanager
+def unpacking(place: str, path: str) -> Iterator[BinaryIO]:
+    """The content of a file, unpacked while it is read if it is compressed.
+
+    Parameters
+    ----------
+    place : str
+        Where the file is.
+    path : str
+        What it is called in messages.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or is damaged.
+    ConfigError
+        The package that unpacks it is missing.
+    """
+    with named(path, InputError), open(place, "rb") as file, _content(file, path) as stream:
+        yield stream
+
+
+@contextmanager
+def _content(file: BinaryIO, path: str) -> Iterator[BinaryIO]:
+    """The same of an open file."""
+    head = file.read(PACKED_FROM)
+    file.seek(0)
+    opened = next((opener for magic, opener in OPENERS.items() if head.startswith(magic)), None)
+    if opened is None:
+        yield file
+        return
+    stream, faults = opened(file, path)
+    try:
+        yield stream
+    except faults as error:
+        why = reason_of(error)
+        raise InputError(f"{path}: cannot be unpacked, it is damaged: {why}") from None
+
+
+def unreadable(path: str, kind: str, error: Exception) -> InputError:
+    """Message about a damaged file."""
+    return InputError(f"{path}: no readable {kind} file: {reason_of(error)}")
+
+
+def reason_of(error: Exception) -> str:
+    """The first line of an error."""
+    if isinstance(error, UnicodeDecodeError):
+        return "a text that is not UTF-8; the file is damaged"
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def plain_name(path: str) -> str:
+    """The path without the ending of a compressed file, in lower case."""
+    name = path.casefold()
+    ending = next((ending for ending in PACKED_ENDINGS if name.endswith(ending)), "")
+    return name.removesuffix(ending)
+
+
+Opened = tuple[BinaryIO, tuple[type[Exception], ...]]
+"""What reads the content, and the faults of a damaged file."""
+
+
+def _gzip(source: BinaryIO, path: str) -> Opened:  # noqa: ARG001
+    import gzip  # here, as below: few files need it
+
+    return gzip.GzipFile(fileobj=source), (OSError, EOFError, zlib.error)  # type: ignore[return-value]
+
+
+def _zstd(source: BinaryIO, path: str) -> Opened:
+    try:
+        library = import_module(ZSTD)
+    except ModuleNotFoundError:
+        raise ConfigError(f"{path}: zstd needs the extra zstd: {install('zstd')}") from None
+    return library.ZstdFile(source), (library.ZstdError, EOFError)
+
+
+OPENERS: dict[bytes, Callable[[BinaryIO, str], Opened]] = {
+    b"\x1f\x8b": _gzip,
+    b"\x28\xb5\x2f\xfd": _zstd,
+}
+"""How compressed files begin, and what opens them."""
+
+
+def load(path: str, most: int = SETTINGS) -> bytes:
+    """The bytes of a file, at most so many.
+
+    Raises
+    ------
+    InputError
+        It cannot be read.
+    """
+    with named(path, InputError):
+        try:
+            endless = _is_endless(path)
+        except FileNotFoundError:
+            raise InputError(f"{path}: no such file") from None
+        if endless:
+            raise InputError(f"{path}: is a device, not a file")
+    try:
+        if most == SETTINGS:
+            return read_bytes(path, InputError)
+        return read_bytes(path, InputError, most, "allow more with --max-input GB, or any with 0")
+    except MemoryError:
+        raise InputError(f"{path}: larger than the memory of this machine") from None
+
+
+def _is_endless(path: str) -> bool:
+    """Whether it is a device such as /dev/zero; a terminal ends when its user ends it."""
+    if path == STDIN:
+        return False
+    mode = os.stat(path).st_mode
+    if stat.S_ISBLK(mode):
+        return True
+    if not stat.S_ISCHR(mode):
+        return False
+    with open(path, "rb", buffering=0) as device:
+        return not device.isatty()
+
+
+def unpacked_file(path: str, max_input: float | None) -> bytes:
+    """The bytes of a file, unpacked, as many as `max_input` GB allow."""
+    data = load(path, most_bytes(max_input, path))
+    return unpack(data, path, most_unpacked(max_input, len(data))) if is_packed(data) else data
+
+
+def check_parquet(kind: str = "Parquet", begin: str = "") -> None:
+    """Whether pyarrow is there.
+
+    Raises
+    ------
+    ConfigError
+        It is not installed.
+    """
+    try:
+        import pyarrow.parquet  # noqa: F401  (here: the extra may be missing)
+    except ModuleNotFoundError:
+        raise ConfigError(
+            f"{begin}{kind} files need the extra parquet: {install('parquet')}"
+        ) from None
