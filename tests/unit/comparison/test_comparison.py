@@ -135,7 +135,7 @@ def test_one_that_fails_leaves_the_others(write: Write, invoke: Invoke, here) ->
 
 
 def test_errors_are_against_what_all_prove() -> None:
-    run = runs.Run(
+    run = runs.SolvedRun(
         solver="s", epsilon=None, bracket=bracket(90, 100), tgospa=10, lower_bound=9.5, parts={},
         counts={}, status="solved", finished=True, iterations=1, seconds={},
     )  # fmt: skip
