@@ -168,15 +168,14 @@ def drifting(tmp_path: Path) -> Callable[[bool], tuple[tuple[str, str], tuple[st
 SHIPS = ("-c", "300", "-g", "100", "--distance", "haversine", "--jobs", "1", "--memory", "200MB")
 
 
-@pytest.mark.parametrize("rows", [6, 40])
 @pytest.mark.parametrize(
-    ("iso", "options"),
+    ("rows", "iso", "options"),
     [
-        (False, ("--steps", "-5:50:2.5")),
-        (True, ("--steps", "2026-05-01T08:00:10Z:2026-05-01T08:01:20Z:2s")),
-        (False, ("--resample", "0.7", "--max-gap", "3,5")),
-        (True, ("--resample", "1500ms", "--max-gap", "4s,2s")),
-        (False, ("--resample", "10", "--max-gap", "1000")),
+        (6, False, ("--steps", "-5:50:2.5")),
+        (40, True, ("--steps", "2026-05-01T08:00:10Z:2026-05-01T08:01:20Z:2s")),
+        (6, False, ("--resample", "0.7", "--max-gap", "3,5")),
+        (40, True, ("--resample", "1500ms", "--max-gap", "4s,2s")),
+        (6, False, ("--resample", "10", "--max-gap", "1000")),
     ],
 )
 def test_steps_that_are_declared_and_a_common_clock_are_those_of_one_file(
