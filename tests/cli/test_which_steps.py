@@ -82,7 +82,10 @@ def test_a_silence_is_charged(files: Path, invoke: Invoke) -> None:
     assert dead["missed"] == 50 * 3 * 12
     assert dead["normalised"]["tgospa"] == pytest.approx((dead["total"] / 31) ** 0.5)
     (warned,) = [notice for notice in dead["warnings"] if notice["code"] == "silences"]
-    assert "no stamp for 12 in 1 silence: 36 states of the truth in them" in warned["text"]
+    assert (
+        "no state within c of a truth for 12 in 1 silence: 36 states of the truth in them"
+        in warned["text"]
+    )
     free = value(invoke("truth.csv", "dead.csv", *clock, "--outage", "none"))
     assert free["missed"] == 0
     assert "silences are not charged" in json.dumps(free["warnings"])
@@ -91,10 +94,21 @@ def test_a_silence_is_charged(files: Path, invoke: Invoke) -> None:
     assert alive["judged"]["truth_sha256"] != dead["judged"]["truth_sha256"]
 
 
+def test_a_false_alarm_ends_no_silence(files: Path, invoke: Invoke) -> None:
+    clock = ("--interpolate", "truth", "--max-gap", "4", "--format", "json", *GIVEN)
+    dead = value(invoke("truth.csv", "dead.csv", *clock))
+    with Path("dead.csv").open("a", encoding="utf-8") as file:
+        file.write("far,14.5,-5000\n")
+    more = value(invoke("truth.csv", "dead.csv", *clock))
+    assert "36 states of the truth in them" in json.dumps(more["warnings"])
+    # It is one false state, at a step at which three more objects are missed.
+    assert more["total"] == pytest.approx(dead["total"] + 4 * 50)
+
+
 def test_a_silence_is_no_fault_of_the_clock_and_an_hour_is_one(files: Path, invoke: Invoke) -> None:
     clock = ("--interpolate", "truth", "--max-gap", "4", *GIVEN)
     answer = invoke("truth.csv", "dead.csv", *clock)
-    assert "no stamp for 12 in 1 silence" in answer.err
+    assert "no state within c of a truth for 12 in 1 silence" in answer.err
     assert "are in both files, and what exists" not in answer.err
     ahead = tracker()
     ahead["t"] += 9.25
@@ -184,6 +198,32 @@ def test_declared_steps_count_whether_something_exists_or_not() -> None:
     tenths = table({("a", k / 10): 0.0 for k in range(11)})
     exact = evaluate(tenths, tenths, **METRIC, steps="0:1:0.1")
     assert (exact.judged["truth_states"], exact.total) == (11, 0)
+
+
+def test_a_range_of_time_takes_its_part_of_declared_steps(files: Path, invoke: Invoke) -> None:
+    truth().assign(x=lambda side: side["x"] + 1).to_csv("late.csv", index=False)
+    given = ("truth.csv", "late.csv", *GIVEN, "--format", "json")
+    part = value(invoke(*given, "--steps", "5:9"))
+    both = value(invoke(*given, "--steps", "0:30", "--time", "5:9"))
+    assert both["judged"] == part["judged"]
+    assert both["normalised"] == part["normalised"]
+    answer = invoke(*given, "--steps", "0:30", "--time", "50:90")
+    assert (answer.status, answer.out) == (2, "")
+    assert "--time 50:90: is beyond all steps of --steps 0:30" in answer.err
+
+
+def test_steps_without_any_row_are_no_proven_zero(files: Path, invoke: Invoke) -> None:
+    wrong = "--steps 0.25:3.25:1: no row of either file is at one of these steps; all 138 are at"
+    given = ("truth.csv", "alive.csv", *GIVEN, "--steps", "0.25:3.25:1", "-q")
+    for answer in (
+        invoke(*given),
+        invoke("gate", *given, "--max", "tgospa=1"),
+        invoke("compare", *given[:2], "dead.csv", *given[2:]),
+    ):
+        assert answer.status == 2
+        assert wrong in answer.out + answer.err
+    with pytest.raises(ConfigError, match="no row of either file"):
+        evaluate(truth(), tracker(), **METRIC, steps="0.25:3.25:1")
 
 
 @pytest.mark.parametrize(

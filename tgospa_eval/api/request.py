@@ -299,10 +299,10 @@ class Request(Values):
     outage: str | None = setting(
         "Files",
         "--outage DT",
-        "With --interpolate truth: where the estimate has no time for longer than this, the "
-        "truth's own times are steps, and what is there is missed. none says that the tracker "
-        "reports only when it sees something.",
-        shown="five times its median interval",
+        "With --interpolate truth: where the estimate has no state within c of a truth for longer "
+        "than this, the truth's own times are steps, and what is there is missed. none says that "
+        "the tracker reports only when it sees something.",
+        shown="five times the median of such intervals",
     )
     time_offset: float = setting(
         "Files",

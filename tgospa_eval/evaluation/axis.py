@@ -7,11 +7,11 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.distances import Distance, Effort
+from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.gating import prepared_pairs
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.tracks.alignment import TimeMatching, Times, align, comparable
+from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, comparable
 from tgospa_eval.tracks.durations import SECOND, Duration, multiples
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -29,7 +29,7 @@ SILENCE = 5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Silences:
-    """Where the estimate has no stamps.
+    """Where the estimate has no state within the cutoff of a truth.
 
     Parameters
     ----------
@@ -83,9 +83,16 @@ def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]
 
 
 def on_axis(
-    sides: Sides, matching: TimeMatching, distance: Distance, names: tuple[str, str]
+    sides: Sides,
+    matching: TimeMatching,
+    distance: Distance,
+    names: tuple[str, str],
+    cutoff: float,
 ) -> Axis:
     """Both sides at the steps that are asked for.
+
+    The cutoff says what ends a silence of the estimate, where the truth is interpolated: a false
+    alarm does not.
 
     Raises
     ------
@@ -97,7 +104,7 @@ def on_axis(
     if matching.resample is not None:
         return _resampled(axis, matching, distance, names)
     if matching.interpolate:
-        axis = _interpolated(axis, matching, distance, names)
+        axis = _interpolated(axis, matching, distance, names, cutoff)
     if matching.steps is not None:
         from tgospa_eval.tracks.interpolation import at_ticks  # here: few want it
 
@@ -149,19 +156,26 @@ def replace_times(side: Trajectories, ticks: Trajectories) -> Trajectories:
 
 
 def _interpolated(
-    axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str]
+    axis: Axis,
+    matching: TimeMatching,
+    distance: Distance,
+    names: tuple[str, str],
+    cutoff: float,
 ) -> Axis:
     """One side at the stamps of the other, and the truth's own where the estimate is silent."""
     which = ("truth", "estimate").index(str(matching.interpolate))
     side, other = axis.sides[which], axis.sides[1 - which]
     gap = matching.gaps[which]
     silences = None
+    made = _made(side, other, gap, matching, distance, (names[which], names[1 - which]))
     if which == 0:
-        silences = _silences(side, other, matching, names)
+        pair, near = _near(made.side, other, matching, distance, cutoff)
+        found = np.unique(pair.estimate.times[pair.estimate.step[near.estimate_row]])
+        silences = _silences(side, other, found, matching, names)
         if silences is not None and silences.charged and len(silences.ticks):
             union = np.union1d(other.times, silences.ticks)
             other = _stamped(union, other, other.clock, side)
-    made = _made(side, other, gap, matching, distance, (names[which], names[1 - which]))
+            made = _made(side, other, gap, matching, distance, (names[which], names[1 - which]))
     sides = (made.side, axis.sides[1]) if which == 0 else (axis.sides[0], made.side)
     return replace(axis, sides=sides, made=((str(matching.interpolate), made),), silences=silences)
 
@@ -186,16 +200,37 @@ def _made(
     )
 
 
-def _silences(
-    truth: Trajectories, estimate: Trajectories, matching: TimeMatching, names: tuple[str, str]
-) -> Silences | None:
-    """Intervals without stamps of the estimate, from the truth's first stamp to its last.
+def _near(
+    truth: Trajectories,
+    estimate: Trajectories,
+    matching: TimeMatching,
+    distance: Distance,
+    cutoff: float,
+) -> tuple[Alignment, Pairs]:
+    """Both sides on the steps of either, and the pairs of rows within the cutoff."""
+    pair = align(truth, estimate.seen_as(distance.kinds), TimeMatching(tolerance=matching.near))
+    effort = Effort(jobs=1, stopwatch=Stopwatch())
+    distance = distance.fitted((pair.truth, pair.estimate))
+    sides, prepared = distance.prepared((pair.truth, pair.estimate), effort)
+    return pair, prepared_pairs(sides, cutoff, prepared, effort)
 
-    Longer than `TimeMatching.outage`, or than `SILENCE` median intervals.
+
+def _silences(
+    truth: Trajectories,
+    estimate: Trajectories,
+    found: Times,
+    matching: TimeMatching,
+    names: tuple[str, str],
+) -> Silences | None:
+    """Intervals between the stamps at which the estimate found a truth.
+
+    From the truth's first stamp to its last, longer than `TimeMatching.outage`, or than `SILENCE`
+    median intervals.
     """
     own, ticks = comparable(truth, estimate, names)
     if not len(own) or not len(ticks):
         return None
+    ticks = np.unique(ticks[np.isin(estimate.times, found)])
     second = SECOND if truth.clock != "number" else 1
     ends = np.concatenate((own[:1], ticks[(ticks > own[0]) & (ticks < own[-1])], own[-1:]))
     lengths = np.diff(ends) / second
@@ -234,6 +269,23 @@ def _stamped(
         }
         labels[:] = [known.get(stamp) or iso(stamp, clock) for stamp in times.tolist()]
     return Trajectories.of_times(times, like.columns, clock, labels)
+
+
+def check_left(axis: Axis, matching: TimeMatching) -> None:
+    """Whether a row of either side is at one of the declared steps.
+
+    Raises
+    ------
+    NothingLeftError
+        All are at other times.
+    """
+    if matching.steps is None or any(len(side.step) for side in axis.sides):
+        return
+    if sum(axis.left_out):
+        raise NothingLeftError(
+            f"--steps {matching.steps.text}: no row of either file is at one of these steps; all "
+            f"{sum(axis.left_out):,} are at other times"
+        )
 
 
 def on_own_times(request: EvaluationRequest) -> EvaluationRequest:
@@ -296,10 +348,7 @@ def truth_gaps(
     if rows and len(estimate.step):
         chosen = np.array(rows)
         line = line.chosen(chosen, line.step[chosen], line.times)
-        pair = align(line, estimate.seen_as(distance.kinds), TimeMatching(tolerance=matching.near))
-        effort = Effort(jobs=1, stopwatch=Stopwatch())
-        sides, prepared = distance.prepared((pair.truth, pair.estimate), effort)
-        near = prepared_pairs(sides, cutoff, prepared, effort)
+        _, near = _near(line, estimate, matching, distance, cutoff)
         states = len(np.unique(near.estimate_row))
     return TruthGaps(
         lengths=apart[wide],

@@ -127,7 +127,7 @@ def evaluate(
     steps : str, optional
         ``"FIRST:LAST[:EVERY]"``: exactly these steps, empty ones included, and the horizon.
     outage : float or str, optional
-        With the truth interpolated: where the estimate has no stamp for longer than this, the
+        With the truth interpolated: where no estimate is within c of a truth for longer, the
         truth's own stamps are steps too; five of its median intervals by default, ``"none"`` says
         that it reports only what it sees.
     time_offset, time_scale, unit_scale : float

@@ -310,7 +310,7 @@ def fit(
         truth, estimate = expected(truth, estimate, names)
     given = truth, estimate
     if placed is None:
-        axis = on_axis(given, time_matching, distance, names)
+        axis = on_axis(given, time_matching, distance, names, request.parameters.cutoff)
     else:
         axis, time_matching = placed(given), TimeMatching()
     truth, estimate = axis.sides

@@ -17,6 +17,7 @@ from tgospa_eval.common.notices import spoken_in_python, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.axis import on_axis
 from tgospa_eval.evaluation.diagnosis import look
 from tgospa_eval.evaluation.evaluate import prove, solver_settings
 from tgospa_eval.evaluation.prepare import Fitted, MeasuredSides, fit, measure
@@ -186,6 +187,25 @@ def in_order(
     return ordered
 
 
+def _check_steps(
+    sides: Fitted, request: EvaluationRequest, parameter: str, parameters: Sequence[Parameters]
+) -> None:
+    """Whether all points are of the same steps: what is near ends a silence of the estimate."""
+    matching = request.time_matching
+    if parameter != "cutoff" or matching.interpolate != "truth":
+        return
+    names = ("truth", "estimate")
+    first, last = (
+        on_axis(sides.given, matching, request.distance, names, point.cutoff).sides[0].times
+        for point in (parameters[0], parameters[-1])
+    )
+    if not np.array_equal(first, last):
+        raise ConfigError(
+            "which steps count depends on the cutoff, for --interpolate truth charges silences: "
+            "sweep it on a common clock, --resample"
+        )
+
+
 def sweep_fitted(
     sides: Fitted,
     request: EvaluationRequest,
@@ -209,7 +229,13 @@ def sweep_fitted(
         Of each point, by value, as from `in_order`.
     files, stopwatch
         As for `evaluation.evaluate.evaluate_fitted`.
+
+    Raises
+    ------
+    ConfigError
+        Which steps count differs from one cutoff to another.
     """
+    _check_steps(sides, request, parameter, parameters)
     widest = max(point.cutoff for point in parameters)
     measured, pairs = measure(sides, request, cutoff=widest, files=files, stopwatch=stopwatch)
     line = _Line(measured, pairs, tuple(parameters), parameter, request.solver, stopwatch)

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import field
+from dataclasses import field, replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -93,13 +93,15 @@ def parse_moments(text: str | None) -> TimeRange | None:
     return TimeRange(low=low, high=high, clock=str(clock), text=text)
 
 
-def parse_steps(text: str | None) -> Steps | None:
+def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | None:
     """Declared steps, ``FIRST:LAST[:EVERY]``; of ISO times, which contain colons, as it parses.
+
+    Those in the range of time alone, where one is asked for.
 
     Raises
     ------
     ConfigError
-        It is none, its ends are of two kinds, or it ends before it begins.
+        It is none, its ends are of two kinds, it ends before it begins, or none is in the range.
     """
     if text is None:
         return None
@@ -119,7 +121,14 @@ def parse_steps(text: str | None) -> Steps | None:
         )
     if found[0].first > found[0].last:
         raise ConfigError(f"--steps {quoted(text)}: ends before it begins")
-    return found[0]
+    if within is None:
+        return found[0]
+    ticks = found[0].ticks()
+    ticks = ticks[within.inside(ticks, found[0].clock, f"--steps {text}")]
+    if not len(ticks):
+        raise ConfigError(f"--time {within.text}: is beyond all steps of --steps {text}")
+    first, last = ticks[[0, -1]].tolist()
+    return replace(found[0], first=first, last=last)
 
 
 def _splits(text: str, count: int) -> Iterator[list[str]]:

@@ -18,8 +18,8 @@ from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.engines.processes import Processes, Standing
 from tgospa_eval.engines.spread import Engine
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.axis import Axis
-from tgospa_eval.evaluation.diagnosis import axis_notices
+from tgospa_eval.evaluation.axis import check_left
+from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices
 from tgospa_eval.evaluation.evaluate import nested_timings, solver_settings
 from tgospa_eval.evaluation.localisation import within_rounding
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -215,7 +215,7 @@ def _evaluate(
     with stopwatch.span("report"):
         result = _result(sides, steps, plan, found, means)
         warnings = (*(notice for notice in looked if notice.code), *result.warnings)
-        for notice in _said(sides, steps.axis, plan, found):
+        for notice in _said(sides, steps, plan, found):
             stopwatch.notify(str(notice))
     return replace(
         result,
@@ -372,7 +372,7 @@ def _left_out(side: PartsSide, blocks: Sequence[Read]) -> dict[str, int]:
 
 
 def _said(
-    sides: tuple[PartsSide, PartsSide], axis: Axis, plan: PartsPlan, found: Evaluated
+    sides: tuple[PartsSide, PartsSide], steps: Found, plan: PartsPlan, found: Evaluated
 ) -> Iterator[Notice]:
     """What the user should know of the two sides."""
     for number, side in enumerate(sides):
@@ -380,7 +380,8 @@ def _said(
         classes = sorted({name for block in blocks for name in block.named}, key=natural)
         for text in side.said(_left_out(side, blocks), classes):
             yield Notice(text=f"{plan.names[number]}: {text}")
-    matching, made = plan.request.time_matching, axis.made
+    axis, matching = steps.axis, plan.request.time_matching
+    made = axis.made
     if isinstance(plan.cut, Resampling):
         made = tuple(
             (name, one.of(old.side))
@@ -392,6 +393,10 @@ def _said(
                 "what the estimate reports in them is false (its cost is not worked out of data "
                 "in parts)"
             )
-    yield from axis_notices(
-        replace(axis, made=made, left_out=(_off(plan, found, 0), _off(plan, found, 1))), matching
-    )
+    off = (_off(plan, found, 0), _off(plan, found, 1))
+    if any(off) and matching.steps is None:
+        yield Notice(text=alignment_notices(replace(steps.grid, left_out=off), matching)[-1])
+    axis = replace(axis, made=made, left_out=off)
+    if not any(block.read[number].sums[0] for block in found.blocks for number in (0, 1)):
+        check_left(axis, matching)
+    yield from axis_notices(axis, matching)

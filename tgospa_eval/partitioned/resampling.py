@@ -495,7 +495,7 @@ def find_steps(
     resampled = matching.resample is not None and len(clocks[0].times) > 0
     if resampled:  # no stamp is a step
         clocks = _without_rows(clocks[0]), _without_rows(clocks[1])
-    axis = on_axis(clocks, matching, request.distance, names)
+    axis = on_axis(clocks, matching, request.distance, names, request.parameters.cutoff)
     grid = align(*axis.sides, matching, names)
     if grid.union and not len(grid.truth.times):
         raise ConfigError(f"--grid {matching.grid}: no step is left, none of {grid.union:,} counts")

@@ -1,5 +1,7 @@
 """What looks wrong with two sides, judged by a stretch of them that fits into memory."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from tgospa_eval.common.notices import Notice
@@ -25,7 +27,8 @@ def look(plan: PartsPlan, grid: Alignment) -> list[Notice]:
         The steps of both sides, without their rows.
     """
     request = plan.request
-    notices = [Notice(text=text) for text in alignment_notices(grid, request.time_matching)]
+    steps = replace(grid, left_out=(0, 0))  # whose rows are not counted yet
+    notices = [Notice(text=text) for text in alignment_notices(steps, request.time_matching)]
     first, last = middle(plan.cut.rows, LOOKED_AT)
     piece = plan.cut.piece(first, last + 1)
     last = piece.high - 1

@@ -43,6 +43,8 @@ RECORDED = """cutoff order switch_penalty rho step_weights existence distance co
     directions iterations restarts polish seed no_gating pairwise"""
 ORIGIN = {"class": str, "classes": [str], "options": {MAY: dict.fromkeys(RECORDED.split(), ANY)}}
 ORIGIN |= {"inputs": {side: {"path": str, "sha256": str} for side in ("truth", "estimate")}}
+ORIGIN["judged"] = dict.fromkeys(("steps", "truth_states", "truth_steps"), int)
+ORIGIN["judged"] |= {"steps_sha256": str, "truth_sha256": str, "first": ANY, "last": ANY}
 DOCUMENT = {"schema": str, "version": str, "lower_bound": str, "upper_bound": str, "sha256": dict}
 DOCUMENT |= {"parameters": dict, "price_bits": int, "weight_unit": int, "prices": [(str, str, int)]}
 DOCUMENT |= {"assignment": [(str, str, str, str, int)], MAY: ORIGIN}
@@ -110,8 +112,7 @@ class Folder:
         """A file, which must be UTF-8 without a byte order mark, and have the digest if any."""
         if not (path := self.path / name).is_file():  # a device may have no end
             raise FileNotFoundError(f"{name} is missing, or no file")
-        data = path.read_bytes()
-        self.size += len(data)
+        self.size += len(data := path.read_bytes())
         if digest not in (None, hashlib.sha256(data).hexdigest()):
             raise Wrong(f"{name} was changed after the proof was written")
         if data.startswith(b"\xef\xbb\xbf"):

@@ -313,7 +313,13 @@ def _entry(table: Table, where: str) -> BaselineEntry:
     values: dict[Key, float] = {}
     for name, group in groups.items():
         values |= {(path if name is None else (name, path)): v for path, v in group.items()}
-    version, judged = table.get("version"), _table(table, "judged", where)
+    version = table.get("version")
+    if "judged" not in table:
+        raise ConfigError(
+            f"{where}: made before version 0.2.0, without what it was judged on; renew it with "
+            "--update-baseline"
+        )
+    judged = _table(table, "judged", where)
     if not isinstance(version, str):
         raise ConfigError(f"{where}: version is no text; {REMEDY}")
     if wrong := fault_of(judged):

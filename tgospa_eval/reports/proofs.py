@@ -34,6 +34,7 @@ def proof_files(result: Summary, options: Mapping[str, object]) -> dict[str, str
     for folder, part, origin in sorted(_parts(result), key=lambda part: part[0]):
         origin |= {
             "options": dict(options),
+            "judged": part.judged,
             "inputs": {
                 role: {"path": as_unicode(str(result.files[role])), "sha256": record["sha256"]}
                 for role, record in part.input.items()

@@ -47,8 +47,8 @@ class TimeMatching:
     steps : Steps, optional
         These are the steps, and no others.
     outage : float, str, or "none", optional
-        With the truth interpolated, where the estimate has no stamp for longer than this the
-        truth's own stamps are steps too; by default five times the estimate's median interval.
+        With the truth interpolated, where no estimate is near a truth for longer than this the
+        truth's own stamps are steps too; by default five times the median of such intervals.
 
     Raises
     ------

@@ -144,9 +144,8 @@ def multiples(first: int | float, last: int | float, every: Duration, clock: str
     ConfigError
         They are too many.
     """
-    name = f"--resample {every.text}"
-    every.check(clock, name)
-    return stretch(first, last, every, clock, name, aligned=True)
+    every.check(clock, "--resample")
+    return stretch(first, last, every, clock, f"--resample {every.text}", aligned=True)
 
 
 def stretch(

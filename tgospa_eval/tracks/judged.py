@@ -154,11 +154,18 @@ def incomparable(records: Mapping[str, Mapping[str, Any]]) -> str:
     if not differing:
         return ""
     sizes = "; ".join(
-        f"{name}: {counted(one['truth_states'], 'truth state')} at {one['truth_steps']:,} of "
-        f"{counted(one['steps'], 'step')}"
+        f"{name}: {counted(one['truth_states'], 'truth state')} at {_steps_of(one)}"
         for name, one in records.items()
     )
     return f"not judged on the same {' and '.join(differing)} ({sizes})"
+
+
+def _steps_of(record: Mapping[str, Any]) -> str:
+    """At how many steps, of how many of the horizon; states may be at steps beside it."""
+    at, horizon = record["truth_steps"], record["steps"]
+    if at > horizon:
+        return f"{counted(at, 'step')} (horizon: {horizon:,})"
+    return f"{at:,} of {counted(horizon, 'step')}"
 
 
 def judged_of(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from tgospa_eval.cli.shared.places import check_places
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError
+from tgospa_eval.evaluation.axis import check_left
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import (
     OF_TRACKEVAL,
@@ -21,7 +22,7 @@ from tgospa_eval.evaluation.request import (
 )
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.headers import columns_of_each
-from tgospa_eval.formats.options import parse_steps
+from tgospa_eval.formats.options import parse_moments, parse_steps
 from tgospa_eval.formats.reading import Known, check_classes
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.records import FileInfo
@@ -249,7 +250,10 @@ class Settings:
         names = (paths[0], paths[1])
         check_columns(truth, estimate, names)
         request = self.request(truth.columns)
-        return fit(truth, estimate, request, names), request
+        fitted = fit(truth, estimate, request, names)
+        if not self.one_of_many:
+            check_left(fitted.axis, request.time_matching)
+        return fitted, request
 
 
 def infos(sides: tuple[Reading, ...]) -> tuple[FileInfo, FileInfo]:
@@ -321,7 +325,7 @@ def _settings(options: Request) -> Settings:
             interpolate=options.interpolate,
             max_gap=options.max_gap,
             resample=options.resample,
-            steps=parse_steps(options.steps),
+            steps=parse_steps(options.steps, parse_moments(options.time)),
             outage=options.outage,
         ),
         reading=reading,

@@ -12,7 +12,7 @@ import numpy as np
 
 from tgospa_eval.common.notices import Notice, Spelling, as_argument, as_option
 from tgospa_eval.common.words import counted, in_both, number
-from tgospa_eval.evaluation.axis import Axis, truth_gaps
+from tgospa_eval.evaluation.axis import Axis, check_left, truth_gaps
 from tgospa_eval.evaluation.diagnosis.clock import clock_warnings
 from tgospa_eval.evaluation.diagnosis.costs import Sampler
 from tgospa_eval.evaluation.diagnosis.states import side_warnings, state_warnings
@@ -52,7 +52,14 @@ def diagnose(
 
 
 def look(sides: "Fitted", request: "EvaluationRequest") -> list[Notice]:
-    """Warnings about two sides, in the words of Python."""
+    """Warnings about two sides, in the words of Python.
+
+    Raises
+    ------
+    NothingLeftError
+        No row is at a declared step.
+    """
+    check_left(sides.axis, request.time_matching)
     found = [notice for notice in diagnose(sides, request, as_argument) if notice.code]
     if request.defaults:
         from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
@@ -105,7 +112,7 @@ def silence_warnings(
     total, longest = float(found.lengths.sum()), float(found.lengths.max())
     longest_of = f", the longest {number(longest, 4)}" if len(found.lengths) > 1 else ""
     text = (
-        f"the estimate has no stamp for {number(total, 4)} in "
+        f"the estimate has no state within c of a truth for {number(total, 4)} in "
         f"{counted(len(found.lengths), 'silence')}{longest_of}"
     )
     states = f"{counted(found.states, 'state')} of the truth"
