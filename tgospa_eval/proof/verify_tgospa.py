@@ -144,8 +144,7 @@ class Folder:
         given = proof["parameters"]
         if (distance := given.get("distance")) not in EXTRAS:
             raise ValueError(f"the distance {distance!r:.80} is none of ours")
-        columns = given.get("columns")
-        check(columns, [str], "columns")
+        check(columns := given.get("columns"), [str], "columns")
         if len(set(columns)) < len(columns) or (distance == "iou" and columns != BOXES):
             raise ValueError(f"{columns!r:.80} are no columns of the distance {distance}")
         each = {MAY: dict.fromkeys(columns, str)}
