@@ -101,7 +101,7 @@ def variables(path: str, data: bytes, limit: float | None) -> Iterator[dict[str,
     data : bytes
         Its content.
     limit : float, optional
-        GB that it may take, see `formats.room.check_room`.
+        GB that it may take, see `formats.loading.check_room`.
 
     Raises
     ------

@@ -236,7 +236,7 @@ class ReadOptions:
     roles : tuple of str
         What these files are.
     option : str
-        What messages call `columns`, see `formats.columns.asked.ask`.
+        What messages call `columns`, see `formats.columns.headers.ask`.
 
     Raises
     ------

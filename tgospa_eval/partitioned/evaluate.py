@@ -100,7 +100,7 @@ class SideSummary:
     Parameters
     ----------
     lacking : dict of str to str
-        As `Side.lacking`.
+        As `PartsSide.lacking`.
     left_out : dict of str to int
         How many rows take no part, by rule.
     named : set of str

@@ -533,7 +533,7 @@ def _without_rows(side: Trajectories) -> Trajectories:
 
 
 def _own_times(side: PartsSide, on: Trajectories) -> OwnTimes:
-    """The stamps of a side, and which are steps, from what `_clock_of` became."""
+    """The stamps of a side, and which are steps, from what `clock_of` became."""
     step = np.full(len(side.times), -1)
     if len(on.step):
         step[on.attributes[STAMP].astype(np.int64)] = on.step

@@ -106,7 +106,7 @@ class PartsPlan:
             What is done in it, in a word.
         function : callable
             Does one.
-        tasks : sequence of Task
+        tasks : sequence of PartsTask
             In the order in which to begin.
         amounts : sequence of float, optional
             How much work each is, in entries.

@@ -42,7 +42,7 @@ class Block:
     first : int
         Number of the first of them.
     told : bool
-        As of `Piece`.
+        As of `BlockPiece`.
     request : EvaluationRequest
         What is asked.
     names : pair of str

@@ -83,7 +83,7 @@ class Stamped:
     span : pair of int or float
         What is read: from one time to another.
     own, step : (k,) arrays
-        OwnTimes that are steps, and which of the block.
+        Times that are steps, and which of the block.
     """
 
     side: Readable
@@ -152,7 +152,7 @@ class Stamping:
 
     @cached_property
     def moments(self) -> tuple[Times, ...]:
-        """OwnTimes of both, each in the order in which they and the steps are."""
+        """Times of both, each in the order in which they and the steps are."""
         found = []
         for side in self.sides:
             on = side.step >= 0

@@ -72,7 +72,7 @@ def offsets(states: States) -> Offsets:
 class RowMoves:
     """What happens to rows, in order of time: states begin, prices are paid, offsets are lost.
 
-    Rows and pairs are those that `Moves.of` was given, numbered in order; times are any numbers
+    Rows and pairs are those that `RowMoves.of` was given, numbered in order; times are any numbers
     from 0 on.
 
     Parameters

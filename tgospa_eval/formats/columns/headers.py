@@ -184,7 +184,7 @@ class Headers:
     mapped : dict of str to str
         Headers of columns that the user has named.
     option : str
-        How the user names them, see `formats.columns.asked.ask`.
+        How the user names them, see `formats.columns.headers.ask`.
     where : str
         Begins every message.
     """

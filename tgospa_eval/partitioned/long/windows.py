@@ -203,7 +203,7 @@ def shard_of(number: Ints, bounds: Ints) -> Ints:
 
 
 def read_entries(stretches: tuple[tuple[str, int, int], ...]) -> Table:
-    """The entries of `Plan.between`."""
+    """The entries of `ComponentPlan.between`."""
     found = [np.zeros(0, ENTRY)]
     for path, low, high in stretches:
         found.append(np.array(np.load(Path(path), mmap_mode="r")[low:high]))
@@ -219,7 +219,7 @@ class Window:
     output : str
         The folder that is written.
     entries : tuple
-        Where its entries are, as of `Plan.between`.
+        Where its entries are, as of `ComponentPlan.between`.
     around : pair of int
         The steps of the window: from, and to before.
     core : pair of int
