@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval._version import __version__
 
 if TYPE_CHECKING:
-    from tgospa_eval.cli.batch.call import batch
-    from tgospa_eval.comparison.compare import compare
+    from tgospa_eval.api.batch import batch
+    from tgospa_eval.api.compare import compare
+    from tgospa_eval.api.gate import gate
     from tgospa_eval.errors import (
         ConfigError,
         InputError,
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from tgospa_eval.evaluation.sweep import sweep
     from tgospa_eval.formats import read_trajectories
     from tgospa_eval.proof.check import verify
-    from tgospa_eval.regression.run import gate
     from tgospa_eval.results.explanation import Explanation
     from tgospa_eval.results.result import Result
     from tgospa_eval.results.sweep import Sweep
@@ -46,10 +46,10 @@ _HOME = {
     "TgospaError": "errors",
     "TgospaWarning": "errors",
     "Trajectories": "tracks.trajectories",
-    "batch": "cli.batch.call",
-    "compare": "comparison.compare",
+    "batch": "api.batch",
+    "compare": "api.compare",
     "evaluate": "evaluation.evaluate",
-    "gate": "regression.run",
+    "gate": "api.gate",
     "read_trajectories": "formats",
     "simulate": "simulation.settings",
     "sweep": "evaluation.sweep",

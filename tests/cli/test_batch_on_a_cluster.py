@@ -14,7 +14,7 @@ from browser import PATIENCE
 from cluster import Running, cluster
 from faults import FATAL, double, slow
 
-from tgospa_eval.batches.store import Store
+from tgospa_eval.campaign.store import Store
 from tgospa_eval.common import files
 from tgospa_eval.engines import cluster as module
 from tgospa_eval.engines import spread as engine

@@ -26,10 +26,10 @@ from tgospa_eval import (
     simulate,
     verify,
 )
+from tgospa_eval.campaign import solvers
+from tgospa_eval.campaign.solvers import SolvedRun, run_here
 from tgospa_eval.cli.batch.run import BatchOptions
 from tgospa_eval.cli.simulate.values import SceneOptions
-from tgospa_eval.comparison import solvers
-from tgospa_eval.comparison.entrants import SolvedRun, run_here
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.simulation.settings import USUAL_ERRORS, usual_tracker
 from tgospa_eval.solvers import Solver

@@ -13,7 +13,7 @@ from oracles import gospa
 from strategies import ORDERS, pairs_of_sets, scene
 
 from tgospa_eval import evaluate
-from tgospa_eval.comparison.entrants import against, against_document, differences
+from tgospa_eval.campaign.ranking import against, against_document, differences
 from tgospa_eval.problem import gospa as per_step
 
 SWAP = ([[0] * 3, [10] * 3], [[0, 0, 10], [10, 10, 0]])

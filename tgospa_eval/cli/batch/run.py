@@ -16,13 +16,21 @@ import numpy as np
 from tgospa_eval import plots
 from tgospa_eval._version import __version__
 from tgospa_eval.api.request import Request, Values
-from tgospa_eval.batches import jobs
-from tgospa_eval.batches.curves import rms_curves
-from tgospa_eval.batches.jobs import BatchPlan, Job
-from tgospa_eval.batches.pairing import labels_of
-from tgospa_eval.batches.per_step import STEPS, STORED_CURVE, STORED_STEPS
-from tgospa_eval.batches.store import SCHEMA, SETTINGS_FILE, Row, Store, locked
-from tgospa_eval.batches.tables import check_labels, tabulated
+from tgospa_eval.campaign import pairs as jobs
+from tgospa_eval.campaign.curves import rms_curves
+from tgospa_eval.campaign.grouping import labels_of
+from tgospa_eval.campaign.pairs import BatchPlan, Job
+from tgospa_eval.campaign.store import (
+    SCHEMA,
+    SETTINGS_FILE,
+    STEPS,
+    STORED_CURVE,
+    STORED_STEPS,
+    Row,
+    Store,
+    locked,
+)
+from tgospa_eval.campaign.tables import check_labels, tabulated
 from tgospa_eval.cli.batch.worker import (
     NOT_WRITTEN,
     OFF_STEPS,

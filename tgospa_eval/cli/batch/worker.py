@@ -14,10 +14,15 @@ from typing import Any
 
 from tgospa_eval._version import __version__
 from tgospa_eval.api.request import Request
-from tgospa_eval.batches.jobs import Job
-from tgospa_eval.batches.per_step import STEPS, STORED_CURVE, STORED_STEPS, JobSteps
-from tgospa_eval.batches.slices import stored_slices
-from tgospa_eval.batches.store import Row
+from tgospa_eval.campaign.pairs import Job
+from tgospa_eval.campaign.store import (
+    STEPS,
+    STORED_CURVE,
+    STORED_STEPS,
+    JobSteps,
+    Row,
+    stored_slices,
+)
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.files import reason

@@ -10,6 +10,27 @@ from typing import Self, TypeVar, cast
 
 from tgospa_eval import plots
 from tgospa_eval.api.request import Request, Values
+from tgospa_eval.campaign.ranking import (
+    Entrant,
+    EntrantOutcome,
+    StepCosts,
+    other_parameters,
+    outcome,
+    outcomes,
+    ranking_document,
+    shared_metrics,
+    steps_columns,
+    steps_costs,
+)
+from tgospa_eval.campaign.solvers import (
+    ONCE,
+    check_solvers,
+    compare_solvers,
+    name_of,
+    solvers_document,
+    takes_long,
+)
+from tgospa_eval.campaign.study import Log, Study, carry_out, machine, study_document
 from tgospa_eval.cli.shared.notices import about, notifier, pair_notices, slow_notice
 from tgospa_eval.cli.shared.places import find_place
 from tgospa_eval.cli.shared.progress import run
@@ -25,25 +46,6 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted, natural, parsed, parsed_whole
-from tgospa_eval.comparison.entrants import (
-    Entrant,
-    EntrantOutcome,
-    check_solvers,
-    name_of,
-    outcome,
-    takes_long,
-)
-from tgospa_eval.comparison.ranking import (
-    StepCosts,
-    other_parameters,
-    outcomes,
-    ranking_document,
-    shared_metrics,
-    steps_columns,
-    steps_costs,
-)
-from tgospa_eval.comparison.solvers import ONCE, compare_solvers, solvers_document
-from tgospa_eval.comparison.study import Log, Study, carry_out, machine, study_document
 from tgospa_eval.distances import Effort
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.evaluate import solve

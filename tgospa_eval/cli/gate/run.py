@@ -12,16 +12,7 @@ from click.core import ParameterSource
 
 from tgospa_eval._version import __version__
 from tgospa_eval.api.request import Request, Values
-from tgospa_eval.batches.store import SETTINGS_FILE, Row, Store
-from tgospa_eval.cli.evaluate.run import evaluate_files
-from tgospa_eval.cli.shared.options import BY_KEY, EVALUATION, KNOWN, typed_options
-from tgospa_eval.cli.shared.streams import emit, heard, print_notice, print_raw
-from tgospa_eval.cli.shared.values import OutputOptions
-from tgospa_eval.cli.verbs import TYPED
-from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice
-from tgospa_eval.errors import ConfigError, InputError, TgospaError
-from tgospa_eval.regression.baseline import (
+from tgospa_eval.campaign.baseline import (
     Baseline,
     BaselineEntry,
     Measured,
@@ -31,7 +22,8 @@ from tgospa_eval.regression.baseline import (
     measured,
     values_of,
 )
-from tgospa_eval.regression.outcome import (
+from tgospa_eval.campaign.gate_report import GATE_REPORTS
+from tgospa_eval.campaign.outcome import (
     PairOutcome,
     Report,
     change,
@@ -39,20 +31,26 @@ from tgospa_eval.regression.outcome import (
     leftover,
     update_notes,
 )
-from tgospa_eval.regression.report import GATE_REPORTS
-from tgospa_eval.regression.suite import (
+from tgospa_eval.campaign.rules import (
     DEFAULT,
-    ONLY_PAIR,
-    Pair,
     Rule,
-    Suite,
     Verdict,
     parse_maximum,
     parse_rule,
     split_rules,
     worst,
 )
-from tgospa_eval.regression.suite import load as load_suite
+from tgospa_eval.campaign.store import SETTINGS_FILE, Row, Store
+from tgospa_eval.campaign.suite import ONLY_PAIR, Pair, Suite
+from tgospa_eval.campaign.suite import load as load_suite
+from tgospa_eval.cli.evaluate.run import evaluate_files
+from tgospa_eval.cli.shared.options import BY_KEY, EVALUATION, KNOWN, typed_options
+from tgospa_eval.cli.shared.streams import emit, heard, print_notice, print_raw
+from tgospa_eval.cli.shared.values import OutputOptions
+from tgospa_eval.cli.verbs import TYPED
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.reports.files import PROOF, write_file, write_texts
 from tgospa_eval.reports.proofs import folder_name, proof_files
 from tgospa_eval.results.saved import ACCURACY
@@ -673,7 +671,7 @@ def _publish(report: Report, gate: GateOptions) -> int:
     """JUnit file, annotations and step summary; 2 if one cannot be written, else 0."""
     status = 0
     if gate.junit is not None:
-        from tgospa_eval.regression.report import junit  # here: most runs need no XML
+        from tgospa_eval.campaign.gate_report import junit  # here: most runs need no XML
 
         try:
             write_file(gate.junit, junit(report), "--junit")
@@ -681,7 +679,7 @@ def _publish(report: Report, gate: GateOptions) -> int:
             print_notice(str(error))
             status = error.exit_status
     if gate.github:
-        from tgospa_eval.regression.report import annotations, append_summary
+        from tgospa_eval.campaign.gate_report import annotations, append_summary
 
         for line in annotations(report):
             print_raw(line)

@@ -5,22 +5,17 @@ from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Self
 
-from tgospa_eval.common.config import SettingsFile
-from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, told
-from tgospa_eval.common.words import number
-from tgospa_eval.regression.baseline import (
+from tgospa_eval.campaign.baseline import (
     BASELINE_VALUES,
     Baseline,
     BaselineEntry,
     Measured,
     differences,
 )
-from tgospa_eval.regression.suite import (
+from tgospa_eval.campaign.rules import (
     STATUS,
     Finding,
     Key,
-    Pair,
     Rule,
     Value,
     Verdict,
@@ -29,6 +24,11 @@ from tgospa_eval.regression.suite import (
     name_of,
     worst,
 )
+from tgospa_eval.campaign.suite import Pair
+from tgospa_eval.common.config import SettingsFile
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.notices import Notice, told
+from tgospa_eval.common.words import number
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.tracks.judged import incomparable
 

@@ -5,10 +5,10 @@ import math
 from collections.abc import Mapping
 from typing import Any, TypeAlias
 
+from tgospa_eval.campaign.rules import PROVEN, SPLIT, Key, Value
 from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.regression.suite import PROVEN, SPLIT, Key, Value
 from tgospa_eval.results.records import PARTS, json_text
 from tgospa_eval.results.saved import contradiction, strict_json, unlike
 from tgospa_eval.results.summary import Summary

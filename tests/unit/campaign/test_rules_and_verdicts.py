@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tgospa_eval.errors import ConfigError
-from tgospa_eval.regression.suite import (
+from tgospa_eval.campaign.rules import (
     DEFAULT,
     SEVERITY,
     STATUS,
@@ -17,6 +16,7 @@ from tgospa_eval.regression.suite import (
     parse_rule,
     worst,
 )
+from tgospa_eval.errors import ConfigError
 
 
 def bracket(lower: float, upper: float, unit: float = 100.0) -> Value:

@@ -15,9 +15,9 @@ from pathlib import Path
 import pytest
 from answer import Answer
 
+from tgospa_eval.campaign import study
+from tgospa_eval.campaign.study import LOG_NAME, Log, spread
 from tgospa_eval.common.interval import Interval
-from tgospa_eval.comparison import study
-from tgospa_eval.comparison.study import LOG_NAME, Log, spread
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.simulation import Scene, Tracker
 

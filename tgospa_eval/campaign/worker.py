@@ -1,4 +1,4 @@
-"""The process that runs one solver: ``python -m tgospa_eval.comparison.worker``.
+"""The process that runs one solver: ``python -m tgospa_eval.campaign.worker``.
 
 Reads a pickled (problem, solver) from stdin. Writes pickles to stdout: what is known on the way,
 and in the end a `Run`. A byte after the question asks it to stop with what it has. It ends when
@@ -14,8 +14,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
+from tgospa_eval.campaign.solvers import reason, run_here, warm_up
 from tgospa_eval.common.progress import BackgroundTask, Progress, Stopwatch
-from tgospa_eval.comparison.entrants import reason, run_here, warm_up
 from tgospa_eval.errors import SolverError, TgospaError
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.solvers import Solver

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from tgospa_eval.batches import store as module
-from tgospa_eval.batches.store import SCHEMA, Store
+from tgospa_eval.campaign import store as module
+from tgospa_eval.campaign.store import SCHEMA, Store
 from tgospa_eval.errors import ConfigError, InputError
 
 

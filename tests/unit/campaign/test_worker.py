@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tgospa_eval.api.request import Request
-from tgospa_eval.batches.jobs import Job
+from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.cli.batch.worker import (
     NOT_WRITTEN,
     UNSEEN,

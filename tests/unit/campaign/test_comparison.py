@@ -13,11 +13,10 @@ from answer import Answer
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tgospa_eval.campaign import solvers
+from tgospa_eval.campaign import solvers as runs
+from tgospa_eval.campaign.solvers import SolvedRun, SolverComparison, called
 from tgospa_eval.common.interval import Interval, equal, excess, less, narrowest, overlap, places
-from tgospa_eval.comparison import entrants as runs
-from tgospa_eval.comparison import solvers
-from tgospa_eval.comparison.entrants import SolvedRun, called
-from tgospa_eval.comparison.solvers import SolverComparison
 from tgospa_eval.errors import SolverError
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.reports.files import csv_text

@@ -7,25 +7,24 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval._version import __version__
-from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import in_python, spoken_in_python
-from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.evaluate import evaluate
-from tgospa_eval.evaluation.sides import TrajectoriesLike
-from tgospa_eval.regression.baseline import Measured, dump, load, make_entry, measured
-from tgospa_eval.regression.outcome import PairOutcome, Report, change, compare, update_notes
-from tgospa_eval.regression.report import GATE_REPORTS
-from tgospa_eval.regression.suite import (
+from tgospa_eval.campaign.baseline import Measured, dump, load, make_entry, measured
+from tgospa_eval.campaign.gate_report import GATE_REPORTS
+from tgospa_eval.campaign.outcome import PairOutcome, Report, change, compare, update_notes
+from tgospa_eval.campaign.rules import (
     DEFAULT,
-    ONLY_PAIR,
     Finding,
-    Pair,
     Rule,
     Verdict,
     parse_maximum,
     parse_rule,
     split_rules,
 )
+from tgospa_eval.campaign.suite import ONLY_PAIR, Pair
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.notices import in_python, spoken_in_python
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.evaluate import evaluate
+from tgospa_eval.evaluation.sides import TrajectoriesLike
 from tgospa_eval.reports.files import write_file
 
 if TYPE_CHECKING:

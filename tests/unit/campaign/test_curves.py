@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from tgospa_eval.batches.curves import rms_curves
-from tgospa_eval.batches.per_step import StoredSteps
-from tgospa_eval.batches.resampling import intervals
+from tgospa_eval.campaign.curves import rms_curves
+from tgospa_eval.campaign.statistics import intervals
+from tgospa_eval.campaign.store import StoredSteps
 from tgospa_eval.cli.batch.command import BAND_KINDS
 from tgospa_eval.reports.curves import BANDS, BandKind, RmsCurve, curves_csv, curves_json
 from tgospa_eval.results.records import PARTS

@@ -8,12 +8,11 @@ from functools import cached_property
 from pathlib import PurePath
 from typing import TYPE_CHECKING, TypeAlias, cast
 
+from tgospa_eval.campaign.ranking import Entrant, outcome, ranking_document
+from tgospa_eval.campaign.solvers import ONCE, check_solvers, compare_solvers, solvers_document
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, spoken_in_python, warn_user
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.comparison.entrants import Entrant, check_solvers, outcome
-from tgospa_eval.comparison.ranking import ranking_document
-from tgospa_eval.comparison.solvers import ONCE, compare_solvers, solvers_document
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import look

@@ -9,9 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tgospa_eval.errors import ConfigError
-from tgospa_eval.regression.outcome import PairOutcome, Report, ValueChange
-from tgospa_eval.regression.report import (
+from tgospa_eval.campaign.gate_report import (
     SUMMARY,
     annotations,
     append_summary,
@@ -21,7 +19,9 @@ from tgospa_eval.regression.report import (
     summary,
     table,
 )
-from tgospa_eval.regression.suite import STATUS, Value, Verdict, judge, parse_rule
+from tgospa_eval.campaign.outcome import PairOutcome, Report, ValueChange
+from tgospa_eval.campaign.rules import STATUS, Value, Verdict, judge, parse_rule
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import visible
 
 HOSTILE = [

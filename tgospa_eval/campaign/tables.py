@@ -6,10 +6,11 @@ is that of Monte Carlo runs (docs/reference/batch.md). Bounds travel: those of a
 the bounds.
 """
 
-from collections.abc import Collection, Iterable, Sequence
+import json
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.batches.pairing import (
+from tgospa_eval.campaign.grouping import (
     LABEL,
     labels_of,
     pair_numbers,
@@ -17,17 +18,17 @@ from tgospa_eval.batches.pairing import (
     truths,
     with_parameters,
 )
-from tgospa_eval.batches.slices import sliced_groups
-from tgospa_eval.batches.statistics import confidence, rankings
+from tgospa_eval.campaign.statistics import confidence, rankings
+from tgospa_eval.campaign.store import STORED_SLICES
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.states import connected_components
-from tgospa_eval.reports.batch_records import BatchTables, Ranking
+from tgospa_eval.reports.batch_records import BatchTables, GroupSlices, Ranking
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, OtherMetrics
+from tgospa_eval.results.slices import Slicing, added_up
 
 if TYPE_CHECKING:
     import pandas as pd
-
 
 WITH_PREFIX = "with."
 """What columns of other metrics begin with."""
@@ -282,3 +283,22 @@ class _Groups:
 def _sorted_by(head: Sequence[Any], labels: int) -> tuple[Any, ...]:
     """Digits in labels compare as numbers."""
     return (*(natural(str(value)) for value in head[:labels]), *head[labels:])
+
+
+def sliced_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> Iterator[GroupSlices]:
+    """The sums of each group that has slices.
+
+    Parameters
+    ----------
+    having : DataFrame
+        Rows of a store that have a value.
+    numbers : Series of int
+        The group of each row, by the index of the rows.
+    """
+    if STORED_SLICES not in having:
+        return
+    stored = having[STORED_SLICES].dropna()
+    for number, texts in stored.groupby(numbers[stored.index]):
+        records = map(json.loads, texts)
+        jobs = [tuple(map(Slicing.of, record)) for record in records]
+        yield GroupSlices(group=int(number), slicings=tuple(added_up(jobs)))

@@ -20,14 +20,21 @@ from typing import Literal, NoReturn, TypeAlias, TypeGuard, cast
 import numpy as np
 
 from tgospa_eval._version import __version__
+from tgospa_eval.campaign import SCHEMA
+from tgospa_eval.campaign.solvers import (
+    NO_COSTS,
+    SolvedRun,
+    SolverComparison,
+    compare_solvers,
+    failed,
+    run_here,
+    warm_up,
+)
 from tgospa_eval.common.files import is_regular, named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
-from tgospa_eval.comparison import SCHEMA
-from tgospa_eval.comparison.entrants import NO_COSTS, SolvedRun, failed, run_here, warm_up
-from tgospa_eval.comparison.solvers import SolverComparison, compare_solvers
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import solver_settings

@@ -13,14 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from tgospa_eval.batches.resampling import (
+from tgospa_eval.campaign.statistics import (
     PERMUTATION_SEED,
     PERMUTATIONS,
     holm,
     intervals,
     p_values,
 )
-from tgospa_eval.batches.tables import combined, tabulated
+from tgospa_eval.campaign.tables import combined, tabulated
 from tgospa_eval.reports.batch import BATCH_REPORTS
 from tgospa_eval.reports.batch_records import BatchTables, Ranking
 

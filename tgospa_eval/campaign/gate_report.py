@@ -5,12 +5,13 @@ import os
 from collections.abc import Iterable, Iterator
 from textwrap import TextWrapper
 
+from tgospa_eval.campaign.outcome import PairOutcome, Report, texts
+from tgospa_eval.campaign.rules import Finding, Verdict
+from tgospa_eval.campaign.suite import ONLY_PAIR
 from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.files import is_missing, named, patience
 from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.regression.outcome import PairOutcome, Report, texts
-from tgospa_eval.regression.suite import ONLY_PAIR, Finding, Verdict
 from tgospa_eval.reports import tables as escape
 from tgospa_eval.reports.tables import (
     WIDTH,

@@ -1,197 +1,40 @@
-"""Estimates that are compared: what is needed of their evaluations, and how long each run is."""
+"""One problem through several solvers: do they agree, how near are they, what do they cost."""
 
 import io
+import math
 import pickle
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import field
+from functools import cached_property, partial
 from typing import IO, Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval._version import __version__
+from tgospa_eval.campaign import SCHEMA
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.interval import Interval
+from tgospa_eval.common.interval import Interval, excess, narrowest, overlap, shortfall
 from tgospa_eval.common.progress import Progress, Stopwatch
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError, SolverError, TgospaError
 from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve
-from tgospa_eval.evaluation.other_metrics import Others
 from tgospa_eval.evaluation.prepare import Prepared, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.problem.gospa import (
-    Changes,
-    changes_since_last_step,
-    changes_since_last_stored,
-    partners,
-    per_step_gospa,
-)
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.reports.records import (
-    RULES,
     CostParts,
-    EstimateRecord,
     Memory,
-    PerStepRecord,
-    Rule,
-    RuleRecord,
+    Metric,
     RunCosts,
     Seconds,
+    SolverRun,
+    SolversRecord,
 )
-from tgospa_eval.results.records import PARTS, FileRecord, Time
-from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.solvers import Solver
-from tgospa_eval.tracks.alignment import Times
 from tgospa_eval.tracks.trajectories import Trajectories
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Against:
-    """Per-step GOSPA of one pair; values in state units, costs in state units to the power p.
-
-    Parameters
-    ----------
-    gospa : (T,) float array
-        GOSPA of each step, to the power p.
-    parts : dict
-        Its costs over all steps: localisation, missed, false.
-    changes : dict of Changes
-        Changes into each step, by rule.
-    values : dict of (T,) float arrays
-        GOSPA of each step, ``gospa``, and what the tools print for it, by rule.
-    differing : (T,) bool array
-        Steps whose assignment is not that of TGOSPA.
-    """
-
-    gospa: Floats
-    parts: dict[str, float]
-    changes: dict[str, Changes]
-    values: dict[str, Floats]
-    differing: NDArray[np.bool_]
-
-
-def against(result: Result) -> Against:
-    """Evaluate each step by itself, on the problem of a result."""
-    states, problem = result.proof.states, result.proof.states.problem
-    parameters, scale = result.proof.parameters, result.scale
-    p = parameters.order
-    switch = 2 * scale * parameters.switch_price  # gamma^p, where that is a double
-    found = per_step_gospa(problem)
-    gospa = scale * found.total
-    track = partners(problem, found.entries)
-    changes = {
-        "stone_soup": changes_since_last_stored(problem, track),
-        "mathworks": changes_since_last_step(problem, track),
-    }
-    value = gospa ** (1 / p)
-    paid = {name: switch * count.total for name, count in changes.items()}
-    used = states.entry[(states.entry >= 0) & (result.proof.weights > 0)]
-    changed = np.setxor1d(used, found.entries)
-    differing = np.zeros(problem.steps, bool)
-    differing[problem.entry_step[changed]] = True
-    return Against(
-        gospa=gospa,
-        parts={name: scale * float(getattr(found, name).sum()) for name in PARTS[:3]},
-        changes=changes,
-        values={
-            "gospa": value,
-            "stone_soup": np.hypot(value, paid["stone_soup"] ** (1 / p)),
-            "mathworks": (gospa + paid["mathworks"]) ** (1 / p),
-        },
-        differing=differing,
-    )
-
-
-def against_document(found: Against, order: float) -> PerStepRecord:
-    """The sums over all steps, for the JSON document."""
-    return {
-        "total": float(found.gospa.sum()),
-        "localisation": found.parts["localisation"],
-        "missed": found.parts["missed"],
-        "false": found.parts["false"],
-        "steps_differing": int(found.differing.sum()),
-        "stone_soup": _rule_record(found, "stone_soup", order),
-        "mathworks": _rule_record(found, "mathworks", order),
-    }
-
-
-def _rule_record(found: Against, rule: Rule, order: float) -> RuleRecord:
-    return {
-        "switches": float(found.changes[rule].total.sum()),
-        "halves": float(found.changes[rule].half.sum()),
-        "total": float((found.values[rule] ** order).sum()),
-        "mean": float(found.values[rule].mean()) if len(found.gospa) else 0.0,
-    }
-
-
-def differences(
-    document: EstimateRecord, step: PerStepRecord, steps: Sequence[int], order: float
-) -> Iterator[str]:
-    """Why the numbers of one estimate differ, a sentence each.
-
-    Parameters
-    ----------
-    document : EstimateRecord
-        TGOSPA's own numbers.
-    step : PerStepRecord
-        Those of per-step GOSPA.
-    steps : sequence of int
-        Steps of each run.
-    order : float
-        Of the metric.
-    """
-    total = document["total"]
-    own = document["counts"]["switch"]
-    share = (
-        f"{100 * step['total'] / total:.4g} % of the total of TGOSPA"
-        if total
-        else "0, as is TGOSPA"
-    )
-    yield (
-        f"per-step GOSPA, summed, is {share}: every step takes its cheapest assignment, and no "
-        "change from step to step costs anything"
-    )
-    count = step["steps_differing"]
-    yield (
-        f"at {count:.4g} of {sum(steps) / len(steps):.6g} steps TGOSPA "
-        "found another assignment than the cheapest of that step alone"
-        if count
-        else "TGOSPA found the assignment of every step that is the cheapest of that step alone"
-    )
-    for rule, name in RULES.items():
-        made, halves = step[rule]["switches"], step[rule]["halves"]
-        text = f"{name} counts {_count(made, 'switch')} afterwards, TGOSPA {own:.4g}"
-        if made:
-            text += ": it charges what the cheapest assignments happen to need"
-        if halves:
-            text += (
-                f", and {halves / 2:.4g} for {_count(halves, 'change')} from a track to none or "
-                "back, as at every miss; TGOSPA keeps the pair through a miss at no cost"
-            )
-        yield text
-    if step["stone_soup"] != step["mathworks"]:
-        if step["stone_soup"]["switches"] != step["mathworks"]["switches"]:
-            yield (
-                "Stone Soup compares with the last partner it stored, however long ago, and passes "
-                "over steps without estimates; MathWorks compares with the step before"
-            )
-        if order != 2:
-            yield (
-                f"Stone Soup adds switches with the exponent 2 though p = {order:g}: its values "
-                "are no sums of costs"
-            )
-
-
-def _count(number: float, word: str) -> str:
-    ending = "" if number == 1 else ("es" if word.endswith("ch") else "s")
-    return f"{number:.4g} {word}{ending}"
-
-
-# -------------------------------------------------------------------------------------------------
-# One problem through one solver: what came out, how long it took, what memory it took.
 
 NO_COSTS: RunCosts = {"localisation": None, "missed": None, "false": None, "switch": None}
 """Of a run that failed."""
@@ -340,7 +183,7 @@ def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = No
     message = pickle.dumps((prepared, solver), protocol=pickle.HIGHEST_PROTOCOL)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     with subprocess.Popen(
-        [sys.executable, "-P", "-m", "tgospa_eval.comparison.worker"],
+        [sys.executable, "-P", "-m", "tgospa_eval.campaign.worker"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -427,82 +270,156 @@ def check_solvers(solvers: Sequence[Solver]) -> None:
         raise ConfigError(f"{twice} is given twice")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class EntrantOutcome:
-    """What a ranking needs of the evaluation of one estimate in one run.
+# -------------------------------------------------------------------------------------------------
+# Several solvers on one problem.
+
+
+ONCE = {"read": "read", "distances": "distances", "preparation": "solve/preparation"}
+"""What is done once for all solvers, and the span of the stopwatch that has its time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverComparison:
+    """Runs of several solvers on one problem.
 
     Parameters
     ----------
-    bracket : Interval
-        Proven bounds of the total.
-    parts, counts : dict
-        Costs and counts.
-    steps : dict of (T,) float arrays
-        Costs of each step, by part.
-    moments, times : (T,) array and list
-        The steps, as numbers and as they were read.
-    judged : mapping
-        What it was judged on, as `Judged.record`.
-    finished, status : bool, str
-        Whether the solver did what was asked, and how it ended.
-    input, against, others : dict, and Against and Others or None
-        Rows and digests; per-step GOSPA; other metrics.
+    runs : sequence of SolvedRun
+        At least one.
     """
 
-    bracket: Interval
-    parts: CostParts
-    counts: dict[str, float]
-    steps: dict[str, Floats]
-    moments: Times
-    times: list[Time]
-    judged: Mapping[str, Any]
-    finished: bool
-    status: str
-    input: Mapping[str, FileRecord]
-    against: Against | None = None
-    others: Others | None = None
+    runs: Sequence[SolvedRun]
+
+    @property
+    def contradictions(self) -> list[tuple[SolvedRun, SolvedRun]]:
+        """Pairs of runs whose brackets do not overlap: one of their proofs is wrong."""
+        return [
+            (first, second)
+            for k, first in enumerate(self.runs)
+            for second in self.runs[k + 1 :]
+            if first.bracket and second.bracket and not overlap(first.bracket, second.bracket)
+        ]
+
+    @cached_property
+    def referee(self) -> Interval | None:
+        """What all runs together prove of the total: nothing where they contradict each other."""
+        proven = [run.bracket for run in self.runs if run.bracket is not None]
+        return narrowest(proven) if proven and not self.contradictions else None
+
+    def error(self, run: SolvedRun) -> float | None:
+        """Proven: the run's total is at most so much, relative, above the true one."""
+        if self.referee is None or run.bracket is None:
+            return None
+        return excess(run.bracket.upper, self.referee.lower)
+
+    def lower_error(self, run: SolvedRun) -> float | None:
+        """Proven: the run's lower bound of the total is at most so much, relative, below it."""
+        if self.referee is None or run.bracket is None:
+            return None
+        return shortfall(run.bracket.lower, self.referee.upper)
 
 
-def outcome(
-    result: Result, moments: Times, *, per_step: bool, others: Others | None = None
-) -> EntrantOutcome:
-    """What to keep of a result, so that the problem can go."""
-    split = result.proof.breakdown
-    return EntrantOutcome(
-        bracket=bracket_of(result),
-        parts=costs_of(result),
-        counts=result.counts,
-        steps={name: result.scale * getattr(split, name) for name in PARTS},
-        moments=moments,
-        times=result.labels.times,
-        judged=result.judged,
-        finished=bool(result.solver["finished"]),
-        status=result.solver["status"],
-        input=result.input,
-        against=against(result) if per_step else None,
-        others=others,
-    )
+def compare_solvers(
+    prepared: Prepared,
+    solvers: Sequence[Solver],
+    run: Callable[[Prepared, Solver], SolvedRun] | None = None,
+    progress: Progress | None = None,
+) -> SolverComparison:
+    """Run all solvers, one after the other; one that fails leaves the others their results.
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Entrant:
-    """One tracker.
+    Those that are not begun when the work is to stop are left out.
 
     Parameters
     ----------
-    name : str
-        What it is called.
-    paths : sequence of str
-        Its file in each run.
-    outcomes : sequence of EntrantOutcome
-        What came of each.
+    prepared : Prepared
+        The problem; made once.
+    solvers : sequence of Solver
+        With their settings.
+    run : callable, optional
+        `run_here`, or else `run_apart`.
+    progress : Progress, optional
+        Gets which of them runs, and how far that is.
     """
+    progress = progress or Progress()
+    run = run or partial(run_apart, progress=progress)
+    runs: list[SolvedRun] = []
+    for number, solver in enumerate(solvers):
+        if runs and progress.stop.is_set():
+            break
+        with progress.part(name_of(solver), number, len(solvers)):
+            try:
+                runs.append(run(prepared, solver))
+            except Exception as error:  # whatever it is, it must not cost what others have found
+                runs.append(failed(solver, error))
+    return SolverComparison(runs=tuple(runs))
 
-    name: str
-    paths: Sequence[str]
-    outcomes: Sequence[EntrantOutcome]
+
+def solvers_document(
+    comparison: SolverComparison,
+    prepared: Prepared,
+    left_out: dict[str, str],
+    seconds: dict[str, float],
+    warnings: list[dict[str, str]],
+) -> SolversRecord:
+    """The JSON document.
+
+    Parameters
+    ----------
+    comparison : SolverComparison
+        What was found.
+    prepared : Prepared
+        The problem.
+    left_out : dict
+        Solvers that did not run, and why.
+    seconds : dict
+        What was done once for all, and how long it took.
+    warnings : list of dict
+        What looks wrong with the data.
+    """
+    referee = comparison.referee
+    order = prepared.parameters.order
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "kind": "solvers",
+        "agree": not comparison.contradictions,
+        "contradictions": [[a.name, b.name] for a, b in comparison.contradictions],
+        "referee": None
+        if referee is None
+        else {
+            "lower_bound": referee.lower ** (1 / order),
+            "upper_bound": referee.upper ** (1 / order),
+            "total": {"lower": referee.lower, "upper": referee.upper},
+        },
+        "runs": [run_document(comparison, run) for run in comparison.runs],
+        "left_out": left_out,
+        "parameters": cast("Metric", prepared.settings),
+        "sizes": {**prepared.sizes, "states": len(prepared.states.begin)},
+        "input": prepared.input,
+        "seconds": seconds,
+        "warnings": warnings,
+    }
 
 
-def durations(entrants: Sequence[Entrant]) -> list[int]:
-    """Steps of the horizon of each run, at least 1; all entrants are judged on the same ones."""
-    return [max(item.judged["steps"], 1) for item in entrants[0].outcomes]
+def run_document(comparison: SolverComparison, run: SolvedRun) -> SolverRun:
+    """One run, with its errors against what all of them prove."""
+    error, bracket = comparison.error(run), run.bracket
+    return {
+        "name": run.name,
+        "solver": run.solver,
+        "epsilon": run.epsilon,
+        "tgospa": run.tgospa,
+        "lower_bound": run.lower_bound,
+        "total": None if bracket is None else bracket.upper,
+        "total_lower": None if bracket is None else bracket.lower,
+        "error": error if error is not None and math.isfinite(error) else None,
+        "lower_error": comparison.lower_error(run),
+        **(run.parts or NO_COSTS),
+        "counts": run.counts,
+        "status": run.status,
+        "finished": run.finished,
+        "iterations": run.iterations,
+        "seconds": run.seconds,
+        "memory": run.memory,
+        "history": list(run.history),
+    }

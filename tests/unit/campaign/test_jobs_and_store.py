@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tgospa_eval.batches import jobs
-from tgospa_eval.batches.store import SCHEMA, Store
-from tgospa_eval.batches.tables import combined
+from tgospa_eval.campaign import pairs as jobs
+from tgospa_eval.campaign.store import SCHEMA, Store
+from tgospa_eval.campaign.tables import combined
 from tgospa_eval.errors import ConfigError, InputError
 
 Write = Callable[[str, str | bytes], str]
