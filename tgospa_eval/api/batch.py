@@ -4,8 +4,6 @@ import os
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from tgospa_eval.api.request import Request
 from tgospa_eval.cli.batch.run import BatchOptions, finish_batch, work_batch
 from tgospa_eval.cli.shared.options import typed_options
@@ -116,11 +114,10 @@ def batch(
     ConfigError, InputError
         An option or the manifest is wrong, or files are missing; nothing is begun then.
     """
-    context = click.Context(click.Command("batch"))
     asked = {name.rstrip("_").replace("_", "-"): value for name, value in options.items()}
     chosen = Request.of(
         {
-            **typed_options(context, asked, "batch"),
+            **typed_options(asked, "batch"),
             "summed": True,
             "curve": curve,
             "with_": ",".join(_each(with_)) or None,
@@ -144,7 +141,7 @@ def batch(
         band=band,
     )
     target = OutputOptions(output=os.fspath(output), force=force, quiet=True)
-    worked = work_batch(context, tuple(os.fspath(path) for path in paths), jobs, chosen, target)
+    worked = work_batch(tuple(os.fspath(path) for path in paths), jobs, chosen, target)
     faults, _ = finish_batch(worked, jobs, target)
     return Batch(tables=worked.tables, faults=tuple(map(in_python, faults)))
 

@@ -5,15 +5,16 @@ import math
 from collections.abc import Mapping
 from typing import Any, TypeAlias
 
+from tgospa_eval.campaign.row import Row, row_of
 from tgospa_eval.campaign.rules import PROVEN, SPLIT, Key, Value
 from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.results.records import PARTS, json_text
+from tgospa_eval.results.records import json_text
 from tgospa_eval.results.saved import contradiction, strict_json, unlike
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.judged import JUDGE_ALIKE, JUDGED_FIELDS, fault_of, incomparable
+from tgospa_eval.tracks.judged import JUDGE_ALIKE, JUDGED_FIELDS, fault_of, incomparable, judged_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,13 +86,14 @@ ROUNDING_GAP = 1e-9
 
 def measured(result: Summary) -> Measured:
     """What a gate judges of a result."""
-    found = _measured_values(result)
+    found = values_of(row_of(result), result.scale)
     if result.per_class_table():
         from tgospa_eval.results.by_class import ByClass  # here: few evaluate classes apart
 
         assert isinstance(result, ByClass)
         for name, part in result.results.items():
-            found |= {(name, str(path)): value for path, value in _measured_values(part).items()}
+            values = values_of(row_of(part), part.scale)
+            found |= {(name, str(path)): value for path, value in values.items()}
     settings = json.loads(json.dumps(result.parameters, allow_nan=False))  # as they come back
     return Measured(
         values=found,
@@ -131,17 +133,17 @@ def values_of(numbers: Mapping[str, float], scale: float) -> dict[Key, Value]:
     return found
 
 
-def _measured_values(result: Summary) -> dict[Key, Value]:
-    numbers = {
-        "total": result.total,
-        "total_lower": result.total_bounds[0],
-        "tgospa": result.tgospa,
-        "lower_bound": result.lower_bound,
-        "normalised.tgospa": result.normalised["tgospa"],
-        **{path: getattr(result, path) for path in PARTS},
-        **{f"counts.{name}": count for name, count in result.counts.items()},
-    }
-    return values_of(numbers, result.scale)
+def measured_row(row: Row) -> Measured:
+    """What a gate judges of a row of a store."""
+    return Measured(
+        values=values_of(row, row["cutoff"] ** row["order"]),
+        bounds=(row["lower_bound"], row["upper_bound"]),
+        parameters=json.loads(row["parameters"]),
+        judged=judged_of(row),
+        version=row["version"],
+        status=row["message"],
+        certified=bool(row["certified"]),
+    )
 
 
 SCHEMA = "tgospa-eval/baseline/2"

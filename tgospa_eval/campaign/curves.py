@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.campaign.grouping import LABEL, in_words, labels_of, shown_labels, with_parameters
+from tgospa_eval.campaign.grouping import in_words, labels_of, shown_labels, with_parameters
+from tgospa_eval.campaign.row import LABEL
 from tgospa_eval.campaign.statistics import CONFIDENCE, LEAST_PAIRS, NUMBERS_AT_ONCE, intervals
 from tgospa_eval.campaign.store import COST_COLUMNS, StoredSteps
 from tgospa_eval.common.frozen import dataclass

@@ -4,13 +4,11 @@ import json
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
+from tgospa_eval.campaign.row import LABEL
 from tgospa_eval.results.saved import ACCURACY
 
 if TYPE_CHECKING:
     import pandas as pd
-
-LABEL = "label."
-"""What the names of columns with labels begin with."""
 
 TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "estimate"))
 """Columns with digests of ids, times and states."""

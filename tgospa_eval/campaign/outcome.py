@@ -3,7 +3,7 @@
 import math
 from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import replace
-from typing import Self
+from typing import Any, Self
 
 from tgospa_eval.campaign.baseline import (
     BASELINE_VALUES,
@@ -82,16 +82,10 @@ class PairOutcome:
     warnings: tuple[Notice, ...] = ()
 
     @classmethod
-    def of(cls, pair: Pair, verdict: Verdict, *notes: str) -> Self:
-        """One that is known without findings."""
-        return cls(
-            name=pair.name,
-            truth=pair.truth,
-            estimate=pair.estimate,
-            verdict=verdict,
-            status=STATUS[verdict],
-            notes=notes,
-        )
+    def of(cls, pair: Pair, verdict: Verdict, *notes: str, **about: Any) -> Self:
+        """Of a pair, with notes, and further fields."""
+        names = {"name": pair.name, "truth": pair.truth, "estimate": pair.estimate}
+        return cls(verdict=verdict, notes=notes, **{"status": STATUS[verdict], **names, **about})
 
     @property
     def warned(self) -> tuple[Finding, ...]:
@@ -153,20 +147,29 @@ class Report:
         return sum(outcome.verdict is verdict for outcome in self.outcomes)
 
 
-def compare(
-    now: Measured, entry: BaselineEntry | None, rules: Iterable[Rule]
-) -> tuple[Verdict, tuple[Finding, ...], tuple[str, ...]]:
+def judged_outcome(
+    pair: Pair, now: Measured, entry: BaselineEntry | None, rules: Iterable[Rule], **about: Any
+) -> PairOutcome:
     """Verdict, findings and notes of a result against its entry of the baseline.
 
-    Without an entry all rules are absolute limits.
+    Without an entry all rules are absolute limits. `about` has further fields.
     """
     apart = differences(entry, now) if entry else []
     if apart:
-        return Verdict.INCOMPARABLE, (), tuple(apart)
+        return PairOutcome.of(pair, Verdict.INCOMPARABLE, *apart, **about)
     findings = [_judged(rule, now.values, entry.values if entry else {}) for rule in rules]
     binding = [finding.verdict for finding in findings if not finding.rule.warns]
     verdict = min(binding, key=WORST_FIRST.index)
-    return verdict, tuple(findings), tuple(_notes(findings, now, entry))
+    notes = _notes(findings, now, entry)
+    return PairOutcome.of(pair, verdict, *notes, findings=tuple(findings), **about)
+
+
+def updated_outcome(
+    pair: Pair, before: BaselineEntry | None, entry: BaselineEntry, now: Measured, **about: Any
+) -> PairOutcome:
+    """What an update of a baseline changes; `about` has further fields."""
+    notes, changes = _update_notes(before, entry, now), _changes(before, entry)
+    return PairOutcome.of(pair, Verdict.UPDATED, *notes, changes=changes, **about)
 
 
 def _judged(rule: Rule, values: Mapping[Key, Value], old: Mapping[Key, float]) -> Finding:
@@ -181,9 +184,9 @@ def _judged(rule: Rule, values: Mapping[Key, Value], old: Mapping[Key, float]) -
     return judge(rule, now, old.get(key, 0.0))
 
 
-def change(old: BaselineEntry | None, new: BaselineEntry | None) -> tuple[ValueChange, ...]:
+def _changes(old: BaselineEntry | None, new: BaselineEntry) -> tuple[ValueChange, ...]:
     """Values that differ between two entries, bounds left out: `tgospa` is the upper one."""
-    before, after = (entry.values if entry else {} for entry in (old, new))
+    before, after = (old.values if old else {}), new.values
     return tuple(
         ValueChange(path=name_of(key), old=before.get(key), new=after.get(key))
         for key in (*BASELINE_VALUES, *sorted({*before, *after} - {*BASELINE_VALUES}))
@@ -274,7 +277,7 @@ def leftover(
     return [PairOutcome.of(pair, verdict, note) for pair in gone]
 
 
-def update_notes(
+def _update_notes(
     before: BaselineEntry | None, entry: BaselineEntry, now: Measured
 ) -> Iterator[str]:
     """What is not seen from the values."""

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.campaign.grouping import ESTIMATE_DIGEST, LABEL, pair_numbers, truths
+from tgospa_eval.campaign.grouping import ESTIMATE_DIGEST, pair_numbers, truths
+from tgospa_eval.campaign.row import LABEL
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval, equal, less, places
 from tgospa_eval.common.words import natural

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tgospa_eval.campaign.row import Row
 from tgospa_eval.common import files
 from tgospa_eval.common.files import named, reason
 from tgospa_eval.common.frozen import dataclass
@@ -187,17 +188,6 @@ def _parts(folder: Path, rows: "pd.DataFrame") -> Iterator[dict[str, Any]]:
             yield {name: kept[name].to_numpy() for name in kept.columns if name != "key"}
 
 
-STORED_SLICES = "slices"
-"""Column of the rows of jobs."""
-
-
-def stored_slices(result: Summary) -> dict[str, str]:
-    """What the row of a job has of its slices."""
-    if not result.sliced:
-        return {}
-    return {STORED_SLICES: json.dumps([one.record() for one in result.sliced])}
-
-
 # -------------------------------------------------------------------------------------------------
 # The folder of a store.
 
@@ -274,12 +264,6 @@ MANY_PARTS = 64
 
 TRIES = 3
 """Times that parts are listed anew when somebody joins them meanwhile."""
-
-Row = dict[str, Any]
-"""What is stored of one job: plain values by column; labels begin with ``label.``.
-
-Its `StepCosts`, where they are stored, are at `STEPS`.
-"""
 
 
 class Store:

@@ -66,7 +66,7 @@ class Suite:
     notices: tuple[str, ...] = ()
 
 
-def load(path: str, known: Mapping[str, bool]) -> Suite:
+def load_suite(path: str, known: Mapping[str, bool]) -> Suite:
     """Read a suite; its paths are relative to its folder.
 
     Parameters

@@ -11,15 +11,14 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.campaign.grouping import (
-    LABEL,
     labels_of,
     pair_numbers,
     shown_labels,
     truths,
     with_parameters,
 )
+from tgospa_eval.campaign.row import LABEL, STORED_SLICES
 from tgospa_eval.campaign.statistics import confidence, rankings
-from tgospa_eval.campaign.store import STORED_SLICES
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.states import connected_components

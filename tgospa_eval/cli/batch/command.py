@@ -152,7 +152,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     if output.output is None:
         raise click.UsageError("name the folder of the results with -o DIR")
     chosen = Request.of({**options, "by": None, "summed": True})
-    ctx.exit(run_batch(ctx, paths, batch, chosen, output))
+    ctx.exit(run_batch(paths, batch, chosen, output))
 
 
 def _check_typed(ctx: click.Context) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-import click
 import numpy as np
 
 from tgospa_eval import plots
@@ -20,20 +19,19 @@ from tgospa_eval.campaign import pairs as jobs
 from tgospa_eval.campaign.curves import rms_curves
 from tgospa_eval.campaign.grouping import labels_of
 from tgospa_eval.campaign.pairs import BatchPlan, Job
+from tgospa_eval.campaign.row import OFF_STEPS, Row, job_name
 from tgospa_eval.campaign.store import (
     SCHEMA,
     SETTINGS_FILE,
     STEPS,
     STORED_CURVE,
     STORED_STEPS,
-    Row,
     Store,
     locked,
 )
 from tgospa_eval.campaign.tables import check_labels, tabulated
 from tgospa_eval.cli.batch.worker import (
     NOT_WRITTEN,
-    OFF_STEPS,
     UNSEEN,
     JobTask,
     digest_of,
@@ -289,7 +287,6 @@ def shard_of(text: str | None) -> tuple[int, int]:
 
 
 def tasks_of(
-    ctx: click.Context,
     plan: BatchPlan,
     options: Request,
     batch: BatchOptions,
@@ -303,7 +300,7 @@ def tasks_of(
     for job in plan.jobs:
         chosen, given = shared, of_all
         if job.options:
-            own = typed_options(ctx, dict(job.options), f"job {job.name}")
+            own = typed_options(dict(job.options), f"job {job.name}")
             chosen = replace(shared, **own)  # type: ignore[arg-type]
             given = given_text(chosen)
         elif job.frames:
@@ -384,7 +381,6 @@ class Worked:
 
 
 def run_batch(
-    ctx: click.Context,
     paths: tuple[str, ...],
     batch: BatchOptions,
     options: Request,
@@ -397,7 +393,7 @@ def run_batch(
     TgospaError
         Something is wrong with options, the manifest or the store; no job is begun then.
     """
-    worked = work_batch(ctx, paths, batch, options, output)
+    worked = work_batch(paths, batch, options, output)
     emit(BATCH_REPORTS[output.format_](worked.tables), output.format_)
     told, status = finish_batch(worked, batch, output)
     for text in told:
@@ -406,7 +402,6 @@ def run_batch(
 
 
 def work_batch(
-    ctx: click.Context,
     paths: tuple[str, ...],
     batch: BatchOptions,
     options: Request,
@@ -450,7 +445,7 @@ def work_batch(
         for text in about_defaults(options, boxes=batch.layout is not None):
             print_notice(text)
     with locked(store.folder, shard):
-        tasks = list(tasks_of(ctx, plan, options, batch, output))
+        tasks = list(tasks_of(plan, options, batch, output))
         tasks = [task for number, task in enumerate(tasks) if number % shard[1] == shard[0] - 1]
         if shard == (1, 1):
             store.join()
@@ -505,7 +500,7 @@ def _left_out(done: "pd.DataFrame") -> Iterator[str]:
         of_truth, of_estimate = counts.sum()
         others = f" and {counted(len(some) - 1, 'more job')}" if len(some) > 1 else ""
         yield (
-            f"{_name(some[0])}{others}: {counted(of_truth, 'row')} of the truth and "
+            f"{job_name(some[0])}{others}: {counted(of_truth, 'row')} of the truth and "
             f"{of_estimate:,} of the estimate at other times than the declared steps are left out"
         )
 
@@ -527,10 +522,10 @@ def _faults(rows: "pd.DataFrame", faults: Sequence[Row], *, written: bool) -> It
     wrong: Sequence[Mapping[Any, Any]] = rows[rows["status"] == "failed"].to_dict("records")
     known = {row["key"] for row in wrong}
     for row in (*wrong, *(row for row in faults if row["key"] not in known)):
-        yield f"{_name(row)}: {row['message']}"
+        yield f"{job_name(row)}: {row['message']}"
     if written and NOT_WRITTEN in rows:
         for row in rows[rows[NOT_WRITTEN].notna()].to_dict("records"):
-            yield f"{_name(row)}: {row[NOT_WRITTEN]}"
+            yield f"{job_name(row)}: {row[NOT_WRITTEN]}"
 
 
 def report_batch(folder: str, batch: BatchOptions, output: OutputOptions) -> None:
@@ -618,13 +613,6 @@ def _tables(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchTab
         *([str(SettingsFile(**used))] if used else ()),
     )
     return replace(tables, curves=tuple(curves), notes=notes)
-
-
-def _name(row: Mapping[Any, Any]) -> str:
-    """A job in words: labels, and options of its own."""
-    labels = [str(value) for name, value in row.items() if str(name).startswith("label.")]
-    own = [f"{key}={value}" for key, value in json.loads(row["options"]).items()]
-    return " ".join(("/".join(labels) or str(row["estimate"]), *own))
 
 
 def _plain(value: Any) -> Any:

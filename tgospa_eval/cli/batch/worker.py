@@ -15,14 +15,8 @@ from typing import Any
 from tgospa_eval._version import __version__
 from tgospa_eval.api.request import Request
 from tgospa_eval.campaign.pairs import Job
-from tgospa_eval.campaign.store import (
-    STEPS,
-    STORED_CURVE,
-    STORED_STEPS,
-    JobSteps,
-    Row,
-    stored_slices,
-)
+from tgospa_eval.campaign.row import Row, row_of, stored_slices
+from tgospa_eval.campaign.store import STEPS, STORED_CURVE, STORED_STEPS, JobSteps
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.files import reason
@@ -31,7 +25,6 @@ from tgospa_eval.common.machine import is_of_memory
 from tgospa_eval.errors import InputError, TgospaError
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.proof import PROOF_FOLDER
-from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import RESULT_SCHEMA, Summary
 from tgospa_eval.text import as_unicode
 
@@ -43,9 +36,6 @@ NOT_WRITTEN = "not_written"
 
 UNSEEN = "unseen"
 """Where a row names the file that its worker did not see, on its way to who looks for it too."""
-
-OFF_STEPS = {role: f"input.{role}.left_out.steps" for role in ("truth", "estimate")}
-"""Columns with how many rows of each side are at none of the steps that were declared."""
 
 NAMING_FILES = ("covariance", "inner_cov", "step_weights")
 """Options that may name a file."""
@@ -182,7 +172,7 @@ def evaluate_job(task: JobTask) -> Row:
         if key_of(task.job, given_text(task.options), files) != task.key:
             raise InputError("a file changed while it was read; the same command reads it again")
         row = {
-            **numbers(result),
+            **row_of(result),
             **_steps(result, per_step=task.per_step),
             **stored_slices(result),
             "status": "done" if finished else "open",
@@ -266,40 +256,6 @@ def finished_row(task: JobTask, row: Mapping[str, object], seconds: float) -> Ro
     }
     return {
         key: as_unicode(value) if isinstance(value, str) else value for key, value in whole.items()
-    }
-
-
-def numbers(result: Summary) -> Row:
-    """The numbers of a result that tables are made of."""
-    parameters = result.proof.parameters
-    lower, upper = result.total_bounds
-    truth, estimates = result.objects
-    return {
-        "tgospa": result.tgospa,
-        "lower_bound": result.lower_bound,
-        "upper_bound": result.upper_bound,
-        "normalised.tgospa": result.normalised["tgospa"],
-        "total": result.total,
-        "total_lower": lower,
-        "total_upper": upper,
-        "certified": result.certified,
-        **{name: getattr(result, name) for name in PARTS},
-        **{f"counts.{name}": value for name, value in result.counts.items()},
-        **{f"sizes.{name}": value for name, value in result.sizes.items()},
-        **{f"judged.{name}": value for name, value in result.judged_on.row().items()},
-        "sizes.truth_states": truth,
-        "sizes.estimate_states": estimates,
-        "cutoff": parameters.cutoff,
-        "order": parameters.order,
-        "switch_penalty": parameters.switch_penalty,
-        "distance": str(result.parameters["distance"]),
-        "parameters": json.dumps(result.parameters, sort_keys=True),
-        **{f"input.{role}.sha256": side["sha256"] for role, side in result.input.items()},
-        **{
-            name: result.input[role]["left_out"].get("steps", 0) for role, name in OFF_STEPS.items()
-        },
-        **result.other_numbers,
-        **{f"with.{name}": value for name, value in result.sums.items()},
     }
 
 

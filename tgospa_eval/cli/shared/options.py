@@ -225,9 +225,7 @@ def format_option(*names: str) -> Option:
 # Settings of files as click would have made them of the same options.
 
 
-def typed_options(
-    context: click.Context, settings: Mapping[str, object], where: str
-) -> dict[str, object]:
+def typed_options(settings: Mapping[str, object], where: str) -> dict[str, object]:
     """Values of options of an evaluation, by parameter; `where` begins the messages.
 
     Raises
@@ -239,9 +237,8 @@ def typed_options(
     for key, value in config.settings_of(settings, where, KNOWN).items():
         item = BY_KEY[key]
         try:
-            values[str(item.name)] = item.type_cast_value(
-                context, (value,) if item.multiple else value
-            )
+            given = (value,) if item.multiple else value
+            values[str(item.name)] = item.type_cast_value(None, given)  # type: ignore[arg-type]
         except click.BadParameter as error:
             raise ConfigError(f"{where}: {quoted(key)}: {error.message}") from None
         except (ValueError, OverflowError) as error:
