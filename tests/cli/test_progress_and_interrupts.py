@@ -412,7 +412,7 @@ def test_an_interrupted_sweep_has_the_points_so_far(interrupted: Run, crowd: Pai
 def test_an_interrupted_comparison(interrupted: Run, crowd: Pair) -> None:
     """The process of the solver is told; those after it are left out."""
     lines = (
-        "from tgospa_eval.campaign import entrants; listen = entrants._listen\n"
+        "from tgospa_eval.campaign import solvers as entrants; listen = entrants._listen\n"
         "def told(target, source, progress):\n"
         "    interrupt(); progress.stop.wait()\n"
         "    return listen(target, source, progress)\n"

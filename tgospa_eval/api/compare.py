@@ -1,23 +1,40 @@
-"""``compare`` of Python: estimates of one truth in proven order, or solvers on one estimate."""
+"""``compare``: estimates of one truth in proven order, or solvers on one estimate."""
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import PurePath
 from typing import TYPE_CHECKING, TypeAlias, cast
 
-from tgospa_eval.campaign.ranking import Entrant, outcome, ranking_document
-from tgospa_eval.campaign.solvers import ONCE, check_solvers, compare_solvers, solvers_document
+from tgospa_eval.campaign.pairs import Runs, expand, first_file, is_pattern, short_names
+from tgospa_eval.campaign.ranking import (
+    Entrant,
+    EntrantOutcome,
+    other_parameters,
+    outcome,
+    outcomes,
+    ranking_document,
+    shared_metrics,
+)
+from tgospa_eval.campaign.solvers import (
+    ONCE,
+    check_solvers,
+    compare_solvers,
+    name_of,
+    solvers_document,
+    takes_long,
+)
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, spoken_in_python, warn_user
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.distances import Distance
+from tgospa_eval.distances import Distance, Effort
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import look
 from tgospa_eval.evaluation.evaluate import solve
-from tgospa_eval.evaluation.prepare import Prepared, fit, prepare
+from tgospa_eval.evaluation.other_metrics import other_metrics
+from tgospa_eval.evaluation.prepare import Fitted, Prepared, fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest, chosen_parameters
 from tgospa_eval.evaluation.sides import (
     StepWeightsLike,
@@ -29,17 +46,21 @@ from tgospa_eval.evaluation.sides import (
     as_trajectories,
     in_units_of_truth,
 )
+from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.options import parse_steps
 from tgospa_eval.reports.comparison import estimates_columns, pairs_columns, render, solvers_columns
 from tgospa_eval.reports.records import Metric, RankingRecord, SolversRecord
-from tgospa_eval.results.records import json_text
-from tgospa_eval.solvers import Solver
+from tgospa_eval.results.records import FileInfo, Json, json_text
+from tgospa_eval.results.saved import MADE_BY, read_result, saved_result
+from tgospa_eval.solvers import SOLVERS, Solver
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.existence import EXISTENCE
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from tgospa_eval.cli.shared.settings import Settings
     from tgospa_eval.evaluation.sides import Components
 
 
@@ -156,12 +177,13 @@ def compare(
     ConfigError, InputError
         As for `evaluate`; there is no estimate, or a solver is there twice.
     """
-    base = as_distance(distance)
+    base, given = as_distance(distance), truth
     parameters, defaults = chosen_parameters(base, order, cutoff, switch_penalty, rho)
+    chosen = [as_solver(item) for item in solvers]
     request = EvaluationRequest(
         parameters=parameters,
         distance=base,
-        solver=as_solver(solver),
+        solver=chosen[0] if chosen else as_solver(solver),
         time_matching=TimeMatching(
             tolerance=time_tolerance,
             grid=grid,
@@ -176,48 +198,31 @@ def compare(
         step_weights=as_step_weights(step_weights),
         existence=existence,
     )
-    pairs = _Pairs(request, mapping, (time_offset, time_scale, unit_scale))
-    if solvers:
-        chosen = [as_solver(item) for item in solvers]
-        check_solvers(chosen)
-        found: RankingRecord | SolversRecord = _of_solvers(
-            pairs, truth, cast("TrajectoriesLike", estimates), chosen
-        )
+    check_solvers(chosen)
+    named = {"": cast("TrajectoriesLike", estimates)} if chosen else _named(estimates)
+    attributes = (EXISTENCE,) if request.probabilistic else ()
+    is_path = isinstance(truth, (str, os.PathLike))
+    if is_path and not chosen:  # read once
+        truth = as_trajectories(truth, "truth", base, attributes)
+
+    def read(_: str, name: str) -> Read:
+        with stopwatch.span("read"):
+            read = as_sides(truth, named[name], base, attributes, mapping)
+            sides, recorded = in_units_of_truth(read, base, time_offset, time_scale, unit_scale)
+        of_pair = replace(request, recorded=recorded)
+        fitted = fit(*sides, of_pair)
+        return fitted, of_pair, None, look(fitted, of_pair)
+
+    stopwatch, notices = Stopwatch(), list[Notice]()
+    pairs = Pairs(read, stopwatch, notices.append)
+    found: RankingRecord | SolversRecord
+    if chosen:
+        found = solvers_on(pairs, "", "", chosen)
     else:
-        found = _ranked(pairs, truth, _named(estimates))
-    warn_user(pairs.notices)
+        name = os.fspath(cast("str", given)) if is_path else "truth"
+        found, _ = ranked(pairs, [(name, list(named))], list(named), request.solver)
+    warn_user(notices)
     return Compared(document=found)
-
-
-class _Pairs:
-    """Pairs of sides, made problems of; what looks wrong with them, each once."""
-
-    def __init__(
-        self,
-        request: EvaluationRequest,
-        mapping: "Components | None",
-        units: tuple[float, float, float],
-    ) -> None:
-        self.request, self.mapping, self.units = request, mapping, units
-        self.notices: list[Notice] = []
-        self.stopwatch = Stopwatch()
-
-    def prepared(
-        self, truth: TrajectoriesLike, estimate: TrajectoriesLike, name: str = ""
-    ) -> Prepared:
-        """The problem of two sides; its warnings name the estimate, where there are several."""
-        request = self.request
-        attributes = (EXISTENCE,) if request.probabilistic else ()
-        with self.stopwatch.span("read"):
-            read = as_sides(truth, estimate, request.distance, attributes, self.mapping)
-            sides, recorded = in_units_of_truth(read, request.distance, *self.units)
-        request = replace(request, recorded=recorded)
-        fitted = fit(*sides, request)
-        for notice in look(fitted, request):
-            told = notice.about(name) if name and notice.code != "default-parameters" else notice
-            if told not in self.notices:
-                self.notices.append(told)
-        return prepare(fitted, request, stopwatch=self.stopwatch)
 
 
 def _named(
@@ -245,32 +250,255 @@ def _named(
     return found
 
 
-def _ranked(
-    pairs: _Pairs, truth: TrajectoriesLike, estimates: "Mapping[str, TrajectoriesLike]"
-) -> RankingRecord:
-    """The document of a ranking."""
-    request = pairs.request
-    path = os.fspath(truth) if isinstance(truth, (str, os.PathLike)) else "truth"
-    if isinstance(truth, (str, os.PathLike)):
-        attributes = (EXISTENCE,) if request.probabilistic else ()
-        truth = as_trajectories(truth, "truth", request.distance, attributes)
-    entrants = []
-    for name, estimate in estimates.items():
-        prepared = pairs.prepared(truth, estimate, name if len(estimates) > 1 else "")
-        result = solve(prepared, request.solver, pairs.stopwatch)
-        made = outcome(result, prepared.moments, per_step=False)
-        entrants.append(Entrant(name=name, paths=[name], outcomes=[made]))
-    warned = [notice.record() for notice in pairs.notices]
-    return ranking_document(entrants, [path], cast("Metric", result.settings), warned)
+# -------------------------------------------------------------------------------------------------
+# Pairs of sides made problems, and what comes of them.
+
+Infos = tuple[FileInfo, FileInfo]
+Read = tuple[Fitted, EvaluationRequest, Infos | None, Iterable[Notice]]
+"""Two sides on the same steps, what is asked of them, what is known of their files, notices."""
+
+Notify = Callable[[Notice], object]
 
 
-def _of_solvers(
-    pairs: _Pairs, truth: TrajectoriesLike, estimate: TrajectoriesLike, solvers: list[Solver]
+class Pairs:
+    """Pairs of a truth and an estimate, read and made problems of; each notice is given once.
+
+    Parameters
+    ----------
+    read : callable
+        Reads a truth and an estimate, by their names.
+    stopwatch : Stopwatch
+        Gets the time by stage.
+    notify : callable
+        Gets notices.
+    """
+
+    def __init__(
+        self, read: Callable[[str, str], Read], stopwatch: Stopwatch, notify: Notify
+    ) -> None:
+        self.read, self.stopwatch, self.notify = read, stopwatch, notify
+        self.shown: set[Notice] = set()
+        self.warnings: list[dict[str, str]] = []
+
+    def prepared(self, truth: str, estimate: str, *, named: bool = False) -> Prepared:
+        """The problem of two sides; `named` notices name the estimate they are about."""
+        fitted, request, files, notices = self.read(truth, estimate)
+        for notice in notices:
+            of_all = not notice.code and notice.text.startswith("default ")
+            self.notify_once(notice.about(estimate) if named and not of_all else notice)
+        return prepare(fitted, request, files=files, stopwatch=self.stopwatch)
+
+    def notify_once(self, notice: Notice) -> None:
+        """Give a notice that was not given before."""
+        if notice not in self.shown:
+            self.shown.add(notice)
+            self.notify(notice)
+            if notice.code:
+                self.warnings.append(notice.record())
+
+
+def file_pairs(settings: "Settings", stopwatch: Stopwatch, notify: Notify) -> Pairs:
+    """Pairs of files; the truth of several that follow each other is read once."""
+    from tgospa_eval.cli.shared.notices import about, pair_notices, slow_notice
+    from tgospa_eval.cli.shared.settings import infos
+
+    last: dict[str, Reading] = {}
+
+    def tell(path: str, side: Reading) -> Reading:
+        for notice in about(path, side):
+            pairs.notify_once(notice)
+        return side
+
+    def read(*paths: str) -> Read:
+        with stopwatch.span("read"):
+            truth, estimate = paths
+            if truth not in last:
+                last.clear()
+                last[truth] = tell(truth, settings.read_side(truth, 0, ROLES[0], paths))
+            other = tell(estimate, settings.read_side(estimate, 1, ROLES[1], paths))
+            sides: tuple[Reading, ...] = last[truth], other
+        settings.check(sides, paths)
+        if settings.preprocess or settings.with_:
+            sides = settings.preprocessed(sides, paths)
+            for path, side in zip(paths, sides, strict=True):
+                tell(path, side)
+        fitted, request = settings.fit(sides, paths)
+        return fitted, request, infos(sides), pair_notices(fitted, request, sides)
+
+    pairs = Pairs(read, stopwatch, notify)
+    for notice in slow_notice():
+        pairs.notify_once(notice)
+    return pairs
+
+
+Ranked = tuple[RankingRecord, list[Entrant]]
+"""The document, and what it was made of."""
+
+
+def ranked(
+    pairs: Pairs,
+    runs: Runs,
+    names: Sequence[str],
+    solver: Solver,
+    *,
+    per_step: bool = False,
+    with_: Sequence[str] = (),
+) -> Ranked:
+    """Evaluate estimates of one truth, or of that of each run, and rank them.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        Makes the problems.
+    runs : sequence of (str, list of str)
+        The truth of each run, and its estimates.
+    names : sequence of str
+        What the estimates are called.
+    solver : Solver
+        Of all.
+    per_step, with_ : bool, sequence of str
+        Whether per-step GOSPA is shown beside, and which other metrics.
+
+    Returns
+    -------
+    tuple
+        The document and the entrants. If it was interrupted: of the runs that are whole, or of
+        what there is of the first.
+    """
+    stopwatch = pairs.stopwatch
+    found: list[list[EntrantOutcome]] = [[] for _ in names]
+    count = len(names) * len(runs)
+    for done, (k, truth, path) in enumerate(
+        (k, truth, path) for truth, paths in runs for k, path in enumerate(paths)
+    ):
+        if done and stopwatch.progress.stop.is_set():
+            break
+        with stopwatch.progress.part(path, done, count):
+            prepared = pairs.prepared(truth, path, named=count > 1)
+            effort = Effort(jobs=solver.jobs, stopwatch=stopwatch)
+            others = other_metrics(prepared, with_, effort) if with_ else None
+            result = solve(prepared, solver, stopwatch)
+            found[k].append(outcome(result, prepared.moments, per_step=per_step, others=others))
+    whole = max(min(map(len, found)), 1)
+    entrants = [
+        Entrant(name=name, paths=[paths[k] for _, paths in runs[:whole]], outcomes=mine[:whole])
+        for k, (name, mine) in enumerate(zip(names, found, strict=True))
+        if mine
+    ]
+    truths = [truth for truth, _ in runs[:whole]]
+    metric = cast("Metric", result.settings)
+    return ranking_document(entrants, truths, metric, pairs.warnings), entrants
+
+
+def solvers_on(
+    pairs: Pairs, truth: str, estimate: str, solvers: Sequence[Solver], *, spare: bool = False
 ) -> SolversRecord:
-    """The document of solvers on one problem."""
-    pairs.request = replace(pairs.request, solver=solvers[0])
-    prepared = pairs.prepared(truth, estimate)
-    found = compare_solvers(prepared, solvers)
-    once = {name: pairs.stopwatch.spans.get(span, 0.0) for name, span in ONCE.items()}
-    warned = [notice.record() for notice in pairs.notices]
-    return solvers_document(found, prepared, {}, once, warned)
+    """Several solvers on one pair; `spare` leaves out a referee that would take minutes."""
+    stopwatch, prepared = pairs.stopwatch, pairs.prepared(truth, estimate)
+    chosen, left_out = list(solvers), {}
+    states = takes_long(prepared) if spare else None
+    if states is not None:
+        chosen = [solver for solver in solvers if not solver.referee]
+        reason = f"{states:,} reduced states, it would take minutes; --solvers "
+        reason += f"{','.join(SOLVERS)} runs it all the same"
+        left_out = {solver.name: reason for solver in solvers if solver.referee}
+    stopwatch.stage = "solve/lp"
+    stopwatch.progress.begin(prepared.parameters.root)
+    found = compare_solvers(prepared, chosen, progress=stopwatch.progress)
+    for solver in chosen[len(found.runs) :]:
+        left_out[name_of(solver)] = "interrupted before its turn"
+    once = {name: stopwatch.spans.get(span, 0.0) for name, span in ONCE.items()}
+    return solvers_document(found, prepared, left_out, once, pairs.warnings)
+
+
+# -------------------------------------------------------------------------------------------------
+# Saved results in their order; nothing is solved.
+
+HEAD = ("files", "input", "parameters", "warnings", "with")
+"""What is kept of a document beside the costs."""
+
+
+def are_saved(paths: Sequence[str]) -> bool:
+    """Whether these are saved results, or patterns of such, rather than files.
+
+    Raises
+    ------
+    ConfigError
+        Some are and others are not, or it is a single one.
+    """
+    first = [first_file(path) if is_pattern(path) else path for path in paths]
+    saved = [name is not None and saved_result(name) is not None for name in first]
+    if not any(saved):
+        return False
+    if not all(saved):
+        other, one = paths[saved.index(False)], paths[saved.index(True)]
+        raise ConfigError(
+            f"{other or quoted(other)}: is no saved result, but {one} is; {MADE_BY}; name results "
+            "alone, or the files of truth and estimates alone"
+        )
+    if len(paths) == 1 and not is_pattern(paths[0]):
+        raise ConfigError(f"{paths[0]}: is a single saved result; name those to rank it with")
+    return True
+
+
+def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
+    """Rank saved results by their proven brackets.
+
+    Raises
+    ------
+    TgospaError
+        Patterns do not fit each other, a result is wrong or there twice, or is of another truth or
+        other parameters than the first.
+    """
+    marked = [is_pattern(path) for path in paths]
+    if any(marked) and not all(marked):
+        path = paths[marked.index(False)]
+        raise ConfigError(f"{path}: has no *, but other results have; it stands for the run")
+    runs = [
+        [saved_result(path) or path for path in (first, *others)]
+        for first, others in expand(paths[0], paths[1:])
+    ]
+    names = short_names(paths if any(marked) else runs[0])
+    heads: list[list[Json]] = []
+    found: list[list[EntrantOutcome]] = []
+    for group in runs:
+        documents = [read_result(path) for path in group]
+        heads.append([{name: item.get(name, {}) for name in HEAD} for item in documents])
+        faults = [
+            f"{path}: cannot be ranked with {runs[0][0]}: {wrong}"
+            for path, document in zip(group, heads[-1], strict=True)
+            if (wrong := other_parameters(document, heads[0][0]))
+        ]
+        if faults:
+            raise ConfigError(*faults)
+        found.append(outcomes(documents, group))
+    entrants = [
+        Entrant(name=name, paths=[run[k] for run in runs], outcomes=[items[k] for items in found])
+        for k, name in enumerate(names)
+    ]
+    warnings = [
+        Notice(**record).about(path)
+        for run, items in zip(runs, heads, strict=True)
+        for path, item in zip(run, items, strict=True)
+        for record in item["warnings"]
+    ]
+    others, left_out = shared_metrics(heads)
+    for notice in (*warnings, *left_out):
+        notify(notice)
+    first, *rest = [item["parameters"] for items in heads for item in items]
+    shared = {  # solvers and units may differ
+        name: value
+        for name, value in first.items()
+        if all(name in other and other[name] == value for other in rest)
+    }
+    truths = [
+        first["files"].get("truth") or f"sha256 {first['input']['truth']['sha256']}"
+        for first, *_ in heads
+    ]
+    records = [warning.record() for warning in warnings]
+    document = ranking_document(entrants, truths, cast("Metric", shared), records)
+    for item in document["estimates"]:
+        beside = others[names.index(item["name"])]
+        if beside:
+            item["with"] = beside
+    return document, entrants

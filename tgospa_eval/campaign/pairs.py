@@ -10,11 +10,12 @@ import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
+from pathlib import Path
 
 from tgospa_eval.common import patterns
 from tgospa_eval.common.files import named
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import parsed_whole
+from tgospa_eval.common.words import natural, parsed_whole
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import runs_inside
 from tgospa_eval.formats.guess import file_of, is_table_folder
@@ -394,3 +395,186 @@ def _check_labels(path: str, jobs: Iterable[Job]) -> None:
                 f"{path}: two rows are {quoted(job.name)}; a column tells them apart, such as run"
             )
         seen.add(key)
+
+
+# -------------------------------------------------------------------------------------------------
+# Runs of a comparison: what ``*``, or a field of the truth, stands for is a run.
+
+Runs = list[tuple[str, list[str]]]
+"""The truth of each run, and its estimates."""
+
+AS_FIELD = "{run}"
+"""What * is as a field."""
+
+
+def is_pattern(path: str) -> bool:
+    """Whether it stands for several files; the name of a file that exists stands for itself."""
+    return ("*" in path or bool(patterns.fields(path))) and not os.path.exists(path)
+
+
+def first_file(pattern: str) -> str | None:
+    """The first that a pattern stands for."""
+    shape = pattern.replace("*", AS_FIELD, 1)
+    return next((name for name, _ in patterns.found(shape, inside=runs_inside)), None)
+
+
+def compared_runs(
+    truth: str, estimates: Sequence[str], output: str | None = None
+) -> tuple[Runs, tuple[str, ...], tuple[str, ...]]:
+    """The files of each run, the estimates that they are of, and notices of what was passed over.
+
+    A truth without a pattern is that of all runs. Fields that the truth does not have stand for
+    several estimates. Names of existing files are no patterns.
+
+    Parameters
+    ----------
+    truth : str
+        A path or a pattern.
+    estimates : sequence of str
+        Such as well.
+    output : str, optional
+        A folder in which no estimate is looked for.
+
+    Raises
+    ------
+    ConfigError, InputError
+        A pattern fits nothing, or patterns do not fit each other; a name would be a pattern.
+    """
+    own = _fields(truth)
+    each: list[str] = []
+    notices = _hidden(truth)
+    for path in estimates:
+        others = [name for name in _fields(path) if name not in own]
+        if not others:
+            each.append(path)
+            notices |= _hidden(path)
+            continue
+        meant = patterns.meant(path, output=output, truth=(truth, ""), inside=runs_inside)
+        notices |= {
+            why if why == patterns.DOTTED else text: text for why, text in meant.notices.items()
+        }
+        groups = {tuple(values[name] for name in others) for values in _values(path, meant)}
+        for text in itertools.chain(*groups):
+            if own and patterns.fields(text):
+                raise InputError(f"{path}: fits {text}, which is like a field itself; rename that")
+        kept = {name: f"{{{name}}}" for name in own}
+        each += [
+            patterns.fill(path, kept | dict(zip(others, group, strict=True)))
+            for group in sorted(groups, key=lambda group: tuple(map(natural, group)))
+        ]
+    return expand(truth, each), tuple(each), tuple(notices.values())
+
+
+def expand(truth: str, estimates: Sequence[str]) -> Runs:
+    """The files of each run: what a field stands for in one pattern stands in all.
+
+    Raises
+    ------
+    ConfigError, InputError
+        As for `compared_runs`.
+    """
+    paths = (truth, *estimates)
+    marked = [path for path in paths if is_pattern(path)]
+    stars = [path for path in marked if not patterns.fields(path)]
+    if not marked:
+        return [(truth, list(estimates))]
+    if stars and len(stars) < len(marked):
+        fielded = next(path for path in marked if path not in stars)
+        raise ConfigError(f"{stars[0]}: has a *, and {fielded} has fields; choose one of them")
+    for path in paths:
+        if path in stars and path.count("*") > 1:
+            raise ConfigError(f"{path}: one * is needed, it stands for the run")
+        if stars and path not in marked and path != truth:
+            raise ConfigError(f"{path}: has no *, but other files have; it stands for the run")
+    own = ["run"] if stars else _fields(truth)
+    for path in estimates:
+        missing = [] if stars else [name for name in own if name not in _fields(path)]
+        if missing:
+            raise ConfigError(
+                f"{path}: has no {{{missing[0]}}}, but {truth} has; it stands for the run"
+            )
+    there = {path: list(_values(path)) for path in marked}
+    runs = sorted(there[marked[0]], key=lambda values: [natural(values[name]) for name in own])
+    for path in marked[1:]:
+        for values in (values for values in runs if values not in there[path]):
+            raise InputError(f"{_file(path, values)}: no such file; other patterns have it")
+        for values in (values for values in there[path] if values not in runs):
+            raise InputError(f"{_file(path, values)}: has no counterpart in other patterns")
+    return [(_file(truth, values), [_file(path, values) for path in estimates]) for values in runs]
+
+
+def _file(path: str, values: Mapping[str, str]) -> str:
+    """The file of a run; a path that is no pattern is that of all."""
+    return patterns.fill(_shape(path), values) if is_pattern(path) else path
+
+
+def _shape(pattern: str) -> str:
+    """The pattern with a field in place of its ``*``, unless it has fields."""
+    return pattern if patterns.fields(pattern) else pattern.replace("*", AS_FIELD)
+
+
+def _fields(path: str) -> list[str]:
+    """The fields of a pattern; the name of a file that exists has none."""
+    return patterns.fields(path) if is_pattern(path) else []
+
+
+def _hidden(pattern: str) -> dict[str, str]:
+    """A notice of the names behind a dot that a pattern passes over: runs are the same in all."""
+    if not is_pattern(pattern):
+        return {}
+    meant = patterns.meant(_shape(pattern), inside=runs_inside)
+    found = {why: text for why, text in meant.notices.items() if why == patterns.DOTTED}
+    star = not patterns.fields(pattern)
+    return {why: text.replace(AS_FIELD, "*") if star else text for why, text in found.items()}
+
+
+def _values(pattern: str, meant: patterns.Meant | None = None) -> Iterator[Mapping[str, str]]:
+    """What the fields stand for in each file: in all that are like the pattern, or in these.
+
+    Raises
+    ------
+    InputError
+        No file is like the pattern, or one is in two ways.
+    """
+    shape = _shape(pattern)
+    found = list(patterns.found(shape, inside=runs_inside)) if meant is None else meant.files
+    if not found:
+        raise InputError(f"{pattern}: no such files", *(meant.notices.values() if meant else ()))
+    for path, values in found:
+        if patterns.is_ambiguous(shape, path):
+            raise InputError(f"{path}: the fields of {pattern} fit it in two ways")
+        yield values
+
+
+def short_names(paths: Sequence[str]) -> list[str]:
+    """What each file is called: that part of its path in which it differs from the others.
+
+    Raises
+    ------
+    ConfigError
+        A file is there twice.
+    """
+    seen: dict[str, str] = {}
+    for path in paths:
+        other = seen.setdefault(os.path.realpath(path), path)
+        if other != path:
+            raise ConfigError(f"{path}: is the same as {other}; name each estimate once")
+    if len(set(paths)) < len(paths):
+        twice = next(path for path in paths if paths.count(path) > 1)
+        raise ConfigError(f"{twice}: is given twice")
+    parts = [Path(path).with_suffix("").parts for path in paths]
+    if len(paths) == 1:
+        return [parts[0][-1]]
+    names = ["/".join(part) for part in _without_common(_without_common(parts, 1), -1)]
+    return names if len(set(names)) == len(names) and all(names) else list(paths)
+
+
+def _without_common(parts: list[tuple[str, ...]], step: int) -> list[tuple[str, ...]]:
+    """Without what is the same in all, at the beginning (1) or at the end (-1)."""
+    turned = [part[::step] for part in parts]
+    same = 0
+    for level in zip(*turned, strict=False):
+        if len(set(level)) > 1:
+            break
+        same += 1
+    return [part[same:][::step] for part in turned]

@@ -148,7 +148,7 @@ def test_errors_are_against_what_all_prove() -> None:
 def test_exact_is_left_out_where_it_is_slow(
     write: Write, invoke: Invoke, monkeypatch, here
 ) -> None:
-    from tgospa_eval.cli.compare import run as comparing
+    from tgospa_eval.api import compare as comparing
 
     here()
     monkeypatch.setattr(comparing, "takes_long", lambda _: 123_456)
@@ -417,7 +417,7 @@ def test_patterns_fit_each_other(
     ],
 )
 def test_names_are_what_differs(paths: list[str], names: list[str]) -> None:
-    from tgospa_eval.cli.compare.run import short_names
+    from tgospa_eval.campaign.pairs import short_names
 
     assert short_names(tuple(paths)) == names
 
