@@ -26,9 +26,9 @@ from tgospa_eval import (
     simulate,
     verify,
 )
+from tgospa_eval.api.batch import BatchOptions
 from tgospa_eval.campaign import solvers
 from tgospa_eval.campaign.solvers import SolvedRun, run_here
-from tgospa_eval.cli.batch.run import BatchOptions
 from tgospa_eval.cli.simulate.values import SceneOptions
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.simulation.settings import USUAL_ERRORS, usual_tracker

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.request import SETTINGS, Request, Values
+from tgospa_eval.api.request import DEFAULTS, NAMES, Request, Values
 from tgospa_eval.campaign.baseline import (
     Baseline,
     BaselineEntry,
@@ -54,9 +54,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from tgospa_eval.results.result import Result
-
-NAMES = {about.key: name for name, about in SETTINGS.items() if about.everywhere}
-"""Options of an evaluation by their names in a settings file, and their fields."""
 
 WITHOUT_EFFECT = ("jobs", "max-input")
 """Options of an evaluation that change neither the number nor its bracket."""
@@ -370,9 +367,7 @@ def _suite(
             f"{name} is missing; type tgospa-eval gate {truth or 'TRUTH'} ESTIMATE "
             "--baseline FILE, or tgospa-eval gate --suite FILE"
         )
-    from tgospa_eval.cli.shared.options import KNOWN
-
-    suite = load_suite(path, KNOWN)
+    suite = load_suite(path, {key: DEFAULTS[name] is False for key, name in NAMES.items()})
     for text in () if gate.quiet else suite.notices:
         notify(text)
     return suite

@@ -626,6 +626,9 @@ SETTINGS: dict[str, Setting] = {
 }
 """Of the fields that have an option."""
 
+NAMES = {about.key: name for name, about in SETTINGS.items() if about.everywhere}
+"""Of those that all verbs have, by their names in a settings file."""
+
 DEFAULTS: dict[str, object] = {field.name: field.default for field in dataclasses.fields(Request)}
 
 TYPES: dict[str, Any] = {field.name: field.type for field in dataclasses.fields(Request)}

@@ -10,7 +10,7 @@ VERBS = {
     "explain": ("explain.command", "Show which single repairs would save most, proven."),
     "gate": ("gate", "Fail a CI job if the estimate got worse."),
     "compare": ("compare.command", "Rank several estimates, or compare solvers."),
-    "batch": ("batch.command", "Evaluate a whole benchmark or study."),
+    "batch": ("batch", "Evaluate a whole benchmark or study."),
     "verify": ("verify.command", "Check the proof of a value, in exact integers."),
     "simulate": ("simulate.command", "Make a ground truth and an estimate to try it on."),
     "associate": ("sensors.associate", "Associate the states of two sensors."),

@@ -12,7 +12,7 @@ from scipy import stats
 from tgospa_eval.campaign.curves import rms_curves
 from tgospa_eval.campaign.statistics import intervals
 from tgospa_eval.campaign.store import StoredSteps
-from tgospa_eval.cli.batch.command import BAND_KINDS
+from tgospa_eval.cli.batch import BAND_KINDS
 from tgospa_eval.reports.curves import BANDS, BandKind, RmsCurve, curves_csv, curves_json
 from tgospa_eval.results.records import PARTS
 

@@ -7,9 +7,7 @@ from typing import Any
 
 import pytest
 
-from tgospa_eval.api.request import Request
-from tgospa_eval.campaign.pairs import Job
-from tgospa_eval.cli.batch.worker import (
+from tgospa_eval.api.batch_job import (
     NOT_WRITTEN,
     UNSEEN,
     JobTask,
@@ -18,6 +16,8 @@ from tgospa_eval.cli.batch.worker import (
     given_text,
     key_of,
 )
+from tgospa_eval.api.request import Request
+from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.cli.evaluate import run
 
 

@@ -5,19 +5,17 @@ import json
 import os
 import socket
 import time
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 from tgospa_eval._version import __version__
 from tgospa_eval.api.request import Request
 from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.campaign.row import Row, row_of, stored_slices
 from tgospa_eval.campaign.store import STEPS, STORED_CURVE, STORED_STEPS, JobSteps
-from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.files import reason
 from tgospa_eval.common.frozen import dataclass
@@ -82,21 +80,6 @@ class JobTask:
         parts = (PROOF_FOLDER,) if self.proof else ()
         return self.folder is None or Path(self.folder, *parts).is_dir()
 
-    def keeping(self, row: Mapping[Hashable, Any]) -> "JobTask":
-        """The same with the steps that a row of it has, for a new one takes its place."""
-        curve = self.options.curve or bool(row[STORED_CURVE])
-        return replace(
-            self,
-            per_step=self.per_step or row[STORED_STEPS] > 0,
-            options=replace(self.options, curve=curve),
-        )
-
-    def has_steps(self, row: Mapping[Hashable, Any]) -> bool:
-        """Whether its row has the steps that are asked for."""
-        if not self.per_step or not row["sizes.steps"] > 0:
-            return True
-        return row[STORED_STEPS] > 0 and (bool(row[STORED_CURVE]) or not self.options.curve)
-
 
 def key_of(
     job: Job, given: str, files: Iterable[str], digest: Callable[[str], bytes] | None = None
@@ -153,6 +136,7 @@ def files_of(job: Job, options: Request) -> tuple[str, ...]:
 def evaluate_job(task: JobTask) -> Row:
     """The row of a job; a wrong file or a failed solver is a row as well, with its message."""
     from tgospa_eval.cli.evaluate.run import evaluate_files  # here: the parent does without
+    from tgospa_eval.cli.shared.values import OutputOptions
 
     begin = time.monotonic()
     try:

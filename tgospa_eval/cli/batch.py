@@ -1,5 +1,7 @@
 """``tgospa-eval batch``: a whole benchmark or Monte Carlo study, stored and tabulated."""
 
+from typing import TYPE_CHECKING
+
 import click
 from click.core import ParameterSource
 
@@ -14,6 +16,13 @@ from tgospa_eval.cli.shared.options import (
     SLICE,
     WITH,
 )
+from tgospa_eval.cli.shared.streams import emit, print_notice
+from tgospa_eval.errors import ConfigError
+
+if TYPE_CHECKING:
+    from tgospa_eval.campaign.store import Store
+    from tgospa_eval.cli.shared.values import OutputOptions
+    from tgospa_eval.reports.batch_records import BatchTables
 
 OF_REPORT = {
     *("paths", "by", "mean_of_roots", "band", "output", "force", "format_", "pictures", "style"),
@@ -138,21 +147,63 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     Exit status: 0 done, 2 wrong option or missing files, 3 bad manifest, 4 the accuracy
     of some job was not reached, 5 some jobs failed.
     """
+    from tgospa_eval.api.batch import BatchOptions, evaluate_batch, tables_of
     from tgospa_eval.api.request import Request
-    from tgospa_eval.cli.batch.run import BatchOptions, report_batch, run_batch
+    from tgospa_eval.campaign.store import Store
     from tgospa_eval.cli.shared.values import OutputOptions
+    from tgospa_eval.reports.batch import BATCH_REPORTS
 
-    batch, output = BatchOptions.of(options), OutputOptions.of(options)
+    output = OutputOptions.of(options)
     if paths[:1] == ("report",):
         if len(paths) != 2:
             raise click.UsageError("batch report takes one folder, a store")
         _check_typed(ctx)
-        report_batch(paths[1], batch, output)
+        store = Store(paths[1])
+        store.settings()
+        tables = tables_of(store, store.rows(), BatchOptions.of({**options, "output": paths[1]}))
+        emit(BATCH_REPORTS[output.format_](tables), output.format_)
+        _write(store, tables, output)
         return
     if output.output is None:
         raise click.UsageError("name the folder of the results with -o DIR")
     chosen = Request.of({**options, "by": None, "summed": True})
-    ctx.exit(run_batch(paths, batch, chosen, output))
+    done = evaluate_batch(paths, BatchOptions.of({**options, "evaluation": chosen}), print_notice)
+    emit(BATCH_REPORTS[output.format_](done.tables), output.format_)
+    if done.page:
+        try:
+            _write(done.store, done.tables, output)
+        except ConfigError as error:  # the rows are stored in any case
+            print_notice(f"the page is not written: {error}")
+    for text in () if output.quiet else done.notices:
+        print_notice(text)
+    for text in done.faults:
+        print_notice(text)
+    ctx.exit(done.status)
+
+
+def _write(store: "Store", tables: "BatchTables", output: "OutputOptions") -> None:
+    """Write the page of a batch, its curves and pictures to the folder of ``-o``.
+
+    Raises
+    ------
+    ConfigError
+        The folder cannot be written.
+    """
+    from tgospa_eval import plots
+    from tgospa_eval.api.batch import batch_files
+    from tgospa_eval.cli.evaluate.folder import wanted_pictures
+    from tgospa_eval.cli.shared.writing import write_output
+    from tgospa_eval.reports.files import BATCH
+
+    folder = output.output
+    if folder is None or not len(tables.rows):
+        return
+    wanted = wanted_pictures(output)
+    if wanted is not None and not plots.available():
+        wanted = None
+        if not output.quiet:
+            print_notice(plots.MISSING)
+    write_output(output, BATCH, lambda notify: batch_files(store, tables, folder, wanted, notify))
 
 
 def _check_typed(ctx: click.Context) -> None:
