@@ -28,9 +28,10 @@ from tgospa_eval import (
 )
 from tgospa_eval.api.batch import BatchOptions
 from tgospa_eval.campaign import solvers
-from tgospa_eval.campaign.solvers import SolvedRun, run_here
+from tgospa_eval.campaign.solvers import run_here
 from tgospa_eval.cli.simulate.values import SceneOptions
 from tgospa_eval.evaluation.prepare import Prepared
+from tgospa_eval.reports.records import SolverRun
 from tgospa_eval.simulation.settings import USUAL_ERRORS, usual_tracker
 from tgospa_eval.solvers import Solver
 
@@ -81,7 +82,7 @@ def test_compare_ranks(invoke, quickstart: tuple[str, str]) -> None:
 
 
 def test_compare_solvers(quickstart: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    def here(prepared: Prepared, solver: Solver, progress: object) -> SolvedRun:
+    def here(prepared: Prepared, solver: Solver, progress: object) -> SolverRun:
         return run_here(prepared, solver)
 
     monkeypatch.setattr(solvers, "run_apart", here)  # a process for each would take longer

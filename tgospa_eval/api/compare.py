@@ -405,7 +405,7 @@ def solvers_on(
     stopwatch.stage = "solve/lp"
     stopwatch.progress.begin(prepared.parameters.root)
     found = compare_solvers(prepared, chosen, progress=stopwatch.progress)
-    for solver in chosen[len(found.runs) :]:
+    for solver in chosen[len(found) :]:
         left_out[name_of(solver)] = "interrupted before its turn"
     once = {name: stopwatch.spans.get(span, 0.0) for name, span in ONCE.items()}
     return solvers_document(found, prepared, left_out, once, pairs.warnings)

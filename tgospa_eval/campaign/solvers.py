@@ -1,20 +1,19 @@
 """One problem through several solvers: do they agree, how near are they, what do they cost."""
 
 import io
+import itertools
 import math
 import pickle
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import field
-from functools import cached_property, partial
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import IO, Any, cast
 
 import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.campaign import SCHEMA
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval, excess, narrowest, overlap, shortfall
 from tgospa_eval.common.progress import Progress, Stopwatch
 from tgospa_eval.distances import DISTANCES
@@ -24,20 +23,19 @@ from tgospa_eval.evaluation.prepare import Prepared, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.reports.records import (
-    CostParts,
-    Memory,
     Metric,
-    RunCosts,
-    Seconds,
     SolverRun,
     SolversRecord,
 )
-from tgospa_eval.results.summary import Summary
+from tgospa_eval.results.records import PARTS
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.trajectories import Trajectories
 
-NO_COSTS: RunCosts = {"localisation": None, "missed": None, "false": None, "switch": None}
-"""Of a run that failed."""
+COSTS = (
+    *("tgospa", "lower_bound", "total", "total_lower", "error", "lower_error", *PARTS),
+    *("iterations", "seconds", "memory"),
+)
+"""What a run that failed does not have."""
 
 OWN_GROUP: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
 """Ctrl-C reaches the one who asked, who stops the process."""
@@ -48,56 +46,6 @@ EXACT_STATES = 15_000
 Measured on one core, scenes of `dense`: 2,990 states 2.3 s, 8,099 states 11 s, 15,994 states 57 s,
 18,951 states 39 s; the time grows with about the square. Of several components the squares add up.
 """
-
-
-@dataclass(frozen=True, kw_only=True)
-class SolvedRun:
-    """What a solver made of a problem; costs are in state units to the power p.
-
-    Parameters
-    ----------
-    solver : str
-        Its name.
-    epsilon : float, optional
-        Its temperature, if it has one.
-    bracket : Interval, optional
-        Proven bounds of the total; None if the solver failed, and then there is only a status.
-    tgospa, lower_bound : float, optional
-        The same bounds as values.
-    parts, counts : dict
-        Costs and counts of the feasible assignment; None and nothing if the solver failed.
-    status : str
-        How the solver ended.
-    finished : bool
-        Whether it did what was asked.
-    iterations : int, optional
-        Sweeps, or iterations of an interior point or simplex method.
-    seconds : dict, optional
-        ``solve`` and ``certify``; and ``stages``, the parts of solving.
-    memory : dict, optional
-        Bytes of the process: ``before`` solving, and at the ``peak`` until the proof was done.
-    history : list of dict
-        Convergence: sweep, epsilon, violation, lower and upper bound of the total.
-    """
-
-    solver: str
-    epsilon: float | None
-    status: str
-    bracket: Interval | None = None
-    tgospa: float | None = None
-    lower_bound: float | None = None
-    parts: CostParts | None = None
-    counts: dict[str, float] = field(default_factory=dict)
-    finished: bool = False
-    iterations: int | None = None
-    seconds: Seconds | None = None
-    memory: Memory | None = None
-    history: Sequence[dict[str, float]] = ()
-
-    @property
-    def name(self) -> str:
-        """Solver and temperature."""
-        return called(self.solver, self.epsilon)
 
 
 def called(solver: str, epsilon: float | None) -> str:
@@ -113,25 +61,18 @@ def name_of(solver: Solver) -> str:
     return called(solver.name, solver.epsilon)
 
 
-def costs_of(result: Summary) -> CostParts:
-    """The parts of the cost of a result."""
-    return {
-        "localisation": result.localisation,
-        "missed": result.missed,
-        "false": result.false,
-        "switch": result.switch,
-    }
-
-
-def bracket_of(result: Summary) -> Interval:
-    """The proven bounds of the total, as costs."""
-    lower, upper = result.total_bounds
-    return Interval(lower=lower, upper=upper)
-
-
-def failed(solver: Solver, error: BaseException) -> SolvedRun:
+def failed(solver: Solver, error: BaseException) -> SolverRun:
     """What is left of a run whose solver raised."""
-    return SolvedRun(solver=solver.name, epsilon=solver.epsilon, status=f"failed: {reason(error)}")
+    return {
+        "name": name_of(solver),
+        "solver": solver.name,
+        "epsilon": solver.epsilon,
+        "status": f"failed: {reason(error)}",
+        "finished": False,
+        **dict.fromkeys(COSTS),  # type: ignore[typeddict-item]
+        "counts": {},
+        "history": [],
+    }
 
 
 def reason(error: BaseException) -> str:
@@ -144,31 +85,40 @@ def reason(error: BaseException) -> str:
     return f"{text}; this is an error of this program, please report it"
 
 
-def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = None) -> SolvedRun:
+def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = None) -> SolverRun:
     """Solve and prove in this process."""
     result = solve(prepared, solver, stopwatch or Stopwatch())
     stages = {name: seconds for name, seconds in result.timings["solve"].items() if seconds}
-    return SolvedRun(
-        solver=solver.name,
-        epsilon=solver.epsilon,
-        bracket=bracket_of(result),
-        tgospa=result.tgospa,
-        lower_bound=result.lower_bound,
-        parts=costs_of(result),
-        counts=result.counts,
-        status=result.solver["status"],
-        finished=bool(result.solver["finished"]),
-        iterations=result.solver["iterations"],
-        seconds={
+    lower, upper = result.total_bounds
+    return {
+        "name": name_of(solver),
+        "solver": solver.name,
+        "epsilon": solver.epsilon,
+        "tgospa": result.tgospa,
+        "lower_bound": result.lower_bound,
+        "total": upper,
+        "total_lower": lower,
+        "error": None,
+        "lower_error": None,
+        "localisation": result.localisation,
+        "missed": result.missed,
+        "false": result.false,
+        "switch": result.switch,
+        "counts": result.counts,
+        "status": result.solver["status"],
+        "finished": bool(result.solver["finished"]),
+        "iterations": result.solver["iterations"],
+        "seconds": {
             "solve": sum(stages.values()),
             "certify": result.timings["certify"],
             "stages": stages,
         },
-        history=result.solver["history"],
-    )
+        "memory": None,
+        "history": list(result.solver["history"]),
+    }
 
 
-def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = None) -> SolvedRun:
+def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = None) -> SolverRun:
     """The same in a process of its own, which also measures the memory that it takes.
 
     Raises
@@ -204,21 +154,21 @@ def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = No
             ) from None
         finally:
             process.kill()  # it has answered, or nobody waits for it
-    if isinstance(found, SolvedRun):
+    if isinstance(found, dict):
         return found
     raise found[0](found[1])
 
 
 def _listen(
     target: IO[bytes], source: IO[bytes], progress: Progress
-) -> SolvedRun | tuple[type[TgospaError], str]:
+) -> SolverRun | tuple[type[TgospaError], str]:
     """What the process answers in the end; it is stopped where the work is."""
     stopped = False
     with io.BufferedReader(cast("io.RawIOBase", source)) as words:
         while True:
             found = pickle.load(words)
-            if isinstance(found, SolvedRun) or isinstance(found[0], type):
-                return cast("SolvedRun | tuple[type[TgospaError], str]", found)
+            if isinstance(found, dict) or isinstance(found[0], type):
+                return cast("SolverRun | tuple[type[TgospaError], str]", found)
             share, progress.bracket = found
             progress.done(share)
             if progress.stop.is_set() and not stopped:
@@ -278,53 +228,38 @@ ONCE = {"read": "read", "distances": "distances", "preparation": "solve/preparat
 """What is done once for all solvers, and the span of the stopwatch that has its time."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SolverComparison:
-    """Runs of several solvers on one problem.
+Proven = tuple[str, Interval | None]
+"""Name of a run, and what it proves of the total, if it has an answer."""
 
-    Parameters
-    ----------
-    runs : sequence of SolvedRun
-        At least one.
-    """
 
-    runs: Sequence[SolvedRun]
+def contradictions(runs: Iterable[Proven]) -> list[tuple[str, str]]:
+    """Pairs of runs whose brackets do not overlap: one of their proofs is wrong."""
+    return [
+        (first, second)
+        for (first, own), (second, other) in itertools.combinations(runs, 2)
+        if own and other and not overlap(own, other)
+    ]
 
-    @property
-    def contradictions(self) -> list[tuple[SolvedRun, SolvedRun]]:
-        """Pairs of runs whose brackets do not overlap: one of their proofs is wrong."""
-        return [
-            (first, second)
-            for k, first in enumerate(self.runs)
-            for second in self.runs[k + 1 :]
-            if first.bracket and second.bracket and not overlap(first.bracket, second.bracket)
-        ]
 
-    @cached_property
-    def referee(self) -> Interval | None:
-        """What all runs together prove of the total: nothing where they contradict each other."""
-        proven = [run.bracket for run in self.runs if run.bracket is not None]
-        return narrowest(proven) if proven and not self.contradictions else None
+def referee(runs: Sequence[Proven]) -> Interval | None:
+    """What all runs together prove of the total: nothing where they contradict each other."""
+    proven = [bracket for _, bracket in runs if bracket is not None]
+    return narrowest(proven) if proven and not contradictions(runs) else None
 
-    def error(self, run: SolvedRun) -> float | None:
-        """Proven: the run's total is at most so much, relative, above the true one."""
-        if self.referee is None or run.bracket is None:
-            return None
-        return excess(run.bracket.upper, self.referee.lower)
 
-    def lower_error(self, run: SolvedRun) -> float | None:
-        """Proven: the run's lower bound of the total is at most so much, relative, below it."""
-        if self.referee is None or run.bracket is None:
-            return None
-        return shortfall(run.bracket.lower, self.referee.upper)
+def errors(bracket: Interval | None, known: Interval | None) -> tuple[float | None, float | None]:
+    """Proven: how far, relative, both ends of a run may at most be above and below the total."""
+    if bracket is None or known is None:
+        return None, None
+    return excess(bracket.upper, known.lower), shortfall(bracket.lower, known.upper)
 
 
 def compare_solvers(
     prepared: Prepared,
     solvers: Sequence[Solver],
-    run: Callable[[Prepared, Solver], SolvedRun] | None = None,
+    run: Callable[[Prepared, Solver], SolverRun] | None = None,
     progress: Progress | None = None,
-) -> SolverComparison:
+) -> list[SolverRun]:
     """Run all solvers, one after the other; one that fails leaves the others their results.
 
     Those that are not begun when the work is to stop are left out.
@@ -342,7 +277,7 @@ def compare_solvers(
     """
     progress = progress or Progress()
     run = run or partial(run_apart, progress=progress)
-    runs: list[SolvedRun] = []
+    runs: list[SolverRun] = []
     for number, solver in enumerate(solvers):
         if runs and progress.stop.is_set():
             break
@@ -351,21 +286,21 @@ def compare_solvers(
                 runs.append(run(prepared, solver))
             except Exception as error:  # whatever it is, it must not cost what others have found
                 runs.append(failed(solver, error))
-    return SolverComparison(runs=tuple(runs))
+    return runs
 
 
 def solvers_document(
-    comparison: SolverComparison,
+    runs: Sequence[SolverRun],
     prepared: Prepared,
     left_out: dict[str, str],
     seconds: dict[str, float],
     warnings: list[dict[str, str]],
 ) -> SolversRecord:
-    """The JSON document.
+    """The JSON document: the runs, with their errors against what all of them prove.
 
     Parameters
     ----------
-    comparison : SolverComparison
+    runs : sequence of SolverRun
         What was found.
     prepared : Prepared
         The problem.
@@ -376,22 +311,26 @@ def solvers_document(
     warnings : list of dict
         What looks wrong with the data.
     """
-    referee = comparison.referee
+    proven = [(run["name"], bracket_of(run["total_lower"], run["total"])) for run in runs]
+    known, opposed = referee(proven), contradictions(proven)
+    for run, (_, bracket) in zip(runs, proven, strict=True):
+        error, run["lower_error"] = errors(bracket, known)
+        run["error"] = error if error is not None and math.isfinite(error) else None
     order = prepared.parameters.order
     return {
         "schema": SCHEMA,
         "version": __version__,
         "kind": "solvers",
-        "agree": not comparison.contradictions,
-        "contradictions": [[a.name, b.name] for a, b in comparison.contradictions],
+        "agree": not opposed,
+        "contradictions": [list(pair) for pair in opposed],
         "referee": None
-        if referee is None
+        if known is None
         else {
-            "lower_bound": referee.lower ** (1 / order),
-            "upper_bound": referee.upper ** (1 / order),
-            "total": {"lower": referee.lower, "upper": referee.upper},
+            "lower_bound": known.lower ** (1 / order),
+            "upper_bound": known.upper ** (1 / order),
+            "total": {"lower": known.lower, "upper": known.upper},
         },
-        "runs": [run_document(comparison, run) for run in comparison.runs],
+        "runs": list(runs),
         "left_out": left_out,
         "parameters": cast("Metric", prepared.settings),
         "sizes": {**prepared.sizes, "states": len(prepared.states.begin)},
@@ -401,25 +340,6 @@ def solvers_document(
     }
 
 
-def run_document(comparison: SolverComparison, run: SolvedRun) -> SolverRun:
-    """One run, with its errors against what all of them prove."""
-    error, bracket = comparison.error(run), run.bracket
-    return {
-        "name": run.name,
-        "solver": run.solver,
-        "epsilon": run.epsilon,
-        "tgospa": run.tgospa,
-        "lower_bound": run.lower_bound,
-        "total": None if bracket is None else bracket.upper,
-        "total_lower": None if bracket is None else bracket.lower,
-        "error": error if error is not None and math.isfinite(error) else None,
-        "lower_error": comparison.lower_error(run),
-        **(run.parts or NO_COSTS),
-        "counts": run.counts,
-        "status": run.status,
-        "finished": run.finished,
-        "iterations": run.iterations,
-        "seconds": run.seconds,
-        "memory": run.memory,
-        "history": list(run.history),
-    }
+def bracket_of(lower: float | None, upper: float | None) -> Interval | None:
+    """What a run proves of the total; None where it failed."""
+    return None if lower is None or upper is None else Interval(lower=lower, upper=upper)

@@ -22,17 +22,18 @@ import numpy as np
 from tgospa_eval._version import __version__
 from tgospa_eval.campaign import SCHEMA
 from tgospa_eval.campaign.solvers import (
-    NO_COSTS,
-    SolvedRun,
-    SolverComparison,
+    Proven,
+    bracket_of,
     compare_solvers,
+    contradictions,
+    errors,
     failed,
+    referee,
     run_here,
     warm_up,
 )
 from tgospa_eval.common.files import is_regular, named
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
@@ -47,6 +48,7 @@ from tgospa_eval.reports.records import (
     SceneRecord,
     SceneRun,
     SizeRecord,
+    SolverRun,
     SolverSummary,
     Spread,
     StudyRecord,
@@ -69,22 +71,20 @@ NUMBER = (int, float)
 LARGEST = 1e100
 """Beyond any cost, count or time; squares of it are finite."""
 
+NO = type(None)
 RECORD: dict[str, Kind] = {
     **dict.fromkeys(("targets", "steps", "run"), int),
-    **dict.fromkeys(("occupied", "sizes", "prepare_seconds"), object),
+    "occupied": (int, NO),
+    "sizes": (dict, NO),
+    "prepare_seconds": (*NUMBER, NO),
     "runs": list,
 }
-ONCE_KINDS: dict[str, Kind] = {"occupied": int, "sizes": dict, "prepare_seconds": NUMBER}
 RUN: dict[str, Kind] = {
     **dict.fromkeys(("name", "solver", "status"), str),
-    "epsilon": (*NUMBER, type(None)),
+    **dict.fromkeys(("epsilon", "lower", "upper", "iterations", "seconds", *PARTS), (*NUMBER, NO)),
     "finished": bool,
 }
-RUN_KINDS: dict[str, Kind] = dict.fromkeys(
-    ("lower", "upper", "iterations", "seconds", *PARTS), NUMBER
-)
-FAILED: dict[str, Kind] = dict.fromkeys(RUN_KINDS, type(None))
-"""What a record must hold, that of a scene that could be made, each run, one with a bracket."""
+"""What a record must hold, and each of its runs; None where there is no answer."""
 
 
 def machine() -> str:
@@ -226,19 +226,9 @@ def is_record(document: object, solvers: int) -> TypeGuard[SceneRecord]:
     return (
         isinstance(document, dict)
         and _has(document, RECORD)
+        and (document["sizes"] is None or _has(document["sizes"], {"states": int}))
         and len(document["runs"]) == solvers
         and all(_has(run, RUN) for run in document["runs"])
-        and (
-            (
-                _has(document, ONCE_KINDS)
-                and _has(document["sizes"], {"states": int})
-                and all(_has(run, RUN_KINDS) or _has(run, FAILED) for run in document["runs"])
-            )
-            or (
-                all(document[name] is None for name in ONCE_KINDS)
-                and all(_has(run, FAILED) for run in document["runs"])
-            )
-        )
     )
 
 
@@ -386,61 +376,62 @@ def measure(study: Study, targets: int, steps: int, run: int) -> SceneRecord:
     request = EvaluationRequest(
         parameters=study.parameters, distance=study.distance, solver=study.solvers[0]
     )
+    record: SceneRecord = {
+        "targets": targets,
+        "steps": steps,
+        "run": run,
+        "occupied": None,
+        "sizes": None,
+        "prepare_seconds": None,
+        "runs": [],
+    }
     try:
         sides = simulate(replace(study.scene, targets=targets, steps=steps), study.tracker, rng)
         prepared = prepare(fit(*sides, request), request, stopwatch=stopwatch)
     except Exception as error:  # whatever it is: the other scenes are to be done
-        runs = [_recorded(failed(solver, error)) for solver in study.solvers]
-        return {
-            "targets": targets,
-            "steps": steps,
-            "run": run,
-            "occupied": None,
-            "sizes": None,
-            "prepare_seconds": None,
-            "runs": runs,
-        }
-    found = compare_solvers(prepared, study.solvers, run_here)
+        record["runs"] = [_recorded(failed(solver, error)) for solver in study.solvers]
+        return record
     problem = prepared.states.problem
-    occupied = len(np.union1d(problem.truth_step, problem.estimate_step))
-    return {
-        "targets": targets,
-        "steps": steps,
-        "run": run,
-        "occupied": max(occupied, 1),
-        "sizes": {**prepared.sizes, "states": len(prepared.states.begin)},
-        "prepare_seconds": sum(
-            stopwatch.spans[name] for name in ("distances", "solve/preparation")
-        ),
-        "runs": [_recorded(made) for made in found.runs],
-    }
+    record["occupied"] = max(len(np.union1d(problem.truth_step, problem.estimate_step)), 1)
+    record["sizes"] = {**prepared.sizes, "states": len(prepared.states.begin)}
+    record["prepare_seconds"] = sum(
+        stopwatch.spans[name] for name in ("distances", "solve/preparation")
+    )
+    found = compare_solvers(prepared, study.solvers, run_here)
+    record["runs"] = [_recorded(made) for made in found]
+    return record
 
 
-def _recorded(made: SolvedRun) -> SceneRun:
+def _recorded(made: SolverRun) -> SceneRun:
     """What a record keeps of a run."""
-    bracket, seconds = made.bracket, made.seconds
+    seconds = made["seconds"]
     return {
-        "name": made.name,
-        "solver": made.solver,
-        "epsilon": made.epsilon,
-        "lower": None if bracket is None else bracket.lower,
-        "upper": None if bracket is None else bracket.upper,
-        **(made.parts or NO_COSTS),
-        "iterations": made.iterations,
-        "finished": made.finished,
-        "status": made.status,
+        "name": made["name"],
+        "solver": made["solver"],
+        "epsilon": made["epsilon"],
+        "lower": made["total_lower"],
+        "upper": made["total"],
+        "localisation": made["localisation"],
+        "missed": made["missed"],
+        "false": made["false"],
+        "switch": made["switch"],
+        "iterations": made["iterations"],
+        "finished": made["finished"],
+        "status": made["status"],
         "seconds": None if seconds is None else seconds["solve"] + seconds["certify"],
     }
 
 
+def proven(record: SceneRecord) -> list[Proven]:
+    """What each run of a scene proves."""
+    return [(run["name"], bracket_of(run["lower"], run["upper"])) for run in record["runs"]]
+
+
 def study_document(study: Study, records: Sequence[SceneRecord], machine: str) -> StudyRecord:
     """The JSON document: mean and spread of each size and solver."""
-    by_size: dict[Size, list[tuple[SceneRecord, SolverComparison]]] = {
-        size: [] for size in study.sizes
-    }
+    by_size: dict[Size, list[SceneRecord]] = {size: [] for size in study.sizes}
     for record in records:
-        comparison = SolverComparison(runs=[_run(made) for made in record["runs"]])
-        by_size[record["targets"], record["steps"]].append((record, comparison))
+        by_size[record["targets"], record["steps"]].append(record)
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -450,24 +441,21 @@ def study_document(study: Study, records: Sequence[SceneRecord], machine: str) -
         "runs": study.runs,
         "sizes": [_size(size, scenes, study) for size, scenes in by_size.items()],
         "contradictions": [
-            (record["targets"], record["steps"], record["run"], a.name, b.name)
+            (record["targets"], record["steps"], record["run"], *pair)
             for scenes in by_size.values()
-            for record, comparison in scenes
-            for a, b in comparison.contradictions
+            for record in scenes
+            for pair in contradictions(proven(record))
         ],
     }
 
 
-def _size(
-    size: Size, scenes: Sequence[tuple[SceneRecord, SolverComparison]], study: Study
-) -> SizeRecord:
+def _size(size: Size, scenes: Sequence[SceneRecord], study: Study) -> SizeRecord:
     """All scenes of one size; those whose brackets contradict each other have no part in means."""
-    sound = [(record, comparison) for record, comparison in scenes if not comparison.contradictions]
-    made = [record for record, _ in scenes]
+    sound = [record for record in scenes if not contradictions(proven(record))]
     best = [
-        (_best(record), record["occupied"] or 1)
-        for record, comparison in sound
-        if comparison.referee is not None
+        (min(answered, key=lambda run: run["upper"] or 0.0), record["occupied"] or 1)
+        for record in sound
+        if (answered := [run for run in record["runs"] if run["upper"] is not None])
     ]
 
     def root(name: Literal["upper", "localisation", "missed", "false", "switch"]) -> float | None:
@@ -480,41 +468,32 @@ def _size(
         "targets": size[0],
         "steps": size[1],
         "left_out": len(scenes) - len(best),
-        "states": spread([record["sizes"]["states"] for record in made if record["sizes"]]),
-        "prepare_seconds": _spread_of(record["prepare_seconds"] for record in made),
+        "states": spread([record["sizes"]["states"] for record in scenes if record["sizes"]]),
+        "prepare_seconds": _spread_of(record["prepare_seconds"] for record in scenes),
         "normalised": {"tgospa": root("upper"), **{name: root(name) for name in PARTS}},
         "solvers": [_solver(scenes, sound, k) for k in range(len(study.solvers))],
     }
 
 
-def _solver(
-    scenes: Sequence[tuple[SceneRecord, SolverComparison]],
-    sound: Sequence[tuple[SceneRecord, SolverComparison]],
-    k: int,
-) -> SolverSummary:
+def _solver(scenes: Sequence[SceneRecord], sound: Sequence[SceneRecord], k: int) -> SolverSummary:
     """One solver on all scenes of one size; errors against what all solvers prove of a scene."""
-    every = [record["runs"][k] for record, _ in scenes]
-    made = [record["runs"][k] for record, _ in sound if record["runs"][k]["upper"] is not None]
-    errors = [e for _, c in sound if (e := c.error(c.runs[k])) is not None]
-    lower_errors = [e for _, c in sound if (e := c.lower_error(c.runs[k])) is not None]
+    every = [record["runs"][k] for record in scenes]
+    made = [record["runs"][k] for record in sound if record["runs"][k]["upper"] is not None]
+    found = [(runs[k][1], referee(runs)) for runs in map(proven, sound)]
+    above, below = zip(*(errors(*pair) for pair in found), strict=True) if found else ((), ())
+    known = [error for error in above if error is not None]
     return {
         "name": every[0]["name"],
         "solver": every[0]["solver"],
         "epsilon": every[0]["epsilon"],
         "seconds": _spread_of(run["seconds"] for run in made),
-        "error": spread([error for error in errors if math.isfinite(error)]),
-        "infinite_errors": sum(math.isinf(error) for error in errors),
-        "lower_error": spread(lower_errors),
+        "error": spread([error for error in known if math.isfinite(error)]),
+        "infinite_errors": sum(math.isinf(error) for error in known),
+        "lower_error": _spread_of(below),
         "iterations": _spread_of(run["iterations"] for run in made),
         "failed": sum(run["upper"] is None for run in every),
         "unfinished": sum(not run["finished"] and run["upper"] is not None for run in every),
     }
-
-
-def _best(record: SceneRecord) -> SceneRun:
-    """The run with the least upper bound."""
-    proven = [run for run in record["runs"] if run["upper"] is not None]
-    return min(proven, key=lambda run: run["upper"] or 0.0)
 
 
 def _spread_of(values: Iterable[float | None]) -> Spread:
@@ -531,17 +510,3 @@ def spread(values: Sequence[float]) -> Spread:
         "deviation": float(numbers.std(ddof=1)) if len(numbers) > 1 else None,
         "max": float(numbers.max()),
     }
-
-
-def _run(made: SceneRun) -> SolvedRun:
-    bracket = None
-    if made["lower"] is not None and made["upper"] is not None:
-        bracket = Interval(lower=made["lower"], upper=made["upper"])
-    return SolvedRun(
-        solver=made["solver"],
-        epsilon=made["epsilon"],
-        status=made["status"],
-        bracket=bracket,
-        finished=made["finished"],
-        iterations=made["iterations"],
-    )

@@ -1,7 +1,7 @@
 """The process that runs one solver: ``python -m tgospa_eval.campaign.worker``.
 
 Reads a pickled (problem, solver) from stdin. Writes pickles to stdout: what is known on the way,
-and in the end a `Run`. A byte after the question asks it to stop with what it has. It ends when
+and in the end a run. A byte after the question asks it to stop with what it has. It ends when
 stdin is closed, so that it does not outlive the one who asked.
 """
 
@@ -10,7 +10,6 @@ import os
 import pickle
 import sys
 import threading
-from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -52,7 +51,7 @@ def _answer(prepared: Prepared, solver: Solver, stopwatch: Stopwatch) -> object:
         run = run_here(prepared, solver, stopwatch)
         peak = memory("VmHWM")
         if before is not None and peak is not None:
-            run = replace(run, memory={"before": before, "peak": peak})
+            run["memory"] = {"before": before, "peak": peak}
     except TgospaError as error:
         return type(error), str(error)
     except Exception as error:

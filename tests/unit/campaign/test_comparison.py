@@ -5,7 +5,6 @@ import io
 import json
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,11 +14,12 @@ from hypothesis import strategies as st
 
 from tgospa_eval.campaign import solvers
 from tgospa_eval.campaign import solvers as runs
-from tgospa_eval.campaign.solvers import SolvedRun, SolverComparison, called
+from tgospa_eval.campaign.solvers import called, contradictions, errors, referee
 from tgospa_eval.common.interval import Interval, equal, excess, less, narrowest, overlap, places
 from tgospa_eval.errors import SolverError
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.reports.files import csv_text
+from tgospa_eval.reports.records import SolverRun
 from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
 from tgospa_eval.solvers import Solver
 
@@ -89,8 +89,8 @@ def test_solvers_are_compared(write: Write, invoke: Invoke) -> None:
 def here(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Run solvers in this process, with a change to what they answer."""
 
-    def here(change: Callable[[Solver, SolvedRun], SolvedRun] = lambda _, made: made) -> None:
-        def run(prepared: Prepared, solver: Solver) -> SolvedRun:
+    def here(change: Callable[[Solver, SolverRun], SolverRun] = lambda _, made: made) -> None:
+        def run(prepared: Prepared, solver: Solver) -> SolverRun:
             return change(solver, runs.run_here(prepared, solver))
 
         monkeypatch.setattr(solvers.compare_solvers, "__defaults__", (run, lambda _: None))
@@ -100,8 +100,8 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
 def test_wrong_solver_is_found(write: Write, invoke: Invoke, here, tmp_path: Path) -> None:
     """A solver whose proof says 0 to 3 of a total that the others prove to be 4."""
-    wrong = Interval(lower=0.0, upper=3.0)
-    here(lambda solver, made: replace(made, bracket=wrong) if solver.name == "exact" else made)
+    wrong = {"total_lower": 0.0, "total": 3.0}
+    here(lambda solver, made: made | wrong if solver.name == "exact" else made)
     paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
     answer = invoke("compare", *paths, "-c", "5", "-g", "1", "--epsilon", "0.1", "-o", "out")
     assert answer.status == 4
@@ -113,7 +113,7 @@ def test_wrong_solver_is_found(write: Write, invoke: Invoke, here, tmp_path: Pat
 
 
 def test_one_that_fails_leaves_the_others(write: Write, invoke: Invoke, here) -> None:
-    def change(solver: Solver, made: SolvedRun) -> SolvedRun:
+    def change(solver: Solver, made: SolverRun) -> SolverRun:
         if solver.name == "exact":
             raise ZeroDivisionError("by nothing")
         return made
@@ -134,15 +134,13 @@ def test_one_that_fails_leaves_the_others(write: Write, invoke: Invoke, here) ->
 
 
 def test_errors_are_against_what_all_prove() -> None:
-    run = runs.SolvedRun(
-        solver="s", epsilon=None, bracket=bracket(90, 100), tgospa=10, lower_bound=9.5, parts={},
-        counts={}, status="solved", finished=True, iterations=1, seconds={},
-    )  # fmt: skip
-    comparison = SolverComparison(runs=(run, replace(run, bracket=bracket(80, 96))))
-    assert comparison.referee == bracket(90, 96)
-    assert comparison.error(run) == pytest.approx(10 / 90)
-    assert comparison.lower_error(comparison.runs[1]) == pytest.approx(16 / 96)
-    assert not comparison.contradictions
+    proven = [("a", bracket(90, 100)), ("b", bracket(80, 96)), ("failed", None)]
+    known = referee(proven)
+    assert known == bracket(90, 96)
+    assert errors(bracket(90, 100), known)[0] == pytest.approx(10 / 90)
+    assert errors(bracket(80, 96), known)[1] == pytest.approx(16 / 96)
+    assert errors(None, known) == (None, None)
+    assert not contradictions(proven)
 
 
 def test_exact_is_left_out_where_it_is_slow(
