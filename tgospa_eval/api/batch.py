@@ -373,7 +373,8 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
     tables = tables_of(store, rows, batch)
     done = rows[rows["status"] != "failed"] if len(rows) else rows
     nothing = int((done[list(NUMBERS_OF_STATES)] == 0).all(axis=1).sum()) if len(done) else 0
-    faults, notices = list(_faults(rows, failed, written=batch.reports)), list(_left_out(done))
+    faults = list(_faults(rows, failed, written=batch.reports))
+    notices = [*(note for note in tables.notes if note.startswith("warning: ")), *_left_out(done)]
     if nothing and nothing == len(done):
         faults.append(f"no row is left to evaluate in any of {counted(nothing, 'job')}")
     elif nothing and not faults:
@@ -623,7 +624,7 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
     # Without --by nobody asked what there is to compare.
     used = store.settings().get("settings_file")
     notes = (
-        *(tables.notes if asked else ()),
+        *(note for note in tables.notes if asked or note.startswith("warning: ")),
         *told,
         *([str(SettingsFile(**used))] if used else ()),
     )

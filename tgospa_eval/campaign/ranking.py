@@ -12,12 +12,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval._version import __version__
 from tgospa_eval.campaign import SCHEMA
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.interval import EQUAL, Interval, equal, less, places
+from tgospa_eval.common.interval import EQUAL, Interval, less, places, second_less_first, verdict
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.other_metrics import Others
@@ -52,33 +51,15 @@ from tgospa_eval.tracks.alignment import Times
 from tgospa_eval.tracks.judged import JUDGE_ALIKE, incomparable
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Against:
-    """Per-step GOSPA of one pair; values in state units, costs in state units to the power p.
+def against(result: Result) -> tuple[PerStepRecord, dict[str, Floats]]:
+    """Each step evaluated by itself, on the problem of a result.
 
-    Parameters
-    ----------
-    gospa : (T,) float array
-        GOSPA of each step, to the power p.
-    parts : dict
-        Its costs over all steps: localisation, missed, false.
-    changes : dict of Changes
-        Changes into each step, by rule.
-    values : dict of (T,) float arrays
-        GOSPA of each step, ``gospa``, and what the tools print for it, by rule.
-    differing : (T,) bool array
-        Steps whose assignment is not that of TGOSPA.
+    Returns
+    -------
+    tuple
+        Sums over all steps, costs in state units to the power p; and, in state units, GOSPA of each
+        step and what the tools print for it, by rule.
     """
-
-    gospa: Floats
-    parts: dict[str, float]
-    changes: dict[str, Changes]
-    values: dict[str, Floats]
-    differing: NDArray[np.bool_]
-
-
-def against(result: Result) -> Against:
-    """Evaluate each step by itself, on the problem of a result."""
     states, problem = result.proof.states, result.proof.states.problem
     parameters, scale = result.proof.parameters, result.scale
     p = parameters.order
@@ -86,49 +67,38 @@ def against(result: Result) -> Against:
     found = per_step_gospa(problem)
     gospa = scale * found.total
     track = partners(problem, found.entries)
-    changes = {
+    changes: dict[Rule, Changes] = {
         "stone_soup": changes_since_last_stored(problem, track),
         "mathworks": changes_since_last_step(problem, track),
     }
     value = gospa ** (1 / p)
     paid = {name: switch * count.total for name, count in changes.items()}
+    values: dict[str, Floats] = {
+        "gospa": value,
+        "stone_soup": np.hypot(value, paid["stone_soup"] ** (1 / p)),
+        "mathworks": (gospa + paid["mathworks"]) ** (1 / p),
+    }
     used = states.entry[(states.entry >= 0) & (result.proof.weights > 0)]
     changed = np.setxor1d(used, found.entries)
-    differing = np.zeros(problem.steps, bool)
-    differing[problem.entry_step[changed]] = True
-    return Against(
-        gospa=gospa,
-        parts={name: scale * float(getattr(found, name).sum()) for name in PARTS[:3]},
-        changes=changes,
-        values={
-            "gospa": value,
-            "stone_soup": np.hypot(value, paid["stone_soup"] ** (1 / p)),
-            "mathworks": (gospa + paid["mathworks"]) ** (1 / p),
-        },
-        differing=differing,
-    )
 
+    def of_rule(rule: Rule) -> RuleRecord:
+        return {
+            "switches": float(changes[rule].total.sum()),
+            "halves": float(changes[rule].half.sum()),
+            "total": float((values[rule] ** p).sum()),
+            "mean": float(values[rule].mean()) if len(gospa) else 0.0,
+        }
 
-def against_document(found: Against, order: float) -> PerStepRecord:
-    """The sums over all steps, for the JSON document."""
-    return {
-        "total": float(found.gospa.sum()),
-        "localisation": found.parts["localisation"],
-        "missed": found.parts["missed"],
-        "false": found.parts["false"],
-        "steps_differing": int(found.differing.sum()),
-        "stone_soup": _rule_record(found, "stone_soup", order),
-        "mathworks": _rule_record(found, "mathworks", order),
+    record: PerStepRecord = {
+        "total": float(gospa.sum()),
+        "localisation": scale * float(found.localisation.sum()),
+        "missed": scale * float(found.missed.sum()),
+        "false": scale * float(found.false.sum()),
+        "steps_differing": len(np.unique(problem.entry_step[changed])),
+        "stone_soup": of_rule("stone_soup"),
+        "mathworks": of_rule("mathworks"),
     }
-
-
-def _rule_record(found: Against, rule: Rule, order: float) -> RuleRecord:
-    return {
-        "switches": float(found.changes[rule].total.sum()),
-        "halves": float(found.changes[rule].half.sum()),
-        "total": float((found.values[rule] ** order).sum()),
-        "mean": float(found.values[rule].mean()) if len(found.gospa) else 0.0,
-    }
+    return record, values
 
 
 def differences(
@@ -209,14 +179,14 @@ class EntrantOutcome:
     parts, counts : dict
         Costs and counts.
     steps : dict of (T,) float arrays
-        Costs of each step, by part.
+        Costs of each step, by part; and the values of other rules, by rule.
     moments, times : (T,) array and list
         The steps, as numbers and as they were read.
     judged : mapping
         What it was judged on, as `Judged.record`.
     finished, status : bool, str
         Whether the solver did what was asked, and how it ended.
-    input, against, others : dict, and Against and Others or None
+    input, against, others : dict, and PerStepRecord and Others or None
         Rows and digests; per-step GOSPA; other metrics.
     """
 
@@ -230,7 +200,7 @@ class EntrantOutcome:
     finished: bool
     status: str
     input: Mapping[str, FileRecord]
-    against: Against | None = None
+    against: PerStepRecord | None = None
     others: Others | None = None
 
 
@@ -239,18 +209,19 @@ def outcome(
 ) -> EntrantOutcome:
     """What to keep of a result, so that the problem can go."""
     split, (lower, upper) = result.proof.breakdown, result.total_bounds
+    record, values = against(result) if per_step else (None, {})
     return EntrantOutcome(
         bracket=Interval(lower=lower, upper=upper),
         parts=cast("CostParts", {name: getattr(result, name) for name in PARTS}),
         counts=result.counts,
-        steps={name: result.scale * getattr(split, name) for name in PARTS},
+        steps={name: result.scale * getattr(split, name) for name in PARTS} | values,
         moments=moments,
         times=result.labels.times,
         judged=result.judged,
         finished=bool(result.solver["finished"]),
         status=result.solver["status"],
         input=result.input,
-        against=against(result) if per_step else None,
+        against=record,
         others=others,
     )
 
@@ -299,17 +270,16 @@ def steps_columns(entrants: Sequence[Entrant], best: str) -> Columns:
     leader = next(entrant for entrant in entrants if entrant.name == best)
     for entrant in entrants:
         for run, (item, first) in enumerate(zip(entrant.outcomes, leader.outcomes, strict=True)):
-            own, other = joined(item, first)
-            table["run"] += [run + 1] * len(own.times)
-            table["t"] += own.times
-            table["estimate"] += [entrant.name] * len(own.times)
-            for name in PARTS:
-                table[name] += own.costs[name].tolist()
-                table[f"difference_{name}"] += (own.costs[name] - other.costs[name]).tolist()
-            table["total"] += own.total.tolist()
-            table["difference"] += (own.total - other.total).tolist()
+            times, own, other = joined(item, first)
+            table["run"] += [run + 1] * len(times)
+            table["t"] += times
+            table["estimate"] += [entrant.name] * len(times)
+            for name in ("total", *PARTS):
+                table[name] += own[name].tolist()
+                head = "difference" if name == "total" else f"difference_{name}"
+                table[head] += (own[name] - other[name]).tolist()
             for rule in extra:
-                table[rule] += own.costs[rule].tolist()
+                table[rule] += own[rule].tolist()
     return table
 
 
@@ -328,7 +298,7 @@ def steps_costs(entrants: Sequence[Entrant]) -> StepCosts:
             moments = np.array(sorted(named), item.moments.dtype)
             times.append([named[m] for m in moments.tolist()])
             costs = np.zeros(len(moments))
-            costs[np.searchsorted(moments, item.moments)] = sum(item.steps.values())
+            costs[np.searchsorted(moments, item.moments)] = sum(item.steps[name] for name in PARTS)
             runs.append(costs)
         if len({len(costs) for costs in runs}) > 1:
             return [], {}
@@ -337,45 +307,31 @@ def steps_costs(entrants: Sequence[Entrant]) -> StepCosts:
     return (times[0] if same else [*range(1, len(times[0]) + 1)]), found
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class JoinedSteps:
-    """Costs by name on the steps of two outcomes; 0 at those that one has not."""
-
-    times: list[Time]
-    costs: dict[str, Floats]
-
-    @property
-    def total(self) -> Floats:
-        """Cost of each step."""
-        total: Floats = sum((self.costs[name] for name in PARTS), np.zeros(len(self.times)))
-        return total
+Costs = dict[str, Floats]
+"""Of steps, by part, in ``total``, and by rule."""
 
 
-def joined(first: EntrantOutcome, second: EntrantOutcome) -> tuple[JoinedSteps, JoinedSteps]:
-    """Costs of both on the steps of either."""
+def joined(first: EntrantOutcome, second: EntrantOutcome) -> tuple[list[Time], Costs, Costs]:
+    """Times, and costs of both on the steps of either; 0 at those that one has not."""
     moments = np.union1d(first.moments, second.moments)
     times: dict[int, Time] = {}
     for item in (second, first):
         times |= zip(np.searchsorted(moments, item.moments).tolist(), item.times, strict=True)
-    shown = [times[k] for k in range(len(moments))]
-    own, other = (_spread(item, moments) for item in (first, second))
-    return JoinedSteps(times=shown, costs=own), JoinedSteps(times=shown, costs=other)
+
+    def spread(item: EntrantOutcome) -> Costs:
+        at = np.searchsorted(moments, item.moments)
+        costs = {name: np.zeros(len(moments)) for name in item.steps}
+        for name, values in item.steps.items():
+            costs[name][at] = values
+        return costs | {"total": sum((costs[name] for name in PARTS), np.zeros(len(moments)))}
+
+    return [times[k] for k in range(len(moments))], spread(first), spread(second)
 
 
-def _spread(item: EntrantOutcome, moments: Times) -> dict[str, Floats]:
-    """Costs by name, and the values of other rules, at these steps."""
-    at = np.searchsorted(moments, item.moments)
-    found: dict[str, Floats] = {}
-    for name, values in (item.steps | (item.against.values if item.against else {})).items():
-        found[name] = np.zeros(len(moments))
-        found[name][at] = values
-    return found
-
-
-def signs(own: JoinedSteps, other: JoinedSteps) -> Floats:
+def signs(own: Floats, other: Floats) -> Floats:
     """Whether each step costs less (-1), the same but for rounding (0), or more (1)."""
-    small = np.abs(own.total - other.total) <= EQUAL * np.maximum(own.total, other.total)
-    return np.where(small, 0.0, np.sign(own.total - other.total))
+    small = np.abs(own - other) <= EQUAL * np.maximum(own, other)
+    return np.where(small, 0.0, np.sign(own - other))
 
 
 RANKED = "normalised.tgospa"
@@ -462,7 +418,7 @@ def _entry(
     def mean(part: Part) -> float:
         return float(np.mean([item.parts[part] for item in outcomes]))
 
-    found = [against_document(item.against, order) for item in outcomes if item.against is not None]
+    found = [item.against for item in outcomes if item.against is not None]
     others = [item.others for item in outcomes if item.others is not None]
     record: EstimateRecord = {
         "name": entrant.name,
@@ -518,13 +474,9 @@ def _verdict(
     entrants: Sequence[Entrant], normal: Sequence[Interval], pair: tuple[int, int] = (0, 1)
 ) -> str:
     """What is proven of two of them: equal data have equal values, whatever the brackets are."""
-    first, second = (normal[k] for k in pair)
     runs = zip(*(entrants[k].outcomes for k in pair), strict=True)
-    if all(a.input["estimate"]["sha256"] == b.input["estimate"]["sha256"] for a, b in runs):
-        return "equal"
-    if less(first, second):
-        return "less"
-    return "equal" if equal(first, second) else "not separated"
+    same = all(a.input["estimate"]["sha256"] == b.input["estimate"]["sha256"] for a, b in runs)
+    return "equal" if same else verdict(*(normal[k] for k in pair))
 
 
 def _pair(
@@ -538,8 +490,9 @@ def _pair(
     pairs = list(zip(first.outcomes, second.outcomes, strict=True))
     change = np.array([b.upper - a.upper for a, b in zip(*runs, strict=True)])
     shares = np.array(durations, float)
-    count = len(pairs)
-    steps = [signs(*joined(b, a)) for a, b in pairs]
+    count, difference = len(pairs), second_less_first(*normal)
+    costs = [joined(b, a)[1:] for a, b in pairs]
+    steps = [signs(own["total"], other["total"]) for own, other in costs]
 
     def change_of(part: Part) -> float:
         return float(np.mean([b.parts[part] - a.parts[part] for a, b in pairs] / shares))
@@ -551,7 +504,7 @@ def _pair(
         "verdict": _verdict(entrants, normal),
         "opposed": totals[1].upper < totals[0].upper * (1 - EQUAL),
         "per_step": {
-            "total": [normal[1].lower - normal[0].upper, normal[1].upper - normal[0].lower],
+            "total": [difference.lower, difference.upper],
             "localisation": change_of("localisation"),
             "missed": change_of("missed"),
             "false": change_of("false"),

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from tgospa_eval.campaign.grouping import ESTIMATE_DIGEST, pair_numbers, truths
 from tgospa_eval.campaign.row import LABEL
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.interval import Interval, equal, less, places
-from tgospa_eval.common.words import natural
+from tgospa_eval.common.interval import EQUAL, Interval, places, second_less_first, verdict
+from tgospa_eval.common.words import counted, natural
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.batch_records import (
     Comparison,
@@ -240,22 +240,19 @@ class _Paired:
         """What is proven of two."""
         if self.same(first, second):
             return "equal"
-        if less(values[first], values[second]):
-            return "less"
-        return "equal" if equal(values[first], values[second]) else "not separated"
+        return verdict(values[first], values[second])
 
     def difference(self, values: Sequence[Interval], first: int, second: int) -> Interval:
         """Bracket of the second value less the first."""
         if self.same(first, second):
             return NOTHING
-        a, b = values[first], values[second]
-        return Interval(lower=b.lower - a.upper, upper=b.upper - a.lower)
+        return second_less_first(values[first], values[second])
 
 
 def rankings(
     having: "pd.DataFrame", label: str, parameters: Sequence[str], names: Iterable[str]
 ) -> Iterator[Ranking | str]:
-    """A ranking for each set of parameters, or a sentence that says why there is none.
+    """A ranking for each set of parameters, or a sentence that says why there is none; warnings.
 
     Parameters
     ----------
@@ -269,15 +266,15 @@ def rankings(
         All values of the label, also of rows that have none.
     """
     if not parameters:
-        yield _ranking(having, label, {}, names)
+        yield from _ranking(having, label, {}, names)
         return
     for _, part in having.groupby(list(parameters)):
-        yield _ranking(part, label, {name: part[name].iloc[0] for name in parameters}, names)
+        yield from _ranking(part, label, {name: part[name].iloc[0] for name in parameters}, names)
 
 
 def _ranking(
     part: "pd.DataFrame", label: str, parameters: Parameters, all_names: Iterable[str]
-) -> Ranking | str:
+) -> Iterator[Ranking | str]:
     column = LABEL + label
     part = part.assign(_pair=pair_numbers(part, [label]), _truth=truths(part))
     # Two with the same labels and truth: a manifest has changed, the older one is of the past.
@@ -285,22 +282,26 @@ def _ranking(
     part = part.drop_duplicates([column, "_pair"], keep="last")
     names = sorted(part[column].unique(), key=natural)
     if len(names) < 2:
-        return f"{label} has one value alone: there is nothing to rank"
+        yield f"{label} has one value alone: there is nothing to rank"
+        return
     if len(names) > MOST_COMPARED:
-        return f"{label} has {len(names):,} values: at most {MOST_COMPARED} are ranked"
+        yield f"{label} has {len(names):,} values: at most {MOST_COMPARED} are ranked"
+        return
     common = part[part.groupby("_pair")["_pair"].transform("size") == len(names)]
     if not len(common):
-        return f"no truth is evaluated with all values of {label}: they are not ranked"
+        yield f"no truth is evaluated with all values of {label}: they are not ranked"
+        return
     kinds = common.groupby("_pair")[list(DIGESTS)].nunique().max(axis=1)
     if (kinds > 1).any():
         jobs = common[common["_pair"] == kinds.index[kinds > 1][0]]
         wrong = incomparable({row[column]: judged_of(row) for row in jobs.to_dict("records")})
-        return f"{label} is not ranked: {jobs['truth'].iloc[0]}: {wrong}; {JUDGE_ALIKE}"
+        yield f"{label} is not ranked: {jobs['truth'].iloc[0]}: {wrong}; {JUDGE_ALIKE}"
+        return
     paired = _paired(common, column, names)
     count = paired.lower.shape[1]
     enough = count >= LEAST_PAIRS
     entries, comparisons = _entries(paired, enough=enough)
-    return Ranking(
+    yield Ranking(
         label=label,
         entries=entries,
         comparisons=comparisons,
@@ -313,6 +314,27 @@ def _ranking(
         parameters=parameters,
         left_out=tuple(sorted(set(all_names) - set(names), key=natural)),
     )
+    yield from _opposed(common, column, paired.names)
+
+
+def _opposed(common: "pd.DataFrame", column: str, names: Sequence[str]) -> Iterator[str]:
+    """A warning where each job counts the same, as in `compare`, and the order is another one."""
+    if common["judged.steps"].nunique() < 2:
+        return
+    shares = common["total_upper"] / common["judged.steps"].clip(lower=1)
+    means = shares.groupby(common[column]).mean()
+    pairs = [
+        (first, second)
+        for first, second in itertools.combinations(names, 2)
+        if means[second] < means[first] * (1 - EQUAL)
+    ]
+    if pairs:
+        (first, second), *others = pairs
+        more = f", and {counted(len(others), 'more pair')} are so" if others else ""
+        yield (
+            f"warning: {first} is before {second} by combined, in which long jobs count more, but "
+            f"has the larger mean of costs per step, in which each job counts the same{more}"
+        )
 
 
 def _paired(common: "pd.DataFrame", column: str, names: Sequence[str]) -> _Paired:

@@ -118,6 +118,10 @@ def check_labels(by: Sequence[str], known: Collection[str]) -> None:
 def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -> BatchTables:
     """All tables of a batch: groups, and the order of the values of the first label.
 
+    A group has labels (one that is called like another column keeps its ``label.``), parameters
+    that differ, sums, roots of them; ``jobs`` with a value, and ``expected``: as many as there are
+    of groups with which it shares a truth.
+
     Parameters
     ----------
     rows : DataFrame
@@ -152,39 +156,6 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
         notes=tuple(dict.fromkeys(item for item in items if isinstance(item, str))),
         slices=tuple(sliced_groups(having, groups.numbers)),
     )
-
-
-def combined(
-    rows: "pd.DataFrame", by: Sequence[str] = (), *, roots: bool = False
-) -> "pd.DataFrame":
-    """One row for each group of jobs; none if no job has a value.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        Of a store.
-    by : sequence of str
-        Labels that make a group; parameters that differ make groups as well.
-    roots : bool
-        Whether with means of roots.
-
-    Returns
-    -------
-    DataFrame
-        Labels (one that is called like another column keeps its ``label.``), parameters that
-        differ, sums, roots of them; ``jobs`` with a value, and ``expected``: as many as there
-        are of groups with which it shares a truth.
-
-    Raises
-    ------
-    ConfigError
-        There is no such label.
-    """
-    check_labels(by, labels_of(rows))
-    if not len(rows) or (rows["status"] == "failed").all():
-        return rows.iloc[:0]
-    rows, parameters = with_parameters(rows)
-    return _summed(_Groups(rows, by, parameters), roots=roots)
 
 
 def _summed(groups: "_Groups", *, roots: bool) -> "pd.DataFrame":

@@ -8,7 +8,7 @@ import pytest
 
 from tgospa_eval.campaign import pairs as jobs
 from tgospa_eval.campaign.store import SCHEMA, Store
-from tgospa_eval.campaign.tables import combined
+from tgospa_eval.campaign.tables import tabulated
 from tgospa_eval.errors import ConfigError, InputError
 
 Write = Callable[[str, str | bytes], str]
@@ -171,7 +171,8 @@ def test_costs_are_added_and_roots_are_not() -> None:
         "status": "done", "certified": True, "distance": "euclidean", "cutoff": 5.0, "order": 2.0,
         "switch_penalty": 1.0, "localisation": 0.0, "missed": 0.0, "false": 0.0, "switch": 0.0,
         "counts.missed": 0.0, "counts.false": 0.0, "counts.switch": 0.0, "judged.steps": 10,
-        "truth": "t", "options": "{}",
+        "truth": "t", "options": "{}", "finished": 1, "judged.steps_sha256": "h",
+        "judged.truth_sha256": "d",
     }  # fmt: skip
     rows = pd.DataFrame(
         [
@@ -179,15 +180,15 @@ def test_costs_are_added_and_roots_are_not() -> None:
             for t, v, w in (("a", 9.0, 0.0), ("a", 16.0, 0.0), ("b", 4.0, 1.0))
         ]
     )
-    table = combined(rows, ["t"])
+    table = tabulated(rows, ["t"]).groups
     assert table["t"].tolist() == ["a", "b"]
     assert table["combined"].tolist() == [5.0, 2.0]
     assert table["rms"].tolist() == pytest.approx([12.5**0.5, 2.0])
     assert table["per_step"].tolist() == pytest.approx([1.25**0.5, 0.4**0.5])
     assert table["combined_lower"].tolist() == pytest.approx([5.0, 3**0.5])
-    assert combined(rows)["combined"].tolist() == pytest.approx([29**0.5])
+    assert tabulated(rows, []).groups["combined"].tolist() == pytest.approx([29**0.5])
     # Other parameters are another group, whatever was asked for.
     rows.loc[2, "cutoff"] = 6.0
-    assert combined(rows)["cutoff"].tolist() == [5.0, 6.0]
+    assert tabulated(rows, []).groups["cutoff"].tolist() == [5.0, 6.0]
     with pytest.raises(ConfigError, match="--by x: no such label; there are t"):
-        combined(rows, ["x"])
+        tabulated(rows, ["x"])

@@ -20,7 +20,7 @@ from tgospa_eval.campaign.statistics import (
     intervals,
     p_values,
 )
-from tgospa_eval.campaign.tables import combined, tabulated
+from tgospa_eval.campaign.tables import tabulated
 from tgospa_eval.reports.batch import BATCH_REPORTS
 from tgospa_eval.reports.batch_records import BatchTables, Ranking
 
@@ -176,6 +176,15 @@ def test_holm_by_hand() -> None:
 # --- rankings -------------------------------------------------------------------------------------
 
 
+def test_an_order_that_is_another_one_where_jobs_count_the_same_is_warned_of() -> None:
+    """By hand: 10 + 30 < 2 + 40 added up; per step 10 / 10 + 30 / 100 > 2 / 10 + 40 / 100."""
+    rows = table({"a": [10.0, 30.0], "b": [2.0, 40.0]})
+    assert not tabulated(rows, ["tracker"]).notes  # all jobs have 10 steps
+    rows.loc[rows["label.sequence"] == "s1", "judged.steps"] = 100.0
+    (note,) = tabulated(rows, ["tracker"]).notes
+    assert note.startswith("warning: a is before b by combined, in which long jobs count more")
+
+
 def test_ranking_and_interval_by_hand() -> None:
     tables = tabulated(table({"c": C, "a": A, "b": B}), ["tracker"])
     ranking = only(tables)
@@ -296,9 +305,9 @@ def test_only_common_jobs_are_compared() -> None:
     for part in ("6 of 8", "0 of 8", "over the 6 jobs that all 2 have, of 8", "c: no job with"):
         assert part in words(tables)
     # Jobs that were never there are missed as well.
-    assert combined(rows.drop([8, 9]), ["tracker"])["expected"].tolist() == [8, 8, 8]
+    assert tabulated(rows.drop([8, 9]), ["tracker"]).groups["expected"].tolist() == [8, 8, 8]
     # Sequences are no trackers: one of them is not expected to have the jobs of another.
-    assert combined(rows.drop([8, 9]), ["sequence"])["expected"].tolist() == [3] * 8
+    assert tabulated(rows.drop([8, 9]), ["sequence"]).groups["expected"].tolist() == [3] * 8
 
 
 def test_parameters_are_ranked_apart() -> None:
