@@ -214,7 +214,7 @@ def compare(
         return fitted, of_pair, None, look(fitted, of_pair)
 
     stopwatch, notices = Stopwatch(), list[Notice]()
-    pairs = Pairs(read, stopwatch, notices.append)
+    pairs = PairReader(read, stopwatch, notices.append)
     found: RankingRecord | SolversRecord
     if chosen:
         found = solvers_on(pairs, "", "", chosen)
@@ -251,7 +251,7 @@ def _named(
 
 
 # -------------------------------------------------------------------------------------------------
-# Pairs of sides made problems, and what comes of them.
+# PairReader of sides made problems, and what comes of them.
 
 Infos = tuple[FileInfo, FileInfo]
 Read = tuple[Fitted, EvaluationRequest, Infos | None, Iterable[Notice]]
@@ -260,8 +260,8 @@ Read = tuple[Fitted, EvaluationRequest, Infos | None, Iterable[Notice]]
 Notify = Callable[[Notice], object]
 
 
-class Pairs:
-    """Pairs of a truth and an estimate, read and made problems of; each notice is given once.
+class PairReader:
+    """PairReader of a truth and an estimate, read and made problems of; each notice is given once.
 
     Parameters
     ----------
@@ -297,8 +297,8 @@ class Pairs:
                 self.warnings.append(notice.record())
 
 
-def file_pairs(settings: "Settings", stopwatch: Stopwatch, notify: Notify) -> Pairs:
-    """Pairs of files; the truth of several that follow each other is read once."""
+def file_pairs(settings: "Settings", stopwatch: Stopwatch, notify: Notify) -> PairReader:
+    """PairReader of files; the truth of several that follow each other is read once."""
     from tgospa_eval.cli.shared.notices import about, pair_notices, slow_notice
     from tgospa_eval.cli.shared.settings import infos
 
@@ -325,7 +325,7 @@ def file_pairs(settings: "Settings", stopwatch: Stopwatch, notify: Notify) -> Pa
         fitted, request = settings.fit(sides, paths)
         return fitted, request, infos(sides), pair_notices(fitted, request, sides)
 
-    pairs = Pairs(read, stopwatch, notify)
+    pairs = PairReader(read, stopwatch, notify)
     for notice in slow_notice():
         pairs.notify_once(notice)
     return pairs
@@ -336,7 +336,7 @@ Ranked = tuple[RankingRecord, list[Entrant]]
 
 
 def ranked(
-    pairs: Pairs,
+    pairs: PairReader,
     runs: Runs,
     names: Sequence[str],
     solver: Solver,
@@ -348,7 +348,7 @@ def ranked(
 
     Parameters
     ----------
-    pairs : Pairs
+    pairs : PairReader
         Makes the problems.
     runs : sequence of (str, list of str)
         The truth of each run, and its estimates.
@@ -391,7 +391,7 @@ def ranked(
 
 
 def solvers_on(
-    pairs: Pairs, truth: str, estimate: str, solvers: Sequence[Solver], *, spare: bool = False
+    pairs: PairReader, truth: str, estimate: str, solvers: Sequence[Solver], *, spare: bool = False
 ) -> SolversRecord:
     """Several solvers on one pair; `spare` leaves out a referee that would take minutes."""
     stopwatch, prepared = pairs.stopwatch, pairs.prepared(truth, estimate)
