@@ -15,6 +15,7 @@ import numpy as np
 
 from tgospa_eval import plots
 from tgospa_eval._version import __version__
+from tgospa_eval.api.notices import about_defaults
 from tgospa_eval.api.request import Request, Values
 from tgospa_eval.batches import jobs
 from tgospa_eval.batches.curves import rms_curves
@@ -36,7 +37,6 @@ from tgospa_eval.cli.batch.worker import (
     lost_job,
 )
 from tgospa_eval.cli.evaluate.folder import wanted_pictures
-from tgospa_eval.cli.shared.notices import about_defaults
 from tgospa_eval.cli.shared.options import KNOWN, typed_options
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
