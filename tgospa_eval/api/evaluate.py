@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 from tgospa_eval.api.keywords import requested, with_options
@@ -91,9 +92,8 @@ def read_sides(
         *(() if request.solver.referee else slow_notice()),
     ]
     if notify is None:
-        notices = [
-            replace(one, text=in_python(one.text), remedy=in_python(one.remedy)) for one in notices
-        ]
+        spoken = partial(in_python, reads=False)
+        notices = [replace(n, text=spoken(n.text), remedy=spoken(n.remedy)) for n in notices]
     else:
         for notice in notices:
             notify(notice)
