@@ -10,7 +10,10 @@ from tgospa_eval._version import __version__
 if TYPE_CHECKING:
     from tgospa_eval.api.batch import batch
     from tgospa_eval.api.compare import compare
+    from tgospa_eval.api.evaluate import evaluate
     from tgospa_eval.api.gate import gate
+    from tgospa_eval.api.recorder import Recorder
+    from tgospa_eval.api.sweep import sweep
     from tgospa_eval.errors import (
         ConfigError,
         InputError,
@@ -18,9 +21,6 @@ if TYPE_CHECKING:
         TgospaError,
         TgospaWarning,
     )
-    from tgospa_eval.evaluation.evaluate import evaluate
-    from tgospa_eval.evaluation.recorder import Recorder
-    from tgospa_eval.evaluation.sweep import sweep
     from tgospa_eval.formats import read_trajectories
     from tgospa_eval.proof.check import verify
     from tgospa_eval.results.explanation import Explanation
@@ -38,7 +38,7 @@ _HOME = {
     "Exact": "solvers.exact",
     "Explanation": "results.explanation",
     "InputError": "errors",
-    "Recorder": "evaluation.recorder",
+    "Recorder": "api.recorder",
     "Result": "results.result",
     "Sinkhorn": "solvers.sinkhorn",
     "SolverError": "errors",
@@ -48,11 +48,11 @@ _HOME = {
     "Trajectories": "tracks.trajectories",
     "batch": "api.batch",
     "compare": "api.compare",
-    "evaluate": "evaluation.evaluate",
+    "evaluate": "api.evaluate",
     "gate": "api.gate",
     "read_trajectories": "formats",
     "simulate": "simulation.settings",
-    "sweep": "evaluation.sweep",
+    "sweep": "api.sweep",
     "verify": "proof.check",
 }
 

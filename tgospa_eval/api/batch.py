@@ -24,7 +24,8 @@ from tgospa_eval.api.batch_job import (
     key_of,
     lost_job,
 )
-from tgospa_eval.api.request import DEFAULTS, NAMES, Request, Values
+from tgospa_eval.api.notices import about_defaults
+from tgospa_eval.api.request import FLAGS, Request, Values, typed
 from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.curves import rms_curves
 from tgospa_eval.campaign.grouping import labels_of
@@ -188,12 +189,10 @@ def batch(
     ConfigError, InputError
         An option or the manifest is wrong, or files are missing; nothing is begun then.
     """
-    from tgospa_eval.cli.shared.options import typed_options
-
     asked = {name.rstrip("_").replace("_", "-"): value for name, value in options.items()}
     chosen = Request.of(
         {
-            **typed_options(asked, "batch"),
+            **typed(asked, "batch"),
             "summed": True,
             "curve": curve,
             "with_": ",".join(_each(with_)) or None,
@@ -354,8 +353,6 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
         }
     )
     if not batch.quiet:
-        from tgospa_eval.cli.shared.notices import about_defaults
-
         for text in about_defaults(options, boxes=batch.layout is not None):
             notify(text)
     with locked(store.folder, (number, count)):
@@ -408,7 +405,7 @@ def planned(paths: tuple[str, ...], batch: BatchOptions) -> BatchPlan:
         inside = functools.cache(functools.partial(runs_inside, max_input=options.max_input))
         return pairs.of_patterns(batch.truth, batch.estimate, output=output, inside=inside)
     if len(paths) == 1 and not (batch.truth or batch.estimate):
-        keys = {key for key, name in NAMES.items() if DEFAULTS[name] is not False}
+        keys = {key for key, is_flag in FLAGS.items() if not is_flag}
         return pairs.of_manifest(paths[0], keys | {key.replace("-", "_") for key in keys})
     raise ConfigError(
         "name the jobs by --truth PATTERN --estimate PATTERN, by a manifest, or by --layout NAME "
@@ -471,16 +468,14 @@ def shard_of(text: str | None) -> tuple[int, int]:
 
 def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[JobTask]:
     """The jobs with their own options and their keys; what they share is there once."""
-    from tgospa_eval.cli.shared.options import typed_options
-
     shared = replace(batch.evaluation, jobs=1)
     base = os.getcwd() if batch.scheduler else ""
     digest = functools.cache(digest_of)
     for job in plan.jobs:
         chosen = shared
         if job.options:
-            own = typed_options(job.options, f"job {job.name}")
-            chosen = replace(shared, **own)  # type: ignore[arg-type]
+            own = typed(job.options, f"job {job.name}")
+            chosen = replace(shared, **own)
         elif job.frames:
             first, last = job.frames
             chosen = replace(shared, steps=f"{first}:{last}")

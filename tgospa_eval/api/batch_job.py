@@ -20,6 +20,8 @@ from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.files import reason
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import is_of_memory
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import InputError, TgospaError
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.proof import PROOF_FOLDER
@@ -135,8 +137,8 @@ def files_of(job: Job, options: Request) -> tuple[str, ...]:
 
 def evaluate_job(task: JobTask) -> Row:
     """The row of a job; a wrong file or a failed solver is a row as well, with its message."""
-    from tgospa_eval.cli.evaluate.run import evaluate_files  # here: the parent does without
-    from tgospa_eval.cli.shared.values import OutputOptions
+    from tgospa_eval.api.evaluate import evaluate_sides, read_sides  # here: the parent does without
+    from tgospa_eval.api.settings import make_settings
 
     begin = time.monotonic()
     try:
@@ -144,14 +146,11 @@ def evaluate_job(task: JobTask) -> Row:
         unseen = _unseen(task, here)
         if unseen is not None:
             return finished_row(task, unseen, 0.0)
-        result, finished = evaluate_files(
-            here.job.truth,
-            here.job.estimate,
-            here.options,
-            OutputOptions(quiet=True, config=task.settings_file),
-            lambda _: None,
-            one_of_many=True,
-        )
+        settings, stopwatch = make_settings(here.options), Stopwatch()
+        settings = replace(settings, one_of_many=True)
+        sides = read_sides(settings, here.job.truth, here.job.estimate, stopwatch, _quiet)
+        result = evaluate_sides(settings, sides, stopwatch)
+        result = replace(result, settings_file=task.settings_file)
         files = files_of(here.job, here.options)
         if key_of(task.job, given_text(task.options), files) != task.key:
             raise InputError("a file changed while it was read; the same command reads it again")
@@ -159,8 +158,8 @@ def evaluate_job(task: JobTask) -> Row:
             **row_of(result),
             **_steps(result, per_step=task.per_step),
             **stored_slices(result),
-            "status": "done" if finished else "open",
-            "message": "" if finished else str(result.solver["status"]),
+            "status": "done" if result.finished else "open",
+            "message": "" if result.finished else str(result.solver["status"]),
             "warnings": json.dumps([notice.record() for notice in result.warnings]),
             **_written(result, task, here.folder),
         }
@@ -169,6 +168,10 @@ def evaluate_job(task: JobTask) -> Row:
     except Exception as error:  # of ours: the other jobs go on
         row = {"status": "failed", "message": _fault(error)}
     return finished_row(task, row, time.monotonic() - begin)
+
+
+def _quiet(_: Notice) -> None:
+    """Notices of a job go nowhere; its row has the warnings."""
 
 
 def _fault(error: Exception) -> str:

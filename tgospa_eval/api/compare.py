@@ -3,11 +3,15 @@
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from pathlib import PurePath
-from typing import TYPE_CHECKING, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
+from tgospa_eval.api.evaluate import read_sides
+from tgospa_eval.api.keywords import requested, with_options
+from tgospa_eval.api.notices import about, pair_notices, slow_notice
+from tgospa_eval.api.settings import Settings, infos, make_settings
+from tgospa_eval.api.sweep import ONE_EVALUATION
 from tgospa_eval.campaign.pairs import Runs, expand, first_file, is_pattern, short_names
 from tgospa_eval.campaign.ranking import (
     Entrant,
@@ -27,40 +31,26 @@ from tgospa_eval.campaign.solvers import (
     takes_long,
 )
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, spoken_in_python, warn_user
+from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.distances import Distance, Effort
+from tgospa_eval.distances import Effort
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.diagnosis import look
 from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.evaluation.other_metrics import other_metrics
-from tgospa_eval.evaluation.prepare import Fitted, Prepared, fit, prepare
-from tgospa_eval.evaluation.request import EvaluationRequest, chosen_parameters
-from tgospa_eval.evaluation.sides import (
-    StepWeightsLike,
-    TrajectoriesLike,
-    as_distance,
-    as_sides,
-    as_solver,
-    as_step_weights,
-    as_trajectories,
-    in_units_of_truth,
-)
+from tgospa_eval.evaluation.prepare import Fitted, Prepared, prepare
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.evaluation.sides import TrajectoriesLike, as_solver, is_path
 from tgospa_eval.formats import ROLES, Reading
-from tgospa_eval.formats.options import parse_steps
 from tgospa_eval.reports.comparison import estimates_columns, pairs_columns, render, solvers_columns
 from tgospa_eval.reports.records import Metric, RankingRecord, SolversRecord
 from tgospa_eval.results.records import FileInfo, Json, json_text
 from tgospa_eval.results.saved import MADE_BY, read_result, saved_result
 from tgospa_eval.solvers import SOLVERS, Solver
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.alignment import TimeMatching
-from tgospa_eval.tracks.existence import EXISTENCE
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tgospa_eval.cli.shared.settings import Settings
     from tgospa_eval.evaluation.sides import Components
 
 
@@ -115,32 +105,17 @@ class Compared:
     __repr__ = __str__
 
 
-@spoken_in_python(reads=False)
+@with_options(*ONE_EVALUATION)
 def compare(
     truth: "TrajectoriesLike",
     estimates: "Estimates | TrajectoriesLike",
     cutoff: float | None = None,
-    order: float = 2,
+    order: float = 2.0,
     switch_penalty: float | None = None,
     *,
     solvers: Sequence[str | Solver] = (),
-    rho: float = 0.5,
-    distance: str | Distance = "euclidean",
-    solver: str | Solver = "certified",
-    unit: str | None = None,
-    time_tolerance: float | str = 0.0,
-    grid: str = "union",
-    interpolate: str | None = None,
-    max_gap: "float | str | Sequence[float | str] | None" = None,
-    resample: float | str | None = None,
-    steps: str | None = None,
-    outage: float | str | None = None,
-    time_offset: float = 0.0,
-    time_scale: float = 1.0,
-    unit_scale: float = 1.0,
-    step_weights: "StepWeightsLike | None" = None,
-    existence: str = "ignore",
     mapping: "Components | None" = None,
+    **options: Any,
 ) -> Compared:
     """Rank several estimates of a truth by proven order, or compare solvers on one estimate.
 
@@ -151,16 +126,10 @@ def compare(
     estimates : mapping from name to estimate, or list of paths
         Estimates to rank, each as for `evaluate`; files are called by their paths. With `solvers`
         a single estimate.
-    cutoff, order, switch_penalty, rho, distance, unit, time_tolerance, step_weights, existence
-        As for `evaluate`.
+    cutoff, order, switch_penalty, mapping
+        As for `evaluate`, as all others.
     solvers : sequence of str or solver record
         Solvers to compare on one estimate, each in a process of its own.
-    solver : str or solver record
-        The solver of a ranking.
-    grid : {"union", "truth"}
-        Steps that count; with `solvers` also ``"estimate"`` and ``"common"``.
-    interpolate, max_gap, resample, steps, outage, time_offset, time_scale, unit_scale, mapping
-        As for `evaluate`; of all estimates.
 
     Returns
     -------
@@ -174,53 +143,39 @@ def compare(
 
     Raises
     ------
-    ConfigError, InputError
+    ConfigError, InputError, TypeError
         As for `evaluate`; there is no estimate, or a solver is there twice.
     """
-    base, given = as_distance(distance), truth
-    parameters, defaults = chosen_parameters(base, order, cutoff, switch_penalty, rho)
+    given: dict[str, Any] = {
+        "cutoff": cutoff,
+        "order": order,
+        "switch_penalty": switch_penalty,
+        **options,
+    }
     chosen = [as_solver(item) for item in solvers]
-    request = EvaluationRequest(
-        parameters=parameters,
-        distance=base,
-        solver=chosen[0] if chosen else as_solver(solver),
-        time_matching=TimeMatching(
-            tolerance=time_tolerance,
-            grid=grid,
-            interpolate=interpolate,
-            max_gap=max_gap,
-            resample=resample,
-            steps=parse_steps(steps),
-            outage=outage,
-        ),
-        unit=unit,
-        defaults=defaults,
-        step_weights=as_step_weights(step_weights),
-        existence=existence,
-    )
+    if chosen:
+        given["solver"] = chosen[0]
+    settings, stopwatch = make_settings(requested(given)), Stopwatch()
     check_solvers(chosen)
     named = {"": cast("TrajectoriesLike", estimates)} if chosen else _named(estimates)
-    attributes = (EXISTENCE,) if request.probabilistic else ()
-    is_path = isinstance(truth, (str, os.PathLike))
-    if is_path and not chosen:  # read once
-        truth = as_trajectories(truth, "truth", base, attributes)
+    once = settings.read_side(truth, 0, "truth") if is_path(truth) and not chosen else truth
+    notices: list[Notice] = []
 
     def read(_: str, name: str) -> Read:
-        with stopwatch.span("read"):
-            read = as_sides(truth, named[name], base, attributes, mapping)
-            sides, recorded = in_units_of_truth(read, base, time_offset, time_scale, unit_scale)
-        of_pair = replace(request, recorded=recorded)
-        fitted = fit(*sides, of_pair)
-        return fitted, of_pair, None, look(fitted, of_pair)
+        sides = read_sides(settings, once, named[name], stopwatch, mapping=mapping)
+        warnings = [
+            notice.about(name) if len(named) > 1 and notice.code != "default-parameters" else notice
+            for notice in sides.warnings
+        ]
+        return sides.fitted, sides.request, infos(sides.read), warnings
 
-    stopwatch, notices = Stopwatch(), list[Notice]()
     pairs = PairReader(read, stopwatch, notices.append)
     found: RankingRecord | SolversRecord
     if chosen:
         found = solvers_on(pairs, "", "", chosen)
     else:
-        name = os.fspath(cast("str", given)) if is_path else "truth"
-        found, _ = ranked(pairs, [(name, list(named))], list(named), request.solver)
+        runs = [(os.fspath(truth) if is_path(truth) else "truth", list(named))]
+        found, _ = ranked(pairs, runs, list(named), settings.evaluation.solver)
     warn_user(notices)
     return Compared(document=found)
 
@@ -261,7 +216,7 @@ Notify = Callable[[Notice], object]
 
 
 class PairReader:
-    """PairReader of a truth and an estimate, read and made problems of; each notice is given once.
+    """Pairs of a truth and an estimate, read and made problems of; each notice is given once.
 
     Parameters
     ----------
@@ -280,12 +235,11 @@ class PairReader:
         self.shown: set[Notice] = set()
         self.warnings: list[dict[str, str]] = []
 
-    def prepared(self, truth: str, estimate: str, *, named: bool = False) -> Prepared:
-        """The problem of two sides; `named` notices name the estimate they are about."""
+    def prepared(self, truth: str, estimate: str) -> Prepared:
+        """The problem of two sides."""
         fitted, request, files, notices = self.read(truth, estimate)
         for notice in notices:
-            of_all = not notice.code and notice.text.startswith("default ")
-            self.notify_once(notice.about(estimate) if named and not of_all else notice)
+            self.notify_once(notice)
         return prepare(fitted, request, files=files, stopwatch=self.stopwatch)
 
     def notify_once(self, notice: Notice) -> None:
@@ -297,11 +251,13 @@ class PairReader:
                 self.warnings.append(notice.record())
 
 
-def file_pairs(settings: "Settings", stopwatch: Stopwatch, notify: Notify) -> PairReader:
-    """PairReader of files; the truth of several that follow each other is read once."""
-    from tgospa_eval.cli.shared.notices import about, pair_notices, slow_notice
-    from tgospa_eval.cli.shared.settings import infos
+def file_pairs(
+    settings: Settings, stopwatch: Stopwatch, notify: Notify, *, named: bool = False
+) -> PairReader:
+    """Pairs of files; the truth of several that follow each other is read once.
 
+    `named` notices name the estimate they are about.
+    """
     last: dict[str, Reading] = {}
 
     def tell(path: str, side: Reading) -> Reading:
@@ -318,12 +274,18 @@ def file_pairs(settings: "Settings", stopwatch: Stopwatch, notify: Notify) -> Pa
             other = tell(estimate, settings.read_side(estimate, 1, ROLES[1], paths))
             sides: tuple[Reading, ...] = last[truth], other
         settings.check(sides, paths)
-        if settings.preprocess or settings.with_:
+        if settings.preprocess or settings.evaluation.with_:
             sides = settings.preprocessed(sides, paths)
             for path, side in zip(paths, sides, strict=True):
                 tell(path, side)
         fitted, request = settings.fit(sides, paths)
-        return fitted, request, infos(sides), pair_notices(fitted, request, sides)
+        notices = [
+            notice.about(estimate)
+            if named and (notice.code or not notice.text.startswith("default "))
+            else notice
+            for notice in pair_notices(fitted, request, sides)
+        ]
+        return fitted, request, infos(sides), notices
 
     pairs = PairReader(read, stopwatch, notify)
     for notice in slow_notice():
@@ -374,7 +336,7 @@ def ranked(
         if done and stopwatch.progress.stop.is_set():
             break
         with stopwatch.progress.part(path, done, count):
-            prepared = pairs.prepared(truth, path, named=count > 1)
+            prepared = pairs.prepared(truth, path)
             effort = Effort(jobs=solver.jobs, stopwatch=stopwatch)
             others = other_metrics(prepared, with_, effort) if with_ else None
             result = solve(prepared, solver, stopwatch)

@@ -9,7 +9,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.request import DEFAULTS, NAMES, Request, Values
+from tgospa_eval.api.evaluate import evaluate
+from tgospa_eval.api.keywords import KEYWORDS, with_options
+from tgospa_eval.api.request import FLAGS, NAMES, OF_THE_NUMBER, Request, Values, typed
 from tgospa_eval.campaign.baseline import (
     Baseline,
     BaselineEntry,
@@ -42,12 +44,12 @@ from tgospa_eval.campaign.store import SETTINGS_FILE, Store
 from tgospa_eval.campaign.suite import ONLY_PAIR, Pair, Suite, load_suite
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, in_python, spoken_in_python
+from tgospa_eval.common.notices import Notice, in_python
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
-from tgospa_eval.evaluation.evaluate import evaluate
 from tgospa_eval.evaluation.sides import TrajectoriesLike
 from tgospa_eval.reports.files import PROOF, write_file, write_texts
 from tgospa_eval.results.saved import ACCURACY
+from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import clipped, quoted
 
 if TYPE_CHECKING:
@@ -73,6 +75,9 @@ NOTHING_MADE = "no baseline: name the file to make with --baseline FILE"
 
 Evaluated = tuple[Measured, Mapping[str, object], Mapping[str, Any], Mapping[str, str]]
 """What came out of a pair, the options that made it, more for its outcome, and its proof."""
+
+EvaluatePair = Callable[[str, str, Request, Callable[[str], None]], tuple[Summary, bool]]
+"""Of two files."""
 
 Evaluate = Callable[[Pair, BaselineEntry | None], Evaluated]
 
@@ -107,7 +112,6 @@ class GateOptions(Values):
     junit: str | None
     proof: str | None
     quiet: bool
-    verbose: bool
     config: SettingsFile | None
 
     def given(self, *sources: str) -> dict[str, object]:
@@ -128,15 +132,13 @@ class GateOptions(Values):
 
     def resolve(self, pair: Pair, entry: BaselineEntry | None, path: str) -> dict[str, object]:
         """The options of a pair that are no defaults, by field."""
-        from tgospa_eval.cli.shared.options import typed_options
-
         inherited = dict(entry.options) if entry else {}
         for key in (key for key in PATHS_GIVEN if inherited.get(key)):
             inherited[key] = os.path.join(os.path.dirname(path), str(inherited[key]))
         return {
-            **typed_options(inherited, f"{path}, options"),
+            **typed(inherited, f"{path}, options"),
             **self.given("default_map"),
-            **typed_options(pair.options, f"pair {quoted(pair.name)}, options"),
+            **typed(pair.options, f"pair {quoted(pair.name)}, options"),
             **self.given("commandline", "environment"),
         }
 
@@ -179,7 +181,11 @@ class OverInputError(ConfigError):
 
 
 def judge_all(
-    gate: GateOptions, truth: str | None, estimate: str | None, notify: Callable[[str], None]
+    gate: GateOptions,
+    truth: str | None,
+    estimate: str | None,
+    evaluate_pair: EvaluatePair,
+    notify: Callable[[str], None],
 ) -> Report:
     """Judge a pair of files, the pairs of a suite or the jobs of a store; or make the baseline.
 
@@ -191,6 +197,9 @@ def judge_all(
         What to judge by.
     truth, estimate : str, optional
         Two files; or the store that is judged, with another one in front that is the baseline.
+    evaluate_pair : callable
+        Evaluates two files, and hands lines for the user on: the result, and whether the accuracy
+        that was asked for is reached.
     notify : callable
         Gets lines for the user.
 
@@ -233,7 +242,7 @@ def judge_all(
         gate,
         suite.pairs,
         path or "",
-        lambda pair, entry: _evaluated(gate, pair, entry, path or "", notify),
+        lambda pair, entry: _evaluated(gate, pair, entry, path or "", evaluate_pair, notify),
         "the suite",
     )
 
@@ -367,7 +376,7 @@ def _suite(
             f"{name} is missing; type tgospa-eval gate {truth or 'TRUTH'} ESTIMATE "
             "--baseline FILE, or tgospa-eval gate --suite FILE"
         )
-    suite = load_suite(path, {key: DEFAULTS[name] is False for key, name in NAMES.items()})
+    suite = load_suite(path, FLAGS)
     for text in () if gate.quiet else suite.notices:
         notify(text)
     return suite
@@ -378,26 +387,17 @@ def _evaluated(
     pair: Pair,
     entry: BaselineEntry | None,
     path: str,
+    evaluate_pair: EvaluatePair,
     notify: Callable[[str], None],
 ) -> Evaluated:
     """A pair of files, read and evaluated."""
-    from tgospa_eval.cli.evaluate.run import evaluate_files  # here: stores do without
-    from tgospa_eval.cli.shared.streams import heard
-    from tgospa_eval.cli.shared.values import OutputOptions
     from tgospa_eval.reports.proofs import proof_files
 
     given, prefix = gate.resolve(pair, entry, path), gate.prefix(pair)
     options = Request.of(given)
-    result, finished = evaluate_files(
-        pair.truth,
-        pair.estimate,
-        options,
-        OutputOptions(quiet=gate.quiet, verbose=gate.verbose),
-        lambda text: notify(prefix + text),
+    result, finished = evaluate_pair(
+        pair.truth, pair.estimate, options, lambda text: notify(prefix + text)
     )
-    if heard():
-        notify(f"{prefix}{result.claim}, {result.proven}; nothing is judged")
-        raise KeyboardInterrupt
     # Settings of a solver that did not reach its accuracy are left out: a later run would inherit
     # them.
     keys = {name: key for key, name in NAMES.items()}
@@ -529,15 +529,8 @@ def _row_options(row: Row, settings: Mapping[str, object], path: str) -> dict[st
 # -------------------------------------------------------------------------------------------------
 # ``gate`` of Python.
 
-INHERITED = (
-    *("cutoff", "order", "switch-penalty", "rho", "distance", "grid", "time-tolerance"),
-    *("interpolate", "max-gap", "resample", "steps", "outage", "time-offset", "time-scale"),
-    *("unit-scale", "unit", "existence", "solver"),
-)
-"""Options of a baseline that `evaluate` has as arguments."""
-
-READ_AS_THEY_ARE = {"on_duplicate": "error"}
-"""Parameters of files, as those of Python are: a repeated (id, t) is an error."""
+INHERITED = {key: name for key, name in KEYWORDS.items() if name in OF_THE_NUMBER}
+"""Keywords by the names of their options, as a baseline has these."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -598,7 +591,7 @@ def _row(found: Finding) -> dict[str, object]:
     }
 
 
-@spoken_in_python(reads=False)
+@with_options()
 def gate(
     truth: "TrajectoriesLike",
     estimate: "TrajectoriesLike",
@@ -629,8 +622,8 @@ def gate(
         Largest values that do not depend on the baseline: ``{"tgospa": 50.0}``.
     update_baseline : bool
         Whether to make the baseline, or to replace it, instead.
-    **options
-        As for `evaluate`. What is not given is that of the baseline.
+
+    What is not given is that of the baseline, and else as for `evaluate`.
 
     Returns
     -------
@@ -649,18 +642,16 @@ def gate(
     entry = (old or {}).get(ONLY_PAIR)
     rules = _rules(fail_on, warn_on, limits or {})
     kept = {} if entry is None else entry.options
-    inherited = {key.replace("-", "_"): kept[key] for key in INHERITED if key in kept}
+    inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
     given: dict[str, Any] = {**inherited, **options}
     result = evaluate(truth, estimate, **given)
     now = measured(result)
-    now = replace(now, parameters=READ_AS_THEY_ARE | dict(now.parameters))
     pair = Pair(name=ONLY_PAIR, truth=_called(truth, "truth"), estimate=_called(estimate, ""))
     if update_baseline:
-        plain = {name.replace("_", "-"): value for name, value in given.items()}
         plain = {
-            key: value
-            for key, value in plain.items()
-            if key in INHERITED and isinstance(value, (str, float, int))
+            key: given[name]
+            for key, name in INHERITED.items()
+            if isinstance(given.get(name), (str, float, int))
         }
         used = result.proof.parameters
         new = make_entry(
@@ -673,7 +664,11 @@ def gate(
         outcome = PairOutcome.of(pair, Verdict.INCOMPARABLE, f"no such file: {path}")
     else:
         outcome = judged_outcome(pair, now, entry, rules)
-    outcome = replace(outcome, notes=tuple(map(in_python, outcome.notes)), warnings=result.warnings)
+    outcome = replace(
+        outcome,
+        notes=tuple(in_python(note, reads=False) for note in outcome.notes),
+        warnings=result.warnings,
+    )
     report = Report(baseline=path, outcomes=(outcome,), version=__version__)
     return GateResult(report=report, result=result)
 

@@ -1,6 +1,7 @@
 """``tgospa-eval gate TRUTH ESTIMATE --baseline FILE``: a regression gate for CI."""
 
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -9,12 +10,15 @@ import click
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, SOURCE, Option
 from tgospa_eval.cli.shared.options import GATE_OPTIONS, format_option
-from tgospa_eval.cli.shared.streams import emit, print_notice, print_raw
+from tgospa_eval.cli.shared.streams import emit, heard, print_notice, print_raw
 from tgospa_eval.errors import ConfigError, TgospaError
 
 if TYPE_CHECKING:
     from tgospa_eval.api.gate import GateOptions
+    from tgospa_eval.api.request import Request
     from tgospa_eval.campaign.outcome import Report
+    from tgospa_eval.cli.shared.values import OutputOptions
+    from tgospa_eval.results.summary import Summary
 
 TYPED = "tgospa_eval.typed"
 """Under this name the context keeps the arguments as they were typed."""
@@ -77,6 +81,7 @@ def command(
     """
     from tgospa_eval.api.gate import GateOptions
     from tgospa_eval.api.request import Request
+    from tgospa_eval.cli.shared.values import OutputOptions
 
     asked = {
         **options,
@@ -86,12 +91,17 @@ def command(
         },
         "typed": ctx.meta[TYPED],
     }
-    github, form = bool(options["github"]), str(options["format_"])
-    ctx.exit(_run(GateOptions.of(asked), truth, estimate, form, github=github))
+    output, github = OutputOptions.of(options), bool(options["github"])
+    ctx.exit(_run(GateOptions.of(asked), truth, estimate, output, github=github))
 
 
 def _run(
-    gate: "GateOptions", truth: str | None, estimate: str | None, form: str, *, github: bool
+    gate: "GateOptions",
+    truth: str | None,
+    estimate: str | None,
+    output: "OutputOptions",
+    *,
+    github: bool,
 ) -> int:
     """Judge, print, write; the exit status.
 
@@ -105,9 +115,22 @@ def _run(
     from tgospa_eval.campaign.gate_report import GATE_REPORTS
     from tgospa_eval.campaign.outcome import PairOutcome, Report
     from tgospa_eval.campaign.rules import Verdict, worst
+    from tgospa_eval.cli.shared.values import OutputOptions
+
+    def evaluated(
+        truth: str, estimate: str, options: "Request", tell: Callable[[str], None]
+    ) -> "tuple[Summary, bool]":
+        from tgospa_eval.cli.evaluate.run import evaluate_files  # here: stores do without
+
+        shown = OutputOptions(quiet=output.quiet, verbose=output.verbose)
+        result, finished = evaluate_files(truth, estimate, options, shown, tell)
+        if heard():
+            tell(f"{result.claim}, {result.proven}; nothing is judged")
+            raise KeyboardInterrupt
+        return result, finished
 
     try:
-        report = judge_all(gate, truth, estimate, print_notice)
+        report = judge_all(gate, truth, estimate, evaluated, print_notice)
     except TgospaError as error:
         failed = PairOutcome(
             name="gate",
@@ -133,7 +156,7 @@ def _run(
     # The files first: a full disk behind stdout must not cost the report, nor hide a regression.
     status = worst((report.status, _publish(report, gate.junit, github=github)))
     try:
-        emit(GATE_REPORTS[form](report), form)
+        emit(GATE_REPORTS[output.format_](report), output.format_)
     except ConfigError as error:
         print_notice(str(error))
         status = worst((status, error.exit_status))

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from tgospa_eval.api import evaluate
 from tgospa_eval.api.batch_job import (
     NOT_WRITTEN,
     UNSEEN,
@@ -18,7 +19,6 @@ from tgospa_eval.api.batch_job import (
 )
 from tgospa_eval.api.request import Request
 from tgospa_eval.campaign.pairs import Job
-from tgospa_eval.cli.evaluate import run
 
 
 @pytest.fixture
@@ -76,7 +76,7 @@ def test_a_fault(
     def fail(*_: object, **__: object) -> None:
         raise fault
 
-    monkeypatch.setattr(run, "evaluate_files", fail)
+    monkeypatch.setattr(evaluate, "read_sides", fail)
     row = evaluate_job(task)
     assert (row["status"], row["message"], row["key"]) == ("failed", message, task.key)
 

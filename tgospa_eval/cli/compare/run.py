@@ -7,16 +7,16 @@ from typing import TypeVar
 
 from tgospa_eval import plots
 from tgospa_eval.api.compare import Ranked, file_pairs, rank_saved, ranked, solvers_on
+from tgospa_eval.api.notices import slow_notice
+from tgospa_eval.api.places import find_place
 from tgospa_eval.api.request import Request
+from tgospa_eval.api.settings import make_settings
 from tgospa_eval.campaign.pairs import compared_runs, short_names
 from tgospa_eval.campaign.ranking import steps_columns, steps_costs
 from tgospa_eval.campaign.solvers import check_solvers
 from tgospa_eval.campaign.study import Log, Study, carry_out, machine, study_document
-from tgospa_eval.cli.shared.notices import notifier, slow_notice
-from tgospa_eval.cli.shared.places import find_place
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.settings import make_settings
-from tgospa_eval.cli.shared.streams import emit, print_notice, undisturbed
+from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, undisturbed
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
 from tgospa_eval.cli.simulate.run import settings as scene_settings
@@ -202,8 +202,11 @@ def compare_estimates(
     settings, stopwatch = make_settings(request), _stopwatch(output)
 
     def work() -> Ranked:
-        pairs = file_pairs(settings, stopwatch, notifier(quiet=output.quiet))
-        found = ranked(pairs, runs, names, solver, per_step=per_step, with_=settings.with_)
+        named = len(runs) * len(names) > 1
+        pairs = file_pairs(settings, stopwatch, notifier(quiet=output.quiet), named=named)
+        found = ranked(
+            pairs, runs, names, solver, per_step=per_step, with_=settings.evaluation.with_
+        )
         whole, some = found[0]["runs"], len(found[1])
         if whole < len(runs) or some < len(names):
             print_notice(
@@ -321,7 +324,7 @@ def study_sizes(
         scene=scene,
         tracker=tracker,
         seed=seed,
-        parameters=settings.parameters,
+        parameters=settings.evaluation.parameters,
         distance=settings.measure.distance(COLUMNS[scene.state]),
         solvers=make_solvers(request, solvers, epsilon, "certified,sinkhorn"),
         targets=numbers("targets", targets, parsed_whole),
