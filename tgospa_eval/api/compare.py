@@ -2,17 +2,16 @@
 
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
-from tgospa_eval.api.evaluate import read_sides
+from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
-from tgospa_eval.api.notices import about, pair_notices, slow_notice
-from tgospa_eval.api.settings import Settings, infos, make_settings
+from tgospa_eval.api.settings import Settings, called, infos, make_settings
 from tgospa_eval.api.sweep import ONE_EVALUATION
-from tgospa_eval.campaign.pairs import Runs, expand, first_file, is_pattern, short_names
+from tgospa_eval.campaign.pairs import expand, first_file, is_pattern, short_names
 from tgospa_eval.campaign.ranking import (
     Entrant,
     EntrantOutcome,
@@ -37,13 +36,12 @@ from tgospa_eval.distances import Effort
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.evaluation.other_metrics import other_metrics
-from tgospa_eval.evaluation.prepare import Fitted, Prepared, prepare
-from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.evaluation.sides import TrajectoriesLike, as_solver, is_path
-from tgospa_eval.formats import ROLES, Reading
+from tgospa_eval.evaluation.prepare import Prepared, prepare
+from tgospa_eval.evaluation.sides import TrajectoriesLike, as_solver
+from tgospa_eval.formats import Reading
 from tgospa_eval.reports.comparison import estimates_columns, pairs_columns, render, solvers_columns
 from tgospa_eval.reports.records import Metric, RankingRecord, SolversRecord
-from tgospa_eval.results.records import FileInfo, Json, json_text
+from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import MADE_BY, read_result, saved_result
 from tgospa_eval.solvers import SOLVERS, Solver
 from tgospa_eval.text import quoted
@@ -157,24 +155,14 @@ def compare(
         given["solver"] = chosen[0]
     settings, stopwatch = make_settings(requested(given)), Stopwatch()
     check_solvers(chosen)
-    named = {"": cast("TrajectoriesLike", estimates)} if chosen else _named(estimates)
-    once = settings.read_side(truth, 0, "truth") if is_path(truth) and not chosen else truth
     notices: list[Notice] = []
-
-    def read(_: str, name: str) -> Read:
-        sides = read_sides(settings, once, named[name], stopwatch, mapping=mapping)
-        warnings = [
-            notice.about(name) if len(named) > 1 and notice.code != "default-parameters" else notice
-            for notice in sides.warnings
-        ]
-        return sides.fitted, sides.request, infos(sides.read), warnings
-
-    pairs = PairReader(read, stopwatch, notices.append)
+    pairs = PairReader(settings, stopwatch, notices.append, mapping=mapping, in_python=True)
     found: RankingRecord | SolversRecord
     if chosen:
-        found = solvers_on(pairs, "", "", chosen)
+        found = solvers_on(pairs, truth, cast("TrajectoriesLike", estimates), chosen)
     else:
-        runs = [(os.fspath(truth) if is_path(truth) else "truth", list(named))]
+        named = _named(estimates)
+        runs = [(truth, list(named.values()))]
         found, _ = ranked(pairs, runs, list(named), settings.evaluation.solver)
     warn_user(notices)
     return Compared(document=found)
@@ -208,89 +196,72 @@ def _named(
 # -------------------------------------------------------------------------------------------------
 # PairReader of sides made problems, and what comes of them.
 
-Infos = tuple[FileInfo, FileInfo]
-Read = tuple[Fitted, EvaluationRequest, Infos | None, Iterable[Notice]]
-"""Two sides on the same steps, what is asked of them, what is known of their files, notices."""
-
-Notify = Callable[[Notice], object]
-
 
 class PairReader:
     """Pairs of a truth and an estimate, read and made problems of; each notice is given once.
 
+    The truth of several that follow each other is read once.
+
     Parameters
     ----------
-    read : callable
-        Reads a truth and an estimate, by their names.
+    settings : Settings
+        How to read and evaluate.
     stopwatch : Stopwatch
         Gets the time by stage.
     notify : callable
         Gets notices.
+    mapping : sequence of int, or pair of such, optional
+        As of `evaluate`.
+    in_python : bool
+        Whether only warnings are given, in the words of Python.
     """
 
     def __init__(
-        self, read: Callable[[str, str], Read], stopwatch: Stopwatch, notify: Notify
+        self,
+        settings: Settings,
+        stopwatch: Stopwatch,
+        notify: Notify,
+        *,
+        mapping: "Components | None" = None,
+        in_python: bool = False,
     ) -> None:
-        self.read, self.stopwatch, self.notify = read, stopwatch, notify
-        self.shown: set[Notice] = set()
-        self.warnings: list[dict[str, str]] = []
+        self.settings, self.stopwatch, self.notify = settings, stopwatch, notify
+        self.mapping, self.in_python = mapping, in_python
+        self.known: dict[str, Reading] = {}
+        self.shown: list[Notice] = []
 
-    def prepared(self, truth: str, estimate: str) -> Prepared:
-        """The problem of two sides."""
-        fitted, request, files, notices = self.read(truth, estimate)
-        for notice in notices:
-            self.notify_once(notice)
-        return prepare(fitted, request, files=files, stopwatch=self.stopwatch)
+    @property
+    def warnings(self) -> list[dict[str, str]]:
+        """Those that were given."""
+        return [notice.record() for notice in self.shown if notice.code]
 
-    def notify_once(self, notice: Notice) -> None:
-        """Give a notice that was not given before."""
-        if notice not in self.shown:
-            self.shown.add(notice)
-            self.notify(notice)
-            if notice.code:
-                self.warnings.append(notice.record())
+    def prepared(
+        self, truth: TrajectoriesLike, estimate: TrajectoriesLike, name: str = ""
+    ) -> Prepared:
+        """The problem of two sides; notices about both together have a name, if it is given."""
+        of_file = tuple(f"{path}: " for path in called((truth, estimate), ("", "")))
 
+        def tell(notice: Notice) -> None:
+            is_default = notice.text.startswith("default ") and (self.in_python or not notice.code)
+            if name and not is_default and not notice.text.startswith(of_file):
+                notice = notice.about(name)
+            if notice not in self.shown:
+                self.shown.append(notice)
+                self.notify(notice)
 
-def file_pairs(
-    settings: Settings, stopwatch: Stopwatch, notify: Notify, *, named: bool = False
-) -> PairReader:
-    """Pairs of files; the truth of several that follow each other is read once.
-
-    `named` notices name the estimate they are about.
-    """
-    last: dict[str, Reading] = {}
-
-    def tell(path: str, side: Reading) -> Reading:
-        for notice in about(path, side):
-            pairs.notify_once(notice)
-        return side
-
-    def read(*paths: str) -> Read:
-        with stopwatch.span("read"):
-            truth, estimate = paths
-            if truth not in last:
-                last.clear()
-                last[truth] = tell(truth, settings.read_side(truth, 0, ROLES[0], paths))
-            other = tell(estimate, settings.read_side(estimate, 1, ROLES[1], paths))
-            sides: tuple[Reading, ...] = last[truth], other
-        settings.check(sides, paths)
-        if settings.preprocess or settings.evaluation.with_:
-            sides = settings.preprocessed(sides, paths)
-            for path, side in zip(paths, sides, strict=True):
-                tell(path, side)
-        fitted, request = settings.fit(sides, paths)
-        notices = [
-            notice.about(estimate)
-            if named and (notice.code or not notice.text.startswith("default "))
-            else notice
-            for notice in pair_notices(fitted, request, sides)
-        ]
-        return fitted, request, infos(sides), notices
-
-    pairs = PairReader(read, stopwatch, notify)
-    for notice in slow_notice():
-        pairs.notify_once(notice)
-    return pairs
+        sides = read_sides(
+            self.settings,
+            truth,
+            estimate,
+            self.stopwatch,
+            None if self.in_python else tell,
+            mapping=self.mapping,
+            known=self.known,
+        )
+        for notice in sides.warnings if self.in_python else ():
+            tell(notice)
+        files = infos(sides.read)
+        return prepare(sides.fitted, sides.request, files=files, stopwatch=self.stopwatch)
 
 
 Ranked = tuple[RankingRecord, list[Entrant]]
@@ -299,7 +270,7 @@ Ranked = tuple[RankingRecord, list[Entrant]]
 
 def ranked(
     pairs: PairReader,
-    runs: Runs,
+    runs: Sequence[tuple[TrajectoriesLike, Sequence[TrajectoriesLike]]],
     names: Sequence[str],
     solver: Solver,
     *,
@@ -312,8 +283,8 @@ def ranked(
     ----------
     pairs : PairReader
         Makes the problems.
-    runs : sequence of (str, list of str)
-        The truth of each run, and its estimates.
+    runs : sequence of (truth, sequence of estimates)
+        Of each run.
     names : sequence of str
         What the estimates are called.
     solver : Solver
@@ -330,30 +301,40 @@ def ranked(
     stopwatch = pairs.stopwatch
     found: list[list[EntrantOutcome]] = [[] for _ in names]
     count = len(names) * len(runs)
-    for done, (k, truth, path) in enumerate(
-        (k, truth, path) for truth, paths in runs for k, path in enumerate(paths)
+    for done, (k, truth, estimate) in enumerate(
+        (k, truth, estimate) for truth, each in runs for k, estimate in enumerate(each)
     ):
         if done and stopwatch.progress.stop.is_set():
             break
+        (path,) = called([estimate], [names[k]])
         with stopwatch.progress.part(path, done, count):
-            prepared = pairs.prepared(truth, path)
+            prepared = pairs.prepared(truth, estimate, path if count > 1 else "")
             effort = Effort(jobs=solver.jobs, stopwatch=stopwatch)
             others = other_metrics(prepared, with_, effort) if with_ else None
             result = solve(prepared, solver, stopwatch)
             found[k].append(outcome(result, prepared.moments, per_step=per_step, others=others))
     whole = max(min(map(len, found)), 1)
     entrants = [
-        Entrant(name=name, paths=[paths[k] for _, paths in runs[:whole]], outcomes=mine[:whole])
+        Entrant(
+            name=name,
+            paths=called([estimates[k] for _, estimates in runs[:whole]], [name] * whole),
+            outcomes=mine[:whole],
+        )
         for k, (name, mine) in enumerate(zip(names, found, strict=True))
         if mine
     ]
-    truths = [truth for truth, _ in runs[:whole]]
+    truths = called([truth for truth, _ in runs[:whole]], ["truth"] * whole)
     metric = cast("Metric", result.settings)
     return ranking_document(entrants, truths, metric, pairs.warnings), entrants
 
 
 def solvers_on(
-    pairs: PairReader, truth: str, estimate: str, solvers: Sequence[Solver], *, spare: bool = False
+    pairs: PairReader,
+    truth: TrajectoriesLike,
+    estimate: TrajectoriesLike,
+    solvers: Sequence[Solver],
+    *,
+    spare: bool = False,
 ) -> SolversRecord:
     """Several solvers on one pair; `spare` leaves out a referee that would take minutes."""
     stopwatch, prepared = pairs.stopwatch, pairs.prepared(truth, estimate)

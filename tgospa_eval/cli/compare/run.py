@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from typing import TypeVar
 
 from tgospa_eval import plots
-from tgospa_eval.api.compare import Ranked, file_pairs, rank_saved, ranked, solvers_on
+from tgospa_eval.api.compare import PairReader, Ranked, rank_saved, ranked, solvers_on
 from tgospa_eval.api.notices import slow_notice
 from tgospa_eval.api.places import find_place
 from tgospa_eval.api.request import Request
@@ -202,8 +202,7 @@ def compare_estimates(
     settings, stopwatch = make_settings(request), _stopwatch(output)
 
     def work() -> Ranked:
-        named = len(runs) * len(names) > 1
-        pairs = file_pairs(settings, stopwatch, notifier(quiet=output.quiet), named=named)
+        pairs = PairReader(settings, stopwatch, notifier(quiet=output.quiet))
         found = ranked(
             pairs, runs, names, solver, per_step=per_step, with_=settings.evaluation.with_
         )
@@ -273,7 +272,7 @@ def compare_files(
     settings, stopwatch = make_settings(request), _stopwatch(output)
 
     def work() -> SolversRecord:
-        pairs = file_pairs(settings, stopwatch, notifier(quiet=output.quiet))
+        pairs = PairReader(settings, stopwatch, notifier(quiet=output.quiet))
         return solvers_on(pairs, files[0], files[1], chosen, spare=solvers is None)
 
     answer = run(work, stopwatch, show=not output.quiet)
