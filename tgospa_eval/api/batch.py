@@ -34,7 +34,6 @@ from tgospa_eval.campaign.row import LABEL, OFF_STEPS, Row, job_name
 from tgospa_eval.campaign.store import (
     SCHEMA,
     SETTINGS_FILE,
-    STEPS,
     STORED_CURVE,
     STORED_STEPS,
     Store,
@@ -554,7 +553,7 @@ def _work(tasks: list[JobTask], store: Store, engine: Engine, tell: Notify) -> l
             pending.append(row)
             if row["status"] == "failed":
                 faults.append(row)
-            held += len(row.get(STEPS) or ())
+            held += row.get(STORED_STEPS, 0)
             now = time.monotonic()
             if now - flushed > FLUSH or held > MOST_HELD:
                 store.add(pending)
