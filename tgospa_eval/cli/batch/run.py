@@ -36,11 +36,10 @@ from tgospa_eval.cli.batch.worker import (
     key_of,
     lost_job,
 )
-from tgospa_eval.cli.evaluate.folder import wanted_pictures
 from tgospa_eval.cli.shared.options import KNOWN, typed_options
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
-from tgospa_eval.cli.shared.writing import write_output
+from tgospa_eval.cli.shared.writing import wanted_pictures, write_output
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.manifest import read_manifest, unchanged
