@@ -67,6 +67,10 @@ def test_every_option_is_a_keyword() -> None:
         evaluate([], [], region=3)
     with pytest.raises(ConfigError, match="time is for files and tables, and truth is none"):
         evaluate(np.zeros((2, 1, 2)), [], time="0:1")
+    with pytest.raises(ConfigError, match="with_ takes all rows together, not by class"):
+        evaluate([], [], by="class", with_="gospa")
+    with pytest.raises(ConfigError, match="similarity is of the mean over steps, not for step"):
+        evaluate([], [], similarity=1, step_weights=[1.0])
     with pytest.raises(ConfigError, match=r"scale is for .*, not for a record with settings"):
         evaluate([], [], distance=Mahalanobis(covariance=np.eye(2)), scale="x=2")
 
@@ -257,5 +261,5 @@ def test_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     again = batch(**patterns, output="store", cutoff=10.0, with_=["gospa"])
     assert len(again.faults) == 1
     assert "oops" in again.faults[0]
-    with pytest.raises(ConfigError, match='unknown key "cutof"; did you mean cutoff'):
+    with pytest.raises(TypeError, match=r"batch\(\) has no keyword cutof; did you mean cutoff"):
         batch(**patterns, output="store", cutof=10.0)

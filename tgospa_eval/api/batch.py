@@ -24,8 +24,9 @@ from tgospa_eval.api.batch_job import (
     key_of,
     lost_job,
 )
+from tgospa_eval.api.keywords import with_options
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.request import FLAGS, Request, Values, typed
+from tgospa_eval.api.request import FLAGS, SETTINGS, Request, Values, typed
 from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.curves import rms_curves
 from tgospa_eval.campaign.grouping import labels_of
@@ -43,7 +44,7 @@ from tgospa_eval.campaign.tables import check_labels, tabulated
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.manifest import read_manifest, unchanged
-from tgospa_eval.common.notices import Notice, in_python, spoken_in_python, warn_user
+from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.common.words import counted, parsed_whole
 from tgospa_eval.engines.cluster import Cluster
 from tgospa_eval.engines.processes import Processes
@@ -85,6 +86,9 @@ MOST_HELD = 200_000
 NUMBERS_OF_STATES = ("sizes.truth_states", "sizes.estimate_states")
 """Columns that are 0 in an evaluation of nothing."""
 
+OF_ONE = ("by", "jobs", *(name for name, about in SETTINGS.items() if not about.everywhere))
+"""Options of an evaluation that are not for many, or that `batch` has in another form."""
+
 Notify = Callable[[str], object]
 
 
@@ -119,7 +123,7 @@ class Batch:
     __repr__ = __str__
 
 
-@spoken_in_python(reads=False)
+@with_options(*OF_ONE)
 def batch(
     *paths: "str | os.PathLike[str]",
     output: "str | os.PathLike[str]",
@@ -169,9 +173,9 @@ def batch(
         Bands around the curves of `per_step`.
     with_, slices : str or iterable of str
         As for `evaluate`.
-    **options
-        Of the evaluations, by the names of the options: ``cutoff``, ``switch_penalty``,
-        ``distance``, ``columns``, ``time``, ``class`` ...
+
+    Options of the evaluations are texts and numbers, as the store keeps them: no records, matrices
+    or tables.
 
     Returns
     -------
@@ -188,7 +192,7 @@ def batch(
     ConfigError, InputError
         An option or the manifest is wrong, or files are missing; nothing is begun then.
     """
-    asked = {name.rstrip("_").replace("_", "-"): value for name, value in options.items()}
+    asked = {SETTINGS[name].key: value for name, value in options.items() if value is not None}
     chosen = Request.of(
         {
             **typed(asked, "batch"),

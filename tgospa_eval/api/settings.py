@@ -354,6 +354,12 @@ def _kept(options: Request) -> Settings:
 
 
 def _settings(options: Request) -> Settings:
+    if options.by and options.with_:
+        raise ConfigError(
+            "--with takes all rows together, not --by class; choose one class by --class NAME"
+        )
+    if options.similarity is not None and options.step_weights is not None:
+        raise ConfigError("--similarity is of the mean over steps, not for --step-weights")
     measure = DistanceOptions(options)
     slices, columns = _slices(options)
     reading = ReadOptions(

@@ -5,7 +5,6 @@ nothing half. Of several rows with one key the last that is done counts.
 """
 
 import errno
-import importlib
 import json
 import os
 import time
@@ -217,17 +216,10 @@ def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
         with files.named(f"-o {folder}", ConfigError, "cannot be written"):
             return stack.enter_context((folder / name).open("a+"))  # NFS shares what can be read
 
-    whole = opened(".lock")
-    try:
-        fcntl: Any = importlib.import_module("fcntl")
-    except ModuleNotFoundError:  # on Windows
-        windows: Any = importlib.import_module("msvcrt")
-        whole.seek(0 if count == 1 else (count * (count - 1) // 2 + number) % ALL_BYTES)
-        windows.locking(whole.fileno(), windows.LK_NBLCK, ALL_BYTES if count == 1 else 1)
-        return
-    own = opened(f".lock-{number}-of-{count}")
-    fcntl.flock(whole, (fcntl.LOCK_SH if count > 1 else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-    fcntl.flock(own, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    byte = (count * (count - 1) // 2 + number) % ALL_BYTES
+    at, size = (0, ALL_BYTES) if count == 1 else (byte, 1)
+    if files.take_lock(opened(".lock"), shared=count > 1, at=at, size=size):
+        files.take_lock(opened(f".lock-{number}-of-{count}"))
 
 
 SCHEMA, SETTINGS_FILE = STORE_SCHEMA, STORE

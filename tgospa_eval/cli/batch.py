@@ -191,8 +191,7 @@ def _write(store: "Store", tables: "BatchTables", output: "OutputOptions") -> No
     """
     from tgospa_eval import plots
     from tgospa_eval.api.batch import batch_files
-    from tgospa_eval.cli.evaluate.folder import wanted_pictures
-    from tgospa_eval.cli.shared.writing import write_output
+    from tgospa_eval.cli.shared.writing import wanted_pictures, write_output
     from tgospa_eval.reports.files import BATCH
 
     folder = output.output
