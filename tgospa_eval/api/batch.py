@@ -192,40 +192,25 @@ def batch(
     ConfigError, InputError
         An option or the manifest is wrong, or files are missing; nothing is begun then.
     """
+    given = dict(locals())  # options of batch by their names
     asked = {SETTINGS[name].key: value for name, value in options.items() if value is not None}
-    chosen = Request.of(
-        {
-            **typed(asked, "batch"),
-            "summed": True,
-            "curve": curve,
-            "with_": ",".join(_each(with_)) or None,
-            "slices": _each(slices),
-        }
-    )
+    evaluation = {
+        **typed(asked, "batch"),
+        "summed": True,
+        "curve": curve,
+        "with_": ",".join(_each(with_)) or None,
+        "slices": _each(slices),
+    }
     target, told = os.fspath(output), list[str]()
-    done = evaluate_batch(
-        tuple(os.fspath(path) for path in paths),
-        BatchOptions(
-            evaluation=chosen,
-            output=target,
-            truth=truth,
-            estimate=estimate,
-            layout=layout,
-            seqmap=None if seqmap is None else os.fspath(seqmap),
-            by=_each(by),
-            workers=workers,
-            scheduler=scheduler,
-            allow_missing=allow_missing,
-            retry_failed=retry_failed,
-            reports=reports,
-            proof=proof,
-            per_step=per_step,
-            mean_of_roots=mean_of_roots,
-            band=band,
-            quiet=True,
-        ),
-        told.append,
-    )
+    given |= {
+        "evaluation": Request.of(evaluation),
+        "output": target,
+        "seqmap": None if seqmap is None else os.fspath(seqmap),
+        "by": _each(by),
+        "quiet": True,
+    }
+    names = tuple(os.fspath(path) for path in paths)
+    done = evaluate_batch(names, BatchOptions.of(given), told.append)
     if done.page:
         try:
             write_texts(batch_files(done.store, done.tables, target), target, BATCH, force=force)

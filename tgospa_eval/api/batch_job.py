@@ -182,14 +182,9 @@ def _as_seen_here(task: JobTask) -> JobTask:
         return os.path.join(task.base, path)
 
     job = replace(task.job, truth=seen(task.job.truth), estimate=seen(task.job.estimate))
-    given = task.options
-    options = replace(
-        given,
-        covariance=given.covariance and seen(given.covariance),
-        step_weights=given.step_weights and seen(given.step_weights),
-        inner_cov=given.inner_cov
-        and (given.inner_cov if given.inner_cov == "global" else seen(given.inner_cov)),
-    )
+    named = {name: getattr(task.options, name) for name in NAMING_FILES}
+    paths: Any = {name: seen(path) for name, path in named.items() if path and path != "global"}
+    options = replace(task.options, **paths)
     return replace(
         task,
         job=job,
