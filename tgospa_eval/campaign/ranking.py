@@ -590,7 +590,7 @@ def outcomes(documents: Documents, paths: Paths) -> list[EntrantOutcome]:
         # The bounds of the total, from those of the value, rounded outward once more.
         lower = outward(document["lower_bound"] ** order, -1)
         upper = outward(document["upper_bound"] ** order, 1)
-        steps = {
+        steps: dict[str, Floats] = {
             name: np.array([step[name] for step in document["per_step"]], float) for name in PARTS
         }
         found.append(
