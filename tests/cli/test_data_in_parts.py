@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tgospa_eval.api.request import Request
-from tgospa_eval.batches.store import locked
+from tgospa_eval.campaign.store import locked
 from tgospa_eval.cli.evaluate import partitioned, work
 from tgospa_eval.cli.evaluate.work import work_folder
 from tgospa_eval.cli.shared import in_parts
