@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tgospa_eval import evaluate
-from tgospa_eval.cli.simulate.command import RECORDING_KINDS
+from tgospa_eval.cli.simulate import RECORDING_KINDS
 from tgospa_eval.simulation import Tracker
 from tgospa_eval.simulation.recordings import (
     AIS,

@@ -9,7 +9,7 @@ from click.core import ParameterSource
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
 from tgospa_eval.cli.shared.options import CONFIG_FILE, EVALUATION, QUIET, REPORT_FORMATS, WITH
-from tgospa_eval.cli.simulate.command import SCENARIOS
+from tgospa_eval.cli.simulate import SCENARIOS
 from tgospa_eval.errors import ExitStatus
 
 if TYPE_CHECKING:

@@ -17,8 +17,6 @@ from tgospa_eval.cli.shared.settings import Settings, infos, make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice, undisturbed
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
-from tgospa_eval.cli.simulate.run import settings as scene_settings
-from tgospa_eval.cli.simulate.values import SceneOptions
 from tgospa_eval.common import patterns
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.frozen import dataclass
@@ -63,7 +61,8 @@ from tgospa_eval.reports.records import (
 )
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import MADE_BY, read_result, saved_result
-from tgospa_eval.simulation import COLUMNS
+from tgospa_eval.simulation import COLUMNS, Scene
+from tgospa_eval.simulation.settings import usual_tracker
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
 from tgospa_eval.solvers.sinkhorn import Sinkhorn
 from tgospa_eval.text import quoted
@@ -848,10 +847,10 @@ def study_sizes(options: CompareOptions, sizes: StudyOptions) -> bool:
 def _study(options: CompareOptions, sizes: StudyOptions) -> Study:
     """What is to be done; the tracker is the one that ``simulate`` has by default."""
     settings = options.settings()
-    scene, tracker = scene_settings(SceneOptions(scenario=sizes.scenario, area=sizes.area))
+    scene = Scene(scenario=sizes.scenario, area=sizes.area)
     return Study(
         scene=scene,
-        tracker=tracker,
+        tracker=usual_tracker(scene.area, {}),
         seed=sizes.seed,
         parameters=settings.parameters,
         distance=settings.measure.distance(COLUMNS[scene.state]),
