@@ -29,7 +29,7 @@ from tgospa_eval.problem.solution import Reduced, Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.solvers.warm_start import ProblemOrigin, SavedSolution, make_warm_start
+from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start
 
 SIZE = 1 << 18
 """Near pairs of the endings that are solved together."""
@@ -107,8 +107,8 @@ class SuffixProblem:
     problem : Problem
         The steps of one after those of the other. Where something is known of the step before an
         ending, that comes first: each listed pair gains there by how much its value exceeds "none".
-    origin : ProblemOrigin
-        Where that comes from.
+    origin : tuple of int arrays
+        The truths, estimates and steps of the whole that those of the problem are.
     block, begin, end : (E,) int arrays
         Block, and first and last step of each in the whole.
     first : (E,) int array
@@ -118,7 +118,7 @@ class SuffixProblem:
     """
 
     problem: Problem
-    origin: ProblemOrigin
+    origin: tuple[Ints, Ints, Ints]
     block: Ints
     begin: Ints
     end: Ints
@@ -252,16 +252,9 @@ class Endings:
             signed=True,
             **columns,
         )
-        origin = ProblemOrigin(
-            truth=tracks[0],
-            estimate=tracks[1],
-            step=step,
-            estimates=whole.estimates,
-            steps=whole.steps,
-        )
         return SuffixProblem(
             problem=problem,
-            origin=origin,
+            origin=(tracks[0], tracks[1], step),
             block=block,
             begin=begin,
             end=end,
@@ -497,8 +490,8 @@ class Continued:
         known = before.ending * truths + whole.pair_truth[before.pair]
         known = known * estimates + whole.pair_estimate[before.pair]
         sought = cut.ending[states.begin[states.pair_first[:-1]]] * truths
-        sought = (sought + cut.origin.truth[states.pair_truth]) * estimates
-        sought = sought + cut.origin.estimate[states.pair_estimate]
+        sought = (sought + cut.origin[0][states.pair_truth]) * estimates
+        sought = sought + cut.origin[1][states.pair_estimate]
         order = np.argsort(known)
         found: Ints = order[np.searchsorted(known, sought, sorter=order)]
         return found

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.problem import Floats, Ints, Objects
 from tgospa_eval.problem.slots import PART, Slots, changed, divided, parts
 from tgospa_eval.problem.states import States
 
@@ -118,3 +118,10 @@ def changes(states: States, weights: Ints) -> tuple[Ints, Floats]:
     """States whose weight differs from that of the state before, and by how much, as a fraction."""
     moved = np.flatnonzero(changed(states.pair_first, weights))
     return moved, np.abs(weights[moved] - weights[moved - 1]) / ONE
+
+
+def spare(side: Objects, entry: Ints, weight: Ints) -> Ints:
+    """What weights of entries leave of each row of a side, (R,), in units of 1/ONE."""
+    free = np.full(len(side.step), ONE)
+    np.subtract.at(free, side.row[entry], weight)
+    return free

@@ -19,7 +19,7 @@ from tgospa_eval.evaluation.slicing import SliceBy, parse_slices
 from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.problem.problem import Floats, Ints, Objects, sum_by
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, changes
+from tgospa_eval.problem.weights import ONE, changes, spare
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.slices import Slice, Slicing
@@ -112,13 +112,8 @@ def row_costs(states: States, weights: Ints) -> RowCosts:
     used = np.flatnonzero((states.entry >= 0) & (weights > 0))
     entry, weight = states.entry[used], weights[used]
 
-    def unassigned(side: Objects) -> Floats:
-        """Shares that nothing is assigned to; sums of integers below 2^53, which are exact."""
-        free = ONE - np.bincount(side.row[entry], weight, minlength=len(side.step))
-        return free / ONE
-
     paid = weight / ONE * problem.cost[entry]
-    missed, false = unassigned(truths), unassigned(estimates)
+    missed, false = (spare(side, entry, weight) / ONE for side in problem.sides)
     moved, amount = changes(states, weights)
     pair = np.searchsorted(states.pair_first, moved, side="right") - 1
     step = states.begin[moved]
