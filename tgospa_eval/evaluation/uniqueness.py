@@ -11,14 +11,13 @@ It changes no part of the cost, and is asked about for the steps of switches alo
 """
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.paths import turns
-from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
@@ -126,7 +125,7 @@ class _Rows:
 
     def survey(self, asked: Mask) -> bool:
         """Look for the best paths of some rows (nodes,) anew; whether fewer are left."""
-        part, own = _some_pairs(self.states, np.flatnonzero(asked[self.states.pair_row]))
+        part, own = self.states.of_pairs(np.flatnonzero(asked[self.states.pair_row]))
         value = np.where(self.closed[own], -np.inf, self.value[own]) + self.certain[own]
         loss, without = path_losses(part, value)
         near, needed = self.near[own] & (loss <= self.reach), without > self.reach
@@ -208,29 +207,3 @@ def path_losses(states: States, value: Floats) -> tuple[Floats, Floats]:
     losses = np.empty((2, size))
     losses[0, turn.order], losses[1, turn.order] = best - through, best - without
     return losses[0], losses[1]
-
-
-def _some_pairs(states: States, pairs: Ints) -> tuple[States, Ints]:
-    """Some pairs, of whole rows, as states, and which states they are."""
-    length = np.diff(states.pair_first)[pairs]
-    first = np.concatenate(([0], np.cumsum(length))).astype(np.int32)
-    own = np.arange(first[-1]) + np.repeat(states.pair_first[pairs] - first[:-1], length)
-    columns = states.columns
-    part = replace(
-        states,
-        pair_row=states.pair_row[pairs],
-        pair_column=states.pair_column[pairs],
-        pair_block=states.pair_block[pairs],
-        pair_first=first,
-        pair_truth=states.pair_truth[pairs],
-        pair_estimate=states.pair_estimate[pairs],
-        begin=states.begin[own],
-        entry=states.entry[own],
-        columns=replace(
-            columns,
-            begin=columns.begin[own],
-            pair_first=first,
-            pair_node=states.pair_column[pairs],
-        ),
-    )
-    return part, own
