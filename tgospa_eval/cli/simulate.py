@@ -380,7 +380,7 @@ def _make_recording(
             stretches = simulate_recording(recording, layout, np.random.default_rng(seed))
             for number, sides in enumerate(stretches, start=1):
                 for writer, count, rows in zip(writers, counts, sides, strict=True):
-                    writer.add(vars(rows))
+                    writer.add(rows)
                     count.add(rows)
                     if number * layout.stretch % layout.part == 0:
                         writer.end_part()
@@ -410,11 +410,11 @@ class _Count:
         """Count some."""
         import numpy as np
 
-        self.rows += len(rows.id)
-        most = int(rows.id.max(initial=0)) + 1
+        self.rows += len(rows["id"])
+        most = int(rows["id"].max(initial=0)) + 1
         if most > len(self.seen):
             self.seen.extend(bytes(most))
-        np.frombuffer(self.seen, np.uint8)[rows.id] = 1
+        np.frombuffer(self.seen, np.uint8)[rows["id"]] = 1
 
     def text(self, what: str) -> str:
         """In words."""
