@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.paths import turns
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.result import Proof
@@ -112,7 +111,7 @@ class _Rows:
             count = np.append(rows.sums(self.near.astype(np.int64)), 1)[at]
             fresh = self.near & self.needed & (self.alone | (count == 1))
             must = self.priced & (columns.sums(self.near.astype(np.int64)) == 1)
-            fresh = (fresh | (self.near & _covers(columns, must))) & ~self.certain
+            fresh = (fresh | (self.near & columns.touching(must))) & ~self.certain
             if not fresh.any():
                 return True
             self.certain |= fresh
@@ -120,7 +119,7 @@ class _Rows:
                 load = slots.sums(self.certain.astype(np.int64))
                 if load.max(initial=0) > 1:
                     return False  # rounding: prices that are none of the best
-                self.closed |= _covers(slots, load > 0) & ~self.certain
+                self.closed |= slots.touching(load > 0) & ~self.certain
             self.near &= ~self.closed
 
     def survey(self, asked: Mask) -> bool:
@@ -133,13 +132,6 @@ class _Rows:
         self.near[own] = near
         self.needed[own] |= needed
         return fewer
-
-
-def _covers(slots: Slots, chosen: Mask) -> Mask:
-    """States that cover one of some slots."""
-    before = np.concatenate(([0], np.cumsum(chosen)))
-    found: Mask = before[slots.end] > before[slots.begin]
-    return found
 
 
 def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple[Mask, Mask]:
