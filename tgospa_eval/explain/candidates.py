@@ -5,6 +5,7 @@ Costs are in units of c^p. What is said here only decides what is tried: `explai
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -14,13 +15,15 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import Distance
-from tgospa_eval.explain import edits
 from tgospa_eval.explain.edits import (
     NO_PARTNER,
     AddedRows,
     Assigned,
     AssignedStretch,
     Edit,
+    TrackPiece,
+    exchange,
+    split,
 )
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.tgospa import Parameters
@@ -90,7 +93,7 @@ def _exchanged(assigned: Assigned) -> Iterator[Candidate]:
                 named = [[a if s.estimate == b else s.estimate for s in part] for part in beside]
                 saved = sum(_changes([s.estimate for s in part]) for part in beside)
                 saved -= sum(map(_changes, named))
-                yield _renamed(whole, HALVES * saved * float(prices[after.begin]))
+                yield replace(whole, saving=HALVES * saved * float(prices[after.begin]))
             step = _first_row(assigned, a, b, after.begin)
             if whole is None and step is not None and (a, b, step) not in seen:
                 seen.add((a, b, step))
@@ -98,14 +101,10 @@ def _exchanged(assigned: Assigned) -> Iterator[Candidate]:
                 yield Candidate(
                     kind="exchange",
                     saving=HALVES * saved * float(prices[after.begin]),
-                    edit=edits.exchange(a, b, after.begin, steps),
+                    edit=exchange(a, b, after.begin, steps),
                     tracks=_in_time(assigned, a, b, step),
                     begin=step,
                 )
-
-
-def _renamed(candidate: Candidate, saving: float) -> Candidate:
-    return Candidate(**{**vars(candidate), "saving": saving})
 
 
 def _together(assigned: Assigned, a: int, b: int) -> Candidate | None:
@@ -119,7 +118,7 @@ def _together(assigned: Assigned, a: int, b: int) -> Candidate | None:
     return Candidate(
         kind="merge",
         saving=0.0,
-        edit=edits.merge(track, into, assigned.problem.steps),
+        edit=Edit(pieces={k: (TrackPiece(0, assigned.problem.steps - 1, into),) for k in (a, b)}),
         tracks=(into, track),
         begin=int(later[0]),
         end=int(later[-1]),
@@ -174,9 +173,7 @@ def _split(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
             yield Candidate(
                 kind="split",
                 saving=halves * float(prices[after.begin]),
-                edit=edits.split(
-                    track, after.begin, steps, tracks, _other_name(names[track], names)
-                ),
+                edit=split(track, after.begin, steps, tracks, _other_name(names[track], names)),
                 tracks=(track,),
                 begin=step,
             )
@@ -221,7 +218,7 @@ def _dropped(assigned: Assigned, track: int, saving: float) -> Candidate:
     return Candidate(
         kind="drop",
         saving=saving,
-        edit=edits.drop(track),
+        edit=Edit(pieces={track: ()}),
         tracks=(track,),
         begin=int(steps[0]),
         end=int(steps[-1]),
@@ -236,7 +233,7 @@ def _cut(assigned: Assigned, track: int, rows: Ints) -> Candidate:
     return Candidate(
         kind="trim",
         saving=float(side.price[rows].sum()),
-        edit=edits.cut(track, *kept),
+        edit=Edit(pieces={track: (TrackPiece(*kept, track),)}),
         tracks=(track,),
         begin=begin,
         end=end,
@@ -549,7 +546,7 @@ def _with_rows(kind: str, saving: float, made: AddedRows) -> Candidate:
     return Candidate(
         kind=kind,
         saving=saving,
-        edit=edits.add(rows),
+        edit=Edit(added=rows),
         tracks=(int(made.track[0]),),
         begin=int(made.step.min()),
         end=int(made.step.max()),

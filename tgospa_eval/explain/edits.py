@@ -12,6 +12,7 @@ from tgospa_eval.problem.problem import Floats, Ints, Objects
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.warm_start import save_solution
 from tgospa_eval.tracks.attributes import Attributes, chosen, stacked
+from tgospa_eval.tracks.conversion import iso
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 NO_PARTNER = -1
@@ -114,9 +115,6 @@ class Assigned:
             else:
                 found.append(AssignedStretch(truth=truth, estimate=estimate, begin=begin, end=end))
         return found
-
-
-NANOSECONDS = "datetime64[ns]"
 
 
 @dataclass(frozen=True)
@@ -242,38 +240,14 @@ def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np
     times, labels = estimate.times, estimate.labels
     if not shift:
         return times, labels
-    more = np.arange(1, abs(shift) + 1) * median_step(times)
+    apart = np.sort(np.diff(times))
+    median = apart[len(apart) // 2].item() if len(apart) else 1
+    more = np.arange(1, abs(shift) + 1) * median
     fresh = (times[-1] + more if shift > 0 else times[0] - more[::-1]).astype(times.dtype)
     if labels is not None:
-        texts = written(fresh, zoned=estimate.clock == "zoned")
+        texts = np.array([iso(stamp, estimate.clock) for stamp in fresh.tolist()], dtype=object)
         labels = np.concatenate((labels, texts) if shift > 0 else (texts, labels))
     return np.concatenate((times, fresh) if shift > 0 else (fresh, times)), labels
-
-
-def median_step(times: TimeArray) -> int | float:
-    """The median distance of neighbouring stamps, of the kind of the stamps; 1 of a single one."""
-    apart = np.sort(np.diff(times))
-    return apart[len(apart) // 2].item() if len(apart) else 1
-
-
-def written(times: TimeArray, *, zoned: bool) -> NDArray[np.object_]:
-    """Nanoseconds since 1970 as ISO-8601 times, without trailing zeros."""
-    texts = []
-    for text in times.astype(NANOSECONDS).astype(str).tolist():
-        second, _, part = text.partition(".")
-        part = part.rstrip("0")
-        texts.append(second + (f".{part}" if part else "") + ("Z" if zoned else ""))
-    return np.array(texts, dtype=object)
-
-
-def drop(track: int) -> Edit:
-    """Without a track."""
-    return Edit(pieces={track: ()})
-
-
-def cut(track: int, first: int, last: int) -> Edit:
-    """A track from one step to another alone."""
-    return Edit(pieces={track: (TrackPiece(first, last, track),)})
 
 
 def split(track: int, step: int, steps: int, tracks: int, name: str) -> Edit:
@@ -290,13 +264,3 @@ def exchange(first: int, second: int, step: int, steps: int) -> Edit:
             for a, b in ((first, second), (second, first))
         }
     )
-
-
-def merge(track: int, into: int, steps: int) -> Edit:
-    """All rows of a track as rows of another one that has none at the same steps."""
-    return Edit(pieces={k: (TrackPiece(0, steps - 1, into),) for k in (track, into)})
-
-
-def add(rows: AddedRows) -> Edit:
-    """Rows more."""
-    return Edit(added=rows)
