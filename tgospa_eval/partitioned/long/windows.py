@@ -445,14 +445,15 @@ def _warm_start(states: States, task: Window, framed: Framed) -> WarmStart:
         busy=_renumbered(_busy(gains[gains["weight"] > 0]), first, numbers),
     )
     places = _renumbered(load_pieces(pieces, "places", None, PRICE_AT), first, numbers)
-    places = places[np.lexsort((places["step"], places["estimate"]))]
     none = np.zeros(0, np.int64)
     paid = SavedSolution(
-        begin=none,
-        end=none,
+        **dict.fromkeys(("truth", "estimate", "begin", "end"), none),
         weight=np.zeros(0),
-        slot=places["estimate"].astype(np.int64) * states.problem.steps + places["step"],
+        priced=places["estimate"],
+        step=places["step"],
         price=places["price"],
+        estimates=states.problem.estimates,
+        steps=states.problem.steps,
     )
     return WarmStart(
         weights=(hold_runs(states, known) / ONE,),
