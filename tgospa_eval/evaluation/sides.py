@@ -409,7 +409,7 @@ def as_step_weights(given: "StepWeightsLike | None") -> WeightsByTime | None:
     if given is None:
         return None
     if isinstance(given, (str, os.PathLike)):
-        from tgospa_eval.formats.text.step_weights import read_step_weights
+        from tgospa_eval.formats.text.small import read_step_weights
 
         return read_step_weights(os.fspath(given))
     import pandas as pd  # here: files do without

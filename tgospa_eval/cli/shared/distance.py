@@ -75,7 +75,7 @@ def cloud_distance(options: Request) -> "CloudWasserstein":
         The file of a covariance is missing or wrong.
     """
     from tgospa_eval.distances import CloudWasserstein, PairCloudWasserstein
-    from tgospa_eval.formats.text.matrix import read_matrix
+    from tgospa_eval.formats.text.small import read_matrix
 
     inner = options.inner or "euclidean"
     pairwise = options.pairwise
@@ -227,7 +227,7 @@ def _with(distance: Distance, **settings: object) -> Distance:
 
 def _mahalanobis(path: str, decimal: str) -> Distance:
     from tgospa_eval.distances.mahalanobis import Mahalanobis
-    from tgospa_eval.formats.text.matrix import read_matrix
+    from tgospa_eval.formats.text.small import read_matrix
 
     matrix = read_matrix(path, decimal)
     try:

@@ -356,7 +356,7 @@ def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
 def _step_weights(options: Request) -> WeightsByTime | None:
     if options.step_weights is None:
         return None
-    from tgospa_eval.formats.text.step_weights import read_step_weights  # here: few want it
+    from tgospa_eval.formats.text.small import read_step_weights  # here: few want it
 
     return read_step_weights(options.step_weights, options.decimal)
 
