@@ -12,6 +12,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 Floats = NDArray[np.float64]
@@ -257,6 +258,13 @@ class Distance(ABC):
         """What changes the number beside the name, by the names of the options."""
         del columns
         return {}
+
+
+def pair_named(sides: Sides, i: int, j: int, *which: str) -> str:
+    """A row of the truth and one of the estimate, for messages, with what is said `which` it is."""
+    rows = zip(sides, (i, j), which or ("", ""), strict=True)
+    names = (f"id {quoted(side.ids[side.track[row]])}{what}" for side, row, what in rows)
+    return f"{' and '.join(names)} at t {sides[0].shown[sides[0].step[i]]}"
 
 
 def first_fault(wrong: NDArray[np.bool_], values: Floats, name: str, rule: str) -> Fault:
