@@ -420,13 +420,3 @@ def absent(
     also = f"; {', '.join(rest)} must be added" if rest else ""
     also += f": {DETECTIONS}" if "id" in rest else ""
     return f"{lost}; try {ask(headers.option, items)}{also}"
-
-
-def no_class(headers: Headers, options: ReadOptions, *, fixed: bool) -> str:
-    """The message where there are no classes."""
-    option = "--class" if options.classes is not None else options.class_for
-    remedy = f"add it, or map it with {ask(headers.option, ['class=HEADER'])}"
-    return (
-        f"{headers.where}: no column class for {option} (found: {headers.shown}); "
-        f"{'rows of this length have none' if fixed else remedy}"
-    )

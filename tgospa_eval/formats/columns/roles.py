@@ -1,9 +1,8 @@
 """Which column is what: headers to roles."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import field, fields
+from dataclasses import field
 from functools import cached_property, partial
-from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +16,7 @@ from tgospa_eval.formats.columns.headers import (
     Headers,
     Mix,
     absent,
-    no_class,
+    ask,
     parse_columns,
     without_maps,
 )
@@ -138,21 +137,18 @@ class Roles:
         if not clouds and self.weight is not None:
             unused.append(self.headers[self.weight])
         if unused:
-            there = not (self.asked or clouds) and self._any_covariance(unused)
-            way = "; --distance gaussian-wasserstein compares covariances" if there else ""
-            if any(name.casefold() == EXISTENCE for name in unused):
+            folded = {name.casefold() for name in unused}
+            way = ""
+            if not (self.asked or clouds) and any(name.startswith(PREFIXES) for name in folded):
+                entries = {name.casefold() for names in self._covariances() for name in names}
+                if entries & folded:
+                    way = "; --distance gaussian-wasserstein compares covariances"
+            if EXISTENCE in folded:
                 way += "; --existence use takes existence as probabilities"
             yield f"columns not used: {listed(unused)}{way}"
         if self.asked and self.spread is None and not clouds:
             shown = ", ".join([names[0] for names in self._covariances()[:3]])
             yield f"no columns of covariances ({shown}): its states are points"
-
-    def _any_covariance(self, headers: Sequence[str]) -> bool:
-        """Whether any of the headers is that of an entry of the covariance."""
-        alike = {name.casefold() for name in headers if name.casefold().startswith(PREFIXES)}
-        return bool(alike) and any(
-            name.casefold() in alike for names in self._covariances() for name in names
-        )
 
     def _covariances(self) -> list[list[str]]:
         """Headers that the entries of the covariance may have."""
@@ -200,7 +196,12 @@ def find_roles(
     _check_names(names, where)
     mapped, wanted = parse_columns(options.columns)
     if options.boxes:
-        wanted = _box_states(wanted)
+        for name in set(wanted).difference(BOX):
+            raise ConfigError(
+                f"columns: {quoted(name)} is no part of a box; for boxes map left, top, width, "
+                "height"
+            )
+        wanted = BOX
     headers = Headers(names, mapped, options.option, where)
     lacking = without_maps(headers, options)
     mixes = _Mixes(headers)
@@ -211,9 +212,15 @@ def find_roles(
     if identity is None or time is None or not wanted or len(state) < len(wanted):
         fault = absent(headers, (identity, time), found)
         raise InputError(f"{fault}; this format has no other" if fixed else fault)
-    region = _region(mixes, wanted, options)
+    region = {name: mixes.of_region(name, wanted) for name in options.ranges}
     klass = _class_column(headers, options, lacking, fixed=fixed)
-    spread = _spread(headers, wanted, state) if options.covariance else None
+    spread = None
+    if options.covariance:
+        from tgospa_eval.formats.columns.spread import find_spread  # here: most states are points
+
+        namings = _namings(wanted, state, headers)
+        each = (find_spread(naming, headers.find, where) for naming in namings)
+        spread = next(filter(None, each), None)
     weight = None if options.boxes else headers.find(WEIGHT)
     centres = not options.boxes and any(len(mix) > 1 for mix in state)
     sizes = (mixes.box["width"], mixes.box["height"]) if centres or options.boxes else ()
@@ -275,36 +282,28 @@ class _Mixes:
             found = self.headers.find(name)
         return self.box.get(name) if found is None else ((found, 1.0),)
 
+    def of_region(self, name: str, states: Sequence[str]) -> Mix:
+        """A quantity that the filter by region looks at."""
+        mix = self.of(name, states)
+        if mix is None:
+            raise InputError(
+                f"{self.headers.where}: no column {quoted(name)} for --region (found: "
+                f"{self.headers.shown}); name one that both files have"
+            )
+        return mix
+
     def default_states(self) -> tuple[str, ...]:
         """x, y, z as far as they are there, else lat and lon, else the centres of boxes."""
-        return _default_states(self.plainly, lambda: self.plain_box) or _default_states(
-            self.headers.find, lambda: self.box
-        )
-
-
-def _box_states(wanted: Sequence[str]) -> tuple[str, ...]:
-    """The states where these are boxes, unless other columns were asked for."""
-    other = next((name for name in wanted if name not in BOX), None)
-    if other is not None:
-        raise ConfigError(
-            f"columns: {quoted(other)} is no part of a box; for boxes map left, top, width, height"
-        )
-    return BOX
-
-
-def _region(mixes: _Mixes, states: Sequence[str], options: ReadOptions) -> dict[str, Mix]:
-    """What the filter by region looks at."""
-    region = {}
-    for name in options.ranges:
-        mix = mixes.of(name, states)
-        if mix is None:
-            headers = mixes.headers
-            raise InputError(
-                f"{headers.where}: no column {quoted(name)} for --region (found: {headers.shown}); "
-                "name one that both files have"
-            )
-        region[name] = mix
-    return region
+        for find in (self.plainly, self.headers.find):
+            places = [find(name) for name in ("x", "y", "z")]
+            size = places.index(None) if None in places else 3
+            if size:
+                return ("x", "y", "z")[:size]
+            if find("lat") is not None and find("lon") is not None:
+                return ("lat", "lon")
+            if self.plain_box if find is self.plainly else self.box:
+                return ("x", "y")
+        return ()
 
 
 def _class_column(
@@ -315,22 +314,16 @@ def _class_column(
         return None
     klass = headers.find("class")
     if klass is None:
-        fault = no_class(headers, options, fixed=fixed)
+        option = "--class" if options.classes is not None else options.class_for
+        remedy = f"add it, or map it with {ask(headers.option, ['class=HEADER'])}"
+        fault = (
+            f"{headers.where}: no column class for {option} (found: {headers.shown}); "
+            f"{'rows of this length have none' if fixed else remedy}"
+        )
         if options.by_class or "class" not in options.shared:
             raise InputError(fault)
         lacking["class"] = fault
     return klass
-
-
-def _spread(
-    headers: Headers, wanted: tuple[str, ...], state: Sequence[Mix]
-) -> "SpreadColumns | None":
-    """Columns of the covariances, by the first naming of which there are any."""
-    from tgospa_eval.formats.columns.spread import find_spread  # here: most states are points
-
-    namings = _namings(wanted, state, headers)
-    found = (find_spread(naming, headers.find, headers.where) for naming in namings)
-    return next((spread for spread in found if spread), None)
 
 
 def _namings(
@@ -368,18 +361,6 @@ def _box(find: Callable[[str], int | None]) -> dict[str, Mix]:
     return box if len(box) == 4 else {}
 
 
-def _default_states(
-    find: Callable[[str], int | None], box: Callable[[], dict[str, Mix]]
-) -> tuple[str, ...]:
-    places = [find(name) for name in ("x", "y", "z")]
-    size = places.index(None) if None in places else 3
-    if size:
-        return ("x", "y", "z")[:size]
-    if find("lat") is not None and find("lon") is not None:
-        return ("lat", "lon")
-    return ("x", "y") if box() else ()
-
-
 def _check_names(names: list[str], where: str) -> None:
     """Whether these are the headers of columns that are distinct."""
     if 2 * sum(map(is_number, names)) > len(names):
@@ -397,32 +378,3 @@ def _check_names(names: list[str], where: str) -> None:
         if name in seen:
             raise InputError(f"{where}: the header names {quoted(name)} twice; rename one")
         seen.add(name)
-
-
-MOST_HEADERS = 64
-
-_OPTIONS: Callable[[ReadOptions], tuple[object, ...]] = attrgetter(
-    *(field.name for field in fields(ReadOptions) if field.name != "beside")
-)
-"""What roles may depend on: all options but the names of the files."""
-
-_known: dict[tuple[tuple[str, ...], tuple[object, ...]], Roles] = {}
-
-
-def known_roles(header: Sequence[str], options: ReadOptions, where: str) -> Roles:
-    """`find_roles`, of the same header with the same options only once.
-
-    Raises
-    ------
-    InputError, ConfigError
-        As `find_roles`.
-    """
-    key = tuple(header), _OPTIONS(options)
-    if key not in _known:
-        roles = find_roles(header, options, where)
-        if roles.lacking or roles.passed:  # sentences that name the file
-            return roles
-        if len(_known) >= MOST_HEADERS:
-            _known.clear()
-        _known[key] = roles
-    return _known[key]

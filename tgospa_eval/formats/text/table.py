@@ -17,7 +17,7 @@ import numpy as np
 
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.roles import Roles, known_roles
+from tgospa_eval.formats.columns.roles import Roles, find_roles
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.options import ReadOptions
@@ -106,7 +106,7 @@ def header_of(text: str, path: str, options: ReadOptions) -> tuple[list[str], Ro
         try:
             reader = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
             names = [name.strip() for name in next(reader)]
-            roles = known_roles(names, options, where)
+            roles = find_roles(names, options, where)
         except (InputError, csv.Error) as error:
             fault = fault or _explained(error, given, where)
             if not given.lstrip().startswith(COMMENTS):
