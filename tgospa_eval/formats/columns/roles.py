@@ -196,9 +196,10 @@ def find_roles(
     _check_names(names, where)
     mapped, wanted = parse_columns(options.columns)
     if options.boxes:
-        for name in set(wanted).difference(BOX):
+        other = next((name for name in wanted if name not in BOX), None)
+        if other is not None:
             raise ConfigError(
-                f"columns: {quoted(name)} is no part of a box; for boxes map left, top, width, "
+                f"columns: {quoted(other)} is no part of a box; for boxes map left, top, width, "
                 "height"
             )
         wanted = BOX
