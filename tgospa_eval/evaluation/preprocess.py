@@ -127,11 +127,10 @@ def _left(reading: Reading, keep: Flags) -> Reading:
     count = int(np.count_nonzero(~keep))
     if not count:
         return reading
-    whole, rows = reading.trajectories, np.flatnonzero(keep)
-    part = whole.chosen(rows, whole.step[rows], whole.times)
+    rows = np.flatnonzero(keep)
     return replace(
         reading,
-        trajectories=replace(part, labels=whole.labels),
+        trajectories=reading.trajectories.chosen(rows),
         klass=None if reading.klass is None else reading.klass[rows],
         left_out={**reading.left_out, "preprocess": count},
         notices=(*reading.notices, f"{counted(count, 'row')} left out by --preprocess"),
