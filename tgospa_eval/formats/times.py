@@ -39,12 +39,16 @@ class Times:
     text: Sequence[str] | None
 
 
-class TimeError(ValueError):
+class RowError(ValueError):
     """Row `row` is wrong; the message has what is wrong and what would be right."""
 
     def __init__(self, row: int, message: str) -> None:
         super().__init__(message)
         self.row = row
+
+
+class TimeError(RowError):
+    """A time is none."""
 
 
 def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> Times:
