@@ -127,7 +127,6 @@ class Distance(ABC):
 
         Their squares add up to that of the distance; None if there are no such.
         """
-        del pairs, sides
         return None
 
     def slopes(self, pairs: Pairs, sides: Sides) -> Floats:
@@ -155,7 +154,6 @@ class Distance(ABC):
         ConfigError
             No derivative is known.
         """
-        del pairs, sides
         return None
 
     def slopes_between(self, a: Floats, b: Floats) -> Floats:
@@ -166,7 +164,6 @@ class Distance(ABC):
         ConfigError
             No derivative is known.
         """
-        del a, b
         raise ConfigError(f"no derivative is known of the distance {self.name} with these settings")
 
     @property
@@ -176,22 +173,18 @@ class Distance(ABC):
 
     def fitted(self, sides: Sides) -> "Distance":
         """With what settings leave to the data of the run."""
-        del sides
         return self
 
     def prepared(self, sides: Sides, effort: Effort) -> tuple[Sides, "Distance"]:
         """Both sides as they are compared, and the distance that compares those."""
-        del effort
         return sides, self
 
     def horizon(self, sides: Sides, cutoff: float) -> float:
         """The search is for pairs whose `between` is less than this."""
-        del sides
         return cutoff
 
     def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Effort) -> Pairs:
         """Near pairs among those that the search found, where `between` is a bound."""
-        del sides, cutoff, effort
         return pairs
 
     def error(self, dimension: int) -> float:
@@ -199,7 +192,6 @@ class Distance(ABC):
 
         0 where none is known: what is proven then is proven of the distances as they were computed.
         """
-        del dimension
         return 0.0
 
     def last_place(self, sides: Sides) -> float:
@@ -251,12 +243,10 @@ class Distance(ABC):
 
     def fault(self, axes: Floats) -> Fault | None:
         """Which states (d, R) are out of range in a column, the column, and what the first is."""
-        del axes
         return None
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
         """What changes the number beside the name, by the names of the options."""
-        del columns
         return {}
 
 

@@ -228,7 +228,6 @@ class PairMahalanobis(Distance):
         InputError
             The covariance of a pair is singular.
         """
-        del cutoff, effort
         truth, estimate = sides
         i, j = pairs.truth_row, pairs.estimate_row
         d = truth.state.shape[1]
@@ -243,7 +242,6 @@ class PairMahalanobis(Distance):
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
         """The word for it."""
-        del columns
         return {"covariance": "pair"}
 
 

@@ -30,7 +30,6 @@ class Haversine(Distance):
 
     def last_place(self, sides: Sides) -> float:
         """Of angles up to a half turn."""
-        del sides
         return 2.0**-50 * RADIUS
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
@@ -79,7 +78,6 @@ class Haversine(Distance):
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
         """The cutoff, and the rounding of the points: no chord is longer than its arc."""
-        del axes
         return np.full((3, 1), cutoff * (1 + REACH_ROUNDING) + 2.0**-46 * RADIUS)
 
     def fault(self, axes: Floats) -> Fault | None:

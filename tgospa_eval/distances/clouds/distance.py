@@ -135,12 +135,10 @@ class OwnCovariance(CloudPairs):
 
     def horizon(self, sides: Sides, cutoff: float) -> float:
         """Any pair of a step: the distance of means bounds nothing here."""
-        del sides, cutoff
         return np.inf
 
     def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Effort) -> Pairs:
         """Near pairs, bounded by the Mahalanobis distances of their means."""
-        del effort
         truth, estimate = sides
         a, b = truth.clouds, estimate.clouds
         if a is None or b is None or not len(pairs.distance):
@@ -466,7 +464,6 @@ class PairCloudWasserstein(CloudWasserstein):
 
     def fitted(self, sides: Sides) -> "PairCloudWasserstein":
         """As it is: every pair has its own."""
-        del sides
         return self
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:

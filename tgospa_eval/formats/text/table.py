@@ -91,8 +91,9 @@ def header_of(text: str, path: str, options: ReadOptions) -> tuple[list[str], Ro
     header if it is understood as one.
     """
     fault, passed = None, 0
-    for number, given, start in _lines_of(text):
-        line = given
+    for number, found in enumerate(re.finditer(r".*\n?", text), start=1):
+        given = line = found[0].removesuffix("\n")
+        start = found.end()
         if not line.strip():
             continue
         where = f"{path}, line {number}"
@@ -121,16 +122,6 @@ def header_of(text: str, path: str, options: ReadOptions) -> tuple[list[str], Ro
         return names, roles, BLANKS if spaced else delimiter, number + 1, start
     blank = InputError(f"{path}: blank lines only; a set without objects is a header alone")
     raise fault or blank
-
-
-def _lines_of(text: str) -> Iterator[tuple[int, str, int]]:
-    """Number and text of each line, and where the next one begins."""
-    number, start = 0, 0
-    while start < len(text):
-        stop = text.find("\n", start)
-        stop = len(text) if stop < 0 else stop
-        number, line, start = number + 1, text[start:stop], stop + 1
-        yield number, line, start
 
 
 def _explained(error: InputError | csv.Error, line: str, where: str) -> InputError:
