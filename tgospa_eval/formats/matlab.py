@@ -236,7 +236,9 @@ EMPTY = "MATLAB_empty"
 """Attribute of HDF5."""
 
 
-def _variables_of_hdf5(path: str, data: bytes, room: Room) -> dict[str, Variable]:
+@contextmanager
+def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[dict[str, Variable]]:
+    """Variables by name, to be read while the context lasts."""
     try:
         import h5py  # here: the extra may be missing, and other formats do without
     except ModuleNotFoundError:
@@ -249,7 +251,6 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> dict[str, Variable
     access.set_fapl_core(backing_store=False)
     access.set_file_image(data)
     image = os.fsencode(os.path.join(path, "image"))  # must be no file, and none is below one
-    file = h5py.File(h5py.h5f.open(image, h5py.h5f.ACC_RDONLY, access))
 
     def held(group: Any, name: str) -> Any:
         is_here = isinstance(group.get(name, getlink=True), h5py.HardLink)
@@ -289,7 +290,8 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> dict[str, Variable
             len(elements), names_in(next(filled, None)), lambda at: fields(file[elements[at]])
         )
 
-    return {name: variable(name) for name in file if not name.startswith("#")}
+    with h5py.File(h5py.h5f.open(image, h5py.h5f.ACC_RDONLY, access)) as file:
+        yield {name: variable(name) for name in file if not name.startswith("#")}
 
 
 # -------------------------------------------------------------------------------------------------
@@ -358,7 +360,8 @@ def _sets(path: str, data: bytes, limit: float | None) -> "Iterator[_Sets]":
 
     try:
         if data.startswith(MAT_73):
-            yield _Sets(file_of(path), _variables_of_hdf5(path, data, room))
+            with _variables_of_hdf5(path, data, room) as found:
+                yield _Sets(file_of(path), found)
         else:
             yield _Sets(file_of(path), dict(_variables(data, room)))
     except (TgospaError, MemoryError):
