@@ -350,7 +350,7 @@ RARE = (
     *("distances.sphere", "tracks.clouds", "tracks.covariances"),
     *("inspection", "sensors", "regression", "comparison", "partitioned"),
     *("formats.columns.spread", "formats.particles", "formats.text.small", "formats.frames"),
-    *("formats.text.plain", "formats.arrow"),
+    "formats.arrow",
     # Of what writes folders, or other formats than the table.
     *("reports.files", "reports.markup", "reports.html", "reports.terminal", "results.notebook"),
     *("cli.shared.writing", "cli.evaluate.folder", "plots"),

@@ -18,7 +18,7 @@ from tgospa_eval.distances.gating import starts_of_steps
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.options import Flags
-from tgospa_eval.formats.text.plain import IGNORED
+from tgospa_eval.formats.text.table import IGNORED
 from tgospa_eval.tracks.alignment import TimeMatching, align
 
 PEDESTRIAN = "1"

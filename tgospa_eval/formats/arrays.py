@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import BOX, coordinate_names
-from tgospa_eval.formats.columns.roles import find_roles
+from tgospa_eval.formats.columns.headers import BOX, coordinate_names, find_roles
 from tgospa_eval.formats.frames import frame_rows
 from tgospa_eval.formats.loading import TABLE, check_room, unreadable
 from tgospa_eval.formats.options import ReadOptions

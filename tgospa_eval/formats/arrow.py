@@ -8,8 +8,7 @@ from datetime import date
 from typing import TYPE_CHECKING
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import parse_columns
-from tgospa_eval.formats.columns.roles import Roles, find_roles
+from tgospa_eval.formats.columns.headers import Roles, find_roles, parse_columns
 from tgospa_eval.formats.frames import frame_rows
 from tgospa_eval.formats.loading import TABLE, check_parquet, check_room, unreadable
 from tgospa_eval.formats.options import ReadOptions

@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.words import counted, install, more
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
-from tgospa_eval.formats.columns.headers import coordinate_names
-from tgospa_eval.formats.columns.roles import find_roles
+from tgospa_eval.formats.columns.headers import coordinate_names, find_roles
 from tgospa_eval.formats.guess import file_of
 from tgospa_eval.formats.loading import TABLE, check_room, unreadable
 from tgospa_eval.formats.options import ReadOptions

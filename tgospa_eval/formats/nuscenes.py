@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.roles import find_roles
+from tgospa_eval.formats.columns.headers import find_roles
 from tgospa_eval.formats.guess import SAMPLES, is_table_folder
 from tgospa_eval.formats.loading import check_room, load, most_bytes
 from tgospa_eval.formats.options import ReadOptions

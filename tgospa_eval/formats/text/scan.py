@@ -16,7 +16,7 @@ from tgospa_eval.common.compiled import compiled
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.roles import Roles
+from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.fields import Coded, attribute_of, floats
 from tgospa_eval.formats.rows import Rows, blanks, numbered
 from tgospa_eval.formats.times import TimeError, coded_times, remedy_for

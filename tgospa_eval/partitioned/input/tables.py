@@ -17,7 +17,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.arrow import arrow_rows, check_dates, check_types, readable
-from tgospa_eval.formats.columns.roles import Roles, find_roles
+from tgospa_eval.formats.columns.headers import Roles, find_roles
 from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.loading import PACKED_FROM, is_packed, unpacking, unreadable
 from tgospa_eval.formats.options import ReadOptions
