@@ -24,7 +24,7 @@ import csv
 import io
 import itertools
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -96,7 +96,9 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
             tabs, comments = rows_by_tabs(text[start:])
             text, delimiter = text[:start] + tabs, "\t"
             roles = with_comments(roles, comments)
-        odd = _Oddities(path, len(names), marked=any(mark in text for mark in COMMENTS))
+        rule = "the header has {}; give every row one field per column"
+        marked = any(mark in text for mark in COMMENTS)
+        odd = _Oddities(path, len(names), rule, marked=marked)
         fields = gather(tokenise(text, start, delimiter, first, odd), roles, decimal)
         roles = odd.settled(roles)
     return convert(fields, roles, decimal, path, names, name_id)
@@ -232,12 +234,14 @@ class _Oddities:
         The file, for messages.
     width : int
         Number of columns.
+    rule : str
+        What is said of lines of other lengths, with a place for how many more there are.
     marked : bool
         Whether there are marks of comments in the file.
     """
 
-    def __init__(self, path: str, width: int, *, marked: bool) -> None:
-        self.path, self.width, self.is_marked = path, width, marked
+    def __init__(self, path: str, width: int, rule: str, *, marked: bool) -> None:
+        self.path, self.width, self.rule, self.is_marked = path, width, rule, marked
         self.wrong: list[tuple[int, int]] = []
         self.comments: list[tuple[int, int]] = []
         self.marked: int | None = None
@@ -245,7 +249,7 @@ class _Oddities:
 
     def add(self, line: int, fields: list[str]) -> None:
         """A line of another length."""
-        is_comment = fields[0].lstrip().startswith(COMMENTS)
+        is_comment = "".join(fields[:1]).lstrip().startswith(COMMENTS)
         (self.comments if is_comment else self.wrong).append((line, len(fields)))
 
     def watched(self, lines: Ints, columns: Sequence[Sequence[str]]) -> Block:
@@ -271,8 +275,8 @@ class _Oddities:
         if wrong:
             line, found = wrong[0]
             raise InputError(
-                f"{self.path}, line {line}: {counted(found, 'field')}, the header has "
-                f"{self.width}{more(len(wrong))}; give every row one field per column"
+                f"{self.path}, line {line}: {counted(found, 'field')}, "
+                f"{self.rule.format(f'{self.width}{more(len(wrong))}')}"
             )
         if self.marked is None:
             return with_comments(roles, len(self.comments))
@@ -289,7 +293,8 @@ def tokenise(
 ) -> Iterator[Block]:
     """The rows of the table from letter `start` on; lines that are none are told to `odd`."""
     if text.find('"', start) >= 0:
-        yield from _tokenise_slowly(chunks(text, start), delimiter, first_line, odd)
+        rows = _rows_of_csv(chunks(text, start), delimiter, first_line, odd.path)
+        yield from _in_blocks(rows, odd)
         return
     line, width = first_line, odd.width
     others = bytes(set(range(256)) - {ord(delimiter), ord("\n")})
@@ -301,36 +306,42 @@ def tokenise(
             columns = [fields[k::width] for k in range(width)]
             yield odd.watched(np.arange(line, line + count), columns)
         else:
-            yield from _tokenise_slowly([chunk], delimiter, line, odd)
+            yield from _in_blocks(_rows_of_csv([chunk], delimiter, line, odd.path), odd)
         line += count
 
 
-def _tokenise_slowly(
-    parts: Iterable[str], delimiter: str, first_line: int, odd: _Oddities
-) -> Iterator[Block]:
-    """Quotes, blank lines and rows of the wrong length, through the csv module."""
+def _in_blocks(rows: Iterable[tuple[int, list[str]]], odd: _Oddities) -> Iterator[Block]:
+    """Lines with their fields in blocks; those of other lengths are told to `odd`."""
     lines: list[int] = []
-    rows: list[list[str]] = []
+    kept: list[list[str]] = []
+    for line, fields in rows:
+        if len(fields) != odd.width:
+            odd.add(line, fields)
+            continue
+        lines.append(line)
+        kept.append(fields)
+        if len(kept) == ROWS_OF_BLOCK:
+            yield odd.watched(np.array(lines), list(zip(*kept, strict=True)))
+            lines, kept = [], []
+    if kept:
+        yield odd.watched(np.array(lines), list(zip(*kept, strict=True)))
+
+
+def _rows_of_csv(
+    parts: Iterable[str], delimiter: str, first_line: int, path: str
+) -> Iterator[tuple[int, list[str]]]:
+    """Line and fields of each row, quotes and blank lines through the csv module."""
     begin = first_line
     reader = csv.reader(_lines(parts), delimiter=delimiter, strict=True, skipinitialspace=True)
     try:
         for row in reader:
             if row and (len(row) > 1 or row[0].strip()):
-                if len(row) == odd.width:
-                    rows.append(row)
-                    lines.append(begin)
-                else:
-                    odd.add(begin, row)
+                yield begin, row
             begin = first_line + reader.line_num
-            if len(rows) == ROWS_OF_BLOCK:
-                yield odd.watched(np.array(lines), list(zip(*rows, strict=True)))
-                lines, rows = [], []
     except csv.Error as error:
         raise InputError(
-            f"{odd.path}, line {begin}: {error}; close quotes, and double those inside a field"
+            f"{path}, line {begin}: {error}; close quotes, and double those inside a field"
         ) from None
-    if rows:
-        yield odd.watched(np.array(lines), list(zip(*rows, strict=True)))
 
 
 def _lines(parts: Iterable[str]) -> Iterator[str]:
@@ -503,63 +514,26 @@ def _read(
         columns = tuple(wanted.values())
         fields = scanned(data, 1, len(names), delimiter, roles, texts=columns, quotes=False)
     if fields is None:
-        comments: list[int] = []
-        blocks = _blocks(
-            text if whole else decode(data, path), split, len(names), path, first, comments
+        lines = _lines(chunks(text if whole else decode(data, path)))
+        each = (
+            (number, [line] if line.lstrip().startswith(COMMENTS) else split(line))
+            for number, line in enumerate(lines, start=1)
+            if line.strip()
         )
-        fields = gather(blocks, roles, ".", tuple(wanted.values()))
-        roles = with_comments(roles, len(comments))
+        rule = f"line {first} has {{}}; give every row as many"
+        odd = _Oddities(path, len(names), rule, marked=False)
+        fields = gather(_in_blocks(each, odd), roles, ".", tuple(wanted.values()))
+        roles = odd.settled(roles)
     rows = convert(fields, roles, ".", path, names, plain_id)
     return rows, {name: fields.coded[column] for name, column in wanted.items()}
 
 
 def _first_line(text: str) -> tuple[int, str]:
     """The first line that is not blank, and its number."""
-    number = 1
-    for chunk in chunks(text):
-        for line in chunk.split("\n"):
-            if line.strip() and not line.lstrip().startswith(COMMENTS):
-                return number, line
-            number += 1
+    for number, line in enumerate(_lines(chunks(text)), start=1):
+        if line.strip() and not line.lstrip().startswith(COMMENTS):
+            return number, line
     return 1, ""
-
-
-def _blocks(
-    text: str,
-    split: Callable[[str], list[str]],
-    width: int,
-    path: str,
-    first: int,
-    comments: list[int],
-) -> Iterator[Block]:
-    """The lines that are not blank; all must have as many fields as the first.
-
-    Those of comments are noted: no frame begins so.
-    """
-    number = 0
-    wrong: list[tuple[int, int]] = []
-    for chunk in chunks(text):
-        lines: list[int] = []
-        rows: list[list[str]] = []
-        for line in chunk.split("\n"):
-            number += 1
-            if line.lstrip().startswith(COMMENTS):
-                comments.append(number)
-            elif line.strip():
-                fields = split(line)
-                if len(fields) == width:
-                    lines.append(number)
-                    rows.append(fields)
-                else:
-                    wrong.append((number, len(fields)))
-        if rows:
-            yield np.array(lines), list(zip(*rows, strict=True))
-    if wrong:
-        line_number, found = wrong[0]
-        raise InputError(
-            f"{path}, line {line_number}: {counted(found, 'field')}, "
-            f"line {first} has {width}{more(len(wrong))}; give every row as many"
-        )
 
 
 def _refuse_detections(rows: Rows) -> None:
