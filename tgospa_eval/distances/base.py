@@ -98,11 +98,14 @@ class Distance(ABC):
         State columns that it needs, in order; None if any will do.
     defaults : tuple of float
         Cutoff and switch penalty, if the user names none.
+    limits : dict of str to tuple
+        Least and largest value of a column, and both in words.
     """
 
     name: str
     columns: ClassVar[tuple[str, ...] | None] = None
     defaults: ClassVar[tuple[float, float]] = (10.0, 2.0)
+    limits: ClassVar[dict[str, tuple[float, float, str]]] = {}
 
     def __call__(self, a: ArrayLike, b: ArrayLike) -> Floats:
         """Distance along the last axis of `a` and `b`, which broadcast."""
@@ -243,6 +246,12 @@ class Distance(ABC):
 
     def fault(self, axes: Floats) -> Fault | None:
         """Which states (d, R) are out of range in a column, the column, and what the first is."""
+        for name, (low, high, rule) in self.limits.items():
+            values = axes[(self.columns or ()).index(name)]
+            wrong = ~((values >= low) & (values <= high))
+            if wrong.any():
+                first = values[int(np.argmax(wrong))]
+                return wrong, name, f"{first:g}{more(int(np.count_nonzero(wrong)))} must be {rule}"
         return None
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
@@ -255,9 +264,3 @@ def pair_named(sides: Sides, i: int, j: int, *which: str) -> str:
     rows = zip(sides, (i, j), which or ("", ""), strict=True)
     names = (f"id {quoted(side.ids[side.track[row]])}{what}" for side, row, what in rows)
     return f"{' and '.join(names)} at t {sides[0].shown[sides[0].step[i]]}"
-
-
-def first_fault(wrong: NDArray[np.bool_], values: Floats, name: str, rule: str) -> Fault:
-    """The wrong values of a column, the first in words."""
-    first = values[int(np.argmax(wrong))]
-    return wrong, name, f"{first:g}{more(int(np.count_nonzero(wrong)))} {rule}"
