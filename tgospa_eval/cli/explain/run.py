@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from tgospa_eval.api.request import Request, Values
-from tgospa_eval.cli.evaluate.explained import explained
-from tgospa_eval.cli.evaluate.run import evaluate_files
+from tgospa_eval.cli.evaluate.run import evaluate_files, explained
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import check_apart

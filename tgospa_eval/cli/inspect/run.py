@@ -3,8 +3,8 @@
 import os
 
 from tgospa_eval.api.request import Request
+from tgospa_eval.api.settings import make_settings
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import check_apart

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from tgospa_eval._version import __version__
+from tgospa_eval.api.distance import reduction
+from tgospa_eval.api.notices import about
 from tgospa_eval.api.request import Request
-from tgospa_eval.cli.shared.distance import reduction
-from tgospa_eval.cli.shared.notices import about, notifier
+from tgospa_eval.api.settings import Settings, make_settings
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.settings import Settings, make_settings
-from tgospa_eval.cli.shared.streams import emit, print_notice
+from tgospa_eval.cli.shared.streams import emit, notifier, print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import check_apart
 from tgospa_eval.common.config import settings_field
@@ -63,7 +63,7 @@ def associate_files(paths: tuple[str, str], options: Request, output: SensorOpti
         found = associate(
             fitted.alignment.truth,
             fitted.alignment.estimate,
-            cutoff=settings.parameters.cutoff,
+            cutoff=settings.evaluation.parameters.cutoff,
             distance=fitted.distance,
             all_pairs="--cost-matrix" in files,
             effort=effort,
@@ -94,7 +94,7 @@ def _association(found: Association, distance: Distance, settings: Settings) -> 
             "distance": distance.name,
             **distance.settings(columns),
             "columns": list(columns),
-            **settings.time_matching.recorded,
+            **settings.evaluation.time_matching.recorded,
             **settings.recorded,
         },
         "counts": {

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from tgospa_eval.api.request import Request
+from tgospa_eval.api.settings import make_settings
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances.base import DistanceSettings
