@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.roles import Roles
+from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.partitioned.input.runs import (

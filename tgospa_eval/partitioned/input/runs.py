@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.roles import Roles
+from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Numbered, Rows, number_ids
 from tgospa_eval.formats.times import EXACT_BELOW, Times

@@ -16,8 +16,8 @@ from tgospa_eval.common.files import CHUNK, named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.arrow import arrow_rows, check_dates, check_types
-from tgospa_eval.formats.columns.roles import Roles, find_roles
+from tgospa_eval.formats.arrow import arrow_rows, check_dates, check_types, readable
+from tgospa_eval.formats.columns.headers import Roles, find_roles
 from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.loading import PACKED_FROM, is_packed, unpacking, unreadable
 from tgospa_eval.formats.options import ReadOptions
@@ -228,7 +228,7 @@ class ParquetTable:
 
         own = [name for name in columns if name in self.content.schema_arrow.names]
         keys = {key: text for key, text in self.file.keys if key in columns and key not in own}
-        try:
+        with readable(self.file.path, "Parquet"):
             found = self.content.iter_batches(
                 batch_size=DECODED, row_groups=[group], columns=own, use_threads=False
             )
@@ -239,8 +239,6 @@ class ParquetTable:
                     column = pa.DictionaryArray.from_arrays(code, pa.array([text]))
                     table = table.append_column(key, column)
                 yield table.select(columns)
-        except (pa.ArrowException, OSError, ValueError, TypeError) as error:
-            raise unreadable(self.file.path, "Parquet", error) from None
 
     def times(self, group: int, options: ReadOptions) -> Iterator[Times]:
         """The times of a row group, some rows at a time."""
