@@ -100,7 +100,7 @@ class SideSummary:
     Parameters
     ----------
     lacking : dict of str to str
-        As `PartsSide.lacking`.
+        As `Roles.lacking`.
     left_out : dict of str to int
         How many rows take no part, by rule.
     named : set of str
@@ -228,7 +228,7 @@ def _evaluate(
 def _known(side: PartsSide, number: int, blocks: Sequence[Scanned]) -> SideSummary:
     read = [block.read[number] for block in blocks]
     return SideSummary(
-        lacking=side.lacking,
+        lacking=side.roles.lacking,
         left_out=_left_out(side, read),
         named=frozenset(name for block in read for name in block.named),
         taken=sum(one.sums[0] for one in read),

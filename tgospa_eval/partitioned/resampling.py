@@ -8,7 +8,6 @@ is one, so that no block makes more than there is memory for.
 """
 
 import itertools
-import pickle
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -90,7 +89,7 @@ class Resampled:
     def at(self, found: Trajectories, times: Times) -> Trajectories:
         """The states at steps, on the lines between those that were read."""
         own = self._seen(found)
-        before, *after = (pickle.loads(Path(path).read_bytes()) for path in self.around)
+        before, *after = map(_load, self.around)
         made = interpolated(
             self._framed(merged([before, own, *after])),
             self._grid(own),
@@ -218,8 +217,8 @@ def find_edges(task: Edges) -> None:
             found = task.stretches[number].forecast(side)
             seen = side.seen_as(task.request.distance.kinds)
             for last in (False, True):
-                path = folder / f"{number}-{'last' if last else 'first'}"
-                path.write_bytes(pickle.dumps(outermost(seen, last=last)))
+                name = f"{number}-{'last' if last else 'first'}.npz"
+                _save(folder / name, outermost(seen, last=last))
             with (folder / f"{number}.npz").open("wb") as file:
                 np.savez(file, rows=len(side.step), **vars(found))
 
@@ -371,7 +370,7 @@ def _stretch(
         request=request,
         number=role,
         names=(name, "--resample"),
-        around=tuple(f"{folder}-{role}-{where}" for where in ("before", "after")),
+        around=tuple(f"{folder}-{role}-{where}.npz" for where in ("before", "after")),
     )
 
 
@@ -394,7 +393,7 @@ def _carried(tasks: Sequence[Edges], role: int, times: Times, spans: Sequence[En
     held: Trajectories | None = None
     for task, span in zip(tasks, spans, strict=True):
         stretch, folder = task.stretches[role], Path(task.output)
-        first, last = (_load(folder / f"{role}-{name}") for name in ("first", "last"))
+        first, last = (_load(folder / f"{role}-{name}.npz") for name in ("first", "last"))
         with np.load(folder / f"{role}.npz") as found:
             place = _ticks(times, *span)[1]
             own[place] += found["own"]
@@ -414,7 +413,7 @@ def _carried(tasks: Sequence[Edges], role: int, times: Times, spans: Sequence[En
     held = None
     for task, span in zip(tasks[::-1], spans[::-1], strict=True):
         stretch = task.stretches[role]
-        first = _load(Path(task.output) / f"{role}-first")
+        first = _load(Path(task.output) / f"{role}-first.npz")
         held = some(first, NO_ROWS) if held is None else stretch.near(held, span[1])
         _save(stretch.around[1], held)
         held = outermost(merged([first, held]), last=False)
@@ -422,14 +421,21 @@ def _carried(tasks: Sequence[Edges], role: int, times: Times, spans: Sequence[En
     return Made(own=own, between=between, unused=rows - int(own.sum()), gaps=rows - tracks - narrow)
 
 
-def _load(path: Path) -> Trajectories:
-    found: Trajectories = pickle.loads(path.read_bytes())
-    return found
+def _load(path: str | Path) -> Trajectories:
+    with np.load(path) as found:
+        known: dict[str, Any] = dict(found)
+    columns, clock = tuple(known["columns"].tolist()), str(known["clock"])
+    ids = known["ids"].astype(object)
+    return Trajectories(**known | {"ids": ids, "columns": columns, "clock": clock})
 
 
-def _save(path: str, side: Trajectories) -> None:
-    with writing(path) as beside:
-        beside.write_bytes(pickle.dumps(side))
+def _save(path: str | Path, side: Trajectories) -> None:
+    """Write rows without labels and attributes."""
+    known = {name: getattr(side, name) for name in ("step", "track", "state", "times", "clock")}
+    if side.covariance is not None:
+        known["covariance"] = side.covariance
+    with writing(str(path)) as beside, beside.open("wb") as file:
+        np.savez(file, **known, columns=np.array(side.columns), ids=side.ids.astype(np.str_))
 
 
 # -------------------------------------------------------------------------------------------------

@@ -6,7 +6,6 @@ whatever the files are, in which order and however their times overlap.
 
 import hashlib
 import os
-import pickle
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -27,23 +26,15 @@ from tgospa_eval.formats.assemble import (
     only_detections,
     said_of,
 )
+from tgospa_eval.formats.columns.roles import Roles
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import Times
-from tgospa_eval.partitioned.input.index import (
-    Index,
-    IndexSource,
-    Texts,
-    index_tables,
-    index_texts,
-    steps_of,
-    store_steps,
-)
+from tgospa_eval.partitioned.input.index import Texts, index_side, side_roles, steps_of
 from tgospa_eval.partitioned.input.listing import File, check_options, files_of, state_of
 from tgospa_eval.partitioned.input.runs import merged_rows, run_rows
-from tgospa_eval.partitioned.input.tables import Chunk, Span, open_table, rows_of_chunks
-from tgospa_eval.partitioned.tasks import Run, writing
+from tgospa_eval.partitioned.tasks import Run
 from tgospa_eval.tracks.trajectories import Ints, TimeArray, Trajectories
 
 KEY_DIGITS = 16
@@ -58,42 +49,42 @@ class PartsSide:
     ----------
     path : str
         The folder or file.
-    role : {"truth", "estimate"}
-        What it is.
     format : {"parquet", "csv"}
         Of its files.
     options : ReadOptions
         How to read it.
     store : str
         The folder of its index.
-    columns : tuple of str
-        Names of the state columns.
-    clock : {"number", "local", "zoned"}
-        What the times are.
-    rows : int
-        Rows of all files.
-    left_out : dict of str to int
-        How many of them are outside the range of time.
-    headers : dict of str to str
-        Headers of the columns whose names are others.
-    lacking : dict of str to str
-        See `formats.Reading`.
-    notices : tuple of str
-        What the user should know before a block is read.
+    roles : Roles
+        Of the columns of the first file.
     """
 
     path: str
-    role: str
     format: str
     options: ReadOptions
     store: str
-    columns: tuple[str, ...]
-    clock: str
-    rows: int
-    left_out: dict[str, int]
-    headers: dict[str, str]
-    lacking: dict[str, str]
-    notices: tuple[str, ...]
+    roles: Roles
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the state columns."""
+        return self.roles.names
+
+    @property
+    def clock(self) -> str:
+        """What the times are: "number", "local" or "zoned"."""
+        return steps_of(self.store).clock
+
+    @property
+    def rows(self) -> int:
+        """Rows of all files."""
+        return steps_of(self.store).rows
+
+    @property
+    def left_out(self) -> dict[str, int]:
+        """How many of them are outside the range of time."""
+        outside = steps_of(self.store).outside
+        return {"time": outside} if outside else {}
 
     @property
     def times(self) -> TimeArray:
@@ -130,8 +121,8 @@ class PartsSide:
         end = int(np.searchsorted(steps.times, last, side="right"))
         if begin >= end:
             return Reading(trajectories=self._nothing(), rows=0, format=self.format)
-        span = steps.raw[begin].item(), steps.raw[end - 1].item()
-        rows = merged_rows(self.path, list(self._parts(span)))
+        found_rows = self._parts(steps.raw[begin].item(), steps.raw[end - 1].item())
+        rows = merged_rows(self.path, list(found_rows))
         value = cast(TimeArray, rows.times.value.astype(steps.raw.dtype, copy=False))
         if steps.converted:
             value = steps.times[np.searchsorted(steps.raw, value)]
@@ -174,13 +165,15 @@ class PartsSide:
         """
         which = self.options.on_duplicate
         rules = (*RULES_SAID, "duplicate")
-        notices: list[str] = []
+        notices = [*self.roles.notices(clouds=False), *([CENTRES] if self.roles.centres else ())]
+        if self.options.classes is not None and self.roles.klass is None:
+            notices.append(NO_CLASSES)
         for rule in rules:
             if rule in left_out:
                 notices.append(said_of(rule, left_out[rule], which))
-            if rule == "class" and "class" not in self.lacking:
+            if rule == "class" and "class" not in self.roles.lacking:
                 notices += class_notices(self.options, classes, whole=False)
-        return (*self.notices, *notices)
+        return tuple(notices)
 
     def check_ids(self, ids: NDArray[np.str_]) -> None:
         """Whether the ids of all blocks are those of tracks.
@@ -194,21 +187,14 @@ class PartsSide:
         if only == "-1" and self.rows > 1 and self.options.on_duplicate == "error":
             raise InputError(only_detections(self.path))
 
-    def _parts(self, span: Span) -> Iterator[Rows]:
-        """Rows of the files in a range of time, in the order of the files."""
+    def _parts(self, low: int | float, high: int | float) -> Iterator[Rows]:
+        """Rows of the runs in a range of time, in the order of the files."""
         steps = steps_of(self.store)
-        low, high = span
-        chosen = np.flatnonzero((steps.lows <= high) & (steps.highs >= low)).tolist()
-        chunks: list[Chunk] = []
-        for unit in (steps.units[k] for k in chosen):
-            if unit.piece is None:
-                rows = run_rows(unit.folder, span, steps.roles, self.options)
-                if rows is not None:
-                    yield rows
-                continue
-            table = open_table(unit.piece.file, self.options)
-            chunks += table.chunks(unit.piece.begin, self.options, span)
-        yield from rows_of_chunks(chunks, self.options)
+        first, last = steps.ends.T
+        for k in np.flatnonzero((first <= high) & (last >= low)).tolist():
+            rows = run_rows(steps.runs[k], (low, high), self.roles, self.options)
+            if rows is not None:
+                yield rows
 
     def _nothing(self) -> Trajectories:
         return Trajectories(
@@ -259,15 +245,17 @@ def open_side(
     check_options(name, options)
     format, files = files_of(name)
     store = work.absolute() / f"{role}-{_key(format, files, options, rows_together)}"
-    opened = store / "side"
-    if not opened.exists():
-        source = IndexSource(files=files, options=options, store=store, rows_together=rows_together)
-        index = (index_texts if format == "csv" else index_tables)(source, run)
-        side = _stored(index, options, store, name, role, format)
-        with writing(str(opened)) as beside:
-            beside.write_bytes(pickle.dumps(side))
-    found: PartsSide = pickle.loads(opened.read_bytes())
-    return replace(found, path=name, options=options, store=str(store))
+    if not (store / "steps").exists():
+        index_side(
+            format, files, options, store=store, rows_together=rows_together, name=name, run=run
+        )
+    return PartsSide(
+        path=name,
+        format=format,
+        options=options,
+        store=str(store),
+        roles=side_roles(format, files[0], options),
+    )
 
 
 def _key(format: str, files: Sequence[File], options: ReadOptions, rows_together: int) -> str:
@@ -279,31 +267,6 @@ def _key(format: str, files: Sequence[File], options: ReadOptions, rows_together
     asked = {key: vars(options)[key] for key in vars(options) if key not in ("fault", "beside")}
     sha.update(repr(asked).encode("utf-8", "surrogateescape"))
     return sha.hexdigest()[:KEY_DIGITS]
-
-
-def _stored(
-    index: Index, options: ReadOptions, store: Path, name: str, role: str, format: str
-) -> PartsSide:
-    """The side of an index, which is written."""
-    roles = index.roles
-    outside = store_steps(index, options, store, name)
-    notices = [*roles.notices(clouds=False), *([CENTRES] if roles.centres else ())]
-    if options.classes is not None and roles.klass is None:
-        notices.append(NO_CLASSES)
-    return PartsSide(
-        path=name,
-        role=role,
-        format=format,
-        options=options,
-        store=str(store),
-        columns=roles.names,
-        clock=index.moments.clock,
-        rows=int(index.moments.count.sum()),
-        left_out={"time": outside} if outside else {},
-        headers=roles.called,
-        lacking=roles.lacking,
-        notices=tuple(notices),
-    )
 
 
 def _settled(options: ReadOptions) -> ReadOptions:

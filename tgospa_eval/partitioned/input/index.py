@@ -1,6 +1,6 @@
-"""What a side has and where: its times, the rows at each, and the units that blocks are read of."""
+"""What a side has and where: its times, the rows at each, and the runs that blocks are read of."""
 
-import pickle
+import json
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -15,24 +15,16 @@ from tgospa_eval.formats.columns.roles import Roles
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.partitioned.input.runs import (
-    FilePiece,
     Moments,
     RunsTask,
     merged_moments,
-    moments_of,
+    run_moments,
     write_runs,
 )
-from tgospa_eval.partitioned.input.tables import ParquetTable, open_table, read_head, size_of
+from tgospa_eval.partitioned.input.tables import FilePiece, open_table, read_head, size_of
 from tgospa_eval.partitioned.tasks import Run, writing
 from tgospa_eval.text import listed
 from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray
-
-TIMES_TOGETHER = 1 << 24
-"""Rows whose times are one task."""
-
-REREAD = 4
-"""Times that each row may be decoded, on average, before the side is sorted into runs instead."""
-
 
 BYTES_OF_LINE = 32
 """Of a text, about: less, and there are more runs; more, and they are larger."""
@@ -44,89 +36,33 @@ PACKED_TO = 8
 """Times its size to which a compressed text unpacks, about."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Unit:
-    """What blocks are read of: a row group, or a run.
+def side_roles(format: str, file: File, options: ReadOptions) -> Roles:
+    """Which column is what in a file.
 
-    Parameters
-    ----------
-    low, high : int or float
-        Its first and its last time, as the files have them.
-    rows : int
-        Its rows.
-    piece : FilePiece, optional
-        The row group; else it is a run.
-    folder : str
-        Of the run.
+    Raises
+    ------
+    InputError
+        It is damaged, or lacks columns.
     """
-
-    low: int | float
-    high: int | float
-    rows: int
-    piece: FilePiece | None = None
-    folder: str = ""
+    return read_head(file, options).roles if format == "csv" else open_table(file, options)[2]
 
 
-@dataclass(frozen=True, kw_only=True)
-class TimesTask:
-    """Write the distinct times of some row groups of a file.
-
-    Parameters
-    ----------
-    file : File
-        Which.
-    begin, end : int
-        Row groups.
-    options : ReadOptions
-        How to read it.
-    output : str
-        The file to write.
-    """
-
-    file: File
-    begin: int
-    end: int
-    options: ReadOptions
-    output: str
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Index:
-    """What a side has and where.
+def index_side(
+    format: str,
+    files: Sequence[File],
+    options: ReadOptions,
+    *,
+    store: Path,
+    rows_together: int,
+    name: str,
+    run: Run[Any],
+) -> None:
+    """Sort the rows of all files into runs, and write which steps there are.
 
     Parameters
     ----------
-    units : list of Unit
-        In the order of the files.
-    moments : Moments
-        All times.
-    roles : Roles
-        Of the columns of the first file.
-    """
-
-    units: list[Unit]
-    moments: Moments
-    roles: Roles
-
-
-def write_times(task: TimesTask) -> None:
-    """Do a task."""
-    table = open_table(task.file, task.options)
-    path = task.file.path
-    found = [
-        merged_moments(moments_of(times, path) for times in table.times(group, task.options))
-        for group in range(task.begin, task.end)
-    ]
-    with writing(task.output) as beside:
-        beside.write_bytes(pickle.dumps(found))
-
-
-@dataclass(frozen=True, kw_only=True)
-class IndexSource:
-    """What an index is made of.
-
-    Parameters
-    ----------
+    format : {"csv", "parquet"}
+        Of the files.
     files : sequence of File
         In order.
     options : ReadOptions
@@ -135,52 +71,90 @@ class IndexSource:
         The folder of the index.
     rows_together : int
         Rows of the blocks that will be read, about.
-    """
-
-    files: Sequence[File]
-    options: ReadOptions
-    store: Path
-    rows_together: int
-
-
-def index_tables(source: IndexSource, run: Run[Any]) -> Index:
-    """The index of Parquet files, which are sorted into runs if blocks would read them too often.
+    name : str
+        Of the side, for messages.
+    run : callable
+        Does tasks, as `partitioned.tasks.run_tasks`.
 
     Raises
     ------
     InputError
-        A file is damaged, or has other columns than the first.
+        A row is wrong, a file is damaged, or has other columns than the first.
+    ConfigError
+        Times cannot be converted, or are of another kind than --time.
     """
-    options = source.options
-    tasks: list[TimesTask] = []
-    first = open_table(source.files[0], options)
-    for number, file in enumerate(source.files):
-        table = open_table(file, options)
-        check_alike(table.roles, first.roles, file, first.file)
-        tasks += _tasks_of(table, options, str(source.store / "times" / f"{number:06}"))
-    run(write_times, tasks)
-    units: list[Unit] = []
-    whole = merged_moments(_gathered(tasks, units))
-    if _decoded(units, whole, source.rows_together) <= REREAD * whole.count.sum():
-        return Index(units=units, moments=whole, roles=first.roles)
-    pieces = [(unit.piece, unit.rows) for unit in units if unit.piece is not None]
-    return _sorted(pieces, first.roles, source, run)
+    pieces = (text_pieces if format == "csv" else table_pieces)(files, options, rows_together)
+    tasks: list[RunsTask] = []
+    waiting: list[FilePiece] = []
+    rows = 0
+    for number, (piece, count) in enumerate(pieces, 1):
+        waiting.append(piece)
+        rows += count
+        if rows >= rows_together or number == len(pieces):
+            tasks.append(
+                RunsTask(
+                    pieces=tuple(waiting),
+                    options=options,
+                    rows=rows_together,
+                    output=str(store / "runs" / f"{len(tasks):06}"),
+                )
+            )
+            waiting, rows = [], 0
+    run(write_runs, tasks)
+    runs = [
+        folder
+        for task in tasks
+        for folder in sorted(Path(task.output).iterdir(), key=lambda path: int(path.name))
+    ]
+    ends: list[tuple[int | float, int | float]] = []
+
+    def gathered() -> Iterator[Moments]:
+        for folder in runs:
+            found = run_moments(folder)
+            ends.append((found.value[0].item(), found.value[-1].item()))
+            yield found
+
+    moments = merged_moments(gathered())
+    with writing(str(store / "steps")) as folder:
+        folder.mkdir()
+        known = {
+            "runs": [str(run.relative_to(store)) for run in runs],
+            "ends": ends,
+            "clock": moments.clock,
+            "rows": int(moments.count.sum()),
+            **_save_steps(moments, options, folder, name),
+        }
+        (folder / "index.json").write_text(json.dumps(known), encoding="utf-8")
 
 
-def index_texts(source: IndexSource, run: Run[Any]) -> Index:
-    """The index of CSV files, whose rows are read once and sorted into runs.
+def table_pieces(
+    files: Sequence[File],
+    options: ReadOptions,
+    rows_together: int,  # noqa: ARG001  (as `text_pieces`)
+) -> list[tuple[FilePiece, int]]:
+    """The row groups of Parquet files that have rows, and how many."""
+    pieces = []
+    first = side_roles("parquet", files[0], options)
+    for file in files:
+        content, _, roles = open_table(file, options)
+        check_alike(roles, first, file, files[0])
+        for group in range(content.metadata.num_row_groups):
+            if rows := content.metadata.row_group(group).num_rows:
+                piece = FilePiece(file=file, begin=group, end=group + 1, text=False)
+                pieces.append((piece, rows))
+    return pieces
 
-    Raises
-    ------
-    InputError
-        A row is wrong, or a file has other columns than the first.
-    """
-    size = min(max(source.rows_together * BYTES_OF_LINE, LEAST_TEXT), MOST_TEXT)
-    first = read_head(source.files[0], source.options)
-    pieces: list[tuple[FilePiece, int]] = []
-    for file in source.files:
-        head = read_head(file, source.options)
-        check_alike(head.roles, first.roles, file, source.files[0])
+
+def text_pieces(
+    files: Sequence[File], options: ReadOptions, rows_together: int
+) -> list[tuple[FilePiece, int]]:
+    """Stretches of CSV files, and about how many rows each has."""
+    size = min(max(rows_together * BYTES_OF_LINE, LEAST_TEXT), MOST_TEXT)
+    pieces = []
+    first = side_roles("csv", files[0], options)
+    for file in files:
+        head = read_head(file, options)
+        check_alike(head.roles, first, file, files[0])
         whole = size_of(file)
         if head.packed:
             piece = FilePiece(file=file, begin=0, end=size, text=True)
@@ -190,88 +164,7 @@ def index_texts(source: IndexSource, run: Run[Any]) -> Index:
             end = min(begin + size, whole)
             piece = FilePiece(file=file, begin=begin, end=end, text=True)
             pieces.append((piece, (end - begin) // BYTES_OF_LINE))
-    return _sorted(pieces, first.roles, source, run)
-
-
-def _tasks_of(table: ParquetTable, options: ReadOptions, output: str) -> Iterator[TimesTask]:
-    """Tasks for the row groups of a file, several in each."""
-    groups = table.groups
-    begin = together = 0
-    for group, count in enumerate(groups):
-        together += count
-        if together >= TIMES_TOGETHER or group == len(groups) - 1:
-            yield TimesTask(
-                file=table.file,
-                begin=begin,
-                end=group + 1,
-                options=options,
-                output=f"{output}-{begin:06}",
-            )
-            begin, together = group + 1, 0
-
-
-def _gathered(tasks: Sequence[TimesTask], units: list[Unit]) -> Iterator[Moments]:
-    """The times of all row groups that have some, and a unit for each."""
-    for task in tasks:
-        found = pickle.loads(Path(task.output).read_bytes())
-        for group, moments in zip(range(task.begin, task.end), found, strict=True):
-            if len(moments.value):
-                piece = FilePiece(file=task.file, begin=group, end=group + 1)
-                units.append(_unit(moments, piece=piece))
-                yield moments
-
-
-def _unit(moments: Moments, piece: FilePiece | None = None, folder: str = "") -> Unit:
-    return Unit(
-        low=moments.value[0].item(),
-        high=moments.value[-1].item(),
-        rows=int(moments.count.sum()),
-        piece=piece,
-        folder=folder,
-    )
-
-
-def _decoded(units: Sequence[Unit], whole: Moments, rows_together: int) -> int:
-    """Rows that are decoded if blocks of so many rows are read from these units."""
-    if not units:
-        return 0
-    block = (np.cumsum(whole.count) - 1) // rows_together
-    first = block[np.searchsorted(whole.value, [unit.low for unit in units])]
-    last = block[np.searchsorted(whole.value, [unit.high for unit in units])]
-    return int(((last - first + 1) * [unit.rows for unit in units]).sum())
-
-
-def _sorted(
-    pieces: Sequence[tuple[FilePiece, int]], roles: Roles, source: IndexSource, run: Run[Any]
-) -> Index:
-    """The index of pieces, with their rows or an estimate of them, after they became runs."""
-    tasks: list[RunsTask] = []
-    waiting: list[FilePiece] = []
-    rows = 0
-    for number, (piece, count) in enumerate(pieces, 1):
-        waiting.append(piece)
-        rows += count
-        if rows >= source.rows_together or number == len(pieces):
-            tasks.append(
-                RunsTask(
-                    pieces=tuple(waiting),
-                    options=source.options,
-                    rows=source.rows_together,
-                    output=str(source.store / "runs" / f"{len(tasks):06}"),
-                )
-            )
-            waiting, rows = [], 0
-    run(write_runs, tasks)
-    units: list[Unit] = []
-
-    def gathered() -> Iterator[Moments]:
-        for task in tasks:
-            found = pickle.loads(Path(task.output, "moments").read_bytes())
-            for k, moments in enumerate(found):
-                units.append(_unit(moments, folder=str(Path(task.output, str(k)))))
-                yield moments
-
-    return Index(moments=merged_moments(gathered()), units=units, roles=roles)
+    return pieces
 
 
 def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> None:
@@ -297,10 +190,6 @@ def columns_in_use(roles: Roles) -> list[str]:
     return [roles.headers[column] for column in (*columns, *roles.numbers)]
 
 
-# -------------------------------------------------------------------------------------------------
-# The index of a side, stored: its steps, and the units that blocks are read of.
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideSteps:
     """Steps of a side within the range of time that is asked for, and what they are read of.
@@ -317,12 +206,16 @@ class SideSteps:
         Likewise as they were read, if they are shown otherwise.
     converted : bool
         Whether `times` are others than `raw`.
-    units : list of Unit
-        In the order of the files.
-    lows, highs : (U,) arrays
-        First and last time of each.
-    roles : Roles
-        Of the columns of the first file.
+    clock : {"number", "local", "zoned"}
+        What the times are.
+    rows : int
+        Rows of all files.
+    outside : int
+        How many of them --time leaves out.
+    runs : list of str
+        Folders of the rows.
+    ends : (N, 2) array
+        First and last time of each, as the files have them.
     """
 
     raw: TimeArray
@@ -331,10 +224,11 @@ class SideSteps:
     labels: NDArray[np.bytes_] | None
     texts: NDArray[np.bytes_] | None
     converted: bool
-    units: list[Unit]
-    lows: Floats | Ints
-    highs: Floats | Ints
-    roles: Roles
+    clock: str
+    rows: int
+    outside: int
+    runs: list[str]
+    ends: Floats | Ints
 
     @property
     def shown(self) -> "Texts | TimeArray":
@@ -371,15 +265,10 @@ class Texts(Sequence[str]):
         return text.decode()
 
 
-def store_steps(index: Index, options: ReadOptions, store: Path, name: str) -> int:
-    """Write the steps of a side into a folder; the answer is how many rows --time leaves out.
-
-    Raises
-    ------
-    ConfigError
-        Times cannot be converted, or are of another kind than --time.
-    """
-    moments = index.moments
+def _save_steps(
+    moments: Moments, options: ReadOptions, folder: Path, name: str
+) -> dict[str, int | bool]:
+    """Write the steps of a side into a folder; what else is to be known of them."""
     labels = None
     if moments.label is not None:
         labels = np.empty(len(moments.label), dtype=object)
@@ -398,36 +287,20 @@ def store_steps(index: Index, options: ReadOptions, store: Path, name: str) -> i
         kept["labels"] = np.array(texts, dtype=np.bytes_)
         if times is not moments.value:
             kept["texts"] = moments.label[inside]
-    store.mkdir(parents=True, exist_ok=True)
     for key, array in kept.items():
-        np.save(store / f"{key}.npy", array)
-    (store / "units").write_bytes(
-        pickle.dumps((index.units, index.roles, times is not moments.value))
-    )
-    return int(moments.count[~inside].sum())
+        np.save(folder / f"{key}.npy", array)
+    return {"outside": int(moments.count[~inside].sum()), "converted": times is not moments.value}
 
 
 @lru_cache(maxsize=4)
 def steps_of(store: str) -> SideSteps:
-    """What `store_steps` wrote; arrays stay in their files."""
-    folder = Path(store)
-    units, roles, converted = pickle.loads((folder / "units").read_bytes())
-    arrays = {
-        key: np.load(folder / f"{key}.npy", mmap_mode="r") for key in ("raw", "times", "counts")
+    """What `index_side` wrote; arrays stay in their files."""
+    folder = Path(store, "steps")
+    known = json.loads((folder / "index.json").read_text(encoding="utf-8"))
+    known["runs"] = [str(Path(store, run)) for run in known["runs"]]
+    known["ends"] = np.array(known["ends"]).reshape(-1, 2)
+    paths = {key: folder / f"{key}.npy" for key in ("raw", "times", "counts", "labels", "texts")}
+    arrays: dict[str, Any] = {
+        key: np.load(path, mmap_mode="r") if path.exists() else None for key, path in paths.items()
     }
-
-    def texts(key: str) -> NDArray[np.bytes_] | None:
-        path = folder / f"{key}.npy"
-        found: NDArray[np.bytes_] | None = np.load(path, mmap_mode="r") if path.exists() else None
-        return found
-
-    return SideSteps(
-        **arrays,
-        labels=texts("labels"),
-        texts=texts("texts"),
-        converted=converted,
-        units=units,
-        lows=np.array([unit.low for unit in units]),
-        highs=np.array([unit.high for unit in units]),
-        roles=roles,
-    )
+    return SideSteps(**known, **arrays)
