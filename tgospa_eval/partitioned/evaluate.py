@@ -27,11 +27,11 @@ from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.input.digests import changed_file
 from tgospa_eval.partitioned.input.listing import stored
-from tgospa_eval.partitioned.resampling import Found, Resampling, clock_of, find_steps
 from tgospa_eval.partitioned.run import Evaluated, PartsPlan, evaluate_parts, rows_together
 from tgospa_eval.partitioned.sample import look
 from tgospa_eval.partitioned.scan import Read, Scanned
 from tgospa_eval.partitioned.sides import PartsSide, open_side
+from tgospa_eval.partitioned.steps import Found, Resampling, clock_of, find_steps
 from tgospa_eval.partitioned.tables import Naming, TrackSums, write_tables
 from tgospa_eval.partitioned.tasks import Stages, run_tasks
 from tgospa_eval.problem.compiled import KERNEL

@@ -1,7 +1,7 @@
 """The line of a partitioned evaluation: scan, components, shuffle, solve, add up."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from functools import partial
 from pathlib import Path
@@ -17,11 +17,11 @@ from tgospa_eval.partitioned.add_up import EvaluationSums, add_up
 from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
 from tgospa_eval.partitioned.long.component import Long
 from tgospa_eval.partitioned.long.run import solve_long
-from tgospa_eval.partitioned.scan import Block, Scanned, constants, scan
-from tgospa_eval.partitioned.shards import Shard, Sort, long_name, solve_shard, sort_entries
+from tgospa_eval.partitioned.scan import Scanned, constants, scan
+from tgospa_eval.partitioned.shards import long_name, solve_shard, sort_entries
 from tgospa_eval.partitioned.share import PartialSums
-from tgospa_eval.partitioned.stretches import BlockPiece, BlockPlan
-from tgospa_eval.partitioned.tasks import Stages, T, run_tasks
+from tgospa_eval.partitioned.steps import BlockPlan
+from tgospa_eval.partitioned.tasks import Stages, Task, run_tasks
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.alignment import Times
@@ -78,23 +78,10 @@ class PartsPlan:
     engine: Engine | None = None
     look: Callable[[Sequence[Scanned]], None] = lambda blocks: None  # noqa: ARG005
 
-    def block(self, piece: BlockPiece, number: int = 0) -> Block:
-        """The task to scan a piece."""
-        return Block(
-            output=str(self.work / SCANNED / f"{number:08d}"),
-            stretches=piece.stretches,
-            times=self.times[piece.low : piece.high],
-            first=piece.low,
-            told=piece.told,
-            request=self.request,
-            names=self.names,
-        )
-
     def run(
         self,
         name: str,
-        function: Callable[[T], None],
-        tasks: Sequence[T],
+        tasks: Mapping[str, Task],
         amounts: Sequence[float] | None = None,
         share_of: Callable[[str], PartialSums | None] = lambda output: None,  # noqa: ARG005
     ) -> None:
@@ -104,10 +91,8 @@ class PartsPlan:
         ----------
         name : str
             What is done in it, in a word.
-        function : callable
-            Does one.
-        tasks : sequence of PartsTask
-            In the order in which to begin.
+        tasks : mapping of str to Task
+            By their outputs, in the order in which to begin.
         amounts : sequence of float, optional
             How much work each is, in entries.
         share_of : callable
@@ -116,14 +101,8 @@ class PartsPlan:
         each = amounts or [1.0] * len(tasks)
         if isinstance(self.engine, Standing) and len(tasks) > 1 and max(amounts or [0]) > HEAVY:
             self.engine.patience = 0.0
-        outputs = [task.output for task in tasks]
-        self.stages.stage(name, dict(zip(outputs, each, strict=True)))
-        run_tasks(
-            function,
-            tasks,
-            self.engine,
-            lambda output: self.stages.done(output, share_of(output)),
-        )
+        self.stages.stage(name, dict(zip(tasks, each, strict=True)))
+        run_tasks(tasks, self.engine, lambda output: self.stages.done(output, share_of(output)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -207,10 +186,18 @@ def evaluate_parts(plan: PartsPlan, stopwatch: Stopwatch | None = None) -> Evalu
 
 def _scan(plan: PartsPlan) -> list[Path]:
     """Blocks of whole steps with so many rows as fit; each time of a side is in one of them."""
-    pieces = plan.cut.pieces(rows_together(plan.memory))
-    tasks = [plan.block(piece, number) for number, piece in enumerate(pieces)]
-    plan.run("searching near pairs", scan, tasks)
-    return [Path(task.output) for task in tasks]
+    tasks: dict[str, Task] = {
+        str(plan.work / SCANNED / f"{number:08d}"): partial(
+            scan,
+            piece=piece,
+            times=plan.times[piece.low : piece.high],
+            request=plan.request,
+            names=plan.names,
+        )
+        for number, piece in enumerate(plan.cut.pieces(rows_together(plan.memory)))
+    }
+    plan.run("searching near pairs", tasks)
+    return list(map(Path, tasks))
 
 
 def _shuffle(
@@ -220,50 +207,50 @@ def _shuffle(
     tracks: tuple[Tracks, Tracks],
     shards: Shards,
 ) -> tuple[str, ...]:
-    tasks = [
-        Sort(
-            output=str(plan.work / "sorted" / folder.name),
+    tasks: dict[str, Task] = {
+        str(plan.work / "sorted" / folder.name): partial(
+            sort_entries,
             scanned=str(folder),
             numbers=(tracks[0].numbers[k], tracks[1].numbers[k]),
-            shard=shards.of_truth[tracks[0].numbers[k]],
+            shard_of_truth=shards.of_truth[tracks[0].numbers[k]],
             long=shards.long,
         )
         for k, folder in enumerate(scanned)
         if blocks[k].near
-    ]
-    plan.run("sorting near pairs", sort_entries, tasks)
-    return tuple(task.output for task in tasks)
+    }
+    plan.run("sorting near pairs", tasks)
+    return tuple(tasks)
 
 
 def _solve(plan: PartsPlan, folders: tuple[str, ...], shards: Shards) -> list[Path]:
     """Folders with what the shards contribute, those of long components last."""
-    solver = plan.request.solver
+    solver, parameters = plan.request.solver, plan.request.parameters
     assert isinstance(solver, Certified)
     end = None if solver.time_limit is None else time.time() + solver.time_limit
-    tasks = [
-        Shard(
-            output=str(plan.work / "shards" / f"{number:06d}"),
-            sorted=folders,
-            number=number,
-            parameters=plan.request.parameters,
+    short = np.flatnonzero(~shards.long)
+    found = [plan.work / "shards" / f"{number:06d}" for number in short.tolist()]
+    largest = np.argsort(-shards.entries[short], kind="stable").tolist()
+    tasks: dict[str, Task] = {
+        str(found[k]): partial(
+            solve_shard,
+            folders=folders,
+            number=int(short[k]),
+            parameters=parameters,
             solver=solver,
             end=end,
         )
-        for number in np.flatnonzero(~shards.long).tolist()
-    ]
-    found = [Path(task.output) for task in tasks]
-    tasks.sort(key=lambda task: -int(shards.entries[task.number]))
+        for k in largest
+    }
     plan.run(
         "solving",
-        solve_shard,
         tasks,
-        [float(shards.entries[task.number]) for task in tasks],
+        shards.entries[short[largest]].astype(float).tolist(),
         lambda output: PartialSums.load(Path(output) / "share.npz"),
     )
     for number in np.flatnonzero(shards.long).tolist():
         component = Long(
             entries=tuple(str(Path(folder) / long_name(number)) for folder in folders),
-            parameters=plan.request.parameters,
+            parameters=parameters,
             work=str(plan.work / "long" / f"{number:06d}"),
             gap=solver.gap,
             together=most_entries(plan.memory),

@@ -1,6 +1,7 @@
 """What looks wrong with two sides, judged by a stretch of them that fits into memory."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
 from tgospa_eval.evaluation.prepare import fit
 from tgospa_eval.partitioned.run import PartsPlan
+from tgospa_eval.partitioned.scan import placed
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.tracks.alignment import Alignment
 
@@ -34,8 +36,9 @@ def look(plan: PartsPlan, grid: Alignment) -> list[Notice]:
     last = piece.high - 1
     truth, estimate = (stretch.read().trajectories for stretch in piece.stretches)
     # Of their own stamps what is wrong with clocks is seen.
-    placed = plan.block(piece).placed if request.time_matching.decided else None
-    sides = fit(truth, estimate, request, plan.names, placed)
+    at_steps = partial(placed, piece, plan.times[piece.low : piece.high])
+    decided = request.time_matching.decided
+    sides = fit(truth, estimate, request, plan.names, at_steps if decided else None)
     found = diagnose(sides, request)
     shown = grid.truth.shown
     return notices + [

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.partitioned.share import ENTRY, PartialSums
 from tgospa_eval.partitioned.tasks import left_until, writing
@@ -20,9 +19,15 @@ from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers.certified import Certified
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Sort:
-    """The task to sort the entries of a block by shard.
+def sort_entries(
+    output: str,
+    *,
+    scanned: str,
+    numbers: tuple[Ints, Ints],
+    shard_of_truth: Ints,
+    long: NDArray[np.bool_],
+) -> None:
+    """Write the entries of a block with global numbers, by shard and then by time.
 
     Parameters
     ----------
@@ -32,35 +37,25 @@ class Sort:
         That of the block.
     numbers : pair of int arrays
         Global numbers of its truths and estimates.
-    shard : (k,) int array
+    shard_of_truth : (k,) int array
         Shard of each of its truths.
     long : (N,) bool array
         Which shards are a long component, with a file of its own; these are the first.
     """
-
-    output: str
-    scanned: str
-    numbers: tuple[Ints, Ints]
-    shard: Ints
-    long: NDArray[np.bool_]
-
-
-def sort_entries(task: Sort) -> None:
-    """Write the entries of a block with global numbers, by shard and then by time."""
-    entry = np.load(Path(task.scanned) / "entries.npy")
-    shard = task.shard[entry["truth"]]
-    entry["truth"] = task.numbers[0][entry["truth"]]
-    entry["estimate"] = task.numbers[1][entry["estimate"]]
+    entry = np.load(Path(scanned) / "entries.npy")
+    shard = shard_of_truth[entry["truth"]]
+    entry["truth"] = numbers[0][entry["truth"]]
+    entry["estimate"] = numbers[1][entry["estimate"]]
     # Blocks number their tracks in the order of the whole, so entries of a step stay sorted.
     order = np.argsort(shard, kind="stable")
-    first = np.zeros(len(task.long) + 1, np.int64)
-    np.cumsum(np.bincount(shard, minlength=len(task.long)), out=first[1:])
+    first = np.zeros(len(long) + 1, np.int64)
+    np.cumsum(np.bincount(shard, minlength=len(long)), out=first[1:])
     entry = entry[order]
-    others = int(first[np.count_nonzero(task.long)])  # long ones are the first
-    with writing(task.output) as folder:
+    others = int(first[np.count_nonzero(long)])  # long ones are the first
+    with writing(output) as folder:
         folder.mkdir()
         np.save(folder / "first.npy", first - others)
-        for number in np.flatnonzero(task.long).tolist():
+        for number in np.flatnonzero(long).tolist():
             np.save(folder / long_name(number), entry[first[number] : first[number + 1]])
         np.save(folder / "entries.npy", entry[others:])
 
@@ -100,15 +95,22 @@ NO_TIME = 1e-3
 """Seconds in which nothing but a bracket is found."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Shard:
-    """The task to solve a shard.
+def solve_shard(
+    output: str,
+    *,
+    folders: tuple[str, ...],
+    number: int,
+    parameters: Parameters,
+    solver: Certified,
+    end: float | None = None,
+) -> None:
+    """Solve and prove a shard, and write what it contributes.
 
     Parameters
     ----------
     output : str
         The folder that is written.
-    sorted : tuple of str
+    folders : tuple of str
         Folders of the entries of all blocks, in order of time.
     number : int
         Which shard.
@@ -119,24 +121,13 @@ class Shard:
     end : float, optional
         In `time.time()`: what is reached by then is written.
     """
-
-    output: str
-    sorted: tuple[str, ...]
-    number: int
-    parameters: Parameters
-    solver: Certified
-    end: float | None = None
-
-
-def solve_shard(task: Shard) -> None:
-    """Solve and prove a shard, and write what it contributes."""
-    entry = entries_of(task.sorted, task.number)
+    entry = entries_of(folders, number)
     numbers = np.unique(entry["truth"]), np.unique(entry["estimate"])
     first = int(entry["step"].min())
-    problem = problem_of(entry, first, numbers, task.parameters)
+    problem = problem_of(entry, first, numbers, parameters)
     del entry
     states = merge_runs(problem)
-    solution = within(task.solver, task.end)(states, Stopwatch())
+    solution = within(solver, end)(states, Stopwatch())
     weights, lower, breakdown = prove(states, solution, consume=True)
     objects = (
         np.bincount(problem.truth_step, minlength=problem.steps),
@@ -151,7 +142,7 @@ def solve_shard(task: Shard) -> None:
         states=len(states.begin),
         solved=solution.finished,
     )
-    with writing(task.output) as folder:
+    with writing(output) as folder:
         folder.mkdir()
         for name, table in tables_of(states, weights, first, numbers).items():
             np.save(folder / f"{name}.npy", table)

@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar, cast
+from typing import ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -215,7 +215,7 @@ def open_side(
     *,
     work: Path,
     rows_together: int,
-    run: Run[Any],
+    run: Run,
 ) -> PartsSide:
     """Find out what a side has, and put its rows in order of time where they are not.
 

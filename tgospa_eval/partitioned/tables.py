@@ -7,7 +7,8 @@ units and names of the user.
 
 import itertools
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -19,7 +20,7 @@ from tgospa_eval.common.files import named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.partitioned.tasks import run_tasks, writing
+from tgospa_eval.partitioned.tasks import Run, Task, run_tasks, writing
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Breakdown
 from tgospa_eval.problem.tgospa import Parameters
@@ -299,15 +300,16 @@ ROWS_AT_ONCE = 1 << 18
 ORDER = ("step", "truth", "estimate")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Part:
-    """The task to write the assigned pairs of some steps.
+def write_part(
+    output: str, pieces: Sequence[str], edges: Ints, names: str, parameters: Parameters
+) -> None:
+    """Write the assigned pairs of some steps.
 
     Parameters
     ----------
     output : str
         The file.
-    pieces : tuple of str
+    pieces : sequence of str
         Files of assigned pairs, each by time.
     edges : (n + 1,) int array
         The steps, cut into n stretches of `ROWS_AT_ONCE`.
@@ -316,23 +318,12 @@ class Part:
     parameters : Parameters
         Of the metric.
     """
-
-    output: str
-    pieces: tuple[str, ...]
-    edges: Ints
-    names: str
-    parameters: Parameters
-
-
-def write_part(task: Part) -> None:
-    """Write the assigned pairs of some steps."""
-    naming = Naming.load(task.names, task.parameters)
-    write_assignments(task.output, in_order(task.pieces, task.edges), naming)
+    write_assignments(output, in_order(pieces, edges), Naming.load(names, parameters))
 
 
 def parts_of(
     folder: str, pieces: Sequence[Path], steps: int, names: str, parameters: Parameters
-) -> list[Part]:
+) -> dict[str, Task]:
     """The tasks to write all assigned pairs; one without rows where there are none.
 
     Parameters
@@ -351,16 +342,16 @@ def parts_of(
     paths = tuple(map(str, pieces))
     rows = _rows_by_step(paths, steps)
     parts = _edges(rows, ROWS_A_PART)
-    return [
-        Part(
-            output=str(Path(folder, f"part-{number:05d}.parquet")),
+    return {
+        str(Path(folder, f"part-{number:05d}.parquet")): partial(
+            write_part,
             pieces=paths,
             edges=low + _edges(rows[low:high], ROWS_AT_ONCE),
             names=names,
             parameters=parameters,
         )
         for number, (low, high) in enumerate(itertools.pairwise(parts))
-    ]
+    }
 
 
 def write_all_switches(path: str, pieces: Sequence[Path], naming: Naming) -> None:
@@ -436,7 +427,7 @@ def write_tables(
     split: Breakdown,
     tracks: tuple[TrackSums, TrackSums],
     shards: Sequence[Path],
-    run: Callable[[Callable[[Part], None], Sequence[Part]], None] = run_tasks,
+    run: Run = run_tasks,
     *,
     assignments: bool = True,
 ) -> StoredTables:
@@ -484,5 +475,5 @@ def write_tables(
         write_all_switches(path, [shard / "switched.npy" for shard in shards], naming)
     pieces = [shard / "assigned.npy" for shard in shards if assignments]
     parts = str(place / name_of(IN_PARTS))
-    run(write_part, parts_of(parts, pieces, len(naming.times), names, naming.parameters))
+    run(parts_of(parts, pieces, len(naming.times), names, naming.parameters))
     return StoredTables(folder)

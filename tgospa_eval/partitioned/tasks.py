@@ -6,12 +6,10 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol, TypeVar
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.engines.spread import Engine, spread
 from tgospa_eval.errors import ConfigError, SolverError
@@ -25,50 +23,27 @@ REMOVED = ".removed-"
 """Begins the names of folders with what is being removed."""
 
 
-class PartsTask(Protocol):
-    """One piece of work; it travels to whoever does it."""
+Task = Callable[[str], None]
+"""Writes one output, a file or folder of this path; a function of a module, as it travels."""
 
-    @property
-    def output(self) -> str:
-        """The file or folder that it writes."""
-
-
-T = TypeVar("T", bound=PartsTask)
-Run = Callable[[Callable[[T], None], Sequence[T]], None]
-"""Does tasks by a function, in no order; those that are done are not done again."""
+Run = Callable[[Mapping[str, Task]], None]
+"""Does tasks, by their outputs, in no order; those that are done are not done again."""
 
 
-@dataclass(frozen=True)
-class Ended:
-    """A task has ended.
-
-    Parameters
-    ----------
-    output : str
-        Of which task.
-    lost : bool
-        Whether the process that worked on it died whenever it tried.
-    """
-
-    output: str
-    lost: bool = False
+def do_task(job: tuple[str, Task]) -> tuple[str, bool]:
+    """Do one; its output, and that no process died of it."""
+    output, task = job
+    if not os.path.exists(output):
+        task(output)
+    return output, False
 
 
-@dataclass(frozen=True)
-class _Work:
-    """The function of some tasks, as it travels."""
-
-    function: Callable[..., None]
-
-    def __call__(self, task: PartsTask) -> Ended:
-        if not os.path.exists(task.output):
-            self.function(task)
-        return Ended(task.output)
+def _lost(job: tuple[str, Task]) -> tuple[str, bool]:
+    return job[0], True
 
 
 def run_tasks(
-    function: Callable[[T], None],
-    tasks: Sequence[T],
+    tasks: Mapping[str, Task],
     engine: Engine | None = None,
     done: Callable[[str], None] | None = None,
 ) -> None:
@@ -76,10 +51,8 @@ def run_tasks(
 
     Parameters
     ----------
-    function : callable
-        Does one, by `writing` its output; defined in a module, as it travels.
-    tasks : sequence of PartsTask
-        In the order in which to begin.
+    tasks : mapping of str to Task
+        By their outputs, which they write by `writing`, in the order in which to begin.
     engine : Engine, optional
         Where; in this process by default.
     done : callable, optional
@@ -91,21 +64,20 @@ def run_tasks(
         A process died of a task, most likely for want of memory.
     """
     left = []
-    for task in tasks:
-        if not os.path.exists(task.output):
-            left.append(task)
+    for output, task in tasks.items():
+        if not os.path.exists(output):
+            left.append((output, task))
         elif done is not None:
-            done(task.output)
-    work = _Work(function)
-    ended = map(work, left) if engine is None else spread(work, left, _lost, engine)
-    for end in ended:
-        if end.lost:
+            done(output)
+    ended = map(do_task, left) if engine is None else spread(do_task, left, _lost, engine)
+    for output, lost in ended:
+        if lost:
             raise SolverError(
-                f"a process died of {os.path.basename(end.output)}, most likely for want of "
+                f"a process died of {os.path.basename(output)}, most likely for want of "
                 "memory: allow less with --memory, or fewer processes with --jobs"
             )
         if done is not None:
-            done(end.output)
+            done(output)
 
 
 def left_until(end: float | None) -> float | None:
@@ -114,10 +86,6 @@ def left_until(end: float | None) -> float | None:
     On a cluster clocks have to agree about as well as the limit is to be kept.
     """
     return None if end is None else max(end - time.time(), 0.0)
-
-
-def _lost(task: PartsTask) -> Ended:
-    return Ended(task.output, lost=True)
 
 
 @contextmanager

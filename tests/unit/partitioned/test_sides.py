@@ -1,7 +1,7 @@
 """A side in parts has the rows that one file would have."""
 
 import pickle
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import pytest
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.loading import ZSTD
 from tgospa_eval.partitioned.sides import PartsSide, open_side
-from tgospa_eval.partitioned.tasks import run_tasks
+from tgospa_eval.partitioned.tasks import Task, run_tasks
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.judged import digest, digest_of_sums, row_sums
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -240,13 +240,13 @@ def test_what_is_done_is_not_done_again(tmp_path: Path) -> None:
     done: list[str] = []
     most = [2]
 
-    def run(work: Callable[[Any], None], tasks: Sequence[Any]) -> None:
-        for task in tasks:
-            if not Path(task.output).exists():
+    def run(tasks: Mapping[str, Task]) -> None:
+        for output, task in tasks.items():
+            if not Path(output).exists():
                 if len(done) == most[0]:
                     raise InterruptedError
-                work(task)
-                done.append(task.output)
+                task(output)
+                done.append(output)
 
     def again() -> PartsSide:
         return open_side(

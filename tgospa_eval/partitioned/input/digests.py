@@ -6,11 +6,10 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 from tgospa_eval.common.files import CHUNK, named
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.partitioned.tasks import Run, removing, writing
@@ -25,25 +24,7 @@ Stretch = tuple[File, int, int]
 """Bytes of a file, from one to another."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FilesTask:
-    """Write the digests of stretches of files.
-
-    Parameters
-    ----------
-    stretches : tuple of Stretch
-        Which.
-    output : str
-        The file to write.
-    """
-
-    stretches: tuple[Stretch, ...]
-    output: str
-
-
-def changed_file(
-    files: Sequence[tuple[File, os.stat_result]], work: Path, run: Run[Any]
-) -> str | None:
+def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: Run) -> str | None:
     """Empty a folder of work that was derived from files with another content.
 
     A file that was changed may have the size and the times of the old one. So all are read, when
@@ -71,15 +52,14 @@ def changed_file(
     kept = work / CONTENT / "digests.json"
     kept.parent.mkdir(parents=True, exist_ok=True)
     fresh = tempfile.mkdtemp(dir=kept.parent)  # what was found before says nothing of now
-    tasks = [
-        FilesTask(stretches=together, output=os.path.join(fresh, str(number)))
-        for number, together in enumerate(_stretches(files))
-    ]
-    run(write_digests, tasks)
+    stretches = {
+        os.path.join(fresh, str(number)): some for number, some in enumerate(_stretches(files))
+    }
+    run({output: partial(write_digests, stretches=some) for output, some in stretches.items()})
     now: dict[str, list[str]] = {}
-    for task in tasks:
-        found = json.loads(Path(task.output).read_bytes())
-        for (file, _, _), digest in zip(task.stretches, found, strict=True):
+    for output, some in stretches.items():
+        found = json.loads(Path(output).read_bytes())
+        for (file, _, _), digest in zip(some, found, strict=True):
             now.setdefault(file.path, []).append(digest)
     shutil.rmtree(fresh, ignore_errors=True)
     before = now
@@ -98,8 +78,8 @@ def changed_file(
     return next(iter(changed), None)
 
 
-def write_digests(task: FilesTask) -> None:
-    """Do a task.
+def write_digests(output: str, stretches: tuple[Stretch, ...]) -> None:
+    """Write the digests of stretches of files.
 
     Raises
     ------
@@ -107,7 +87,7 @@ def write_digests(task: FilesTask) -> None:
         A file cannot be read.
     """
     digests = []
-    for file, begin, end in task.stretches:
+    for file, begin, end in stretches:
         sha = hashlib.sha256()
         with named(file.path, InputError), open(file.place, "rb", buffering=0) as source:
             source.seek(begin)
@@ -115,7 +95,7 @@ def write_digests(task: FilesTask) -> None:
                 sha.update(content)
                 begin += len(content)
         digests.append(sha.hexdigest())
-    with writing(task.output) as beside:
+    with writing(output) as beside:
         beside.write_text(json.dumps(digests), encoding="utf-8")
 
 

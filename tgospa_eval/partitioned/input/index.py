@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, overload
 
@@ -16,13 +16,12 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.partitioned.input.runs import (
     Moments,
-    RunsTask,
     merged_moments,
     run_moments,
     write_runs,
 )
 from tgospa_eval.partitioned.input.tables import FilePiece, open_table, read_head, size_of
-from tgospa_eval.partitioned.tasks import Run, writing
+from tgospa_eval.partitioned.tasks import Run, Task, writing
 from tgospa_eval.text import listed
 from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray
 
@@ -55,7 +54,7 @@ def index_side(
     store: Path,
     rows_together: int,
     name: str,
-    run: Run[Any],
+    run: Run,
 ) -> None:
     """Sort the rows of all files into runs, and write which steps there are.
 
@@ -84,27 +83,22 @@ def index_side(
         Times cannot be converted, or are of another kind than --time.
     """
     pieces = (text_pieces if format == "csv" else table_pieces)(files, options, rows_together)
-    tasks: list[RunsTask] = []
+    tasks: dict[str, Task] = {}
     waiting: list[FilePiece] = []
     rows = 0
     for number, (piece, count) in enumerate(pieces, 1):
         waiting.append(piece)
         rows += count
         if rows >= rows_together or number == len(pieces):
-            tasks.append(
-                RunsTask(
-                    pieces=tuple(waiting),
-                    options=options,
-                    rows=rows_together,
-                    output=str(store / "runs" / f"{len(tasks):06}"),
-                )
+            tasks[str(store / "runs" / f"{len(tasks):06}")] = partial(
+                write_runs, pieces=tuple(waiting), options=options, rows_together=rows_together
             )
             waiting, rows = [], 0
-    run(write_runs, tasks)
+    run(tasks)
     runs = [
         folder
-        for task in tasks
-        for folder in sorted(Path(task.output).iterdir(), key=lambda path: int(path.name))
+        for output in tasks
+        for folder in sorted(Path(output).iterdir(), key=lambda path: int(path.name))
     ]
     ends: list[tuple[int | float, int | float]] = []
 

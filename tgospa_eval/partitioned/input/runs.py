@@ -193,44 +193,24 @@ def merged_names(parts: Sequence[Numbered]) -> Numbered:
     return table, np.concatenate(numbers)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunsTask:
-    """Write the rows of some pieces as runs.
-
-    Parameters
-    ----------
-    pieces : tuple of FilePiece
-        In the order of the files.
-    options : ReadOptions
-        How to read them.
-    rows : int
-        Rows of a run, as soon as there are as many.
-    output : str
-        The folder.
-    """
-
-    pieces: tuple[FilePiece, ...]
-    options: ReadOptions
-    rows: int
-    output: str
-
-
-def write_runs(task: RunsTask) -> None:
-    """Do a task."""
-    with writing(task.output) as folder:
+def write_runs(
+    output: str, pieces: Sequence[FilePiece], options: ReadOptions, rows_together: int
+) -> None:
+    """Write the rows of pieces, in the order of the files, as runs of at least so many rows."""
+    with writing(output) as folder:
         folder.mkdir()
         parts: list[Rows] = []
         origins: list[tuple[int, int, FilePiece]] = []
         count = runs = 0
-        for piece in task.pieces:
-            for rows, first in piece.rows(task.options):
+        for piece in pieces:
+            for rows, first in piece.rows(options):
                 size = len(rows.times.value)
                 if not size:
                     continue
                 origins.append((count, first, piece))
                 parts.append(rows)
                 count += size
-                if count >= task.rows:
+                if count >= rows_together:
                     _write(folder / str(runs), parts, origins)
                     parts, origins, count, runs = [], [], 0, runs + 1
         if parts:

@@ -44,7 +44,7 @@ class RowsTask:
     number : int
         Which shard of truths.
     columns : tuple of str
-        Outputs of all tasks `Columns`.
+        What `join_columns` wrote of all estimates.
     window : pair of int
         First and last step of the component.
     parameters : Parameters
@@ -68,7 +68,7 @@ def load_rows(task: RowsTask) -> tuple[Problem, Ints, tuple[Ints, Ints]]:
     return problem, np.ascontiguousarray(gains["weight"]), numbers
 
 
-def prove_rows(task: RowsTask) -> None:
+def prove_rows(output: str, task: RowsTask) -> None:
     """Best paths at the prices, runs that are held, switches, intervals, regrets."""
     first = task.window[0]
     problem, entry_weights, numbers = load_rows(task)
@@ -87,7 +87,7 @@ def prove_rows(task: RowsTask) -> None:
     moved = np.flatnonzero(changed(states.pair_first, weights))
     variation = np.abs(weights[moved] - weights[moved - 1])
     intervals = _intervals(states, weights, first, numbers)
-    with writing(task.output) as folder:
+    with writing(output) as folder:
         folder.mkdir()
         contribute(
             folder,

@@ -4,20 +4,20 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.partitioned.long.borders import Borders, value_borders
-from tgospa_eval.partitioned.long.columns import Columns, Rest, add_rest, contribute, join_columns
+from tgospa_eval.partitioned.long.borders import value_borders
+from tgospa_eval.partitioned.long.columns import add_rest, contribute, join_columns
 from tgospa_eval.partitioned.long.component import ComponentBounds, Long
 from tgospa_eval.partitioned.long.rows import RowsTask, prove_rows
 from tgospa_eval.partitioned.long.tables import WindowPiece, fraction
 from tgospa_eval.partitioned.long.windows import (
     ComponentPlan,
-    Count,
     Window,
     count_entries,
     make_plan,
@@ -25,7 +25,7 @@ from tgospa_eval.partitioned.long.windows import (
     solve_window,
 )
 from tgospa_eval.partitioned.share import PartialSums
-from tgospa_eval.partitioned.tasks import Run, left_until, writing
+from tgospa_eval.partitioned.tasks import Run, Task, left_until, writing
 from tgospa_eval.problem.paths import down
 
 OPEN_FROM = 0.1
@@ -37,7 +37,7 @@ WORST_STEPS = 1000
 
 def repairs(
     component: Long, plan: ComponentPlan, joined: ComponentBounds, overlap: int, number: int
-) -> tuple[list[Borders], list[Window], tuple[WindowPiece, ...]]:
+) -> tuple[dict[str, Task], list[Window], tuple[WindowPiece, ...]]:
     """Windows around the open seams, their borders, and the pieces once these are solved.
 
     Parameters
@@ -52,15 +52,13 @@ def repairs(
         Which round it is.
     """
     stretches = _stretches(component, plan, joined, 4 * overlap)
-    borders = [
-        Borders(
-            output=f"{component.work}/round-{number}/borders/{index:05d}",
-            rows=rows,
-            windows=stretches,
+    borders: dict[str, Task] = {
+        f"{component.work}/round-{number}/borders/{index:05d}": partial(
+            value_borders, rows=rows, windows=stretches
         )
         for index, rows in enumerate(joined.rows)
         if component.parameters.switch_price > 0  # else steps are apart
-    ]
+    }
     windows = []
     for index, around in enumerate(stretches):
         windows.append(
@@ -75,7 +73,7 @@ def repairs(
                 gap=0.25 * component.gap,
                 end=component.end,
                 near=tuple(p for p in joined.pieces if p.low < around[1] and p.high > around[0]),
-                borders=tuple(task.output for task in borders),
+                borders=tuple(borders),
                 number=index,
                 ends=(around[0] <= plan.window[0], around[1] > plan.window[1]),
             )
@@ -148,7 +146,7 @@ WINDOW_ENTRIES = 200_000
 
 def solve_long(
     component: Long,
-    run: Run[Any],
+    run: Run,
     proven: Callable[[PartialSums], None] = lambda share: None,  # noqa: ARG005
 ) -> ComponentBounds:
     """Solve a component, until its gap is met, repairs end or its time is up.
@@ -164,7 +162,7 @@ def solve_long(
     """
     plan = plan_long(component, run)
     windows = first_windows(component, plan)
-    run(solve_window, windows)
+    run({window.output: partial(solve_window, task=window) for window in windows})
     overlap = overlap_of(component)
     best = joined = prove_long(component, plan, pieces_of(windows), "round-0", run)
     proven(best.share)
@@ -173,8 +171,8 @@ def solve_long(
         if best.share.solved or stuck == PATIENCE or left_until(component.end) == 0:
             break
         borders, again, pieces = repairs(component, plan, joined, overlap, number)
-        run(value_borders, borders)
-        run(solve_window, again)
+        run(borders)
+        run({window.output: partial(solve_window, task=window) for window in again})
         joined = prove_long(component, plan, pieces, f"round-{number + 1}", run)
         before, best = best, better(best, joined, component.gap)
         proven(best.share)
@@ -209,16 +207,14 @@ def _stored(joined: ComponentBounds, output: str) -> ComponentBounds:
     return replace(joined, folders=(*joined.folders, output))
 
 
-def plan_long(component: Long, run: Run[Any]) -> ComponentPlan:
+def plan_long(component: Long, run: Run) -> ComponentPlan:
     """Count the entries and divide them."""
-    counts = [
-        Count(output=f"{component.work}/counts/{number:05d}.npz", entries=path)
+    counts: dict[str, Task] = {
+        f"{component.work}/counts/{number:05d}.npz": partial(count_entries, path=path)
         for number, path in enumerate(component.entries)
-    ]
-    run(count_entries, counts)
-    return make_plan(
-        component.entries, [c.output for c in counts], component.together, 2 * component.together
-    )
+    }
+    run(counts)
+    return make_plan(component.entries, list(counts), component.together, 2 * component.together)
 
 
 def overlap_of(component: Long) -> int:
@@ -250,22 +246,19 @@ def first_windows(component: Long, plan: ComponentPlan) -> list[Window]:
 
 
 def prove_long(
-    component: Long, plan: ComponentPlan, pieces: tuple[WindowPiece, ...], name: str, run: Run[Any]
+    component: Long, plan: ComponentPlan, pieces: tuple[WindowPiece, ...], name: str, run: Run
 ) -> ComponentBounds:
     """Join pieces that have all steps, and prove what they say."""
     work = f"{component.work}/{name}"
     bounds = np.searchsorted(plan.estimates, plan.estimate_bounds).tolist()
-    columns = [
-        Columns(
-            output=f"{work}/columns/{n:05d}",
-            pieces=pieces,
-            number=n,
-            estimates=plan.estimates[low:high],
+    columns: dict[str, Task] = {
+        f"{work}/columns/{n:05d}": partial(
+            join_columns, pieces=pieces, number=n, estimates=plan.estimates[low:high]
         )
         for n, (low, high) in enumerate(itertools.pairwise(bounds))
-    ]
-    run(join_columns, columns)
-    joined = tuple(task.output for task in columns)
+    }
+    run(columns)
+    joined = tuple(columns)
     rows = [
         RowsTask(
             output=f"{work}/rows/{n:05d}",
@@ -277,12 +270,12 @@ def prove_long(
         )
         for n in range(len(plan.truth_bounds) - 1)
     ]
-    run(prove_rows, rows)
+    run({task.output: partial(prove_rows, task=task) for task in rows})
     places = [int(np.load(f"{folder}/first.npy")[-1]) for folder in joined]
     proven = tuple(task.output for task in rows)
-    rest = [
-        Rest(
-            output=f"{work}/rest/{n:05d}",
+    rest: dict[str, Task] = {
+        f"{work}/rest/{n:05d}": partial(
+            add_rest,
             columns=folder,
             before=sum(places[:n]),
             rows=proven,
@@ -290,9 +283,9 @@ def prove_long(
             price=component.parameters.unassigned_prices[1],
         )
         for n, folder in enumerate(joined)
-    ]
-    run(add_rest, rest)
-    return _add_up(component, plan, pieces, rows, tuple(task.output for task in rest))
+    }
+    run(rest)
+    return _add_up(component, plan, pieces, rows, tuple(rest))
 
 
 def _add_up(
