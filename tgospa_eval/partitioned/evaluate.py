@@ -32,7 +32,7 @@ from tgospa_eval.partitioned.sample import look
 from tgospa_eval.partitioned.scan import Read, Scanned
 from tgospa_eval.partitioned.sides import PartsSide, open_side
 from tgospa_eval.partitioned.steps import Found, Resampling, clock_of, find_steps
-from tgospa_eval.partitioned.tables import Naming, TrackSums, write_tables
+from tgospa_eval.partitioned.tables import Naming, write_tables
 from tgospa_eval.partitioned.tasks import Stages, run_tasks
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.tgospa import check_underflow
@@ -277,10 +277,7 @@ def _result(
         str(means.tables),
         naming,
         whole.breakdown,
-        (
-            TrackSums(rows=truths.rows, parts=whole.tracks[0]),
-            TrackSums(rows=estimates.rows, parts=whole.tracks[1]),
-        ),
+        ((truths.rows, whole.tracks[0]), (estimates.rows, whole.tracks[1])),
         found.folders,
         partial(run_tasks, engine=means.engine),
         assignments=means.assignments,
