@@ -19,26 +19,27 @@ from tgospa_eval.engines.processes import Processes, Standing
 from tgospa_eval.engines.spread import Engine
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import check_left
-from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices
+from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
 from tgospa_eval.evaluation.evaluate import nested_timings, solver_settings
 from tgospa_eval.evaluation.localisation import within_rounding
+from tgospa_eval.evaluation.prepare import fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.partitioned.input.digests import changed_file
-from tgospa_eval.partitioned.input.listing import stored
-from tgospa_eval.partitioned.run import Evaluated, PartsPlan, evaluate_parts, rows_together
-from tgospa_eval.partitioned.sample import look
-from tgospa_eval.partitioned.scan import Read, Scanned
+from tgospa_eval.partitioned.input.listing import changed_file, stored
+from tgospa_eval.partitioned.run import Evaluated, PartsPlan, Stages, evaluate_parts, rows_together
+from tgospa_eval.partitioned.scan import Read, Scanned, placed
 from tgospa_eval.partitioned.sides import PartsSide, open_side
 from tgospa_eval.partitioned.steps import Found, Resampling, clock_of, find_steps
 from tgospa_eval.partitioned.tables import Naming, write_tables
-from tgospa_eval.partitioned.tasks import Stages, run_tasks
+from tgospa_eval.partitioned.tasks import run_tasks
 from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.tgospa import check_underflow
 from tgospa_eval.results.partitioned import Extent, PartitionedResult
 from tgospa_eval.results.records import Costs, FileInfo, FileRecord, Labels, SolverRecord
 from tgospa_eval.solvers.certified import Certified
+from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.judged import digest_of_sums, judge
 
 SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
@@ -397,3 +398,45 @@ def _said(
     if not any(block.read[number].sums[0] for block in found.blocks for number in (0, 1)):
         check_left(axis, matching)
     yield from axis_notices(axis, matching)
+
+
+LOOKED_AT = 50_000
+"""Rows of both sides together that are looked at: a diagnosis of so many takes a tenth of a
+second."""
+
+
+def look(plan: PartsPlan, grid: Alignment) -> list[Notice]:
+    """Notices about both sides, and warnings about the middle of the recording.
+
+    Parameters
+    ----------
+    plan : PartsPlan
+        What is evaluated.
+    grid : Alignment
+        The steps of both sides, without their rows.
+    """
+    request = plan.request
+    steps = replace(grid, left_out=(0, 0))  # whose rows are not counted yet
+    notices = [Notice(text=text) for text in alignment_notices(steps, request.time_matching)]
+    first, last = middle(plan.cut.rows, LOOKED_AT)
+    piece = plan.cut.piece(first, last + 1)
+    last = piece.high - 1
+    truth, estimate = (stretch.read().trajectories for stretch in piece.stretches)
+    # Of their own stamps what is wrong with clocks is seen.
+    at_steps = partial(placed, piece, plan.times[piece.low : piece.high])
+    decided = request.time_matching.decided
+    sides = fit(truth, estimate, request, plan.names, at_steps if decided else None)
+    found = diagnose(sides, request)
+    shown = grid.truth.shown
+    return notices + [
+        notice.about(f"from step {shown[first]} to {shown[last]}") for notice in found
+    ]
+
+
+def middle(rows: Ints, size: int) -> tuple[int, int]:
+    """First and last of the steps with so many rows around the middle one of all rows."""
+    after = np.cumsum(rows)
+    half = int(after[-1]) // 2
+    first = int(np.searchsorted(after, half - size // 2, side="right"))
+    last = int(np.searchsorted(after, half + size // 2, side="left"))
+    return min(first, len(rows) - 1), min(max(first, last), len(rows) - 1)

@@ -16,7 +16,7 @@ from tgospa_eval.evaluation.axis import Axis, Sides
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
-from tgospa_eval.partitioned.share import ENTRY
+from tgospa_eval.partitioned.shards import ENTRY
 from tgospa_eval.partitioned.steps import BlockPiece
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.problem import Ints, Problem

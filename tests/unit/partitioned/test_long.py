@@ -11,11 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.partitioned.long.component import ComponentBounds, Long
-from tgospa_eval.partitioned.long.run import solve_long
+from tgospa_eval.partitioned.long.run import ComponentBounds, Long, solve_long
 from tgospa_eval.partitioned.long.windows import Window, solve_window
-from tgospa_eval.partitioned.shards import problem_of
-from tgospa_eval.partitioned.share import ENTRY, PARTS_OF_TRACKS, PartialSums
+from tgospa_eval.partitioned.shards import ENTRY, PARTS_OF_TRACKS, PartialSums, problem_of
 from tgospa_eval.partitioned.tasks import Run, Task, run_tasks
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.merging import merge_runs

@@ -7,8 +7,8 @@ import numpy as np
 
 from tgospa_eval.cli.shared.progress import line
 from tgospa_eval.common.progress import Progress, Stopwatch
-from tgospa_eval.partitioned.share import PartialSums
-from tgospa_eval.partitioned.tasks import Stages
+from tgospa_eval.partitioned.run import Stages
+from tgospa_eval.partitioned.shards import PartialSums
 from tgospa_eval.problem.tgospa import Parameters
 
 NOTHING = np.zeros(1)

@@ -15,8 +15,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.partitioned.long.columns import load_columns
 from tgospa_eval.partitioned.long.rows import RowsTask, load_rows
 from tgospa_eval.partitioned.long.tables import Table, load_part, save_parts
-from tgospa_eval.partitioned.shards import problem_of
-from tgospa_eval.partitioned.share import ENTRY
+from tgospa_eval.partitioned.shards import ENTRY, problem_of
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.paths import row_steps, turns
 from tgospa_eval.problem.problem import Floats, Ints, Problem

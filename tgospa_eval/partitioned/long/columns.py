@@ -18,8 +18,13 @@ from tgospa_eval.partitioned.long.tables import (
     fraction,
     load_pieces,
 )
-from tgospa_eval.partitioned.shards import ASSIGNED_PAIR, SWITCHED
-from tgospa_eval.partitioned.share import HELD, PARTS_OF_TRACKS, PartialSums
+from tgospa_eval.partitioned.shards import (
+    ASSIGNED_PAIR,
+    HELD,
+    PARTS_OF_TRACKS,
+    SWITCHED,
+    PartialSums,
+)
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.certificate import idle_prices
 from tgospa_eval.problem.problem import Floats, Ints

@@ -17,8 +17,7 @@ from tgospa_eval.partitioned.long.tables import (
     halves,
     load_pieces,
 )
-from tgospa_eval.partitioned.shards import problem_of, tables_of
-from tgospa_eval.partitioned.share import HELD
+from tgospa_eval.partitioned.shards import HELD, problem_of, tables_of
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.certificate import row_terms
 from tgospa_eval.problem.paths import best_values

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.partitioned.long.borders import value_borders
 from tgospa_eval.partitioned.long.columns import add_rest, contribute, join_columns
-from tgospa_eval.partitioned.long.component import ComponentBounds, Long
 from tgospa_eval.partitioned.long.rows import RowsTask, prove_rows
 from tgospa_eval.partitioned.long.tables import WindowPiece, fraction
 from tgospa_eval.partitioned.long.windows import (
@@ -24,9 +24,74 @@ from tgospa_eval.partitioned.long.windows import (
     pieces_of,
     solve_window,
 )
-from tgospa_eval.partitioned.share import PartialSums
+from tgospa_eval.partitioned.shards import PartialSums
 from tgospa_eval.partitioned.tasks import Run, Task, left_until, writing
 from tgospa_eval.problem.paths import down
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.problem.tgospa import Parameters
+
+OVERLAP = 20
+"""Steps with near pairs that a window has on either side of what its answer is for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Long:
+    """A component to solve in windows.
+
+    Parameters
+    ----------
+    entries : tuple of str
+        Files of ENTRY, by time.
+    parameters : Parameters
+        Of the metric.
+    work : str
+        Folder for what lies between.
+    gap : float
+        Relative gap that counts as exact.
+    together : int
+        Entries that a task may hold.
+    overlap : int
+        Steps with entries on either side of a window.
+    end : float, optional
+        In `time.time()`: what is not solved by then is left unassigned.
+    """
+
+    entries: tuple[str, ...]
+    parameters: Parameters
+    work: str
+    gap: float = 1e-9
+    together: int = 1_000_000
+    overlap: int = OVERLAP
+    end: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ComponentBounds:
+    """What is proven.
+
+    Parameters
+    ----------
+    share : PartialSums
+        What the component contributes.
+    folders : tuple of str
+        What it contributes, as folders of shards; all but one have an empty share.
+    pieces : tuple of WindowPiece
+        Whose answers it was made of.
+    rows : tuple of RowsTask
+        By which it was proven.
+    lost : (L,) float array
+        Prices that nobody pays, by step.
+    regret : (3, N) float array
+        Of rows that could do better: by how much, first and last step.
+    """
+
+    share: PartialSums
+    folders: tuple[str, ...]
+    pieces: tuple[WindowPiece, ...]
+    rows: tuple[RowsTask, ...]
+    lost: Floats
+    regret: Floats
+
 
 OPEN_FROM = 0.1
 """A seam is open where more is lost than this share of its part of the gap allowed."""

@@ -23,8 +23,7 @@ from tgospa_eval.partitioned.long.tables import (
     load_pieces,
     save_parts,
 )
-from tgospa_eval.partitioned.shards import problem_of, within
-from tgospa_eval.partitioned.share import ENTRY, HELD
+from tgospa_eval.partitioned.shards import ENTRY, HELD, problem_of, within
 from tgospa_eval.partitioned.tasks import left_until, writing
 from tgospa_eval.problem.certificate import TERMS_TOGETHER, fair_prices
 from tgospa_eval.problem.merging import merge_runs
