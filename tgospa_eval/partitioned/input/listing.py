@@ -1,4 +1,4 @@
-"""Which files a side has, in which order, what cannot be read in parts; digests of their content."""
+"""Which files a side has, in which order, what cannot be read in parts; digests of the files."""
 
 import hashlib
 import json
