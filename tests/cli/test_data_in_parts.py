@@ -366,9 +366,9 @@ def test_interrupted_work_is_kept_and_gone_on_with(
     output = OutputOptions(output=str(folder), format_="json")
     solve = partitioned.evaluate_partitioned
 
-    def broken_off(*arguments: Any) -> None:
-        solve(*arguments)
-        shutil.rmtree(arguments[3].tables)
+    def broken_off(*arguments: Any, work: Path, **more: Any) -> None:
+        solve(*arguments, work=work, **more)
+        shutil.rmtree(work / "tables")
         raise KeyboardInterrupt
 
     monkeypatch.setattr(partitioned, "evaluate_partitioned", broken_off)
