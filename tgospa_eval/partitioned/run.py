@@ -136,7 +136,7 @@ class Stages:
             Of what: it takes the place of what was proven of it before.
         """
         free = self._unassigned(float(share.truths.sum()), float(share.estimates.sum()))
-        self._proven[name] = share.bracket[0], share.upper - free
+        self._proven[name] = share.bracket[0], share.total - free
         self._bracket()
 
     def _bracket(self) -> None:
@@ -169,10 +169,8 @@ class EvaluationSums:
         Truths and estimates at each step.
     tracks : pair of dict of str to (k,) float array
         What each truth and estimate contributes, by the names of `problem.readout.PerTrack`.
-    iterations, states : int
+    iterations : int
         Of all shards.
-    unsolved : int
-        Shards that the solver did not finish.
     """
 
     bounds: Bounds
@@ -180,8 +178,6 @@ class EvaluationSums:
     objects: tuple[Ints, Ints]
     tracks: tuple[dict[str, Floats], dict[str, Floats]]
     iterations: int
-    states: int
-    unsolved: int
 
 
 def add_up(
@@ -217,19 +213,17 @@ def add_up(
     left = [counts.copy() for counts in objects]
     lower: list[float] = []
     upper: list[float] = []
-    iterations = states = unsolved = 0
-    for folder in folders:
-        share = PartialSums.load(folder / "share.npz")
+    iterations = 0
+    for path in _of(folders, "share.npz"):
+        share = PartialSums.load(path)
         span = slice(share.first, share.first + len(share.truths))
         for name, part in parts.items():
             part[span] += getattr(share, name)
         for counts, found in zip(left, (share.truths, share.estimates), strict=True):
             counts[span] -= found
         lower += share.lower.tolist()
-        upper.append(share.upper)
+        upper.append(share.total)
         iterations += share.iterations
-        states += share.states
-        unsolved += not share.solved
     for name, counts, price in zip(
         ("missed", "false"), left, parameters.unassigned_prices, strict=True
     ):
@@ -255,17 +249,20 @@ def add_up(
         objects=objects,
         tracks=(both[0], both[1]),
         iterations=iterations,
-        states=states,
-        unsolved=unsolved,
     )
+
+
+def _of(folders: Sequence[Path], name: str) -> list[Path]:
+    """The files of this name, of the folders that have one."""
+    return [folder / name for folder in folders if (folder / name).exists()]
 
 
 def _tracks(folders: Sequence[Path], name: str, tracks: Tracks, price: float) -> dict[str, Floats]:
     """What each track contributes; the rows of those in shards that have no near pair as well."""
     found = {part: np.zeros(len(tracks.ids)) for part in PARTS_OF_TRACKS}
     rest = tracks.rows.copy()
-    for folder in folders:
-        with np.load(folder / f"{name}.npz") as shard:
+    for path in _of(folders, f"{name}.npz"):
+        with np.load(path) as shard:
             track = shard["track"]
             for part, values in found.items():
                 values[track] += shard[part]

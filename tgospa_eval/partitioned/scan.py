@@ -201,8 +201,7 @@ def scan(
     with writing(output) as folder:
         folder.mkdir()
         np.save(folder / "entries.npy", entry)
-        with (folder / "block.npz").open("wb") as file:
-            np.savez(file, **found)  # type: ignore[arg-type]
+        np.savez(folder / "block.npz", **found)  # type: ignore[arg-type]
 
 
 def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[Problem, float]:

@@ -1,6 +1,7 @@
 """A shard: some components as a problem of their own, solved, proven, and what it contributes."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -30,8 +31,8 @@ HELD = np.dtype(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PartialSums:
-    """What some components contribute, in units of c^p.
+class PartialSums(Breakdown):
+    """What some components contribute from a step on: a breakdown, and what is proven.
 
     Objects are the rows (track and step) that have a near pair in these components, no others.
 
@@ -39,70 +40,26 @@ class PartialSums:
     ----------
     first : int
         The first of the L steps.
-    localisation, missed, false, switch : (L,) float arrays
-        Cost by step.
-    missed_count, false_count, switch_count : (L,) float arrays
-        Numbers by step.
     truths, estimates : (L,) int arrays
         Objects by step.
     lower : (B,) float array
         Their sum is a proven lower bound of the cost, rounded outward.
-    upper : float
-        Cost of the assignment, rounded to the nearest.
     iterations : int
         Of the solver.
-    states : int
-        Of the reduced problem.
     solved : bool
         Whether the solver came to its end.
     """
 
     first: int
-    localisation: Floats
-    missed: Floats
-    false: Floats
-    switch: Floats
-    missed_count: Floats
-    false_count: Floats
-    switch_count: Floats
     truths: Ints
     estimates: Ints
     lower: Floats
-    upper: float
     iterations: int = 0
-    states: int = 0
     solved: bool = True
-
-    @classmethod
-    def of(
-        cls,
-        breakdown: Breakdown,
-        objects: tuple[Ints, Ints],
-        lower: Floats,
-        *,
-        first: int = 0,
-        iterations: int = 0,
-        states: int = 0,
-        solved: bool = True,
-    ) -> "PartialSums":
-        """Of a breakdown over L steps from `first` on, and the objects at each."""
-        parts = {name: value for name, value in vars(breakdown).items() if name != "total"}
-        return cls(
-            **parts,
-            first=first,
-            truths=objects[0],
-            estimates=objects[1],
-            lower=lower,
-            upper=breakdown.total,
-            iterations=iterations,
-            states=states,
-            solved=solved,
-        )
 
     def save(self, path: Path) -> None:
         """Write it."""
-        with path.open("wb") as file:
-            np.savez(file, **{field.name: getattr(self, field.name) for field in fields(self)})
+        np.savez(path, **{field.name: getattr(self, field.name) for field in fields(self)})
 
     @classmethod
     def load(cls, path: Path) -> "PartialSums":
@@ -114,7 +71,7 @@ class PartialSums:
     @property
     def bracket(self) -> tuple[float, float]:
         """Both bounds, rounded to the nearest, for those who watch."""
-        return math.fsum(self.lower), self.upper
+        return math.fsum(self.lower), self.total
 
 
 PARTS_OF_TRACKS = ("localisation", "unassigned", "switch", "unassigned_count", "switch_count")
@@ -231,28 +188,61 @@ def solve_shard(
     states = merge_runs(problem)
     solution = within(solver, end)(states, Stopwatch())
     weights, lower, breakdown = prove(states, solution, consume=True)
-    objects = (
-        np.bincount(problem.truth_step, minlength=problem.steps),
-        np.bincount(problem.estimate_step, minlength=problem.steps),
-    )
-    share = PartialSums.of(
-        breakdown,
-        objects,
-        np.concatenate((lower, unpaired_prices(states))),
+    share = PartialSums(
+        **vars(breakdown),
         first=first,
+        truths=np.bincount(problem.truth_step, minlength=problem.steps),
+        estimates=np.bincount(problem.estimate_step, minlength=problem.steps),
+        lower=np.concatenate((lower, unpaired_prices(states))),
         iterations=solution.iterations,
-        states=len(states.begin),
         solved=solution.finished,
     )
+    tracks = [
+        {
+            "track": numbers[side],
+            "rows": np.bincount(problem.sides[side].track, minlength=len(numbers[side])),
+            **vars(read_tracks(states, weights, side)),
+        }
+        for side in (0, 1)
+    ]
     with writing(output) as folder:
         folder.mkdir()
-        for name, table in tables_of(states, weights, first, numbers).items():
-            np.save(folder / f"{name}.npy", table)
-        for side, name in enumerate(("truths", "estimates")):
-            found = vars(read_tracks(states, weights, side))
-            rows = np.bincount(problem.sides[side].track, minlength=len(numbers[side]))
-            with (folder / f"{name}.npz").open("wb") as file:
-                np.savez(file, track=numbers[side], rows=rows, **found)
+        contribute(
+            folder,
+            tables=tables_of(states, weights, first, numbers),
+            truths=tracks[0],
+            estimates=tracks[1],
+            share=share,
+        )
+
+
+def contribute(
+    folder: Path,
+    *,
+    tables: Mapping[str, NDArray[np.void]] | None = None,
+    truths: Mapping[str, Any] | None = None,
+    estimates: Mapping[str, Any] | None = None,
+    share: PartialSums | None = None,
+) -> None:
+    """Write what of a component or a part of one is added up; what is not given is nothing.
+
+    Parameters
+    ----------
+    folder : Path
+        It is there.
+    tables : mapping, optional
+        ``assigned`` and ``switched``.
+    truths, estimates : mapping, optional
+        Parts of tracks, with ``track`` and ``rows``.
+    share : PartialSums, optional
+        Sums.
+    """
+    for name, table in (tables or {}).items():
+        np.save(folder / f"{name}.npy", table)
+    for name, parts in (("truths", truths), ("estimates", estimates)):
+        if parts is not None:
+            np.savez(folder / f"{name}.npz", **parts)
+    if share is not None:
         share.save(folder / "share.npz")
 
 

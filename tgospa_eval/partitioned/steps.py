@@ -367,8 +367,7 @@ def find_edges(
             for last in (False, True):
                 name = f"{number}-{'last' if last else 'first'}.npz"
                 _save(folder / name, outermost(seen, last=last))
-            with (folder / f"{number}.npz").open("wb") as file:
-                np.savez(file, rows=len(side.step), **vars(found))
+            np.savez(folder / f"{number}.npz", rows=len(side.step), **vars(found))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -412,6 +412,9 @@ def write_tables(
         path = place / name_of(table)
         return None if path.exists() else str(path)
 
+    def found(name: str) -> list[Path]:
+        return [shard / name for shard in shards if (shard / name).exists()]
+
     if path := missing("per_step"):
         write_per_step(path, split, naming)
     if path := missing("per_truth"):
@@ -419,8 +422,8 @@ def write_tables(
     if path := missing("per_estimate"):
         write_tracks(path, "false", *tracks[1], naming)
     if path := missing("switches"):
-        write_switches(path, [shard / "switched.npy" for shard in shards], naming)
-    pieces = [shard / "assigned.npy" for shard in shards if assignments]
+        write_switches(path, found("switched.npy"), naming)
+    pieces = found("assigned.npy") if assignments else []
     parts = str(place / name_of(IN_PARTS))
     run(parts_of(parts, pieces, len(naming.times), names, naming.parameters))
     return StoredTables(folder)

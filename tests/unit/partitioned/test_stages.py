@@ -27,7 +27,7 @@ def share(objects: tuple[int, int], lower: float, upper: float) -> PartialSums:
         truths=np.array([objects[0]]),
         estimates=np.array([objects[1]]),
         lower=np.array([lower / 2, lower / 2]),
-        upper=upper,
+        total=upper,
     )
 
 

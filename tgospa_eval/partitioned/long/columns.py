@@ -1,11 +1,8 @@
 """Estimates of a long component: their prices in one unit each, and what is left of them."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import SolverError
@@ -19,67 +16,16 @@ from tgospa_eval.partitioned.long.tables import (
     load_pieces,
 )
 from tgospa_eval.partitioned.shards import (
-    ASSIGNED_PAIR,
     HELD,
     PARTS_OF_TRACKS,
-    SWITCHED,
-    PartialSums,
+    contribute,
 )
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.certificate import idle_prices
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.rows import PricedPlaces
 from tgospa_eval.problem.slots import exact_running
-from tgospa_eval.problem.solution import Breakdown
 from tgospa_eval.problem.weights import ONE
-
-Arrays = Mapping[str, NDArray[Any]]
-
-
-def contribute(
-    folder: Path,
-    *,
-    tables: Arrays | None = None,
-    truths: Arrays | None = None,
-    estimates: Arrays | None = None,
-    share: PartialSums | None = None,
-) -> None:
-    """Write what `partitioned.add_up` and `by_time` read of a shard; what is not given is nothing.
-
-    Parameters
-    ----------
-    folder : Path
-        It is there.
-    tables : mapping, optional
-        ``assigned`` and ``switched``.
-    truths, estimates : mapping, optional
-        Parts of tracks, with ``track`` and ``rows``.
-    share : PartialSums, optional
-        Sums.
-    """
-    none = {"assigned": np.zeros(0, ASSIGNED_PAIR), "switched": np.zeros(0, SWITCHED)}
-    for name, table in (tables or none).items():
-        np.save(folder / f"{name}.npy", table)
-    track = np.zeros(0, np.int64)
-    nobody: Arrays = {"track": track, "rows": track, **dict.fromkeys(PARTS_OF_TRACKS, np.zeros(0))}
-    for name, parts in (("truths", truths), ("estimates", estimates)):
-        with (folder / f"{name}.npz").open("wb") as file:
-            np.savez(file, **_named(parts or nobody))
-    (share or _no_share()).save(folder / "share.npz")
-
-
-def _named(parts: Arrays) -> dict[str, Any]:
-    return dict(parts)
-
-
-def _no_share() -> PartialSums:
-    parts: dict[str, Any] = {
-        name: np.zeros(0) for name in Breakdown.__annotations__ if name != "total"
-    }
-    count = np.zeros(0, np.int64)
-    return PartialSums(
-        **parts, first=0, truths=count, estimates=count, lower=np.zeros(0), upper=0.0
-    )
 
 
 def join_columns(
@@ -248,12 +194,11 @@ def add_rest(
     }
     with writing(output) as folder:
         folder.mkdir()
-        with (folder / "sums.npz").open("wb") as file:
-            np.savez(
-                file,
-                lower=expansion(terms.ravel().tolist()),
-                lost=np.bincount(step - window[0], lost, minlength=size),
-            )
+        np.savez(
+            folder / "sums.npz",
+            lower=expansion(terms.ravel().tolist()),
+            lost=np.bincount(step - window[0], lost, minlength=size),
+        )
         contribute(folder, estimates=tracks)
 
 

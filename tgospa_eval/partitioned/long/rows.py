@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import SolverError
-from tgospa_eval.partitioned.long.columns import SomeColumns, contribute, load_columns
+from tgospa_eval.partitioned.long.columns import SomeColumns, load_columns
 from tgospa_eval.partitioned.long.holding import WindowFindings, hold_runs
 from tgospa_eval.partitioned.long.tables import (
     GAIN,
@@ -17,7 +17,7 @@ from tgospa_eval.partitioned.long.tables import (
     halves,
     load_pieces,
 )
-from tgospa_eval.partitioned.shards import HELD, problem_of, tables_of
+from tgospa_eval.partitioned.shards import HELD, contribute, problem_of, tables_of
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.certificate import row_terms
 from tgospa_eval.problem.paths import best_values
@@ -102,15 +102,13 @@ def prove_rows(output: str, task: RowsTask) -> None:
         by_estimate = intervals[np.lexsort((intervals["begin"], intervals["estimate"]))]
         np.save(folder / "by_estimate.npy", by_estimate)
         np.save(folder / "by_estimate.key.npy", by_estimate["estimate"])
-        with (folder / "sums.npz").open("wb") as file:
-            np.savez(
-                file,
-                lower=expansion(terms),
-                pairs=pairs,
-                states=len(states.begin),
-                variation=halves(variation, states.begin[moved], problem.steps),
-                regret=_regrets(states, weights, columns, first),
-            )
+        np.savez(
+            folder / "sums.npz",
+            lower=expansion(terms),
+            pairs=pairs,
+            variation=halves(variation, states.begin[moved], problem.steps),
+            regret=_regrets(states, weights, columns, first),
+        )
 
 
 def _tracks(

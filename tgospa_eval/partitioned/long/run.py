@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.partitioned.long.borders import value_borders
-from tgospa_eval.partitioned.long.columns import add_rest, contribute, join_columns
+from tgospa_eval.partitioned.long.columns import add_rest, join_columns
 from tgospa_eval.partitioned.long.rows import RowsTask, prove_rows
 from tgospa_eval.partitioned.long.tables import WindowPiece, fraction
 from tgospa_eval.partitioned.long.windows import (
@@ -24,7 +24,7 @@ from tgospa_eval.partitioned.long.windows import (
     pieces_of,
     solve_window,
 )
-from tgospa_eval.partitioned.shards import PartialSums
+from tgospa_eval.partitioned.shards import PartialSums, contribute
 from tgospa_eval.partitioned.tasks import Run, Task, left_until, writing
 from tgospa_eval.problem.paths import down
 from tgospa_eval.problem.problem import Floats
@@ -156,7 +156,7 @@ def _stretches(
     """
     share = joined.share
     seams = [piece.low for piece in joined.pieces[1:]]
-    allowed = OPEN_FROM * component.gap * share.upper / max(len(seams), 1)
+    allowed = OPEN_FROM * component.gap * share.total / max(len(seams), 1)
     open_ = np.flatnonzero(joined.lost > allowed)
     worst = open_[np.argsort(-joined.lost[open_], kind="stable")[:WORST_STEPS]]
     steps = np.unique((*seams, *(worst + share.first)))
@@ -366,12 +366,11 @@ def _add_up(
     lower: list[float] = []
     regrets = [np.zeros((3, 0))]
     variation = np.zeros((2, size), np.int64)
-    pairs = states = 0
+    pairs = 0
     for folder in (task.output for task in rows):
         with np.load(f"{folder}/sums.npz") as found:
             lower += found["lower"].tolist()
             pairs += int(found["pairs"])
-            states += int(found["states"])
             variation += found["variation"]
             regrets.append(found["regret"])
     lost = np.zeros(size)
@@ -394,7 +393,7 @@ def _add_up(
         "switch": component.parameters.switch_price * total,
     }
     upper = math.fsum(np.concatenate(list(parts.values())).tolist())
-    counts = [np.load(f"{folder}/counts.npy") for folder in sorted({p.folder for p in pieces})]
+    counts = [np.load(f"{folder}/iterations.npy") for folder in {p.folder for p in pieces}]
     share = PartialSums(
         **parts,
         first=first,
@@ -404,9 +403,8 @@ def _add_up(
         truths=by_step["truths"],
         estimates=by_step["estimates"],
         lower=np.array(lower),
-        upper=upper,
-        iterations=int(sum(count[0] for count in counts)),
-        states=states,
+        total=upper,
+        iterations=int(sum(counts)),
         solved=upper - math.fsum(lower) <= component.gap * upper,
     )
     return ComponentBounds(

@@ -269,10 +269,8 @@ def solve_window(output: str, task: Window) -> None:
         for name, table in by_estimate:
             part = shard_of(table["estimate"], task.estimate_bounds)
             save_parts(folder, name, table, part, estimate_shards)
-        with (folder / "steps.npz").open("wb") as file:
-            np.savez(file, **_steps(gains, task))
-        counted = [solved.iterations, solved.states, solved.finished]
-        np.save(folder / "counts.npy", np.array(counted, np.int64))
+        np.savez(folder / "steps.npz", **_steps(gains, task))
+        np.save(folder / "iterations.npy", solved.iterations)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -283,8 +281,6 @@ class _SolvedWindow:
     holds: Table
     places: Table
     iterations: int = 0
-    states: int = 0
-    finished: bool = True
 
 
 def _solve(entry: Table, task: Window) -> _SolvedWindow:
@@ -293,7 +289,6 @@ def _solve(entry: Table, task: Window) -> _SolvedWindow:
             entry_weights=np.zeros(len(entry), np.int64),
             holds=np.zeros(0, HELD),
             places=np.zeros(0, PRICE_AT),
-            finished=False,
         )
     # Estimates are columns in every window: their prices are joined.
     borders = load_borders(task.borders, task.number)
@@ -311,8 +306,6 @@ def _solve(entry: Table, task: Window) -> _SolvedWindow:
         holds=_holds(states, whole, task, framed),
         places=_places(states, solution, task, framed),
         iterations=solution.iterations,
-        states=len(states.begin),
-        finished=solution.finished,
     )
 
 
