@@ -4,13 +4,12 @@ import math
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from functools import cached_property
-from typing import TypedDict
 
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.results.records import Time
+from tgospa_eval.results.records import Json, Time
 
 UNEVEN = 5.0
 """How much longer than its steps a recording may be to be drawn to scale."""
@@ -23,15 +22,7 @@ WHOLE = 2.0**53
 """Below this whole numbers differ in a browser."""
 
 
-class TimeAxis(TypedDict):
-    """How times are drawn: a kind, where it begins, and places where they are not the times."""
-
-    kind: str
-    origin: str
-    values: list[float] | None
-
-
-def moments(times: Sequence[Time]) -> TimeAxis:
+def moments(times: Sequence[Time]) -> Json:
     """How times are drawn, as a part of the document of the page.
 
     Parameters
@@ -60,7 +51,7 @@ def readable(times: Sequence[Time]) -> list[Time]:
     return [t if isinstance(t, int | float) and abs(t) < WHOLE else str(t) for t in times]
 
 
-def placed(times: Sequence[Time], axis: TimeAxis) -> Floats:
+def placed(times: Sequence[Time], axis: Json) -> Floats:
     """Where each step is on the axis that `moments` describes."""
     if axis["kind"] == "step":
         return np.arange(len(times), dtype=float)
@@ -161,13 +152,13 @@ class Clock:
 
     Parameters
     ----------
-    axis : TimeAxis
-        Of `TimeAxis`.
+    axis : dict
+        How times are drawn, by `moments`.
     labels : sequence of str
         The times of all steps in words.
     """
 
-    axis: TimeAxis
+    axis: Json
     labels: Sequence[str]
 
     @cached_property

@@ -6,7 +6,6 @@ from tgospa_eval.common.words import number, sizes_in_words
 from tgospa_eval.reports.console import WORST, headline, part_rows, repair_notes, repair_table
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.phrases import parameters_of
-from tgospa_eval.reports.records import Metric
 from tgospa_eval.reports.tables import Document, as_latex, as_markdown, as_text
 from tgospa_eval.results.explanation import Explanation
 
@@ -26,7 +25,7 @@ def _document(found: Explanation, *, folded: bool) -> Document:
     return Document(
         title=headline(result),
         lines=[
-            parameters_of(_metric(found)),
+            parameters_of(result.parameters),
             sizes_in_words(result.sizes),
             "total " + number(result.total) + ": " + ", ".join(_repair_parts(found)),
             *_worst(found),
@@ -35,11 +34,6 @@ def _document(found: Explanation, *, folded: bool) -> Document:
         notes=list(repair_notes(found)),
         warnings=result.told,
     )
-
-
-def _metric(found: Explanation) -> Metric:
-    used = found.result.parameters
-    return {name: used[name] for name in Metric.__annotations__ if name in used}  # type: ignore[return-value]
 
 
 def _repair_parts(found: Explanation) -> Iterator[str]:

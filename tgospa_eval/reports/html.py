@@ -26,13 +26,13 @@ from tgospa_eval.reports.console import (
     repair_rows,
     similarity_in_words,
 )
-from tgospa_eval.reports.drawn import Drawn, PageData, thinned
+from tgospa_eval.reports.drawn import Drawn, thinned
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.page_data import document
 from tgospa_eval.reports.slices import about_slices, slices_of_page
 from tgospa_eval.reports.tables import Table
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import PARTS, Columns, Time
+from tgospa_eval.results.records import PARTS, Columns, Json, Time
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import as_unicode
 
@@ -94,7 +94,7 @@ def partitioned_values(result: PartitionedResult, drawn: Drawn | None) -> dict[s
     }
 
 
-def _stacked(data: PageData) -> TimeChart:
+def _stacked(data: Json) -> TimeChart:
     """Costs as bars without gaps, one part on the other."""
     tops = np.cumsum([data["costs"][name] for name in PARTS], axis=0).reshape(len(PARTS), -1)
     high = ROOM * float(tops.max(initial=0.0)) or 1.0
@@ -107,7 +107,7 @@ def _stacked(data: PageData) -> TimeChart:
     return TimeChart(shapes, _up(high), _across(data["times"]))
 
 
-def _lines(data: PageData) -> TimeChart:
+def _lines(data: Json) -> TimeChart:
     """The cumulative cost, a line for each part and for the total."""
     names = ("total", *PARTS)
     curve = {name: np.asarray(data["curve"][name], float) for name in names}

@@ -4,109 +4,17 @@ import math
 import textwrap
 from collections.abc import Iterator
 from itertools import zip_longest
-from typing import NotRequired, TypedDict
 
-from tgospa_eval.common.config import WithSettings
 from tgospa_eval.common.notices import Notice, as_option
 from tgospa_eval.common.words import counted, in_both, number, plain, shortest
 from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines
-from tgospa_eval.results.records import Time
+from tgospa_eval.results.records import Json, Time
 from tgospa_eval.text import ending, visible
 
 Extent = dict[str, float]
 """From where to where, as min and max; with a median too."""
 
 Row = tuple[str, list[str]]
-
-
-class TimeSpan(TypedDict):
-    """First and last as read, and how far they are apart."""
-
-    kind: str
-    first: Time | None
-    last: Time | None
-    step: Extent | None
-
-
-class FileDocument(TypedDict):
-    """One file."""
-
-    path: str
-    format: str
-    rows: int
-    used: int
-    left_out: dict[str, int]
-    trajectories: int
-    steps: int
-    columns: list[str]
-    headers: dict[str, str]
-    time: TimeSpan
-    length: Extent | None
-    holes: dict[str, int]
-    classes: dict[str, dict[str, int]]
-    objects: Extent | None
-    particles: NotRequired[Extent | None]
-    extent: dict[str, Extent]
-    deviation: NotRequired[dict[str, Extent | None]]
-    notices: list[str]
-
-
-class Overlap(TypedDict):
-    """First and last stamp that both files cover."""
-
-    first: Time
-    last: Time
-    steps: int
-
-
-class ClockRecord(TypedDict):
-    """Another clock of the estimate that fits better, and how much."""
-
-    time_scale: float
-    time_offset: float
-    uncertainty: float
-    saving: float
-    steps: int
-
-
-class Suggested(TypedDict):
-    """A cutoff to begin with, and why."""
-
-    cutoff: float
-    reason: str
-
-
-class NearestRecord(TypedDict):
-    """Distances from truths to the nearest estimate."""
-
-    cutoff: float
-    truths: int
-    quantiles: dict[str, float | None]
-    within_cutoff: float
-    suggested: Suggested | None
-
-
-class PairDocument(TypedDict):
-    """How two files fit."""
-
-    steps: dict[str, int]
-    left_out: dict[str, int]
-    time: Overlap | None
-    clock: ClockRecord | None
-    extent: dict[str, Extent | None]
-    nearest: NearestRecord | None
-
-
-class Inspection(WithSettings):
-    """What was read, and what looks wrong with it."""
-
-    schema: str
-    version: str
-    parameters: dict[str, object]
-    truth: FileDocument
-    estimate: NotRequired[FileDocument]
-    both: NotRequired[PairDocument]
-    warnings: list[dict[str, str]]
 
 
 NAME_WIDTH = 18
@@ -125,7 +33,7 @@ LEFT_OUT = {
 """Why rows are left out, where the JSON's word for it is not enough."""
 
 
-def table(document: Inspection) -> str:
+def table(document: Json) -> str:
     """The document in words, for someone who sees it for the first time."""
     files = [document["truth"], *([document["estimate"]] if "estimate" in document else [])]
     blocks = [_columns(list(_files(files)))]
@@ -159,7 +67,7 @@ def _columns(rows: list[Row]) -> list[str]:
     )
 
 
-def _files(files: list[FileDocument]) -> Iterator[Row]:
+def _files(files: list[Json]) -> Iterator[Row]:
     """A row for each property, a cell for each file."""
     yield "", ["truth", "estimate"][: len(files)]
     yield "file", [ending(file["path"], CELL) for file in files]
@@ -205,7 +113,7 @@ def _holes(holes: dict[str, int]) -> str:
     return f"{holes['trajectories']}, {counted(holes['steps'], 'step')}, longest {holes['longest']}"
 
 
-def _both(both: PairDocument, parameters: dict[str, object], *, warned: bool) -> Iterator[str]:
+def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterator[str]:
     """How the files fit; `warned` is whether a warning has the other clock."""
     steps = both["steps"]
     yield in_both(steps["common"], steps["union"]) + (
@@ -242,7 +150,7 @@ def _both(both: PairDocument, parameters: dict[str, object], *, warned: bool) ->
         yield from textwrap.wrap(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)
 
 
-def _stretch(time: Overlap | None) -> str:
+def _stretch(time: Json | None) -> str:
     """The time that both files cover."""
     if time is None:
         return "no stretch of time is in both files"
@@ -252,7 +160,7 @@ def _stretch(time: Overlap | None) -> str:
     return f"both have rows from t = {ends}, {counted(time['steps'], 'step')}"
 
 
-def _clock(clock: ClockRecord) -> str:
+def _clock(clock: Json) -> str:
     """The stamps of the estimate that fit better."""
     values = {name: clock[name] for name in ("time_scale", "time_offset")}
     settings = " ".join(
@@ -275,7 +183,7 @@ def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6
     return f"{text} {one if text == '1' else many}".strip()
 
 
-def _steps(time: TimeSpan, unit: str) -> str:
+def _steps(time: Json, unit: str) -> str:
     """From how long to how long a step takes, without what rounding the stamps adds to it."""
     ends = [t for t in (time["first"], time["last"]) if isinstance(t, float)]
     noise = 2 * math.ulp(max(map(abs, ends), default=0.0))

@@ -17,10 +17,10 @@ from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports import drawn as spreads
 from tgospa_eval.reports.clock import moments, readable
-from tgospa_eval.reports.drawn import Drawn, PageData, WindowsData, curves, rounded, thinned
+from tgospa_eval.reports.drawn import Drawn, curves, rounded, thinned
 from tgospa_eval.results.by_class import ByClass
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Time
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
 
@@ -109,7 +109,7 @@ def document(result: Summary) -> Drawn:
             arrays["truth/row/error"] = np.rint(side.error[keep] * ERRORS).astype(np.int64)
     per_step = result.per_step_table()
     times = readable(per_step["t"])
-    data: PageData = {
+    data: Json = {
         "times": times,
         "axis": moments(times),
         "costs": {name: rounded(per_step[name]) for name in PARTS},
@@ -157,7 +157,7 @@ def map_stretch(latitudes: Floats) -> float:
     return 1 / math.cos(math.radians(mean)) if abs(mean) <= FARTHEST_NORTH else 1.0
 
 
-def _windows(result: Summary, slid: Windows) -> WindowsData:
+def _windows(result: Summary, slid: Windows) -> Json:
     """Of each window (cost / n) ^ (1/p) of each part, n its steps of the horizon."""
     table = result.windows_table()
     each = np.maximum(np.array(table["steps"]), 1)

@@ -2,10 +2,10 @@
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from tgospa_eval.common.interval import Interval, places
 from tgospa_eval.common.words import counted, sizes_in_words
-from tgospa_eval.reports.records import Metric
 from tgospa_eval.results.numbers import PROBABILITIES
 from tgospa_eval.results.records import Columns
 
@@ -41,7 +41,7 @@ def columns(
     return {f"{before}{name}": [row[name] for row in rows] for name in names}
 
 
-def unit_of(parameters: Metric) -> str:
+def unit_of(parameters: Mapping[str, Any]) -> str:
     """The unit behind a number, if there is one."""
     unit = parameters.get("unit")
     return f" {unit}" if unit else ""
@@ -55,7 +55,7 @@ def size_of(sizes: Mapping[str, int]) -> str:
     )
 
 
-def parameters_of(parameters: Metric) -> str:
+def parameters_of(parameters: Mapping[str, Any]) -> str:
     """Parameters of the metric, and the distance."""
     unit = unit_of(parameters)
     rho = f", rho = {parameters['rho']:g}" if "rho" in parameters else ""

@@ -14,7 +14,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.inspection import inspect
 from tgospa_eval.plots import FILES, MISSING, available, written
 from tgospa_eval.reports.files import check_file, write_file
-from tgospa_eval.reports.inspection import Inspection
+from tgospa_eval.results.records import Json
 from tgospa_eval.tracks.trajectories import Trajectories
 
 PLOT_OPTION = "--plot"
@@ -66,7 +66,7 @@ def inspect_files(
     options: Request,
     output: OutputOptions,
     plot: str | None = None,
-) -> Inspection:
+) -> Json:
     """What one file or two hold and what looks wrong with it, as the JSON document of the verb.
 
     `plot` is the file of a picture to write.
@@ -81,7 +81,7 @@ def inspect_files(
     settings = make_settings(options)
     stopwatch = Stopwatch()
 
-    def work() -> Inspection:
+    def work() -> Json:
         with stopwatch.span("read"):
             sides = settings.read(*paths)
         if len(sides) == 1:
