@@ -132,6 +132,7 @@ def prove(
     with stopwatch.span("report"):
         split = split_localisation(prepared, proof)
     gap = solver.gap if solver.proves else GAP
+    problem = prepared.states.problem
     return Result(
         proof=proof,
         split=split,
@@ -144,6 +145,8 @@ def prove(
         timings=nested_timings(stopwatch),
         input=prepared.input,
         judged_on=prepared.judged,
+        sizes=prepared.sizes,
+        objects=(len(problem.truth_step), len(problem.estimate_step)),
         version=__version__,
         scene=prepared.scene,
         warnings=(*within_rounding(bounds, gap), *rounded_coordinates(prepared, proof)),

@@ -36,7 +36,7 @@ from tgospa_eval.partitioned.tables import Naming, TrackSums, write_tables
 from tgospa_eval.partitioned.tasks import Stages, run_tasks
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.tgospa import check_underflow
-from tgospa_eval.results.partitioned import Extent, PartitionedResult
+from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Costs, FileInfo, FileRecord, Labels, SolverRecord
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.judged import digest_of_sums, judge
@@ -327,17 +327,15 @@ def _result(
             *(notice for _, notices in read for notice in notices),
             *within_rounding(whole.bounds, solver.gap),
         ),
-        extent=Extent(
-            sizes={
-                "truth": len(truths.ids),
-                "estimates": len(estimates.ids),
-                "steps": len(plan.times),
-                "candidate_pairs": found.shards.pairs,
-                "pair_steps": found.entries,
-                "components": found.shards.components,
-            },
-            objects=(int(counts.sum()), int(whole.objects[1].sum())),
-        ),
+        sizes={
+            "truth": len(truths.ids),
+            "estimates": len(estimates.ids),
+            "steps": len(plan.times),
+            "candidate_pairs": found.shards.pairs,
+            "pair_steps": found.entries,
+            "components": found.shards.components,
+        },
+        objects=(int(counts.sum()), int(whole.objects[1].sum())),
         tables=tables,
     )
 

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import number
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.results.records import Json, Time
 
@@ -112,31 +113,9 @@ ROOM = 1.05
 """Height of a chart, as a multiple of what is in it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Tick:
-    """A place on an axis.
-
-    Parameters
-    ----------
-    at : float
-        In percent.
-    text : str
-        What it says.
-    """
-
-    at: float
-    text: str
-
-
-def round_steps(low: float, high: float, most: int = 6) -> list[float]:
-    """Round numbers from `low` to `high`, at most so many."""
-    if not high > low:
-        return [low]
-    raw = (high - low) / (most - 1)
-    unit = 10.0 ** math.floor(math.log10(raw))
-    each = next(unit * factor for factor in (1, 2, 5, 10) if unit * factor >= raw * (1 - 1e-9))
-    first = math.ceil(low / each - 1e-9)
-    return [k * each for k in range(first, math.floor(high / each + 1e-9) + 1)]
+def upward(top: float, count: int) -> list[dict[str, object]]:
+    """Ticks at about so many round numbers from 0 to the top: places in percent, and texts."""
+    return [{"at": 100.0 * (1.0 - y / top), "text": number(y, 4)} for y in nice(0.0, top, count)]
 
 
 CLOCK = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200)

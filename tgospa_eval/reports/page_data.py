@@ -107,7 +107,7 @@ def document(result: Summary) -> Drawn:
             arrays |= {f"{name}/spread/{key}": values for key, values in entries.items()}
         if name == "truth":
             arrays["truth/row/error"] = np.rint(side.error[keep] * ERRORS).astype(np.int64)
-    per_step = result.per_step_table()
+    per_step = result.table("per_step")
     times = readable(per_step["t"])
     data: Json = {
         "times": times,
@@ -119,8 +119,8 @@ def document(result: Summary) -> Drawn:
         },
         "curve": {name: rounded(values) for name, values in curves(result).items()},
         "tracks": {
-            "truth": _tracks(result.per_truth_table(), "missed"),
-            "estimate": _tracks(result.per_estimate_table(), "false"),
+            "truth": _tracks(result.table("per_truth"), "missed"),
+            "estimate": _tracks(result.table("per_estimate"), "false"),
         },
         "switches": _switches(parts),
         "repairs": _repairs(result),
@@ -159,7 +159,7 @@ def map_stretch(latitudes: Floats) -> float:
 
 def _windows(result: Summary, slid: Windows) -> Json:
     """Of each window (cost / n) ^ (1/p) of each part, n its steps of the horizon."""
-    table = result.windows_table()
+    table = result.table("windows")
     each = np.maximum(np.array(table["steps"]), 1)
     costs = dict(zip(PARTS, slid.parts, strict=True)) | {"total": slid.parts.sum(axis=0)}
     parameters = result.proof.parameters
@@ -300,7 +300,7 @@ def _switches(parts: list[Result]) -> Columns:
     found: Columns = {name: [] for name in names}
     truths = estimates = 0
     for part in parts:
-        labels, table = part.labels, part.switches_table()
+        labels, table = part.labels, part.table("switches")
         step = {t: k for k, t in enumerate(labels.times)}
         truth = {name: truths + k for k, name in enumerate(labels.truths)}
         estimate: dict[str | None, int] = {

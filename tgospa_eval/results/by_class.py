@@ -41,20 +41,6 @@ class ByClass(Summary):
 
     results: dict[str, Result]
 
-    @property
-    def sizes(self) -> dict[str, int]:
-        """Sums of those of the classes; the steps are the same in all."""
-        parts = [part.sizes for part in self.results.values()]
-        return {name: sum(part[name] for part in parts) for name in parts[0]} | {
-            "steps": parts[0]["steps"]
-        }
-
-    @property
-    def objects(self) -> tuple[int, int]:
-        """States of the truth and of the estimate."""
-        truths, estimates = zip(*(part.objects for part in self.results.values()), strict=True)
-        return sum(truths), sum(estimates)
-
     def slices(self, *by: str) -> tuple[Slicing, ...]:  # noqa: D102  (as of Summary)
         if not by:
             return self.sliced
@@ -63,23 +49,19 @@ class ByClass(Summary):
             parts = [split.slices_of(part, by, summed=True) for part in self.results.values()]
         return tuple(added_up(parts))
 
-    def assignments_table(self) -> Columns:
-        """Assigned pairs, class by class."""
-        return self._joined({name: part.assignments_table() for name, part in self._items()})
+    def _of_tracks(self, name: str) -> Columns:
+        """Class by class, with the class in front."""
+        tables = {part: made.table(name) for part, made in self.results.items()}
+        columns = next(iter(tables.values()))
+        joined: Columns = {
+            "class": [part for part, table in tables.items() for _ in next(iter(table.values()))]
+        }
+        return joined | {
+            column: [value for table in tables.values() for value in table[column]]
+            for column in columns
+        }
 
-    def switches_table(self) -> Columns:
-        """Switches, class by class."""
-        return self._joined({name: part.switches_table() for name, part in self._items()})
-
-    def per_truth_table(self) -> Columns:
-        """Truths, class by class."""
-        return self._joined({name: part.per_truth_table() for name, part in self._items()})
-
-    def per_estimate_table(self) -> Columns:
-        """Estimates, class by class."""
-        return self._joined({name: part.per_estimate_table() for name, part in self._items()})
-
-    def per_class_table(self) -> Columns:
+    def _per_class(self) -> Columns:
         """Value and costs of each class; the costs add up, the values do not."""
         names = ("tgospa", "total", *PARTS)
         parts = self.results.values()
@@ -90,22 +72,7 @@ class ByClass(Summary):
     def to_dict(self) -> Json:
         """The document of the sum, with those of the classes."""
         return super().to_dict() | {
-            "by_class": {name: part.to_dict() for name, part in self._items()}
-        }
-
-    def _items(self) -> list[tuple[str, Result]]:
-        return list(self.results.items())
-
-    @staticmethod
-    def _joined(tables: dict[str, Columns]) -> Columns:
-        """One table below the other, with the class in front."""
-        columns = next(iter(tables.values()))
-        joined: Columns = {
-            "class": [name for name, table in tables.items() for _ in next(iter(table.values()))]
-        }
-        return joined | {
-            column: [value for table in tables.values() for value in table[column]]
-            for column in columns
+            "by_class": {name: part.to_dict() for name, part in self.results.items()}
         }
 
 
@@ -153,6 +120,9 @@ def add_up(results: dict[str, Result], files: tuple[FileInfo, FileInfo], read: f
             unit=first.labels.unit,
         ),
         gap=first.gap,
+        sizes={name: sum(part.sizes[name] for part in parts) for name in first.sizes}
+        | {"steps": first.sizes["steps"]},
+        objects=(sum(part.objects[0] for part in parts), sum(part.objects[1] for part in parts)),
         settings=first.settings,
         solver={
             **(unfinished or [first.solver])[0],
