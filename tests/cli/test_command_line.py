@@ -352,7 +352,7 @@ RARE = (
     *("formats.columns.spread", "formats.particles", "formats.text.matrix", "formats.frames"),
     *("formats.text.plain", "formats.arrow"),
     # Of what writes folders, or other formats than the table.
-    *("reports.files", "reports.markup", "reports.html", "reports.terminal", "results.notebook"),
+    *("reports.files", "reports.markup", "reports.html", "reports.terminal"),
     *("cli.shared.writing", "cli.evaluate.folder", "plots"),
 )
 

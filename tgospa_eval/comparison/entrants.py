@@ -40,7 +40,7 @@ from tgospa_eval.reports.records import (
     RunCosts,
     Seconds,
 )
-from tgospa_eval.results.records import PARTS, FileRecord, Time
+from tgospa_eval.results.records import PARTS, Json, Time
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.solvers import Solver
@@ -458,7 +458,7 @@ class EntrantOutcome:
     judged: Mapping[str, Any]
     finished: bool
     status: str
-    input: Mapping[str, FileRecord]
+    input: Mapping[str, Json]
     against: Against | None = None
     others: Others | None = None
 

@@ -24,7 +24,7 @@ from tgospa_eval.problem.tgospa import (
     weight_existence,
     weight_steps,
 )
-from tgospa_eval.results.records import FileInfo, FileRecord, Labels
+from tgospa_eval.results.records import FileInfo, Json, Labels
 from tgospa_eval.results.result import ComparedSides, DrawnScene
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
@@ -109,7 +109,7 @@ class MeasuredSides:
     labels: Labels
     moments: Times
     settings: Mapping[str, object]
-    input: Mapping[str, FileRecord]
+    input: Mapping[str, Json]
     judged: Judged
     scene: DrawnScene
     step_weights: StepWeights | None = None

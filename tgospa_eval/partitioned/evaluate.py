@@ -37,7 +37,7 @@ from tgospa_eval.partitioned.tasks import Stages, run_tasks
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.tgospa import check_underflow
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import Costs, FileInfo, FileRecord, Labels, SolverRecord
+from tgospa_eval.results.records import Costs, FileInfo, Json, Labels
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.judged import digest_of_sums, judge
 
@@ -288,7 +288,7 @@ def _result(
     met = whole.bounds.met(solver.gap)
     spent = plan.stages.stopwatch.spans.get("solve/sweeps", 0.0)
     late = solver.time_limit is not None and spent >= solver.time_limit
-    record: SolverRecord = {
+    record: Json = {
         "name": solver.name,
         "status": str(Status.SOLVED if met else Status.LATE if late else Status.NOT_SOLVED),
         "finished": met,
@@ -342,7 +342,7 @@ def _result(
 
 def _input(
     side: PartsSide, number: int, plan: PartsPlan, found: Evaluated
-) -> tuple[FileRecord, list[Notice]]:
+) -> tuple[Json, list[Notice]]:
     """The record of a side, and what was repaired in it."""
     blocks = [block.read[number] for block in found.blocks]
     info = FileInfo(rows=side.rows, format=side.format, left_out=_left_out(side, blocks))

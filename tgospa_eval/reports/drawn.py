@@ -142,49 +142,45 @@ def rounded(values: list[float]) -> list[float]:
     return shortest
 
 
-def thinned(result: PartitionedResult) -> Drawn:
-    """What is drawn of a result of data in parts: its costs over time, and no tracks."""
+def over_time(result: Summary, together: int = 1) -> Json:
+    """What is drawn over time, of so many steps at a time: means, and the curve at the last."""
     steps = len(result.labels.times)
-    together = max(1, -(-steps // MOST_STRETCHES))
     first = np.arange(0, steps, together)
     last = np.minimum(first + together, steps) - 1
     times = readable([result.labels.times[k] for k in first.tolist()])
-    split, none = result.proof.breakdown, np.zeros(0, np.int64)
+    split, parameters = result.proof.breakdown, result.proof.parameters
 
     def mean(values: Floats) -> list[float]:
         sums = np.add.reduceat(values, first) if steps else values
         return rounded((sums / (last - first + 1)).tolist())
 
-    arrays: dict[str, Ints] = {
-        f"{side}/{name}": none
-        for side in ("truth", "estimate")
-        for name in ("run/track", "run/begin", "run/end", "run/other", "row/track", "row/step")
-    }
-    data: Json = {
+    return {
         "times": times,
         "axis": moments(times),
-        "together": together,
         "costs": {name: mean(result.scale * getattr(split, name)) for name in PARTS},
         "counts": {name: mean(getattr(split, f"{name}_count")) for name in COUNTED_PARTS},
         "curve": {
             name: rounded([values[k] for k in last.tolist()])
             for name, values in curves(result).items()
         },
+        "cutoff": parameters.cutoff,
+        "order": parameters.order,
+        "unit": result.labels.unit or "",
+    }
+
+
+def thinned(result: PartitionedResult) -> Drawn:
+    """What is drawn of a result of data in parts: its costs over time, and no tracks."""
+    together = max(1, -(-len(result.labels.times) // MOST_STRETCHES))
+    names = ("run/track", "run/begin", "run/end", "run/other", "row/track", "row/step", "row/error")
+    data = over_time(result, together) | {
+        "together": together,
         "tracks": {"truth": {"id": []}, "estimate": {"id": []}},
         "switches": {},
-        "repairs": {},
         "columns": [],
         "boxes": False,
-        "low": [],
-        "quantum": [],
         "spread": {},
-        "cutoff": result.proof.parameters.cutoff,
-        "order": result.proof.parameters.order,
-        "unit": result.labels.unit or "",
         "errors": 1,
-        "stride": 1,
-        "shared": 0,
-        "rows": {"truth": [0, 0], "estimate": [0, 0]},
-        "arrays": [],
     }
-    return data, arrays | {"truth/row/error": none}
+    none = np.zeros(0, np.int64)
+    return data, {f"{side}/{name}": none for side in ("truth", "estimate") for name in names}

@@ -14,7 +14,7 @@ import jinja2
 import numpy as np
 
 from tgospa_eval.common.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
-from tgospa_eval.common.words import counted, number
+from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.clock import ROOM, upward
 from tgospa_eval.reports.console import (
@@ -346,3 +346,59 @@ def _flat(record: Mapping[str, object], before: str = "") -> dict[str, str]:
         elif value is not None:
             lines[before + name] = str(value)
     return lines
+
+
+BARS = 140
+"""Bars of the chart of a notebook, at most; of more steps the costliest of several are shown."""
+
+CHART_WIDTH, CHART_HEIGHT = 560, 56
+
+
+def card(result: Summary) -> str:
+    """What a notebook shows: a headline, the four parts, and the cost of each step."""
+    per_step = result.table("per_step")
+    cost = {name: getattr(result, name) for name in PARTS} | {"total": result.total}
+    rows = [
+        (name, number(value), result.share(value), number(result.counts[name]))
+        if name in result.counts
+        else (name, number(value), result.share(value), "")
+        for name, value in cost.items()
+    ]
+    notes = [
+        *result.told,
+        sizes_in_words(result.sizes),
+        result.parameters_in_words(result.labels.unit),
+    ]
+    template = environment().get_template("card.html.j2")
+    return template.render(result=result, notes=notes, rows=rows, colours=LIGHT, **_bars(per_step))
+
+
+def _bars(per_step: Columns) -> Json:
+    """Stacked bars as paths; where there are many steps the costliest of several stands for them.
+
+    They stand on white, for a notebook does not say whether its paper is light or dark.
+    """
+    totals = [sum(values) for values in zip(*(per_step[name] for name in PARTS), strict=True)]
+    high = max(totals, default=0.0)
+    paths = dict.fromkeys(PARTS, "")
+    if not high > 0:
+        return {"label": "", "paths": paths}
+    together = -(-len(totals) // BARS)
+    chosen = [
+        max(range(first, min(first + together, len(totals))), key=totals.__getitem__)
+        for first in range(0, len(totals), together)
+    ]
+    wide = CHART_WIDTH / len(chosen)
+    below = [0.0] * len(chosen)
+    for name in PARTS:
+        for bar, step in enumerate(chosen):
+            tall = per_step[name][step] / high * CHART_HEIGHT
+            if tall > 0:
+                below[bar] += tall
+                x, y = bar * wide, CHART_HEIGHT - below[bar]
+                paths[name] += f"M{x:.1f} {y:.1f}h{wide * 0.85:.1f}v{tall:.1f}h{-wide * 0.85:.1f}z"
+    times = per_step["t"]
+    label = f"cost of each step from {times[0]} to {times[-1]}, at most {number(high)}"
+    if together > 1:
+        label += f"; each bar is the dearest of {together}"
+    return {"label": label, "paths": paths, "width": CHART_WIDTH, "height": CHART_HEIGHT}

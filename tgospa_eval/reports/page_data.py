@@ -16,11 +16,10 @@ from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports import drawn as spreads
-from tgospa_eval.reports.clock import moments, readable
-from tgospa_eval.reports.drawn import Drawn, curves, rounded, thinned
+from tgospa_eval.reports.drawn import Drawn, over_time, rounded, thinned
 from tgospa_eval.results.by_class import ByClass
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
+from tgospa_eval.results.records import PARTS, Columns, Json, Time
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
 
@@ -107,17 +106,7 @@ def document(result: Summary) -> Drawn:
             arrays |= {f"{name}/spread/{key}": values for key, values in entries.items()}
         if name == "truth":
             arrays["truth/row/error"] = np.rint(side.error[keep] * ERRORS).astype(np.int64)
-    per_step = result.table("per_step")
-    times = readable(per_step["t"])
-    data: Json = {
-        "times": times,
-        "axis": moments(times),
-        "costs": {name: rounded(per_step[name]) for name in PARTS},
-        "counts": {
-            name: rounded(getattr(result.proof.breakdown, f"{name}_count").tolist())
-            for name in COUNTED_PARTS
-        },
-        "curve": {name: rounded(values) for name, values in curves(result).items()},
+    data = over_time(result) | {
         "tracks": {
             "truth": _tracks(result.table("per_truth"), "missed"),
             "estimate": _tracks(result.table("per_estimate"), "false"),
@@ -129,9 +118,6 @@ def document(result: Summary) -> Drawn:
         "low": low,
         "quantum": quantum,
         "spread": spread,
-        "cutoff": result.proof.parameters.cutoff,
-        "order": result.proof.parameters.order,
-        "unit": result.labels.unit or "",
         "errors": ERRORS,
         "stride": stride,
         "shared": sides["truth"].shared,

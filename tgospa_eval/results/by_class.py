@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from importlib import import_module
-from typing import TypeVar, cast
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,10 +17,8 @@ from tgospa_eval.results.records import (
     Columns,
     Costs,
     FileInfo,
-    FileRecord,
     Json,
     Labels,
-    Timings,
 )
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.slices import Slicing, added_up
@@ -168,7 +166,7 @@ def _sum_of_brackets(found: list[B | None]) -> B | None:
     return replace(asked[0], **sums)
 
 
-def _joined_input(info: FileInfo, inputs: dict[str, FileRecord]) -> FileRecord:
+def _joined_input(info: FileInfo, inputs: dict[str, Json]) -> Json:
     """The record of a file, with the rows that the grid left out and a digest of its classes."""
     # Those of the other file are left out: the truth has a digest of its own.
     sha256 = _joined_digest((name, one["sha256"]) for name, one in inputs.items() if one["rows"])
@@ -190,16 +188,16 @@ def _sum_of_splits(splits: list[Mapping[str, float] | None]) -> dict[str, float]
     return {name: sum(split[name] for split in found) for name in found[0]}
 
 
-def _sum_of_times(parts: list[Timings], read: float) -> Timings:
+def _sum_of_times(parts: list[Json], read: float) -> Json:
     """Sums of seconds by name; the time per state is no sum and left out."""
     names = dict.fromkeys(name for part in parts for name in part)
     stages = dict.fromkeys(name for part in parts for name in part["solve"])
     total: dict[str, float] = {
-        name: math.fsum(cast("dict[str, float]", part).get(name, 0.0) for part in parts)
+        name: math.fsum(part.get(name, 0.0) for part in parts)
         for name in names
         if name not in ("solve", "nanoseconds_per_state")
     }
     total["read"] += read
     total["total"] += read
     solve = {name: math.fsum(part["solve"].get(name, 0.0) for part in parts) for name in stages}
-    return cast("Timings", {**total, "solve": solve})
+    return {**total, "solve": solve}

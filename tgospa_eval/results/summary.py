@@ -16,7 +16,7 @@ import numpy as np
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
-from tgospa_eval.common.words import number, sizes_in_words
+from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Brackets, Curve, Windows
@@ -34,13 +34,10 @@ from tgospa_eval.results.records import (
     PARTS,
     Columns,
     Costs,
-    FileRecord,
     Json,
     Labels,
     MetricSums,
     OtherMetrics,
-    SolverRecord,
-    Timings,
     json_text,
     records,
 )
@@ -145,9 +142,9 @@ class Summary(ABC):
     labels: Labels
     gap: float
     settings: Mapping[str, object]
-    solver: SolverRecord
-    timings: Timings
-    input: Mapping[str, FileRecord]
+    solver: Json
+    timings: Json
+    input: Mapping[str, Json]
     judged_on: Judged
     sizes: dict[str, int]
     objects: tuple[int, int]
@@ -586,26 +583,7 @@ class Summary(ABC):
         return f"TGOSPA is between {self.quantity(self.lower_bound)} and {value}"
 
     def _repr_html_(self) -> str:
-        from tgospa_eval.results.notebook import card
-
-        per_step = self.table("per_step")
-        cost = {name: getattr(self, name) for name in PARTS} | {"total": self.total}
-        times = per_step["t"] or [""]
-        return card(
-            title=self.claim,
-            proof=self.proven,
-            notes=(
-                *self.told,
-                sizes_in_words(self.sizes),
-                self.parameters_in_words(self.labels.unit),
-            ),
-            parts=[
-                (name, number(value), self.share(value), _count(self.counts.get(name)))
-                for name, value in cost.items()
-            ],
-            costs={name: per_step[name] for name in PARTS},
-            ends=(str(times[0]), str(times[-1])),
-        )
+        return str(import_module("tgospa_eval.reports.html").card(self))
 
     per_step = _frame("per_step", "Cost of each step by kind.")
     curve = _frame("curve", "TGOSPA of the steps up to each, and its parts, if it was asked for.")
@@ -688,7 +666,3 @@ def _dotted(groups: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
     return {
         f"{group}.{name}": float(x) for group, found in groups.items() for name, x in found.items()
     }
-
-
-def _count(amount: float | None) -> str:
-    return "" if amount is None else number(amount)

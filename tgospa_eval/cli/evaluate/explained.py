@@ -9,7 +9,7 @@ from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.explain.explain import TOP, explain
 from tgospa_eval.results.explanation import Explanation
-from tgospa_eval.results.records import Timings
+from tgospa_eval.results.records import Json
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
 
@@ -46,7 +46,7 @@ def with_repairs(result: Summary, options: Request, output: OutputOptions) -> Su
     """The result with its repairs, for every output; the time that they took counts."""
     found = explained(result, options, output)
     total = result.timings["total"] + found.seconds
-    timings: Timings = {**result.timings, "explain": found.seconds, "total": total}
+    timings: Json = {**result.timings, "explain": found.seconds, "total": total}
     return replace(result, explained=found, timings=timings)
 
 
