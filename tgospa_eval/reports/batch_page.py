@@ -33,7 +33,7 @@ from tgospa_eval.reports.curves import (
     on_one_axis,
 )
 from tgospa_eval.reports.html import environment, inlined, page_colours
-from tgospa_eval.reports.phrases import order_in_words, place_in_words
+from tgospa_eval.reports.phrases import ORDERS, order_in_words, place_in_words
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.text import as_unicode
 
@@ -295,12 +295,11 @@ def _pairs(ranking: Ranking) -> list[Comparison]:
 
 def _pair(view: BatchView, pair: Comparison) -> dict[str, str]:
     """A comparison in words."""
-    proven = {"less": "proven", "equal": "equal", "not separated": "open"}
     found = {
         "first": pair.first,
         "second": pair.second,
         "difference": view.between(pair.difference),
-        "proven": proven[pair.verdict],
+        "proven": ORDERS[pair.verdict],
     }
     if pair.inference is None:
         return found

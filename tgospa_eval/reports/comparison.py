@@ -28,7 +28,7 @@ from tgospa_eval.reports.phrases import (
     unit_of,
 )
 from tgospa_eval.reports.records import RULES
-from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
+from tgospa_eval.reports.tables import WRITERS, Document, Table, as_markdown
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text
 
 TIES = (
@@ -53,12 +53,6 @@ def estimates_document(document: Json) -> Document:
         notes=list(_ranking_notes(document)),
         warnings=[str(Notice(**record)) for record in document["warnings"]],
     )
-
-
-def estimates_paper(document: Json) -> Document:
-    """What goes into a paper: roots per step, RMS over runs."""
-    page = estimates_document(document)
-    return replace(page, tables=[_normalised_table(document), *_other_tables(document)], notes=())
 
 
 def estimates_columns(document: Json) -> Columns:
@@ -544,31 +538,33 @@ def _deviation(values: Json, form: str) -> str:
     return "-" if value is None else ("0" if value < EXACT else f"{value:{form}}")
 
 
+COLUMNS = {
+    "estimates": estimates_columns,
+    "solvers": solvers_columns,
+    "study": study_columns,
+}
+"""Of each kind of document the main table."""
+
+DOCUMENTS = {
+    "estimates": estimates_document,
+    "solvers": solvers_document,
+    "study": study_document,
+}
+"""Of each kind what people read."""
+
+
 def render(document: Json, format: str) -> str:
     """What ``--format`` prints."""
+    kind = document["kind"]
     if format == "json":
         return json_text(document)
     if format == "csv":
-        return csv_text(_columns(document))
-    write = {"table": as_text, "markdown": as_markdown, "latex": as_latex}[format]
-    page = _document(document, paper=format == "latex")
+        return csv_text(COLUMNS[kind](document))
+    page = DOCUMENTS[kind](document)
+    if (kind, format) == ("estimates", "latex"):  # what goes into a paper: roots, RMS over runs
+        tables = [_normalised_table(document), *_other_tables(document)]
+        page = replace(page, tables=tables, notes=())
     if "settings_file" in document:
         used = str(SettingsFile(**document["settings_file"]))
         page = replace(page, warnings=[used, *page.warnings])
-    return write(page)
-
-
-def _columns(record: Json) -> Columns:
-    """The main table."""
-    if record["kind"] == "solvers":
-        return solvers_columns(record)
-    return estimates_columns(record) if record["kind"] == "estimates" else study_columns(record)
-
-
-def _document(record: Json, *, paper: bool = False) -> Document:
-    """What people read, or what goes into a paper."""
-    if record["kind"] == "solvers":
-        return solvers_document(record)
-    if record["kind"] == "study":
-        return study_document(record)
-    return estimates_paper(record) if paper else estimates_document(record)
+    return WRITERS[format](page)

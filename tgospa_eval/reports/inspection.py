@@ -7,9 +7,9 @@ from itertools import zip_longest
 
 from tgospa_eval.common.notices import Notice, as_option
 from tgospa_eval.common.words import counted, in_both, number, plain, shortest
-from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines
+from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines, wrap
 from tgospa_eval.results.records import Json, Time
-from tgospa_eval.text import ending, visible
+from tgospa_eval.text import ending
 
 Extent = dict[str, float]
 """From where to where, as min and max; with a median too."""
@@ -41,9 +41,9 @@ def table(document: Json) -> str:
         warned = any(warning["code"] == "clock-shift" for warning in document["warnings"])
         blocks.append(list(_both(document["both"], document["parameters"], warned=warned)))
     lines = [(file["path"], text) for file in files for text in file["notices"]]
-    blocks.append([line for path, text in lines for line in _wrap(f"{path}: {text}")])
+    blocks.append([line for path, text in lines for line in wrap(f"{path}: {text}")])
     warnings = (str(Notice(**record)) for record in document["warnings"])
-    blocks.append([line for text in warnings for line in _wrap(text)])
+    blocks.append([line for text in warnings for line in wrap(text)])
     return "\n\n".join("\n".join(map(clip, block)) for block in blocks if block) + "\n"
 
 
@@ -122,9 +122,9 @@ def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterato
     for side, rows in both["left_out"].items():
         if rows:
             yield f"{counted(rows, 'row')} of the {side} left out (--grid {parameters['grid']})"
-    yield from _wrap(_stretch(both["time"]))
+    yield from wrap(_stretch(both["time"]))
     if both["clock"] is not None and not warned:
-        yield from _wrap(f"  {_clock(both['clock'])}")
+        yield from wrap(f"  {_clock(both['clock'])}")
     for column, extent in both["extent"].items():
         yield f"  {clip(column, NAME_WIDTH):<{NAME_WIDTH}}" + (
             f"{_interval(extent)} in both" if extent else "the ranges do not overlap"
@@ -147,7 +147,7 @@ def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterato
     if nearest["suggested"] is not None:
         value = f"{nearest['suggested']['cutoff']:g} {unit}".strip()
         text = f"  cutoff to begin with, c = {value}: {nearest['suggested']['reason']}"
-        yield from textwrap.wrap(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+        yield from wrap(text)
 
 
 def _stretch(time: Json | None) -> str:
@@ -214,7 +214,3 @@ def _moment(value: Time | None) -> str:
         return "-" if value is None else str(value)
     exact, short = repr(value), f"{value:.14g}"
     return short if len(short) < len(exact) - 3 else exact
-
-
-def _wrap(text: str) -> list[str]:
-    return textwrap.wrap(visible(text), WIDTH, subsequent_indent="  ", break_on_hyphens=False)

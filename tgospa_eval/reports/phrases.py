@@ -55,16 +55,21 @@ def size_of(sizes: Mapping[str, int]) -> str:
     )
 
 
-def parameters_of(parameters: Mapping[str, Any]) -> str:
-    """Parameters of the metric, and the distance."""
+LETTERS = {"cutoff": "c", "order": "p", "switch_penalty": "gamma", "rho": "rho"}
+"""What parameters of the metric are called."""
+
+
+def parameters_of(parameters: Mapping[str, Any], end: str = ", ") -> str:
+    """Parameters of the metric, those that there are, and the distance."""
     unit = unit_of(parameters)
-    rho = f", rho = {parameters['rho']:g}" if "rho" in parameters else ""
-    weighted = ", weighted steps" if "step_weights" in parameters else ""
-    weighted += f", {PROBABILITIES}" if "existence" in parameters else ""
-    return (
-        f"c = {parameters['cutoff']:g}{unit}, p = {parameters['order']:g}, "
-        f"gamma = {parameters['switch_penalty']:g}{unit}{rho}{weighted}, {parameters['distance']}"
+    known = ", ".join(
+        f"{letter} = {parameters[name]:g}{unit if name in ('cutoff', 'switch_penalty') else ''}"
+        for name, letter in LETTERS.items()
+        if name in parameters
     )
+    known += ", weighted steps" if "step_weights" in parameters else ""
+    known += f", {PROBABILITIES}" if "existence" in parameters else ""
+    return f"{known}{end}{parameters['distance']}"
 
 
 # -------------------------------------------------------------------------------------------------
