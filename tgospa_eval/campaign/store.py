@@ -70,7 +70,7 @@ class JobSteps:
     @classmethod
     def of(cls, result: Summary) -> "JobSteps":
         """Those of a result."""
-        table, curve = result.per_step_table(), result.curve_table()
+        table, curve = result.table("per_step"), result.table("curve")
         return cls(
             times=list(map(str, table["t"])),
             steps=result.judged_on.so_far.astype(np.int32),

@@ -37,8 +37,8 @@ from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.tgospa import check_underflow
-from tgospa_eval.results.partitioned import Extent, PartitionedResult
-from tgospa_eval.results.records import Costs, FileInfo, Labels, SolverRecord
+from tgospa_eval.results.partitioned import PartitionedResult
+from tgospa_eval.results.records import Costs, FileInfo, Json, Labels
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.judged import digest_of_sums, judge
@@ -266,7 +266,7 @@ def _result(
     met = whole.bounds.met(solver.gap)
     spent = plan.stages.stopwatch.spans.get("solve/sweeps", 0.0)
     late = solver.time_limit is not None and spent >= solver.time_limit
-    record: SolverRecord = {
+    record: Json = {
         "name": solver.name,
         "status": str(Status.SOLVED if met else Status.LATE if late else Status.NOT_SOLVED),
         "finished": met,
@@ -310,17 +310,15 @@ def _result(
             *(notice for one in known for notice in one.warnings),
             *within_rounding(whole.bounds, solver.gap),
         ),
-        extent=Extent(
-            sizes={
-                "truth": len(truths.ids),
-                "estimates": len(estimates.ids),
-                "steps": len(plan.times),
-                "candidate_pairs": found.shards.pairs,
-                "pair_steps": found.entries,
-                "components": found.shards.components,
-            },
-            objects=(int(counts.sum()), int(whole.objects[1].sum())),
-        ),
+        sizes={
+            "truth": len(truths.ids),
+            "estimates": len(estimates.ids),
+            "steps": len(plan.times),
+            "candidate_pairs": found.shards.pairs,
+            "pair_steps": found.entries,
+            "components": found.shards.components,
+        },
+        objects=(int(counts.sum()), int(whole.objects[1].sum())),
         tables=tables,
     )
 
