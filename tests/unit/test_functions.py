@@ -32,7 +32,7 @@ from tgospa_eval.api.keywords import OF_THE_COMMAND
 from tgospa_eval.api.request import SETTINGS
 from tgospa_eval.campaign import solvers
 from tgospa_eval.campaign.solvers import run_here
-from tgospa_eval.cli.simulate.values import SceneOptions
+from tgospa_eval.cli.simulate import OPTIONS
 from tgospa_eval.distances import Mahalanobis
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.reports.records import SolverRun
@@ -208,10 +208,12 @@ def test_verify(quickstart: tuple[str, str], tmp_path: Path) -> None:
 
 
 def test_simulate_as_the_command(invoke, tmp_path: Path) -> None:
-    assert {name: getattr(SceneOptions, name) for name in USUAL_ERRORS} == USUAL_ERRORS
+    defaults = {item.name: item.default for item in OPTIONS}
+    assert {name: defaults[name] for name in USUAL_ERRORS} == USUAL_ERRORS
     usual = usual_tracker(200.0, {})
-    for name in ("confirmation", "merges", "lost", "latency", "false_length"):
-        assert getattr(usual, name) == getattr(SceneOptions, name)
+    for name in ("confirmation", "merges", "lost", "latency"):
+        assert getattr(usual, name) == defaults[name]
+    assert usual.false_length == tuple(map(int, str(defaults["false_length"]).split(":")))
     folder = str(tmp_path / "scene")
     assert invoke("simulate", folder, "--targets", "4", "--seed", "3").status == 0
     files = [os.path.join(folder, name) for name in ("truth.csv", "estimate.csv")]

@@ -87,7 +87,7 @@ ROUNDING_GAP = 1e-9
 def measured(result: Summary) -> Measured:
     """What a gate judges of a result."""
     found = values_of(row_of(result), result.scale)
-    if result.per_class_table():
+    if result.table("per_class"):
         from tgospa_eval.results.by_class import ByClass  # here: few evaluate classes apart
 
         assert isinstance(result, ByClass)

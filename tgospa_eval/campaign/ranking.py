@@ -44,7 +44,7 @@ from tgospa_eval.reports.records import (
     RuleRecord,
 )
 from tgospa_eval.results.numbers import outward
-from tgospa_eval.results.records import PARTS, Columns, FileRecord, Json, OtherMetrics, Part, Time
+from tgospa_eval.results.records import PARTS, Columns, Json, OtherMetrics, Part, Time
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.saved import unlike
 from tgospa_eval.tracks.alignment import Times
@@ -199,7 +199,7 @@ class EntrantOutcome:
     judged: Mapping[str, Any]
     finished: bool
     status: str
-    input: Mapping[str, FileRecord]
+    input: Mapping[str, Json]
     against: PerStepRecord | None = None
     others: Others | None = None
 

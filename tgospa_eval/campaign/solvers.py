@@ -70,7 +70,7 @@ def failed(solver: Solver, error: BaseException) -> SolverRun:
         "epsilon": solver.epsilon,
         "status": f"failed: {reason(error)}",
         "finished": False,
-        **dict.fromkeys(COSTS),  # type: ignore[typeddict-item]
+        **dict.fromkeys(COSTS),
         "counts": {},
         "history": [],
     }

@@ -54,7 +54,7 @@ def stored_steps(result: Summary, *, per_step: bool) -> Row:
     """
     if not per_step:
         return {STORED_STEPS: 0, STORED_CURVE: False}
-    table, curve = result.per_step_table(), result.curve_table()
+    table, curve = result.table("per_step"), result.table("curve")
     parts = np.array([table[name] for name in PARTS], float)
     missing = np.full(parts.shape[1], np.nan)
     steps = {

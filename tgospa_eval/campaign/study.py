@@ -427,7 +427,7 @@ def study_document(study: Study, records: Sequence[SceneRecord], machine: str) -
         "schema": SCHEMA,
         "version": __version__,
         "kind": "study",
-        **study.settings,  # type: ignore[typeddict-item]  # it has no settings_file
+        **study.settings,
         "machine": machine,
         "runs": study.runs,
         "sizes": [_size(size, scenes, study) for size, scenes in by_size.items()],

@@ -10,7 +10,7 @@ from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
 from tgospa_eval.cli.shared.options import CONFIG_FILE, EVALUATION, QUIET, REPORT_FORMATS, WITH
 from tgospa_eval.cli.shared.streams import print_notice
-from tgospa_eval.cli.simulate.command import SCENARIOS
+from tgospa_eval.cli.simulate import SCENARIOS
 from tgospa_eval.errors import ExitStatus
 
 ELSEWHERE = {

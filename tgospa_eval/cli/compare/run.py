@@ -19,8 +19,6 @@ from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, undisturbed
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
-from tgospa_eval.cli.simulate.run import settings as scene_settings
-from tgospa_eval.cli.simulate.values import SceneOptions
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted, parsed, parsed_whole
@@ -31,7 +29,8 @@ from tgospa_eval.reports.comparison import opposed, pairs_columns, render, study
 from tgospa_eval.reports.files import COMPARISON, STUDY, Files, csv_text, probe_folder
 from tgospa_eval.reports.records import Comparison, SolversRecord, StudyRecord
 from tgospa_eval.results.records import json_text
-from tgospa_eval.simulation import COLUMNS
+from tgospa_eval.simulation import COLUMNS, Scene
+from tgospa_eval.simulation.settings import usual_tracker
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
 from tgospa_eval.solvers.sinkhorn import Sinkhorn
 from tgospa_eval.text import quoted
@@ -318,10 +317,10 @@ def study_sizes(
     if folder is not None:
         probe_folder(folder, STUDY, force=output.force)
     settings = make_settings(request)
-    scene, tracker = scene_settings(SceneOptions(scenario=scenario, area=area))
+    scene = Scene(scenario=scenario, area=area)
     study = Study(
         scene=scene,
-        tracker=tracker,
+        tracker=usual_tracker(scene.area, {}),
         seed=seed,
         parameters=settings.evaluation.parameters,
         distance=settings.measure.distance(COLUMNS[scene.state]),

@@ -1,18 +1,18 @@
-"""Both sides interpolated at the steps, block by block.
+"""The steps of both sides, what of either is read for a block of them, and how it comes to these.
 
-A state at a step is on the line between two of its track, which may be in other blocks, and as far
-away as the longest gap. So all blocks are read once for the first and the last state of each track
-in them. From these each gets the last state of every track before it, and the first after it, of
-those that are near enough; and how many states there will be at each step is known before there
-is one, so that no block makes more than there is memory for.
+Where sides are interpolated, a state at a step is on the line between two of its track, which may
+be in other blocks, and as far away as the longest gap. So all blocks are read once for the first
+and the last state of each track in them. From these each gets the last state of every track before
+it, and the first after it, of those that are near enough; and how many states there will be at each
+step is known before there is one, so that no block makes more than there is memory for.
 """
 
 import itertools
-import pickle
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,16 +25,6 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.input.runs import merged_names
 from tgospa_eval.partitioned.sides import PartsSide
-from tgospa_eval.partitioned.stretches import (
-    NO_SPAN,
-    BlockPiece,
-    BlockPlan,
-    Ends,
-    OwnTimes,
-    Readable,
-    Stamping,
-    places,
-)
 from tgospa_eval.partitioned.tasks import Run, writing
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.tracks.alignment import Alignment, Times, align
@@ -44,9 +34,172 @@ from tgospa_eval.tracks.interpolation import (
     Interpolated,
     at_ticks,
     forecast,
+    found_at,
     interpolated,
 )
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
+
+Ends = tuple[float, float]
+"""The first and the last of some times."""
+
+NO_SPAN = (1, 0)
+"""The ends of none."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlockPiece:
+    """Some steps, and what is read for them.
+
+    Parameters
+    ----------
+    low, high : int
+        The first step, and the one after the last; there may be none.
+    stretches : pair of Stamped or of Resampled
+        What is read of truth and estimate.
+    told : bool
+        Whether what is read is to be counted: no other piece counts it.
+    """
+
+    low: int
+    high: int
+    stretches: tuple["Stamped | Resampled", "Stamped | Resampled"]
+    told: bool = True
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stamped:
+    """A stretch whose own stamps are steps, or not.
+
+    Parameters
+    ----------
+    side : PartsSide
+        The side.
+    span : pair of int or float
+        What is read: from one time to another.
+    own, step : (k,) arrays
+        Times that are steps, and which of the block.
+    """
+
+    side: PartsSide
+    span: Ends
+    own: Times
+    step: Ints
+
+    def read(self) -> Reading:
+        """Its rows."""
+        return self.side.read(*self.span)
+
+    def at(self, found: Trajectories, times: Times) -> Trajectories:
+        """Those at steps."""
+        place, there = found_at(found.times, self.own)
+        rows = np.flatnonzero(there[found.step])
+        return found.chosen(rows, self.step[place[found.step[rows]]], times)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OwnTimes:
+    """The stamps of a side.
+
+    Parameters
+    ----------
+    side : PartsSide
+        The side.
+    times : (K,) array
+        Distinct, in order.
+    counts : (K,) int array
+        Rows at each.
+    step : (K,) int array
+        Which step each is, -1 for none.
+    """
+
+    side: PartsSide
+    times: Times
+    counts: Ints
+    step: Ints
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stamping:
+    """Sides whose own stamps are steps, or not.
+
+    Parameters
+    ----------
+    times : (T,) array
+        The steps.
+    sides : pair of OwnTimes
+        Of truth and estimate.
+    """
+
+    times: Times
+    sides: tuple[OwnTimes, OwnTimes]
+
+    @cached_property
+    def rows(self) -> Ints:
+        """Rows of both at each step (T,), those between it and the next as well."""
+        rows = np.zeros(len(self.times), np.int64)
+        if len(rows):
+            for side, moments in zip(self.sides, self.moments, strict=True):
+                begin, end = places(moments, self.times[0], self.times[-1])
+                at = np.searchsorted(self.times, moments[begin:end], side="right") - 1
+                np.add.at(rows, at, side.counts[begin:end])
+        return rows
+
+    @cached_property
+    def moments(self) -> tuple[Times, ...]:
+        """Times of both, each in the order in which they and the steps are."""
+        found = []
+        for side in self.sides:
+            on = side.step >= 0
+            moments = side.times.astype(np.result_type(side.times, self.times))
+            moments[on] = self.times[side.step[on]]
+            found.append(moments)
+        return tuple(found)
+
+    def pieces(self, most: int) -> Iterator[BlockPiece]:
+        """All steps, and all stamps of either side, in pieces of about so many rows."""
+        for begin, end in self.spans(most):
+            yield self._between(begin, end)
+
+    def spans(self, most: int) -> Iterator[Ends]:
+        """The first and the last moment of each piece."""
+        moments = np.unique(np.concatenate((*self.moments, self.times)))
+        rows = np.zeros(len(moments), np.int64)
+        for side, own in zip(self.sides, self.moments, strict=True):
+            rows[np.searchsorted(moments, own)] += side.counts
+        before = np.cumsum(rows) - rows
+        cuts = np.flatnonzero(np.diff(before // most, prepend=-1))
+        for begin, end in itertools.pairwise([*cuts.tolist(), len(moments)]):
+            yield moments[begin].item(), moments[end - 1].item()
+
+    def piece(self, low: int, high: int) -> BlockPiece:
+        """What is read for these steps."""
+        return self._between(self.times[low].item(), self.times[high - 1].item())
+
+    def _between(self, first: float, last: float) -> BlockPiece:
+        low, high = places(self.times, first, last)
+        stretches = []
+        for side, moments in zip(self.sides, self.moments, strict=True):
+            begin, end = places(moments, first, last)
+            own, step = side.times[begin:end], side.step[begin:end]
+            stretches.append(
+                Stamped(
+                    side=side.side,
+                    span=(own[0].item(), own[-1].item()) if len(own) else NO_SPAN,
+                    own=own[step >= 0],
+                    step=step[step >= 0] - low,
+                )
+            )
+        return BlockPiece(low=low, high=high, stretches=(stretches[0], stretches[1]))
+
+
+def places(times: Times, first: float, last: float) -> tuple[int, int]:
+    """Where times from one to another are, both included."""
+    begin = int(np.searchsorted(times, first, side="left"))
+    return begin, int(np.searchsorted(times, last, side="right"))
+
+
+# -------------------------------------------------------------------------------------------------
+# Sides that are interpolated at the steps.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +208,7 @@ class Resampled:
 
     Parameters
     ----------
-    side : Readable
+    side : PartsSide
         The side.
     span : pair of int or float
         What is read: from one time to another.
@@ -74,7 +227,7 @@ class Resampled:
         Files of the states before and after.
     """
 
-    side: Readable
+    side: PartsSide
     span: tuple[float, float]
     ticks: Times
     ends: Ends | None
@@ -90,7 +243,7 @@ class Resampled:
     def at(self, found: Trajectories, times: Times) -> Trajectories:
         """The states at steps, on the lines between those that were read."""
         own = self._seen(found)
-        before, *after = (pickle.loads(Path(path).read_bytes()) for path in self.around)
+        before, *after = map(_load, self.around)
         made = interpolated(
             self._framed(merged([before, own, *after])),
             self._grid(own),
@@ -180,9 +333,13 @@ SHARES = 2
 """Rows that are read and states that are made are in memory together."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Edges:
-    """The task to find the first and last states of tracks in a block, and to count.
+def find_edges(
+    output: str,
+    stretches: tuple[Resampled, Resampled],
+    request: EvaluationRequest,
+    names: tuple[str, str],
+) -> None:
+    """Find the first and last states of tracks in a block, and count.
 
     Parameters
     ----------
@@ -194,34 +351,23 @@ class Edges:
         What is asked.
     names : pair of str
         The sides, for messages.
-    """
-
-    output: str
-    stretches: tuple[Resampled, Resampled]
-    request: EvaluationRequest
-    names: tuple[str, str]
-
-
-def find_edges(task: Edges) -> None:
-    """Do a task.
 
     Raises
     ------
     TgospaError
         Something is wrong with the data.
     """
-    truth, estimate = (stretch.read().trajectories for stretch in task.stretches)
-    check_states(truth, estimate, task.request.distance, task.names)
-    with writing(task.output) as folder:
+    truth, estimate = (stretch.read().trajectories for stretch in stretches)
+    check_states(truth, estimate, request.distance, names)
+    with writing(output) as folder:
         folder.mkdir()
         for number, side in enumerate((truth, estimate)):
-            found = task.stretches[number].forecast(side)
-            seen = side.seen_as(task.request.distance.kinds)
+            found = stretches[number].forecast(side)
+            seen = side.seen_as(request.distance.kinds)
             for last in (False, True):
-                path = folder / f"{number}-{'last' if last else 'first'}"
-                path.write_bytes(pickle.dumps(outermost(seen, last=last)))
-            with (folder / f"{number}.npz").open("wb") as file:
-                np.savez(file, rows=len(side.step), **vars(found))
+                name = f"{number}-{'last' if last else 'first'}.npz"
+                _save(folder / name, outermost(seen, last=last))
+            np.savez(folder / f"{number}.npz", rows=len(side.step), **vars(found))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -300,7 +446,7 @@ def resample(
     names: tuple[str, str],
     most: int,
     work: Path,
-    run: Run[Any],
+    run: Run,
 ) -> Resampling:
     """See what there will be at the steps, and what is needed for it.
 
@@ -324,32 +470,31 @@ def resample(
     TgospaError
         Something is wrong with the data.
     """
-    folder, times = work / NEIGHBOURS, stamping.times
+    times = stamping.times
     spans = list(stamping.spans(max(most // SHARES, 1)))
-    pieces = []
-    for number, (first, last) in enumerate(spans):
-        low, high = places(times, first, last)
-        stretches = [
-            _stretch(
-                side, times, (first, last), request, role, names[role], folder / f"{number:06d}"
-            )
+    folders = [work / NEIGHBOURS / f"{number:06d}" for number in range(len(spans))]
+    stretches = []
+    for folder, span in zip(folders, spans, strict=True):
+        truth, estimate = (
+            _stretch(side, times, span, request, role, names[role], folder)
             for role, side in enumerate(stamping.sides)
-        ]
-        pieces.append(
-            (BlockPiece(low=low, high=high, stretches=(stretches[0], stretches[1])), stretches)
         )
-    tasks = [
-        Edges(
-            output=str(folder / f"{number:06d}"),
-            stretches=(stretches[0], stretches[1]),
-            request=request,
-            names=names,
-        )
-        for number, (_, stretches) in enumerate(pieces)
+        stretches.append((truth, estimate))
+    run(
+        {
+            str(folder): partial(find_edges, stretches=both, request=request, names=names)
+            for folder, both in zip(folders, stretches, strict=True)
+        }
+    )
+    made = [
+        _carried(folders, [both[role] for both in stretches], role, times, spans) for role in (0, 1)
     ]
-    run(find_edges, tasks)
-    made = [_carried(tasks, role, times, spans) for role in (0, 1)]
-    return Resampling(times=times, blocks=[piece for piece, _ in pieces], made=(made[0], made[1]))
+    ends = (places(times, *span) for span in spans)
+    blocks = [
+        BlockPiece(low=low, high=high, stretches=both)
+        for (low, high), both in zip(ends, stretches, strict=True)
+    ]
+    return Resampling(times=times, blocks=blocks, made=(made[0], made[1]))
 
 
 def _stretch(
@@ -371,7 +516,7 @@ def _stretch(
         request=request,
         number=role,
         names=(name, "--resample"),
-        around=tuple(f"{folder}-{role}-{where}" for where in ("before", "after")),
+        around=tuple(f"{folder}-{role}-{where}.npz" for where in ("before", "after")),
     )
 
 
@@ -386,15 +531,20 @@ def _ticks(times: Times, first: float, last: float) -> tuple[Times, Ints]:
     return times[place], place
 
 
-def _carried(tasks: Sequence[Edges], role: int, times: Times, spans: Sequence[Ends]) -> Made:
+def _carried(
+    folders: Sequence[Path],
+    stretches: Sequence[Resampled],
+    role: int,
+    times: Times,
+    spans: Sequence[Ends],
+) -> Made:
     """Write what is before and after each block, and count what will be at the steps."""
     own, between = np.zeros(len(times), np.int64), np.zeros(len(times), np.int64)
     rows = narrow = 0
     ids: list[NDArray[np.str_]] = []
     held: Trajectories | None = None
-    for task, span in zip(tasks, spans, strict=True):
-        stretch, folder = task.stretches[role], Path(task.output)
-        first, last = (_load(folder / f"{role}-{name}") for name in ("first", "last"))
+    for folder, stretch, span in zip(folders, stretches, spans, strict=True):
+        first, last = (_load(folder / f"{role}-{name}.npz") for name in ("first", "last"))
         with np.load(folder / f"{role}.npz") as found:
             place = _ticks(times, *span)[1]
             own[place] += found["own"]
@@ -412,9 +562,8 @@ def _carried(tasks: Sequence[Edges], role: int, times: Times, spans: Sequence[En
             narrow += across.narrow
         held = outermost(merged([held, last]), last=True)
     held = None
-    for task, span in zip(tasks[::-1], spans[::-1], strict=True):
-        stretch = task.stretches[role]
-        first = _load(Path(task.output) / f"{role}-first")
+    for folder, stretch, span in zip(folders[::-1], stretches[::-1], spans[::-1], strict=True):
+        first = _load(folder / f"{role}-first.npz")
         held = some(first, NO_ROWS) if held is None else stretch.near(held, span[1])
         _save(stretch.around[1], held)
         held = outermost(merged([first, held]), last=False)
@@ -422,14 +571,21 @@ def _carried(tasks: Sequence[Edges], role: int, times: Times, spans: Sequence[En
     return Made(own=own, between=between, unused=rows - int(own.sum()), gaps=rows - tracks - narrow)
 
 
-def _load(path: Path) -> Trajectories:
-    found: Trajectories = pickle.loads(path.read_bytes())
-    return found
+def _load(path: str | Path) -> Trajectories:
+    with np.load(path) as found:
+        known: dict[str, Any] = dict(found)
+    columns, clock = tuple(known["columns"].tolist()), str(known["clock"])
+    ids = known["ids"].astype(object)
+    return Trajectories(**known | {"ids": ids, "columns": columns, "clock": clock})
 
 
-def _save(path: str, side: Trajectories) -> None:
-    with writing(path) as beside:
-        beside.write_bytes(pickle.dumps(side))
+def _save(path: str | Path, side: Trajectories) -> None:
+    """Write rows without labels and attributes."""
+    known = {name: getattr(side, name) for name in ("step", "track", "state", "times", "clock")}
+    if side.covariance is not None:
+        known["covariance"] = side.covariance
+    with writing(str(path)) as beside, beside.open("wb") as file:
+        np.savez(file, **known, columns=np.array(side.columns), ids=side.ids.astype(np.str_))
 
 
 # -------------------------------------------------------------------------------------------------
@@ -437,6 +593,10 @@ def _save(path: str, side: Trajectories) -> None:
 
 STAMP = "stamp"
 """The attribute of stamps that are rows: their numbers."""
+
+
+BlockPlan: TypeAlias = Stamping | Resampling
+"""The rows of both sides along the steps."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -465,7 +625,7 @@ def find_steps(
     names: tuple[str, str],
     most: int,
     work: Path,
-    run: Run[Any],
+    run: Run,
 ) -> Found:
     """The steps that are asked for.
 

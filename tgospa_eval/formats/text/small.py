@@ -1,7 +1,6 @@
-"""Weights of steps: CSV ``t,weight[,switch_weight]``."""
+"""Small files of text beside the tracks: a matrix of numbers, and weights of steps."""
 
 import csv
-from collections.abc import Callable
 
 import numpy as np
 
@@ -16,7 +15,39 @@ from tgospa_eval.text import quoted
 from tgospa_eval.tracks.step_weights import WeightsByTime, repeated
 from tgospa_eval.tracks.trajectories import Floats
 
+MATRIX_NEEDED = "a matrix d x d is needed, without header"
 WEIGHTS_HEADER = "t,weight[,switch_weight]"
+
+
+def read_matrix(path: str, decimal: str) -> list[list[float]]:
+    """Read a square matrix: CSV without header, delimited by comma, semicolon or tab.
+
+    Raises
+    ------
+    InputError
+        The file is missing or unreadable, a field is no number, the matrix is not square.
+    """
+    data = unpack(load(path), path)
+    lines, rows = _rows(data, path, decimal) if data.strip() else ([], [])
+    if not rows:
+        raise InputError(f"{path}: the file is empty; {MATRIX_NEEDED}")
+    matrix: list[list[float]] = []
+    for line, fields in zip(lines, rows, strict=True):
+        if len(fields) != len(rows):
+            raise InputError(
+                f"{path}, line {line}: {counted(len(fields), 'field')} in a file of "
+                f"{counted(len(rows), 'row')}; {MATRIX_NEEDED}"
+            )
+        matrix.append([])
+        for column, field in enumerate(fields, start=1):
+            try:
+                matrix[-1].append(float(floats([field], decimal)[0]))
+            except ValueError:
+                raise InputError(
+                    f"{path}, line {line}, column {column}: not a number: "
+                    f"{quoted(field.strip())}; a matrix of numbers is needed, without header"
+                ) from None
+    return matrix
 
 
 def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
@@ -27,12 +58,7 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
     InputError
         The file is missing, has other columns, a row is wrong, or a time is there twice.
     """
-    data = unpack(load(path), path)
-    check_text(data, path)
-    text = decode(data, path)
-    head = text.lstrip("\n").partition("\n")[0]
-    delimiter = max(";\t,", key=lambda mark: (mark != decimal and mark in head, head.count(mark)))
-    lines, rows = _rows(text, delimiter, path)
+    lines, rows = _rows(unpack(load(path), path), path, decimal)
     names = [name.strip().lower() for name in rows[0]] if rows else []
     times = next((k for k, name in enumerate(names) if name in FIRST_ALIASES["t"]), None)
     if times is None or "weight" not in names:
@@ -50,11 +76,23 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
         raise InputError(f"{path}: a header alone; give every step of the two files a row")
     lines, columns = lines[1:], list(zip(*rows[1:], strict=True))
 
-    def weights(name: str) -> Floats:
-        return _weights(columns[names.index(name)], decimal, lambda row: where(row, name))
-
     def where(row: int, name: str) -> str:
         return f'{path}, line {lines[row]}, column "{name}"'
+
+    def weights(name: str) -> Floats:
+        """A column of finite numbers >= 0."""
+        texts = columns[names.index(name)]
+        values, wrong = numbers(texts, decimal)
+        for row, message in wrong:
+            raise InputError(f"{where(row, name)}: {message}")
+        odd = np.flatnonzero(~(values >= 0))
+        if len(odd):
+            text = texts[int(odd[0])].strip()
+            raise InputError(
+                f"{where(int(odd[0]), name)}: {f'a weight of {text}' if text else 'a blank weight'}"
+                f"{more(len(odd))}; write a number >= 0, 0 for a step that does not count"
+            )
+        return values
 
     try:
         found = parse_times(columns[times], lambda texts: floats(texts, decimal))
@@ -72,8 +110,12 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
     return WeightsByTime(times=found.value, cost=cost, switch=switch, clock=found.clock, name=path)
 
 
-def _rows(text: str, delimiter: str, path: str) -> tuple[list[int], list[list[str]]]:
-    """Line and fields of each row that is not blank."""
+def _rows(data: bytes, path: str, decimal: str) -> tuple[list[int], list[list[str]]]:
+    """Line and fields of each row that is not blank; the first one decides the delimiter."""
+    check_text(data, path)
+    text = decode(data, path)
+    head = text.lstrip("\n").partition("\n")[0]
+    delimiter = max(";\t,", key=lambda mark: (mark != decimal and mark in head, head.count(mark)))
     reader = csv.reader(text.split("\n"), delimiter=delimiter, strict=True, skipinitialspace=True)
     lines: list[int] = []
     rows: list[list[str]] = []
@@ -85,19 +127,3 @@ def _rows(text: str, delimiter: str, path: str) -> tuple[list[int], list[list[st
     except csv.Error as error:
         raise InputError(f"{path}, line {reader.line_num}: {error}") from None
     return lines, rows
-
-
-def _weights(texts: tuple[str, ...], decimal: str, where: Callable[[int], str]) -> Floats:
-    """A column of weights: finite numbers >= 0."""
-    values, wrong = numbers(texts, decimal)
-    for row, message in wrong:
-        raise InputError(f"{where(row)}: {message}")
-    odd = np.flatnonzero(~(values >= 0))
-    if len(odd):
-        row = int(odd[0])
-        what = f"a weight of {texts[row].strip()}" if texts[row].strip() else "a blank weight"
-        raise InputError(
-            f"{where(row)}: {what}{more(len(odd))}; write a number >= 0, 0 for a step that does "
-            "not count"
-        )
-    return values
