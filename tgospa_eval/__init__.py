@@ -54,7 +54,7 @@ _HOME = {
     "verify": "proof.check",
 }
 
-__all__ = ["__version__", *_HOME]
+__all__ = sorted([*_HOME, "__version__"])
 
 
 def __getattr__(name: str) -> Any:
