@@ -5,15 +5,15 @@ The public names are imported when they are used, so that ``tgospa-eval --help``
 
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval._version import __version__
+from tgospa_eval._version import __version__ as __version__
 
 if TYPE_CHECKING:  # with `as`, which makes a name public
+    from tgospa_eval.api.batch import batch as batch
     from tgospa_eval.api.compare import compare as compare
     from tgospa_eval.api.evaluate import evaluate as evaluate
     from tgospa_eval.api.gate import gate as gate
     from tgospa_eval.api.recorder import Recorder as Recorder
     from tgospa_eval.api.sweep import sweep as sweep
-    from tgospa_eval.cli.batch.call import batch as batch
     from tgospa_eval.errors import ConfigError as ConfigError
     from tgospa_eval.errors import InputError as InputError
     from tgospa_eval.errors import SolverError as SolverError
@@ -44,7 +44,7 @@ _HOME = {
     "TgospaError": "errors",
     "TgospaWarning": "errors",
     "Trajectories": "tracks.trajectories",
-    "batch": "cli.batch.call",
+    "batch": "api.batch",
     "compare": "api.compare",
     "evaluate": "api.evaluate",
     "gate": "api.gate",

@@ -352,8 +352,8 @@ RARE = (
     *("formats.columns.spread", "formats.particles", "formats.text.small", "formats.frames"),
     "formats.arrow",
     # Of what writes folders, or other formats than the table.
-    *("reports.files", "reports.markup", "reports.html", "reports.terminal", "results.notebook"),
-    *("cli.shared.writing", "cli.shared.writing", "plots"),
+    *("reports.files", "reports.markup", "reports.html", "reports.terminal"),
+    *("cli.shared.writing", "plots"),
 )
 
 

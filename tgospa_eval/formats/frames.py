@@ -266,6 +266,9 @@ def _times(column: pd.Series, name: str, decimal: str) -> Times:
             f"{name}, column {quoted(column.name)}: {column.dtype}, not times; write numbers, "
             "timestamps or ISO texts"
         )
+    if pd.api.types.infer_dtype(column) == "string":
+        code, texts = pd.factorize(column)
+        return coded_times(Coded(texts.tolist(), code), decimal)
     seen: dict[str, int] = {}
     codes = []
     for row, value in enumerate(column.tolist()):
