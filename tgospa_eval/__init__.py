@@ -5,32 +5,30 @@ The public names are imported when they are used, so that ``tgospa-eval --help``
 
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval._version import __version__
+from tgospa_eval._version import __version__ as __version__
 
-if TYPE_CHECKING:
-    from tgospa_eval.api.batch import batch
-    from tgospa_eval.api.compare import compare
-    from tgospa_eval.api.evaluate import evaluate
-    from tgospa_eval.api.gate import gate
-    from tgospa_eval.api.recorder import Recorder
-    from tgospa_eval.api.sweep import sweep
-    from tgospa_eval.errors import (
-        ConfigError,
-        InputError,
-        SolverError,
-        TgospaError,
-        TgospaWarning,
-    )
-    from tgospa_eval.formats import read_trajectories
-    from tgospa_eval.proof.check import verify
-    from tgospa_eval.results.explanation import Explanation
-    from tgospa_eval.results.result import Result
-    from tgospa_eval.results.sweep import Sweep
-    from tgospa_eval.simulation.settings import simulate
-    from tgospa_eval.solvers.certified import Certified
-    from tgospa_eval.solvers.exact import Exact
-    from tgospa_eval.solvers.sinkhorn import Sinkhorn
-    from tgospa_eval.tracks.trajectories import Trajectories
+if TYPE_CHECKING:  # with `as`, which makes a name public
+    from tgospa_eval.api.batch import batch as batch
+    from tgospa_eval.api.compare import compare as compare
+    from tgospa_eval.api.evaluate import evaluate as evaluate
+    from tgospa_eval.api.gate import gate as gate
+    from tgospa_eval.api.recorder import Recorder as Recorder
+    from tgospa_eval.api.sweep import sweep as sweep
+    from tgospa_eval.errors import ConfigError as ConfigError
+    from tgospa_eval.errors import InputError as InputError
+    from tgospa_eval.errors import SolverError as SolverError
+    from tgospa_eval.errors import TgospaError as TgospaError
+    from tgospa_eval.errors import TgospaWarning as TgospaWarning
+    from tgospa_eval.formats import read_trajectories as read_trajectories
+    from tgospa_eval.proof.check import verify as verify
+    from tgospa_eval.results.explanation import Explanation as Explanation
+    from tgospa_eval.results.result import Result as Result
+    from tgospa_eval.results.sweep import Sweep as Sweep
+    from tgospa_eval.simulation.settings import simulate as simulate
+    from tgospa_eval.solvers.certified import Certified as Certified
+    from tgospa_eval.solvers.exact import Exact as Exact
+    from tgospa_eval.solvers.sinkhorn import Sinkhorn as Sinkhorn
+    from tgospa_eval.tracks.trajectories import Trajectories as Trajectories
 
 _HOME = {
     "Certified": "solvers.certified",
@@ -56,30 +54,7 @@ _HOME = {
     "verify": "proof.check",
 }
 
-__all__ = [
-    "Certified",
-    "ConfigError",
-    "Exact",
-    "Explanation",
-    "InputError",
-    "Recorder",
-    "Result",
-    "Sinkhorn",
-    "SolverError",
-    "Sweep",
-    "TgospaError",
-    "TgospaWarning",
-    "Trajectories",
-    "__version__",
-    "batch",
-    "compare",
-    "evaluate",
-    "gate",
-    "read_trajectories",
-    "simulate",
-    "sweep",
-    "verify",
-]
+__all__ = sorted([*_HOME, "__version__"])
 
 
 def __getattr__(name: str) -> Any:

@@ -1,11 +1,25 @@
-"""How many threads work at once."""
+"""What this machine has: extension modules that were built, cores, memory, threads."""
 
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from importlib import import_module
 from itertools import islice
-from typing import TypeVar
+from typing import Any, TypeVar
+
+
+def compiled(name: str) -> Any:
+    """An extension module, or None: everything works without, more slowly.
+
+    ``TGOSPA_EVAL_KERNEL=numpy`` leaves all aside.
+    """
+    if os.environ.get("TGOSPA_EVAL_KERNEL") == "numpy":
+        return None
+    try:
+        return import_module(name)
+    except ImportError:
+        return None
 
 from tgospa_eval.common.files import reason
 

@@ -10,21 +10,23 @@ from typing import TYPE_CHECKING, cast
 from tgospa_eval.distances.base import Distance, Effort, Pairs
 from tgospa_eval.distances.gating import near_pairs
 
-if TYPE_CHECKING:
-    from tgospa_eval.distances.boxes import IoU
-    from tgospa_eval.distances.clouds.distance import CloudWasserstein, PairCloudWasserstein
-    from tgospa_eval.distances.clouds.reduction import Reduction, reduce_cloud
-    from tgospa_eval.distances.clouds.transport import (
-        cloud_wasserstein,
-        cross_covariance,
-        resample_cloud,
-        restrict_cloud,
-        transport_plan,
-    )
-    from tgospa_eval.distances.gaussian import GaussianWasserstein, gaussian_wasserstein
-    from tgospa_eval.distances.mahalanobis import Mahalanobis, PairMahalanobis
-    from tgospa_eval.distances.sphere import Haversine
-    from tgospa_eval.distances.vector import Norm
+if TYPE_CHECKING:  # with `as`, which makes a name public
+    from tgospa_eval.distances.boxes import IoU as IoU
+    from tgospa_eval.distances.clouds.distance import CloudWasserstein as CloudWasserstein
+    from tgospa_eval.distances.clouds.distance import PairCloudWasserstein as PairCloudWasserstein
+    from tgospa_eval.distances.clouds.reduction import Reduction as Reduction
+    from tgospa_eval.distances.clouds.reduction import reduce_cloud as reduce_cloud
+    from tgospa_eval.distances.clouds.transport import cloud_wasserstein as cloud_wasserstein
+    from tgospa_eval.distances.clouds.transport import cross_covariance as cross_covariance
+    from tgospa_eval.distances.clouds.transport import resample_cloud as resample_cloud
+    from tgospa_eval.distances.clouds.transport import restrict_cloud as restrict_cloud
+    from tgospa_eval.distances.clouds.transport import transport_plan as transport_plan
+    from tgospa_eval.distances.gaussian import GaussianWasserstein as GaussianWasserstein
+    from tgospa_eval.distances.gaussian import gaussian_wasserstein as gaussian_wasserstein
+    from tgospa_eval.distances.mahalanobis import Mahalanobis as Mahalanobis
+    from tgospa_eval.distances.mahalanobis import PairMahalanobis as PairMahalanobis
+    from tgospa_eval.distances.sphere import Haversine as Haversine
+    from tgospa_eval.distances.vector import Norm as Norm
 
 _HOME = {
     "CloudWasserstein": "clouds.distance",
@@ -88,26 +90,4 @@ DISTANCES: Mapping[str, Distance] = _Members(
 )
 """Base distances by name; Mahalanobis without its covariance."""
 
-__all__ = [
-    "DISTANCES",
-    "CloudWasserstein",
-    "Distance",
-    "Effort",
-    "GaussianWasserstein",
-    "Haversine",
-    "IoU",
-    "Mahalanobis",
-    "Norm",
-    "PairCloudWasserstein",
-    "PairMahalanobis",
-    "Pairs",
-    "Reduction",
-    "cloud_wasserstein",
-    "cross_covariance",
-    "gaussian_wasserstein",
-    "near_pairs",
-    "reduce_cloud",
-    "resample_cloud",
-    "restrict_cloud",
-    "transport_plan",
-]
+__all__ = ["DISTANCES", "Distance", "Effort", "Pairs", "near_pairs", *_HOME]

@@ -172,7 +172,7 @@ def gaussian_wasserstein(
     means = [_numbers("mean", mean) for mean in (mean_a, mean_b)]
     if not (means[0].ndim or means[1].ndim):
         means = [mean.reshape(1) for mean in means]
-    if not means[0].ndim or not means[1].ndim or means[0].shape[-1:] != means[1].shape[-1:]:
+    if means[0].shape[-1:] != means[1].shape[-1:]:
         shapes = f"{means[0].shape} and {means[1].shape}"
         raise InputError(f"means have the shapes {shapes}: must be (..., d), with one d")
     d = means[0].shape[-1]

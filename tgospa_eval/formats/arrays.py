@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import BOX, coordinate_names, find_roles
+from tgospa_eval.formats.columns.headers import BOX, find_roles
 from tgospa_eval.formats.frames import frame_rows
 from tgospa_eval.formats.loading import TABLE, check_room, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
+from tgospa_eval.tracks.trajectories import column_names
 
 AXES = 3
 AXIS_ARRAYS = (("t", "times"), ("id", "ids"), ("columns",))
@@ -104,7 +105,7 @@ def array_rows(path: str, arrays: Mapping[str, Array], file: int, options: ReadO
     times, ids, columns = beside
     if columns is None:
         is_box = options.boxes and size == len(BOX)
-        columns = np.array(BOX if is_box else coordinate_names(size))
+        columns = np.array(BOX if is_box else column_names(size))
     headers = [str(name).strip() for name in columns]
     taken = {"id", "t"} & set(headers)
     if taken:
@@ -151,7 +152,7 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     columns: dict[str, Any] = {}
     for name, array in arrays.items():
         if name == "x" and array.ndim == 2:
-            columns |= dict(zip(coordinate_names(array.shape[1]), array.T, strict=True))
+            columns |= dict(zip(column_names(array.shape[1]), array.T, strict=True))
         else:
             columns[name] = array
     rows = {len(array) if array.ndim == 1 else -1 for array in columns.values()}

@@ -90,16 +90,6 @@ def most_bytes(limit: float | None, path: str) -> int:
     return max(most, available_memory() or 0)
 
 
-def most_unpacked(limit: float | None, file: int) -> int:
-    """Bytes to which a compressed file of so many may unpack: texts shrink to a tenth."""
-    if limit == 0:
-        return sys.maxsize
-    if limit is not None:
-        return int(limit * GIGABYTE / TEXT)
-    most = max(DEFAULT_GIGABYTES * GIGABYTE, UNPACKED * file)
-    return int(min(most, available_memory() or most) / TEXT)
-
-
 ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
 """Of the standard library, or the same for older versions."""
 
@@ -251,9 +241,15 @@ def _is_endless(path: str) -> bool:
 
 
 def unpacked_file(path: str, max_input: float | None) -> bytes:
-    """The bytes of a file, unpacked, as many as `max_input` GB allow."""
+    """The bytes of a file, unpacked, as many as `max_input` GB allow: texts shrink to a tenth."""
     data = load(path, most_bytes(max_input, path))
-    return unpack(data, path, most_unpacked(max_input, len(data))) if is_packed(data) else data
+    if not is_packed(data):
+        return data
+    most = sys.maxsize if max_input == 0 else (max_input or 0) * GIGABYTE
+    if max_input is None:
+        most = max(DEFAULT_GIGABYTES * GIGABYTE, UNPACKED * len(data))
+        most = min(most, available_memory() or most)
+    return unpack(data, path, int(most / TEXT))
 
 
 def check_parquet(kind: str = "Parquet", begin: str = "") -> None:

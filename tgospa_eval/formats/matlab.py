@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.words import counted, install, more
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
-from tgospa_eval.formats.columns.headers import coordinate_names, find_roles
+from tgospa_eval.formats.columns.headers import find_roles
 from tgospa_eval.formats.guess import file_of
 from tgospa_eval.formats.loading import TABLE, check_room, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows, number_ids, rows_by_components
 from tgospa_eval.text import listed, quoted
-from tgospa_eval.tracks.trajectories import Ints
+from tgospa_eval.tracks.trajectories import Ints, column_names
 
 Fields = dict[str, NDArray[np.generic]]
 """Fields of a structure; of what is no array of real numbers an array of objects."""
@@ -540,7 +540,7 @@ def _rows(path: str, name: str, fields: Fields, about: list[str], options: ReadO
             f"{name}: trajectory {k + 1} is from step {start[k]} to {last[k]}{more(len(wrong))}; "
             f"xState has the steps 1 to {state.shape[1]}"
         )
-    names = coordinate_names(len(state))
+    names = column_names(len(state))
     if options.columns is None and not options.boxes and len(names) > 3:
         options = replace(options, columns=names)
         about.insert(

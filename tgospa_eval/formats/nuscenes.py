@@ -18,7 +18,6 @@ from tgospa_eval.formats.loading import check_room, load, most_bytes
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows, number_ids, rows_by_components
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.trajectories import Floats
 
 JSON_BYTES = 6
 """Bytes that a byte of JSON takes as objects of Python: 5.2, measured."""
@@ -216,12 +215,9 @@ def _tracks(
                 raise InputError(f"{_where(path, place)}: {error}") from None
             scenes.setdefault(name, set()).add(scene)
             found.append(_Object(token, k, name, klass, numbers))
-    several = {name for name, those in scenes.items() if len(those) > 1}
     for item in found:  # an id is one track in each scene
-        if item.id in several:
-            yield item._replace(id=f"{samples[item.sample][1]}/{item.id}")
-        else:
-            yield item
+        several = len(scenes.get(item.id, ())) > 1
+        yield item._replace(id=f"{samples[item.sample][1]}/{item.id}") if several else item
 
 
 def _annotations(path: str, samples: Samples, options: ReadOptions) -> Iterator[_Object]:
@@ -303,28 +299,19 @@ def _rows(path: str, found: Sequence[_Object], samples: Samples, options: ReadOp
     # Of a sample without an object: names that are there already, so that none is new.
     named = [item for item in found if item.apart is not NO_OBJECT]
     first = named[0] if named else _Object("")
-    ids = number_ids([item.id or first.id for item in found])
     values = np.array([item.numbers for item in found]).reshape(-1, len(NUMERIC_COLUMNS))
-
-    def component(column: int) -> Floats:
-        return np.asarray(values[:, column - 3])
-
+    classes = number_ids([item.klass or first.klass for item in found])
+    rules = {"no object": NO_OBJECT, "not tracked": NOT_TRACKED, "no points": NO_POINTS}
     return rows_by_components(
-        component,
+        lambda column: np.asarray(values[:, column - 3]),
         [samples[item.sample][0] for item in found],
         roles,
         name=path,
-        ids=ids,
+        ids=number_ids([item.id or first.id for item in found]),
         where=lambda row: _where(path, found[row]),
-        classes=number_ids([item.klass or first.klass for item in found])
-        if roles.klass is not None
-        else None,
+        classes=None if roles.klass is None else classes,
         apart={
             rule: (np.array([item.apart == text for item in found], bool), text)
-            for rule, text in (
-                ("no object", NO_OBJECT),
-                ("not tracked", NOT_TRACKED),
-                ("no points", NO_POINTS),
-            )
+            for rule, text in rules.items()
         },
     )

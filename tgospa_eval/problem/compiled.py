@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from tgospa_eval.common.compiled import compiled
+from tgospa_eval.common.machine import compiled
 
 kernels: Any = compiled("tgospa_eval.problem._kernels")
 """The extension module, or None. ``TGOSPA_EVAL_KERNEL=numpy`` leaves it aside, for comparison."""

@@ -248,18 +248,26 @@ def align(
     has = np.zeros((2, len(times)), bool)
     for mine, at in zip(has, on, strict=True):
         mine[at] = True
-    counted = {"union": has.any(axis=0), "truth": has[0], "estimate": has[1]}.get(
-        matching.grid, has.all(axis=0)
-    )
-    sides = [
-        _on(side, at, counted, times, clock, labels)
-        for side, at in zip((truth, estimate), on, strict=True)
-    ]
+    both = has.all(axis=0)
+    chosen = {"union": has.any(axis=0), "truth": has[0], "estimate": has[1], "common": both}
+    counted = chosen[matching.grid]
+
+    def on_steps(side: Trajectories, at: Ints) -> Trajectories:
+        """The side on those of the times that count."""
+        step = at[side.step] if len(at) else side.step
+        if counted.all():
+            return replace(side, step=step, times=times, clock=clock, labels=labels)
+        rows = np.flatnonzero(counted[step])
+        step = (np.cumsum(counted) - 1)[step[rows]]
+        kept = None if labels is None else labels[counted]
+        return side.chosen(rows, step, times[counted], kept, clock)
+
+    sides = on_steps(truth, on[0]), on_steps(estimate, on[1])
     return Alignment(
         truth=sides[0],
         estimate=sides[1],
         union=len(times),
-        common=int(np.count_nonzero(has.all(axis=0))),
+        common=int(np.count_nonzero(both)),
         joined=joined,
         left_out=(len(truth.step) - len(sides[0].step), len(estimate.step) - len(sides[1].step)),
     )
@@ -371,21 +379,3 @@ def _union(first: Times, second: Times) -> Times:
     fresh = np.ones(len(both), bool)
     np.not_equal(both[1:], both[:-1], out=fresh[1:])
     return both[fresh]
-
-
-def _on(
-    side: Trajectories,
-    at: Ints,
-    counted: NDArray[np.bool_],
-    times: Times,
-    clock: str,
-    labels: NDArray[np.object_] | None,
-) -> Trajectories:
-    """The side on those of the times that count; `at` are the positions of its own among them."""
-    step = at[side.step] if len(at) else side.step
-    if counted.all():
-        return replace(side, step=step, times=times, clock=clock, labels=labels)
-    rows = np.flatnonzero(counted[step])
-    step = (np.cumsum(counted) - 1)[step[rows]]
-    kept = None if labels is None else labels[counted]
-    return side.chosen(rows, step, times[counted], kept, clock)

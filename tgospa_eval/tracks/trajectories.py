@@ -334,5 +334,5 @@ class Trajectories:
 
 
 def column_names(size: int) -> tuple[str, ...]:
-    """Names of state columns that have none."""
+    """Names of state columns that have none: x, y, z, from four on x0, x1, ..."""
     return tuple("xyz"[:size]) if size <= 3 else tuple(f"x{i}" for i in range(size))

@@ -27,12 +27,12 @@ from tgospa_eval.distances.clouds.transport import (
     Cloud,
     Floats,
     as_cloud,
-    as_size,
     distance,
     drawn,
     merged,
     plan,
     restrict_cloud,
+    whole_number,
 )
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import quoted
@@ -86,15 +86,16 @@ class Reduction:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "size", as_size(self.size))
+        size = whole_number("size", self.size, 1, " of particles")
+        object.__setattr__(self, "size", size)
         if self.method not in METHODS:
             raise ConfigError(
                 f"reduce-method is {quoted(self.method)}: must be one of {', '.join(METHODS)}"
             )
         for name, least in (("iterations", 1), ("restarts", 1), ("polish", 0), ("seed", 0)):
-            _check_count(name, getattr(self, name), least)
+            whole_number(name, getattr(self, name), least)
         if self.directions is not None and np.ndim(self.directions) == 0:
-            _check_count("directions", self.directions, 1)
+            whole_number("directions", self.directions, 1)
 
     def settings(self) -> DistanceSettings:
         """What changes the number, by the names of the options."""
@@ -358,9 +359,3 @@ _METHODS: "dict[str, Callable[[Reduction, Cloud, np.random.Generator], Step]]" =
     "atl": _atl,
     "kmeans": _kmeans,
 }
-
-
-def _check_count(name: str, value: object, least: int) -> None:
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or value < least:  # type: ignore[operator]
-        raise ConfigError(f"{name} is {value!r}: must be a whole number, from {least}")

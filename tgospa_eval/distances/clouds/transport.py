@@ -14,6 +14,7 @@ import math
 import warnings
 from importlib.util import find_spec
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -70,9 +71,9 @@ def as_cloud(
             f"{name}: weights have the shape {given.shape}: must be ({len(points)},), one per point"
             + ("; a single point is [[x, y]]" if given.shape == (1,) else "")
         )
-    fault = weight_fault(given)
-    if fault is not None:
-        raise ConfigError(f"{name}: {fault[1]}")
+    fault = _weight_fault(given)
+    if fault:
+        raise ConfigError(f"{name}: {fault}")
     # Divided first: a sum of huge weights may overflow. Exact: the order of particles is no matter.
     largest = float(given.max())
     scaled = given / largest
@@ -86,33 +87,31 @@ def as_cloud(
     return points, given if are_normalised(total * largest, len(given)) else scaled / total
 
 
-def weight_fault(weights: Floats) -> tuple[int, str] | None:
-    """The first weight of a cloud that cannot be one, and what is wrong with it."""
-    for wrong, what in (
-        (np.isnan(weights), "a weight is NaN or blank"),
-        (np.isinf(weights), "a weight is infinite"),
+def _weight_fault(weights: Floats) -> str:
+    """What is wrong with the first weight of a cloud that cannot be one; blank if none is."""
+    what = "" if (weights > 0).any() else "all weights are zero"
+    for wrong, name in (
         (weights < 0, "a weight is negative"),
+        (np.isinf(weights), "a weight is infinite"),
+        (np.isnan(weights), "a weight is NaN or blank"),
     ):
         if wrong.any():
-            row = int(np.flatnonzero(wrong)[0])
-            value = "" if np.isnan(weights[row]) else f" ({weights[row]:g})"
-            return row, f"{what}{value}; weights must be finite, >= 0 and not all zero"
-    if not (weights > 0).any():
-        return 0, "all weights are zero; weights must be finite, >= 0 and not all zero"
-    return None
+            value = weights[wrong][0]
+            what = name if np.isnan(value) else f"{name} ({value:g})"
+    return what and f"{what}; weights must be finite, >= 0 and not all zero"
 
 
-def as_size(size: object) -> int:
-    """A number of particles.
+def whole_number(name: str, value: Any, least: int, what: str = "") -> int:
+    """A number of something.
 
     Raises
     ------
     ConfigError
-        The size is no whole number, or below 1.
+        It is no whole number, or below the least.
     """
-    if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < 1:
-        raise ConfigError(f"size is {size!r}: must be a whole number of particles, from 1")
-    return int(size)
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise ConfigError(f"{name} is {value!r}: must be a whole number{what}, from {least}")
+    return int(value)
 
 
 def restrict_cloud(
@@ -147,7 +146,7 @@ def restrict_cloud(
     Source: [Danu], section 4.2.
     """
     points, weights = as_cloud(points, weights, "cloud")
-    size = as_size(size)
+    size = whole_number("size", size, 1, " of particles")
     if size >= len(points):
         return points, weights
     order = np.argsort(-weights, kind="stable")[:size]
@@ -203,7 +202,7 @@ def resample_cloud(
     Source: [Danu], section 4.3.
     """
     points, weights = as_cloud(points, weights, "cloud")
-    size = as_size(size)
+    size = whole_number("size", size, 1, " of particles")
     chosen = drawn(weights, size, method, offset, rng)
     return points[chosen], np.full(size, 1 / size)
 

@@ -32,11 +32,6 @@ BOX = ("left", "top", "width", "height")
 EDGES = (*BOX, "right", "bottom")
 
 
-def coordinate_names(size: int) -> tuple[str, ...]:
-    """Names of the components of states that have none: x, y, z, from four on x0, x1, ..."""
-    return tuple("xyz"[:size]) if size <= 3 else tuple(f"x{k}" for k in range(size))
-
-
 def columns_of_each(
     shared: Sequence[str] | None, *own: Sequence[str] | None
 ) -> list[tuple[tuple[str, ...] | None, tuple[str, ...]]]:

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from tgospa_eval.common.compiled import compiled
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.machine import compiled
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import Roles
