@@ -23,7 +23,7 @@ from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
-    from tgospa_eval.reports.drawn import Drawn
+    from tgospa_eval.reports.page_data import Drawn
 
 
 Files: TypeAlias = Mapping[str, str | bytes | Path]
@@ -466,9 +466,15 @@ def result_texts(
     """
     from tgospa_eval.reports.html import page  # here: for folders only
 
+    seconds = {
+        stage: spent
+        for stage, spent in result.timings.items()
+        if stage not in ("solve", "nanoseconds_per_state")
+    }
+    seconds |= {f"solve/{stage}": spent for stage, spent in result.timings["solve"].items()}
     texts: dict[str, str | Path] = {
         "result.json": result.to_json(),
-        "timings.csv": csv_text(_timings(result)),
+        "timings.csv": csv_text({"stage": list(seconds), "seconds": list(seconds.values())}),
     }
     tables = ["curve", "windows", "per_class"]
     if isinstance(result, PartitionedResult):
@@ -533,9 +539,3 @@ def write_file(path: str, data: str | bytes, option: str) -> None:
             os.replace(beside, target)
         finally:
             beside.unlink(missing_ok=True)
-
-
-def _timings(result: Summary) -> Columns:
-    flat = {k: v for k, v in result.timings.items() if k not in ("solve", "nanoseconds_per_state")}
-    flat |= {f"solve/{name}": seconds for name, seconds in result.timings["solve"].items()}
-    return {"stage": list(flat), "seconds": list(flat.values())}

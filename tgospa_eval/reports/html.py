@@ -25,9 +25,8 @@ from tgospa_eval.reports.console import (
     repair_rows,
     similarity_in_words,
 )
-from tgospa_eval.reports.drawn import Drawn, thinned
 from tgospa_eval.reports.other_metrics import other_table, similarity
-from tgospa_eval.reports.page_data import document
+from tgospa_eval.reports.page_data import Drawn, document, thinned
 from tgospa_eval.reports.slices import about_slices, slices_of_page
 from tgospa_eval.reports.tables import Table
 from tgospa_eval.results.partitioned import PartitionedResult
@@ -212,14 +211,14 @@ def page(
             style=style, **_values(result, names), **partitioned_values(result, drawn)
         )
     data, arrays = document(result) if drawn is None else drawn
+    repaired = result.explained
     return (
         environment()
         .get_template("page.html.j2")
         .render(
             **_values(result, names),
-            traced=result.traced is not None,
-            worst_window=_worst_window(result),
-            **_explained(result),
+            repairs=[] if repaired is None else repair_rows(result, repaired),
+            repair_notes=[] if repaired is None else list(repair_notes(repaired)),
             worst=WORST_ROWS,
             data=data,
             arrays=packed(arrays),
@@ -234,14 +233,12 @@ def _values(result: Summary, names: tuple[str, str]) -> dict[str, object]:
     return {
         "names": list(map(as_unicode, names)),
         "result": result,
-        "value": result.quantity(result.tgospa),
-        "bracket": [result.quantity(bound) for bound in (result.lower_bound, result.upper_bound)],
+        "number": number,
         "meaning": meaning(result),
         "score": "" if result.calibration is None else similarity_in_words(result),
         "parts": _parts(result),
-        "total": number(result.total),
         "per_step": result.quantity(result.normalised["tgospa"]),
-        "classes": _classes(result),
+        "classes": list(zip(*result.table("per_class").values(), strict=True)),
         "others": other_table(result.with_).rows,
         "similarity": list(similarity(result.with_)),
         "slices": list(map(slices_of_page, result.sliced)),
@@ -310,27 +307,6 @@ def _parts(result: Summary) -> list[dict[str, str]]:
         parts = result.split.items()
         rows[0]["split"] = ", ".join(f"{SPLIT_WORDS[k]} {result.share(v)}" for k, v in parts)
     return rows
-
-
-def _worst_window(result: Summary) -> str:
-    found = result.table("windows").get("normalised")
-    return result.quantity(max(found)) if found else ""
-
-
-def _classes(result: Summary) -> list[list[str]]:
-    table: Columns = result.table("per_class")
-    rows = zip(*table.values(), strict=True)
-    return [[str(name), *map(number, values)] for name, *values in rows]
-
-
-def _explained(result: Summary) -> dict[str, object]:
-    """Repairs as rows of cells, and what is said of them; none where they were not asked for."""
-    found = result.explained
-    return {
-        "explained": found,
-        "repairs": [] if found is None else repair_rows(result, found),
-        "repair_notes": [] if found is None else list(repair_notes(found)),
-    }
 
 
 def _flat(record: Mapping[str, object], before: str = "") -> dict[str, str]:
