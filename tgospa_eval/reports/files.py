@@ -16,7 +16,6 @@ from tgospa_eval.common.manifest import unique
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.tables import csv_cell
-from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Columns
 from tgospa_eval.results.slices import slices_columns
@@ -486,7 +485,7 @@ def result_texts(
             texts[f"{name}.csv"] = csv_text(table)
     if result.sliced:
         texts["slices.csv"] = csv_text(slices_columns(result.sliced))
-    if isinstance(result.explained, Explanation):
+    if result.explained is not None:
         texts["explanation.json"] = result.explained.to_json()
         texts["explanation.csv"] = csv_text(result.explained.columns())
     return texts | {"report.html": page(result, names, drawn)}

@@ -27,8 +27,9 @@ from tgospa_eval.reports.console import (
 )
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.page_data import Drawn, document, thinned
-from tgospa_eval.reports.slices import about_slices, slices_of_page
+from tgospa_eval.reports.slices import about_slices, share, shown_slices
 from tgospa_eval.reports.tables import Table
+from tgospa_eval.results.numbers import costliest
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import PARTS, Columns, Json, Time
 from tgospa_eval.results.summary import Summary
@@ -114,18 +115,10 @@ def _chart(shapes: list[Json], high: float, times: Sequence[Time]) -> Json:
 
 def _steps(result: PartitionedResult) -> Table:
     """The costliest steps, with what they are made of."""
-    split = result.proof.breakdown
-    parts = {name: result.scale * getattr(split, name) for name in PARTS}
-    total = sum(parts.values(), np.zeros(len(result.labels.times)))
-    chosen = [k for k in np.argsort(-total, kind="stable")[:SHOWN_ROWS].tolist() if total[k] > 0]
-    rows = [
-        (
-            str(result.labels.times[k]),
-            *(number(cost, 5) for cost in (total[k], *(parts[name][k] for name in PARTS))),
-        )
-        for k in chosen
-    ]
-    return Table(head=("t", "total", *PARTS), rows=rows)
+    table, names = result.table("per_step"), ("total", *PARTS)
+    chosen = costliest(list(range(len(table["t"]))), np.array(table["total"]), SHOWN_ROWS)
+    rows = [(str(table["t"][k]), *(number(table[name][k], 5) for name in names)) for k in chosen]
+    return Table(head=("t", *names), rows=rows)
 
 
 def _tracks(result: PartitionedResult, kind: str) -> Table:
@@ -241,7 +234,8 @@ def _values(result: Summary, names: tuple[str, str]) -> dict[str, object]:
         "classes": list(zip(*result.table("per_class").values(), strict=True)),
         "others": other_table(result.with_).rows,
         "similarity": list(similarity(result.with_)),
-        "slices": list(map(slices_of_page, result.sliced)),
+        "shown_slices": shown_slices,
+        "share": share,
         "about_slices": list(about_slices(result.sliced, certified=result.certified)),
         "seconds": {k: v for k, v in _flat(result.timings).items() if not k.startswith("nano")},
         "parameters": _flat(result.parameters),

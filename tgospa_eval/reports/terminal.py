@@ -8,12 +8,14 @@ import io
 from collections.abc import Iterator
 from functools import partial
 
+import numpy as np
 from rich.console import Console
 from rich.text import Text
 
 from tgospa_eval.common.words import number
 from tgospa_eval.reports.console import SHOWN, blocks, fitting, worst
 from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines
+from tgospa_eval.results.numbers import costliest
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import visible
@@ -96,15 +98,14 @@ def _styled(result: Summary, name: str, lines: list[str]) -> list[Text]:
 
 def _worst_steps(result: Summary) -> Iterator[str]:
     table, counts = result.table("per_step"), result.proof.breakdown
-    costliest = sorted(range(len(table["t"])), key=lambda k: (-table["total"][k], k))[:SHOWN]
-    costliest = [k for k in costliest if table["total"][k] > 0]
-    if not costliest:
+    chosen = costliest(list(range(len(table["t"]))), np.array(table["total"]), SHOWN)
+    if not chosen:
         return
-    times = fitting([table["t"][k] for k in costliest], 28, lambda: table["t"])
+    times = fitting([table["t"][k] for k in chosen], 28, lambda: table["t"])
     wide = max(12, *map(len, times))
     name = max(12, min(17, 40 - wide))
     rows = []
-    for k, time in zip(costliest, times, strict=True):
+    for k, time in zip(chosen, times, strict=True):
         found = (counts.missed_count[k], counts.false_count[k], counts.switch_count[k])
         cost = number(table["total"][k], 5)
         rows.append(("", time, cost, *(number(count, 4) for count in found)))

@@ -21,6 +21,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Brackets, Curve, Windows
 from tgospa_eval.problem.tgospa import POWER
+from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.numbers import (
     PROBABILITIES,
     SPLIT_PARTS,
@@ -41,7 +42,6 @@ from tgospa_eval.results.records import (
     json_text,
     records,
 )
-from tgospa_eval.results.repairs import Repairs
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.tracks.judged import Judged
 
@@ -134,7 +134,7 @@ class Summary(ABC):
         Of `similarity`, if every output is to show it.
     settings_file : SettingsFile, optional
         The configuration file that set options of it.
-    explained : Repairs, optional
+    explained : Explanation, optional
         Single repairs that would save most, if they were asked for.
     """
 
@@ -159,7 +159,7 @@ class Summary(ABC):
     sums: MetricSums = field(default_factory=dict)
     calibration: Calibration | None = None
     settings_file: SettingsFile | None = None
-    explained: Repairs | None = None
+    explained: Explanation | None = None
 
     def __repr__(self) -> str:
         return (
