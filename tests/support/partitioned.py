@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from tgospa_eval import Result
-from tgospa_eval.partitioned.tables import Naming, TrackSums, write_tables
+from tgospa_eval.partitioned.tables import Naming, TrackParts, write_tables
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Columns, Costs, Labels
@@ -91,10 +91,10 @@ def _switched(result: Result, parameters: Parameters) -> np.ndarray:
     return rows
 
 
-def _sums(table: Columns, kind: str, scale: float) -> TrackSums:
-    return TrackSums(
-        rows=np.array(table["steps"], np.int64),
-        parts={
+def _sums(table: Columns, kind: str, scale: float) -> tuple[np.ndarray, TrackParts]:
+    return (
+        np.array(table["steps"], np.int64),
+        {
             "localisation": np.array(table["localisation"], float) / scale,
             "unassigned": np.array(table[kind], float) / scale,
             "switch": np.array(table["switch"], float) / scale,

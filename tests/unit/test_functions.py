@@ -27,14 +27,15 @@ from tgospa_eval import (
     simulate,
     verify,
 )
+from tgospa_eval.api.batch import BatchOptions
 from tgospa_eval.api.keywords import OF_THE_COMMAND
 from tgospa_eval.api.request import SETTINGS
-from tgospa_eval.cli.batch.run import BatchOptions
-from tgospa_eval.cli.simulate.values import SceneOptions
-from tgospa_eval.comparison import solvers
-from tgospa_eval.comparison.entrants import SolvedRun, run_here
+from tgospa_eval.campaign import solvers
+from tgospa_eval.campaign.solvers import run_here
+from tgospa_eval.cli.simulate import OPTIONS
 from tgospa_eval.distances import Mahalanobis
 from tgospa_eval.evaluation.prepare import Prepared
+from tgospa_eval.reports.records import SolverRun
 from tgospa_eval.simulation.settings import USUAL_ERRORS, usual_tracker
 from tgospa_eval.solvers import Solver
 
@@ -66,6 +67,10 @@ def test_every_option_is_a_keyword() -> None:
         evaluate([], [], region=3)
     with pytest.raises(ConfigError, match="time is for files and tables, and truth is none"):
         evaluate(np.zeros((2, 1, 2)), [], time="0:1")
+    with pytest.raises(ConfigError, match="with_ takes all rows together, not by class"):
+        evaluate([], [], by="class", with_="gospa")
+    with pytest.raises(ConfigError, match="similarity is of the mean over steps, not for step"):
+        evaluate([], [], similarity=1, step_weights=[1.0])
     with pytest.raises(ConfigError, match=r"scale is for .*, not for a record with settings"):
         evaluate([], [], distance=Mahalanobis(covariance=np.eye(2)), scale="x=2")
 
@@ -142,7 +147,7 @@ def test_compare_ranks(invoke, quickstart: tuple[str, str]) -> None:
 
 
 def test_compare_solvers(quickstart: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    def here(prepared: Prepared, solver: Solver, progress: object) -> SolvedRun:
+    def here(prepared: Prepared, solver: Solver, progress: object) -> SolverRun:
         return run_here(prepared, solver)
 
     monkeypatch.setattr(solvers, "run_apart", here)  # a process for each would take longer
@@ -203,10 +208,12 @@ def test_verify(quickstart: tuple[str, str], tmp_path: Path) -> None:
 
 
 def test_simulate_as_the_command(invoke, tmp_path: Path) -> None:
-    assert {name: getattr(SceneOptions, name) for name in USUAL_ERRORS} == USUAL_ERRORS
+    defaults = {item.name: item.default for item in OPTIONS}
+    assert {name: defaults[name] for name in USUAL_ERRORS} == USUAL_ERRORS
     usual = usual_tracker(200.0, {})
-    for name in ("confirmation", "merges", "lost", "latency", "false_length"):
-        assert getattr(usual, name) == getattr(SceneOptions, name)
+    for name in ("confirmation", "merges", "lost", "latency"):
+        assert getattr(usual, name) == defaults[name]
+    assert usual.false_length == tuple(map(int, str(defaults["false_length"]).split(":")))
     folder = str(tmp_path / "scene")
     assert invoke("simulate", folder, "--targets", "4", "--seed", "3").status == 0
     files = [os.path.join(folder, name) for name in ("truth.csv", "estimate.csv")]

@@ -4,6 +4,7 @@ import functools
 import inspect
 import os
 import re
+import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from types import NoneType
 from typing import Any, ParamSpec, TypeVar, get_args
@@ -106,16 +107,15 @@ def _documented(doc: str, names: Iterable[str]) -> str:
     lines = ["Other Parameters", "----------------"]
     for name in names:
         about = SETTINGS[name]
-        text = re.sub(
-            r"--([a-z][a-z-]*)", lambda found: KEYWORDS.get(found[1], found[0]), about.help
-        )
-        text = re.sub(r"([*|`])", r"\\\1", text)
-        other = f" Also {IN_OBJECTS[name]}." if name in IN_OBJECTS else ""
-        shown = DEFAULTS[name] if not about.shown else about.shown
-        lines += [f"{name} : {_kind(name)}", f"    {text}{other} Default: {shown}."]
-    block = "\n".join(f"    {line}" for line in lines)
+        text = re.sub(r"([*|`])", r"\\\1", about.help)
+        text = re.sub(r"--([a-z][a-z-]*)", lambda found: f"`{KEYWORDS[found[1]]}`", text)
+        if name in IN_OBJECTS:
+            text += f" Also {IN_OBJECTS[name]}."
+        if about.shown or DEFAULTS[name] not in (None, ()):
+            text += f" Default: {about.shown or DEFAULTS[name]}."
+        lines += [f"{name} : {_kind(name)}", textwrap.indent(textwrap.fill(text, 92), "    ")]
     head, returns, tail = inspect.cleandoc(doc).partition("\nReturns\n")
-    return f"{head}\n{inspect.cleandoc(block)}\n{returns}{tail}"
+    return "\n".join([head, *lines, "", f"{returns.lstrip()}{tail}"])
 
 
 def _kind(name: str) -> str:

@@ -17,8 +17,6 @@ from tgospa_eval.evaluation.endings import (
     Alone,
     Continued,
     Endings,
-    Proven,
-    WholePrefixes,
     unpaired_by_step,
     whole_blocks,
 )
@@ -33,7 +31,6 @@ from tgospa_eval.problem.prefixes import (
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.solution import Curve, Reduced, Windows
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import changes
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, save_solution
 
@@ -82,7 +79,7 @@ def trace(
         from_begin = states.transposed.copy()
         for part in reduced:
             from_begin |= part.blocks
-        _narrow(bracket, (endings, found, saved), from_begin, solver, progress)
+        _narrow(bracket, endings, found, saved, from_begin, solver, progress)
 
     problem = states.problem
     shown = np.array([cells.totals(part, problem.steps)[0] for part in parts])
@@ -128,21 +125,23 @@ class _Brackets:
         wide: NDArray[np.bool_] = self.cost + self.error - self.least > self.gap * self.cost
         return wide
 
-    def take(self, found: Proven) -> None:
+    def take(self, cell: Ints, parts: Floats, lower: Floats, error: Floats) -> None:
         """Take what is better."""
-        np.maximum.at(self.least, found.cell, found.lower)
-        cost = found.parts.sum(axis=0)
-        order = np.lexsort((cost, found.cell))
-        order = order[np.flatnonzero(np.diff(found.cell[order], prepend=-1))]
-        order = order[cost[order] < self.cost[found.cell[order]]]
-        wins = found.cell[order]
-        self.parts[:, wins], self.error[wins] = found.parts[:, order], found.error[order]
+        np.maximum.at(self.least, cell, lower)
+        cost = parts.sum(axis=0)
+        order = np.lexsort((cost, cell))
+        order = order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
+        order = order[cost[order] < self.cost[cell[order]]]
+        wins = cell[order]
+        self.parts[:, wins], self.error[wins] = parts[:, order], error[order]
         self.cost[wins] = cost[order]
 
 
 def _narrow(
     brackets: _Brackets,
-    whole: tuple[Endings, PrefixBounds, SavedSolution],
+    endings: Endings,
+    found: PrefixBounds,
+    saved: SavedSolution,
     from_begin: NDArray[np.bool_],
     solver: Certified,
     progress: Progress,
@@ -162,11 +161,11 @@ def _narrow(
         first = cells.begin[block]
         begin = np.maximum(end + 1 - span, first)
         begin = np.where((begin - first < span // 2) | from_begin[block], first, begin)
-        for kind, chosen in ((Continued, begin > first), (WholePrefixes, begin == first)):
-            at = np.flatnonzero(chosen)
+        continued = Continued(endings, found, saved)
+        for whole in (False, True):
+            at = np.flatnonzero((begin == first) == whole)
             at = at[np.argsort(begin[at], kind="stable")]
-            group_of = kind(*whole)
-            for group in whole[0].groups(block[at], begin[at], end[at]):
+            for group in endings.groups(block[at], begin[at], end[at]):
                 if limit.late():
                     return
                 progress.again("the curve", 1 - np.count_nonzero(brackets.open) / most)
@@ -177,9 +176,14 @@ def _narrow(
                 stopwatch.progress = progress.silent()
                 left = limit.left()
                 timed = replace(solver, time_limit=None if left is None else max(left, 1e-9))
-                brackets.take(group_of.solve(block[own], begin[own], end[own], timed, stopwatch))
+                asked = block[own], begin[own], end[own]
+                if whole:
+                    alone = Alone(endings, saved, *asked).solve(timed, stopwatch)
+                    brackets.take(cell[own], *alone)
+                else:
+                    brackets.take(*continued.solve(*asked, timed, stopwatch))
                 brackets.open &= brackets.wide
-            if kind is WholePrefixes:
+            if whole:
                 brackets.open[cell[at]] = False
         span *= 2
 
@@ -226,10 +230,10 @@ def slide(
     first, last = spans
     prices = fair_prices(prices)
     stretches = _WindowStretches.of(states, first, last)
-    found = _WindowBrackets(len(stretches.block))
+    found = np.zeros((6, len(stretches.block)))  # four kinds of costs, a lower bound, an error
     complete = stretches.complete(states)
     block = stretches.block[complete]
-    found.put(complete, *_of_blocks(states, weights, prices, reduced, block))
+    found[:, complete] = np.vstack(_of_blocks(states, weights, prices, reduced, block))
     rest = np.setdiff1d(np.arange(len(stretches.block)), complete)
     if len(rest):
         endings, saved = Endings(states, weights), save_solution(states, weights, prices)
@@ -241,7 +245,8 @@ def slide(
         for group in endings.groups(*stretches.some(rest)):
             limit.progress.again("the windows", done / len(rest))
             own = rest[group]
-            found.put(own, *_solved(Alone(endings, saved, *stretches.some(own)), solver, limit))
+            alone = Alone(endings, saved, *stretches.some(own))
+            found[:, own] = np.vstack(_solved(alone, solver, limit))
             done += len(own)
     return _added(problem, unpaired_by_step(states), found, stretches, spans)
 
@@ -296,32 +301,16 @@ class _WindowStretches:
         return self.block[chosen], self.begin[chosen], self.end[chosen]
 
 
-class _WindowBrackets:
-    """Of every stretch costs by kind, a lower bound, and how much the costs may be too small."""
-
-    def __init__(self, size: int) -> None:
-        self.parts, self.lower, self.error = np.zeros((4, size)), np.zeros(size), np.zeros(size)
-
-    def put(self, at: Ints, parts: Floats, lower: Floats, error: Floats) -> None:
-        self.parts[:, at], self.lower[at], self.error[at] = parts, lower, error
-
-
 def _of_blocks(
     states: States, weights: Ints, prices: Floats, reduced: tuple[Reduced, ...], block: Ints
 ) -> tuple[Floats, Floats, Floats]:
     """Costs by kind, lower bound and error of whole blocks."""
     if not len(block):
         return np.zeros((4, 0)), np.zeros(0), np.zeros(0)
-    length = states.block_end - states.block_begin + 1
-    cells = Cells(
-        first=np.concatenate(([0], np.cumsum(length))).astype(np.int64),
-        begin=states.block_begin.astype(np.int64),
-    )
+    cells = Cells.of_blocks(states)
     ends = cells.first[1:][block] - 1
-    parts = costs_so_far(states, cells, weights, changes(states, weights))[:, ends]
-    busiest = int(np.bincount(states.begin, minlength=1).max())
-    error = parts.sum(axis=0) * (16 + 2 * busiest + length[block]) * ROUNDOFF
-    return parts, whole_blocks(states, prices, reduced)[block], error
+    parts, error = costs_so_far(states, cells, weights)
+    return parts[:, ends], whole_blocks(states, prices, reduced)[block], error[ends]
 
 
 def _solved(alone: Alone, solver: Certified, limit: Limit) -> tuple[Floats, Floats, Floats]:
@@ -346,12 +335,12 @@ def _solved(alone: Alone, solver: Certified, limit: Limit) -> tuple[Floats, Floa
 def _added(
     problem: Problem,
     unpaired: Floats,
-    found: _WindowBrackets,
+    found: Floats,
     stretches: _WindowStretches,
     spans: tuple[Ints, Ints],
 ) -> Windows:
     """Sums of the stretches of each window, and of the objects in it that are near to none."""
-    first, last = spans
+    (first, last), parts, least, error = spans, found[:4], found[4], found[5]
 
     def total(value: Floats) -> Floats:
         return sum_by(stretches.of_window, value[stretches.stretch], len(first))
@@ -365,7 +354,7 @@ def _added(
         return sums
 
     alone = np.array([between(side) for side in unpaired])
-    shown = np.array([total(part) for part in found.parts])
+    shown = np.array([total(part) for part in parts])
     shown[1:3] += alone
     counts = np.array(
         [
@@ -377,9 +366,9 @@ def _added(
     if not (whole_prices(problem) and alone.max(initial=0.0) < 2.0**31):
         terms = terms + counts.sum(axis=0) + (last - first)
     few = terms * ROUNDOFF
-    upper = (total(found.parts.sum(axis=0) + found.error) + alone.sum(axis=0)) * (1 + few)
+    upper = (total(parts.sum(axis=0) + error) + alone.sum(axis=0)) * (1 + few)
     upper /= 1 - problem.cost_error
-    lower = (total(found.lower) + alone.sum(axis=0)) * (1 - few)
+    lower = (total(least) + alone.sum(axis=0)) * (1 - few)
     most = min(len(problem.truth_step), len(problem.estimate_step))
     lower -= problem.cost_slack * counts.min(axis=0) * (1 + 8 * ROUNDOFF) / max(most, 1)
     lower *= 1 - few - problem.cost_error

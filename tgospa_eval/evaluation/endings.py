@@ -29,7 +29,7 @@ from tgospa_eval.problem.solution import Reduced, Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.solvers.warm_start import ProblemOrigin, SavedSolution, make_warm_start
+from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start
 
 SIZE = 1 << 18
 """Near pairs of the endings that are solved together."""
@@ -107,8 +107,8 @@ class SuffixProblem:
     problem : Problem
         The steps of one after those of the other. Where something is known of the step before an
         ending, that comes first: each listed pair gains there by how much its value exceeds "none".
-    origin : ProblemOrigin
-        Where that comes from.
+    origin : tuple of int arrays
+        The truths, estimates and steps of the whole that those of the problem are.
     block, begin, end : (E,) int arrays
         Block, and first and last step of each in the whole.
     first : (E,) int array
@@ -118,7 +118,7 @@ class SuffixProblem:
     """
 
     problem: Problem
-    origin: ProblemOrigin
+    origin: tuple[Ints, Ints, Ints]
     block: Ints
     begin: Ints
     end: Ints
@@ -248,20 +248,15 @@ class Endings:
             truths=len(tracks[0]),
             estimates=len(tracks[1]),
             cost=mixed.join(whole.cost[entry], 2 * price - self._worth(begin, before)),
-            switch_price=switch if isinstance(switch, float) else switch[_from(step)],
+            switch_price=switch
+            if isinstance(switch, float)
+            else switch[np.maximum(step[1:] - 1, 0)],
             signed=True,
             **columns,
         )
-        origin = ProblemOrigin(
-            truth=tracks[0],
-            estimate=tracks[1],
-            step=step,
-            estimates=whole.estimates,
-            steps=whole.steps,
-        )
         return SuffixProblem(
             problem=problem,
-            origin=origin,
+            origin=(tracks[0], tracks[1], step),
             block=block,
             begin=begin,
             end=end,
@@ -309,11 +304,6 @@ class _Mixed:
         return joined
 
 
-def _from(step: Ints) -> Ints:
-    """The transition of the whole that leads to each step but the first."""
-    return np.maximum(step[1:] - 1, 0)
-
-
 def _ranges(low: Ints, count: Ints) -> tuple[Ints, Ints]:
     """The numbers of each range, one range after the other, and whose each is."""
     return concatenated(low, count), np.repeat(np.arange(len(low)), count)
@@ -321,28 +311,6 @@ def _ranges(low: Ints, count: Ints) -> tuple[Ints, Ints]:
 
 # -------------------------------------------------------------------------------------------------
 # What is proven of beginnings by solving their endings (docs/theory/solvers.md, "The curve").
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Proven:
-    """What is proven of some beginnings; arrays over them are (N,).
-
-    Parameters
-    ----------
-    cell : (N,) int array
-        Which, perhaps several times.
-    parts : (4, N) float array
-        Cost by kind.
-    lower : (N,) float array
-        Lower bound of the least possible cost.
-    error : (N,) float array
-        How much the parts together may be too small by rounding.
-    """
-
-    cell: Ints
-    parts: Floats
-    lower: Floats
-    error: Floats
 
 
 class Alone:
@@ -379,8 +347,10 @@ class Alone:
         -------
         parts : (4, N) float array
             Cost by kind.
-        lower, error : (N,) float arrays
-            As of `Proven`.
+        lower : (N,) float array
+            Lower bound of the least possible cost.
+        error : (N,) float array
+            How much the parts together may be too small by rounding.
         """
         return self._proven(solver(self.states, stopwatch, replace(self.warm_start, near=True)))
 
@@ -399,8 +369,10 @@ class Alone:
         return parts, bound, _rounding(states, parts, cut.length)
 
 
-class WholePrefixes:
-    """Beginnings that are solved from their first step on.
+class Continued:
+    """Beginnings that are as the whole has them before some step, and are solved from there on.
+
+    They are to be asked for in the order of these steps.
 
     Parameters
     ----------
@@ -414,25 +386,6 @@ class WholePrefixes:
 
     def __init__(self, endings: Endings, found: PrefixBounds, saved: SavedSolution) -> None:
         self.endings, self.found, self.saved = endings, found, saved
-
-    def solve(
-        self, block: Ints, begin: Ints, end: Ints, solver: Certified, stopwatch: Stopwatch
-    ) -> Proven:
-        """Solve them, and prove each as any result is."""
-        alone = Alone(self.endings, self.saved, block, begin, end)
-        parts, lower, error = alone.solve(solver, stopwatch)
-        cell = self.found.cells.of(block, end)
-        return Proven(cell=cell, parts=parts, lower=lower, error=error)
-
-
-class Continued:
-    """Beginnings that are as the whole has them before some step, and are solved from there on.
-
-    They are to be asked for in the order of these steps.
-    """
-
-    def __init__(self, endings: Endings, found: PrefixBounds, saved: SavedSolution) -> None:
-        self.endings, self.found, self.saved = endings, found, saved
         moves = found.prices.moves
         self._none, self._reached = np.zeros(len(moves.rows)), np.zeros(len(moves.row))
         self._best, self._done = np.zeros(len(moves.rows)), 0
@@ -440,8 +393,11 @@ class Continued:
 
     def solve(
         self, block: Ints, begin: Ints, end: Ints, solver: Certified, stopwatch: Stopwatch
-    ) -> Proven:
-        """Solve endings, none of which begins with its block; of all steps in them."""
+    ) -> tuple[Ints, Floats, Floats, Floats]:
+        """Solve endings, none of which begins with its block.
+
+        Of all steps in them: cells, some perhaps several times, and what `Alone.solve` returns.
+        """
         before, rest = self._before(block, begin, end)
         cut = self.endings.cut(block, begin, end, before)
         states = merge_runs(cut.problem, transpose=False)
@@ -453,12 +409,8 @@ class Continued:
         solution = solver(states, stopwatch, replace(warm_start, prices=prices, near=True))
         listed = self._listed(cut, states)
         parts, error = self._costs(cut, states, listed, repair(states, solution.weights))
-        return Proven(
-            cell=concatenated(self.found.cells.of(block, begin), cut.length),
-            parts=parts,
-            lower=self._lower(cut, states, listed, fair_prices(solution.prices), rest),
-            error=error,
-        )
+        lower = self._lower(cut, states, listed, fair_prices(solution.prices), rest)
+        return concatenated(self.found.cells.of(block, begin), cut.length), parts, lower, error
 
     def _before(self, block: Ints, begin: Ints, end: Ints) -> tuple[Before, Floats]:
         """What there is before endings; of rows without a listed pair sums of values and sizes."""
@@ -497,8 +449,8 @@ class Continued:
         known = before.ending * truths + whole.pair_truth[before.pair]
         known = known * estimates + whole.pair_estimate[before.pair]
         sought = cut.ending[states.begin[states.pair_first[:-1]]] * truths
-        sought = (sought + cut.origin.truth[states.pair_truth]) * estimates
-        sought = sought + cut.origin.estimate[states.pair_estimate]
+        sought = (sought + cut.origin[0][states.pair_truth]) * estimates
+        sought = sought + cut.origin[1][states.pair_estimate]
         order = np.argsort(known)
         found: Ints = order[np.searchsorted(known, sought, sorter=order)]
         return found

@@ -11,15 +11,13 @@ It changes no part of the cost, and is asked about for the steps of switches alo
 """
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.paths import turns
-from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.problem.slots import Slots
+from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.result import Proof
@@ -113,7 +111,7 @@ class _Rows:
             count = np.append(rows.sums(self.near.astype(np.int64)), 1)[at]
             fresh = self.near & self.needed & (self.alone | (count == 1))
             must = self.priced & (columns.sums(self.near.astype(np.int64)) == 1)
-            fresh = (fresh | (self.near & _covers(columns, must))) & ~self.certain
+            fresh = (fresh | (self.near & columns.touching(must))) & ~self.certain
             if not fresh.any():
                 return True
             self.certain |= fresh
@@ -121,12 +119,12 @@ class _Rows:
                 load = slots.sums(self.certain.astype(np.int64))
                 if load.max(initial=0) > 1:
                     return False  # rounding: prices that are none of the best
-                self.closed |= _covers(slots, load > 0) & ~self.certain
+                self.closed |= slots.touching(load > 0) & ~self.certain
             self.near &= ~self.closed
 
     def survey(self, asked: Mask) -> bool:
         """Look for the best paths of some rows (nodes,) anew; whether fewer are left."""
-        part, own = _some_pairs(self.states, np.flatnonzero(asked[self.states.pair_row]))
+        part, own = self.states.of_pairs(np.flatnonzero(asked[self.states.pair_row]))
         value = np.where(self.closed[own], -np.inf, self.value[own]) + self.certain[own]
         loss, without = path_losses(part, value)
         near, needed = self.near[own] & (loss <= self.reach), without > self.reach
@@ -134,13 +132,6 @@ class _Rows:
         self.near[own] = near
         self.needed[own] |= needed
         return fewer
-
-
-def _covers(slots: Slots, chosen: Mask) -> Mask:
-    """States that cover one of some slots."""
-    before = np.concatenate(([0], np.cumsum(chosen)))
-    found: Mask = before[slots.end] > before[slots.begin]
-    return found
 
 
 def _marks(states: States, value: Floats, prices: Floats, reach: float) -> tuple[Mask, Mask]:
@@ -208,29 +199,3 @@ def path_losses(states: States, value: Floats) -> tuple[Floats, Floats]:
     losses = np.empty((2, size))
     losses[0, turn.order], losses[1, turn.order] = best - through, best - without
     return losses[0], losses[1]
-
-
-def _some_pairs(states: States, pairs: Ints) -> tuple[States, Ints]:
-    """Some pairs, of whole rows, as states, and which states they are."""
-    length = np.diff(states.pair_first)[pairs]
-    first = np.concatenate(([0], np.cumsum(length))).astype(np.int32)
-    own = np.arange(first[-1]) + np.repeat(states.pair_first[pairs] - first[:-1], length)
-    columns = states.columns
-    part = replace(
-        states,
-        pair_row=states.pair_row[pairs],
-        pair_column=states.pair_column[pairs],
-        pair_block=states.pair_block[pairs],
-        pair_first=first,
-        pair_truth=states.pair_truth[pairs],
-        pair_estimate=states.pair_estimate[pairs],
-        begin=states.begin[own],
-        entry=states.entry[own],
-        columns=replace(
-            columns,
-            begin=columns.begin[own],
-            pair_first=first,
-            pair_node=states.pair_column[pairs],
-        ),
-    )
-    return part, own

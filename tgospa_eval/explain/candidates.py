@@ -5,6 +5,7 @@ Costs are in units of c^p. What is said here only decides what is tried: `explai
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -14,17 +15,17 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import Distance
-from tgospa_eval.explain import edits
 from tgospa_eval.explain.edits import (
     NO_PARTNER,
     AddedRows,
     Assigned,
-    AssignedRuns,
     AssignedStretch,
     Edit,
+    TrackPiece,
+    exchange,
+    split,
 )
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
-from tgospa_eval.problem.states import States
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers.warm_start import SavedSolution
 from tgospa_eval.tracks.attributes import chosen
@@ -92,7 +93,7 @@ def _exchanged(assigned: Assigned) -> Iterator[Candidate]:
                 named = [[a if s.estimate == b else s.estimate for s in part] for part in beside]
                 saved = sum(_changes([s.estimate for s in part]) for part in beside)
                 saved -= sum(map(_changes, named))
-                yield _renamed(whole, HALVES * saved * float(prices[after.begin]))
+                yield replace(whole, saving=HALVES * saved * float(prices[after.begin]))
             step = _first_row(assigned, a, b, after.begin)
             if whole is None and step is not None and (a, b, step) not in seen:
                 seen.add((a, b, step))
@@ -100,14 +101,10 @@ def _exchanged(assigned: Assigned) -> Iterator[Candidate]:
                 yield Candidate(
                     kind="exchange",
                     saving=HALVES * saved * float(prices[after.begin]),
-                    edit=edits.exchange(a, b, after.begin, steps),
+                    edit=exchange(a, b, after.begin, steps),
                     tracks=_in_time(assigned, a, b, step),
                     begin=step,
                 )
-
-
-def _renamed(candidate: Candidate, saving: float) -> Candidate:
-    return Candidate(**{**vars(candidate), "saving": saving})
 
 
 def _together(assigned: Assigned, a: int, b: int) -> Candidate | None:
@@ -121,7 +118,7 @@ def _together(assigned: Assigned, a: int, b: int) -> Candidate | None:
     return Candidate(
         kind="merge",
         saving=0.0,
-        edit=edits.merge(track, into, assigned.problem.steps),
+        edit=Edit(pieces={k: (TrackPiece(0, assigned.problem.steps - 1, into),) for k in (a, b)}),
         tracks=(into, track),
         begin=int(later[0]),
         end=int(later[-1]),
@@ -176,9 +173,7 @@ def _split(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
             yield Candidate(
                 kind="split",
                 saving=halves * float(prices[after.begin]),
-                edit=edits.split(
-                    track, after.begin, steps, tracks, _other_name(names[track], names)
-                ),
+                edit=split(track, after.begin, steps, tracks, _other_name(names[track], names)),
                 tracks=(track,),
                 begin=step,
             )
@@ -223,7 +218,7 @@ def _dropped(assigned: Assigned, track: int, saving: float) -> Candidate:
     return Candidate(
         kind="drop",
         saving=saving,
-        edit=edits.drop(track),
+        edit=Edit(pieces={track: ()}),
         tracks=(track,),
         begin=int(steps[0]),
         end=int(steps[-1]),
@@ -238,7 +233,7 @@ def _cut(assigned: Assigned, track: int, rows: Ints) -> Candidate:
     return Candidate(
         kind="trim",
         saving=float(side.price[rows].sum()),
-        edit=edits.cut(track, *kept),
+        edit=Edit(pieces={track: (TrackPiece(*kept, track),)}),
         tracks=(track,),
         begin=begin,
         end=end,
@@ -252,34 +247,13 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Original:
-    """What is solved, and how.
-
-    Parameters
-    ----------
-    problem : Problem
-        Before any repair.
-    held : AssignedRuns
-        Its assignment.
-    priced : Priced
-        Its prices.
-    """
-
-    problem: Problem
-    held: AssignedRuns
-    priced: "Priced"
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Copy:
     """The components that an edit touches.
 
     Parameters
     ----------
-    original : Original
-        What is edited.
     edit : Edit
-        How.
+        What changes.
     blocks : (B,) bool array
         Components of the original that it touches.
     truth_in, estimate_in : bool arrays
@@ -291,7 +265,6 @@ class Copy:
         Those of `near` that this edit adds.
     """
 
-    original: Original
     edit: Edit
     blocks: Mask
     truth_in: Mask
@@ -300,45 +273,34 @@ class Copy:
     rows: Ints
     entries: Ints
 
-    @property
-    def size(self) -> int:
-        """About how many rows and entries it has."""
-        problem = self.original.problem
-        whole = len(problem.cost) + len(problem.truth_step) + len(problem.estimate_step)
-        return int(whole * np.count_nonzero(self.truth_in) / max(len(self.truth_in), 1)) + 1
+
+def size_of(copy: Copy, problem: Problem) -> int:
+    """About how many rows and entries a copy has."""
+    whole = len(problem.cost) + len(problem.truth_step) + len(problem.estimate_step)
+    return int(whole * np.count_nonzero(copy.truth_in) / max(len(copy.truth_in), 1)) + 1
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Priced:
-    """Prices by estimate and first step of their slot."""
+def joined(
+    copies: list[Copy], problem: Problem, held: SavedSolution
+) -> tuple[Problem, SavedSolution]:
+    """One problem of all copies, each at steps of its own, and where its solution may begin.
 
-    estimate: Ints
-    step: Ints
-    price: Floats
-
-
-def priced(states: States, prices: Floats) -> Priced:
-    """The prices more than 0 of estimates; those of blocks whose columns are truths are nothing."""
-    paid = np.flatnonzero(prices > 0)
-    node = states.columns.node[paid]
-    direct = np.flatnonzero(~states.transposed[states.node_block[node]])
-    paid, node = paid[direct], node[direct]
-    track = np.zeros(states.nodes, np.int64)
-    track[states.pair_column] = states.pair_estimate
-    return Priced(
-        estimate=track[node], step=states.columns.step[paid].astype(np.int64), price=prices[paid]
-    )
-
-
-def joined(copies: list[Copy], problem: Problem) -> tuple[Problem, SavedSolution]:
-    """One problem of all copies, each at steps of its own, and where its solution may begin."""
+    Parameters
+    ----------
+    copies : list of Copy
+        What edits touch.
+    problem : Problem
+        Before any edit.
+    held : SavedSolution
+        Its solution.
+    """
     parts: dict[str, list[Any]] = {}
     warm: dict[str, list[Any]] = {}
     truths = estimates = truth_rows = estimate_rows = 0
     for number, copy in enumerate(copies):
         first = number * problem.steps
-        rows = _rows(copy)
-        own = _entries(copy, rows)
+        rows = _rows(copy, problem)
+        own = _entries(copy, rows, problem)
         for name, value in (
             ("truth_step", problem.truth_step[rows.truth] + first),
             ("truth_track", rows.truth_number[problem.truth_track[rows.truth]] + truths),
@@ -351,9 +313,13 @@ def joined(copies: list[Copy], problem: Problem) -> tuple[Problem, SavedSolution
             ("cost", own[2]),
         ):
             parts.setdefault(name, []).append(value)
-        for name, value in _warm(copy, rows, first):
-            shift = {"truth": truths, "estimate": estimates, "price_of": estimates}.get(name, 0)
-            warm.setdefault(name, []).append(value + shift if shift else value)
+        shifts = {
+            **dict.fromkeys(("begin", "end", "step"), first),
+            **dict.fromkeys(("estimate", "priced"), estimates),
+            "truth": truths,
+        }
+        for name, value in _warm(copy, rows, held):
+            warm.setdefault(name, []).append(value + shifts[name] if name in shifts else value)
         truths += int(np.count_nonzero(copy.truth_in))
         estimates += int(np.count_nonzero(copy.estimate_in))
         truth_rows, estimate_rows = truth_rows + len(rows.truth), estimate_rows + len(rows.step)
@@ -373,7 +339,8 @@ def joined(copies: list[Copy], problem: Problem) -> tuple[Problem, SavedSolution
         rounding=problem.rounding,
         **arrays,
     )
-    return whole, _saved({k: np.concatenate(v) for k, v in warm.items()}, whole)
+    ours: dict[str, Any] = {name: np.concatenate(values) for name, values in warm.items()}
+    return whole, SavedSolution(**ours, estimates=estimates, steps=steps)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -392,8 +359,8 @@ class _CopyRows:
     place: Ints
 
 
-def _rows(copy: Copy) -> _CopyRows:
-    problem, edit = copy.original.problem, copy.edit
+def _rows(copy: Copy, problem: Problem) -> _CopyRows:
+    edit = copy.edit
     chosen = np.flatnonzero(copy.estimate_in[problem.estimate_track])
     track = edit.tracks(problem.estimate_track[chosen], problem.estimate_step[chosen])
     chosen, track = chosen[track >= 0], track[track >= 0]
@@ -422,9 +389,8 @@ def _rows(copy: Copy) -> _CopyRows:
     )
 
 
-def _entries(copy: Copy, rows: _CopyRows) -> tuple[Ints, Ints, Floats]:
+def _entries(copy: Copy, rows: _CopyRows, problem: Problem) -> tuple[Ints, Ints, Floats]:
     """Rows of the entries of a copy, and their costs."""
-    problem = copy.original.problem
     truth_place = np.full(len(problem.truth_step), -1)
     truth_place[rows.truth] = np.arange(len(rows.truth))
     truth, estimate = truth_place[problem.truth_row], rows.place[problem.estimate_row]
@@ -440,49 +406,30 @@ def _entries(copy: Copy, rows: _CopyRows) -> tuple[Ints, Ints, Floats]:
     return truth[order].astype(np.int32), estimate[order].astype(np.int32), cost[order]
 
 
-def _warm(copy: Copy, rows: _CopyRows, first: int) -> Iterator[tuple[str, Ints | Floats]]:
+def _warm(copy: Copy, rows: _CopyRows, held: SavedSolution) -> Iterator[tuple[str, Ints | Floats]]:
     """The assignment and the prices at hand, with the names of tracks after the edit."""
-    held, priced, edit = copy.original.held, copy.original.priced, copy.edit
+    edit = copy.edit
     mine = np.flatnonzero(copy.truth_in[held.truth])
-    moved = np.isin(held.estimate[mine], list(edit.pieces))
-    still = mine[~moved]
+    still = mine[~np.isin(held.estimate[mine], list(edit.pieces))]
     pieces = [(still, held.estimate[still], held.begin[still], held.end[still])]
     for name, parts in edit.pieces.items():
         own = mine[held.estimate[mine] == name]
         for piece in parts:
-            begin, end = (
-                np.maximum(held.begin[own], piece.begin),
-                np.minimum(held.end[own], piece.end),
-            )
-            some = begin <= end
-            pieces.append(
-                (own[some], np.full(np.count_nonzero(some), piece.to), begin[some], end[some])
-            )
+            begin = np.maximum(held.begin[own], piece.begin)
+            end = np.minimum(held.end[own], piece.end)
+            some = np.flatnonzero(begin <= end)
+            pieces.append((own[some], np.full(len(some), piece.to), begin[some], end[some]))
     which, track, begin, end = (np.concatenate(part) for part in zip(*pieces, strict=True))
     yield "truth", rows.truth_number[held.truth[which]]
     yield "estimate", rows.estimate_number[track]
-    yield "begin", begin + first
-    yield "end", end + first
+    yield "begin", begin
+    yield "end", end
     yield "weight", held.weight[which]
-    became = edit.tracks(priced.estimate, priced.step)
+    became = edit.tracks(held.priced, held.step)
     paid = np.flatnonzero((became >= 0) & copy.estimate_in[np.maximum(became, 0)])
-    yield "price_of", rows.estimate_number[became[paid]]
-    yield "price_at", priced.step[paid] + first
-    yield "price", priced.price[paid]
-
-
-def _saved(warm: dict[str, Any], problem: Problem) -> SavedSolution:
-    pair = (warm["truth"] * problem.estimates + warm["estimate"]) * problem.steps
-    order = np.argsort(pair + warm["begin"], kind="stable")
-    slot = warm["price_of"] * problem.steps + warm["price_at"]
-    by_slot = np.argsort(slot, kind="stable")
-    return SavedSolution(
-        begin=(pair + warm["begin"])[order],
-        end=(pair + warm["end"])[order],
-        weight=warm["weight"][order],
-        slot=slot[by_slot],
-        price=warm["price"][by_slot],
-    )
+    yield "priced", rows.estimate_number[became[paid]]
+    yield "step", held.step[paid]
+    yield "price", held.price[paid]
 
 
 # -------------------------------------------------------------------------------------------------
@@ -599,7 +546,7 @@ def _with_rows(kind: str, saving: float, made: AddedRows) -> Candidate:
     return Candidate(
         kind=kind,
         saving=saving,
-        edit=edits.add(rows),
+        edit=Edit(added=rows),
         tracks=(int(made.track[0]),),
         begin=int(made.step.min()),
         end=int(made.step.max()),

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import Floats, Ints, Objects
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.solvers.warm_start import save_solution
 from tgospa_eval.tracks.attributes import Attributes, chosen, stacked
+from tgospa_eval.tracks.conversion import iso
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 NO_PARTNER = -1
@@ -29,26 +30,6 @@ class AssignedStretch:
     estimate: int
     begin: int
     end: int
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class AssignedRuns:
-    """Pairs over stretches of steps, with their weights, sorted by (truth, begin).
-
-    Parameters
-    ----------
-    truth, estimate, begin, end : (N,) int arrays
-        What is assigned from when to when; what is held at the begin or the end of what decides
-        goes on to that of the recording.
-    weight : (N,) float array
-        How much, 0 to 1.
-    """
-
-    truth: Ints
-    estimate: Ints
-    begin: Ints
-    end: Ints
-    weight: Floats
 
 
 class Track:
@@ -83,6 +64,8 @@ class Assigned:
         The problem.
     weights : (S,) int array
         A feasible assignment, in units of 1/ONE.
+    prices : (K,) float array
+        Of its column slots.
 
     Attributes
     ----------
@@ -92,10 +75,13 @@ class Assigned:
         Of each truth row the track of the estimate with most of its weight, and the other way.
     cost : (R,) float array
         Of each estimate row that follows a truth, what the pair costs.
+    held : SavedSolution
+        What is assigned from when to when, and what is priced.
     """
 
-    def __init__(self, states: States, weights: Ints) -> None:
+    def __init__(self, states: States, weights: Ints, prices: Floats) -> None:
         self.states, self.weights = states, weights
+        self.held = save_solution(states, weights, prices)
         problem = self.problem = states.problem
         sides = problem.sides
         self.truth, self.estimate = (Track(side, problem.steps) for side in sides)
@@ -111,37 +97,11 @@ class Assigned:
         self.cost[j] = problem.cost[entry]
 
     @cached_property
-    def held(self) -> AssignedRuns:
-        """What is assigned, states of a pair that follow each other joined."""
-        states = self.states
-        used = np.flatnonzero(self.weights)
-        pair = states.pair[used]
-        block = states.pair_block[pair]
-        begin, end = states.begin[used].astype(np.int64), states.end[used].astype(np.int64)
-        begin = np.where(begin == states.block_begin[block], 0, begin)
-        end = np.where(end == states.block_end[block], states.problem.steps - 1, end)
-        weight = self.weights[used]
-        opens = np.ones(len(used), bool)
-        opens[1:] = (
-            (pair[1:] != pair[:-1]) | (begin[1:] != end[:-1] + 1) | (weight[1:] != weight[:-1])
-        )
-        first = np.flatnonzero(opens)
-        last = np.append(first[1:], len(used)) - 1 if len(used) else first
-        truth, estimate = states.pair_truth[pair[first]], states.pair_estimate[pair[first]]
-        order = np.lexsort((begin[first], truth))
-        return AssignedRuns(
-            truth=truth[order].astype(np.int64),
-            estimate=estimate[order].astype(np.int64),
-            begin=begin[first][order],
-            end=end[last][order],
-            weight=weight[first][order] / ONE,
-        )
-
-    @cached_property
     def stretches(self) -> list[AssignedStretch]:
         """Those that are assigned by more than half, by truth and time."""
         held = self.held
         most = np.flatnonzero(held.weight > 0.5)
+        most = most[np.lexsort((held.begin[most], held.truth[most]))]
         found: list[AssignedStretch] = []
         for truth, estimate, begin, end in zip(
             *(part[most].tolist() for part in (held.truth, held.estimate, held.begin, held.end)),
@@ -155,9 +115,6 @@ class Assigned:
             else:
                 found.append(AssignedStretch(truth=truth, estimate=estimate, begin=begin, end=end))
         return found
-
-
-NANOSECONDS = "datetime64[ns]"
 
 
 @dataclass(frozen=True)
@@ -283,38 +240,14 @@ def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np
     times, labels = estimate.times, estimate.labels
     if not shift:
         return times, labels
-    more = np.arange(1, abs(shift) + 1) * median_step(times)
+    apart = np.sort(np.diff(times))
+    median = apart[len(apart) // 2].item() if len(apart) else 1
+    more = np.arange(1, abs(shift) + 1) * median
     fresh = (times[-1] + more if shift > 0 else times[0] - more[::-1]).astype(times.dtype)
     if labels is not None:
-        texts = written(fresh, zoned=estimate.clock == "zoned")
+        texts = np.array([iso(stamp, estimate.clock) for stamp in fresh.tolist()], dtype=object)
         labels = np.concatenate((labels, texts) if shift > 0 else (texts, labels))
     return np.concatenate((times, fresh) if shift > 0 else (fresh, times)), labels
-
-
-def median_step(times: TimeArray) -> int | float:
-    """The median distance of neighbouring stamps, of the kind of the stamps; 1 of a single one."""
-    apart = np.sort(np.diff(times))
-    return apart[len(apart) // 2].item() if len(apart) else 1
-
-
-def written(times: TimeArray, *, zoned: bool) -> NDArray[np.object_]:
-    """Nanoseconds since 1970 as ISO-8601 times, without trailing zeros."""
-    texts = []
-    for text in times.astype(NANOSECONDS).astype(str).tolist():
-        second, _, part = text.partition(".")
-        part = part.rstrip("0")
-        texts.append(second + (f".{part}" if part else "") + ("Z" if zoned else ""))
-    return np.array(texts, dtype=object)
-
-
-def drop(track: int) -> Edit:
-    """Without a track."""
-    return Edit(pieces={track: ()})
-
-
-def cut(track: int, first: int, last: int) -> Edit:
-    """A track from one step to another alone."""
-    return Edit(pieces={track: (TrackPiece(first, last, track),)})
 
 
 def split(track: int, step: int, steps: int, tracks: int, name: str) -> Edit:
@@ -331,13 +264,3 @@ def exchange(first: int, second: int, step: int, steps: int) -> Edit:
             for a, b in ((first, second), (second, first))
         }
     )
-
-
-def merge(track: int, into: int, steps: int) -> Edit:
-    """All rows of a track as rows of another one that has none at the same steps."""
-    return Edit(pieces={k: (TrackPiece(0, steps - 1, into),) for k in (track, into)})
-
-
-def add(rows: AddedRows) -> Edit:
-    """Rows more."""
-    return Edit(added=rows)

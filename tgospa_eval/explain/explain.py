@@ -61,16 +61,15 @@ def explain(
     begin = stopwatch.elapsed()
     with stopwatch.span("explain"):
         sides, request = source.sides, on_own_times(source.request)
-        assigned = Assigned(result.proof.states, result.proof.weights)
+        proof = result.proof
+        assigned = Assigned(proof.states, proof.weights, proof.prices)
         able = [
             candidate
             for candidate in _candidates(result, source, assigned, TRIED * top)
             if candidate.kind not in without
         ]
         tried = found.best(able, TRIED * top)
-        trials = (
-            Trials(result.proof, assigned, sides, request).run(tried, stopwatch) if tried else []
-        )
+        trials = Trials(proof, assigned, sides, request).run(tried, stopwatch) if tried else []
         repairs = [_repair(result, source, candidate, trial) for candidate, trial in trials]
     worth = [repair for repair in repairs if repair.saving_upper > result.gap * result.total]
     worth.sort(key=lambda repair: (-repair.saving_lower, -repair.saving_upper))

@@ -19,7 +19,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import GAP
 from tgospa_eval.evaluation.prepare import Fitted, fit, measure, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.explain.candidates import Candidate, Copy, Original, joined, priced
+from tgospa_eval.explain.candidates import Candidate, Copy, joined, size_of
 from tgospa_eval.explain.edits import Assigned, Edit, edited
 from tgospa_eval.problem.certificate import (
     ROUNDOFF,
@@ -29,12 +29,13 @@ from tgospa_eval.problem.certificate import (
     prove,
 )
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
+from tgospa_eval.problem.problem import Floats, Ints, Problem
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, changes
+from tgospa_eval.problem.weights import ONE, changes, spare
 from tgospa_eval.results.result import Proof
 from tgospa_eval.solvers import Solver
+from tgospa_eval.solvers.block_costs import feasible_costs
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start
 from tgospa_eval.tracks.attributes import chosen, stacked
@@ -76,11 +77,7 @@ class Direct:
         problem = self.problem = assigned.problem
         states, weights = assigned.states, assigned.weights
         used = np.flatnonzero((states.entry >= 0) & (weights > 0))
-        self.free = []
-        for side in problem.sides:
-            free = np.full(len(side.step), ONE)
-            np.subtract.at(free, side.row[states.entry[used]], weights[used])
-            self.free.append(free)
+        self.free = [spare(side, states.entry[used], weights[used]) for side in problem.sides]
         self.unpaid = [
             free / ONE * side.price for free, side in zip(self.free, problem.sides, strict=True)
         ]
@@ -284,16 +281,8 @@ class Trials:
     @cached_property
     def cost(self) -> tuple[Floats, int]:
         """Cost of each component, and how many terms it has at most."""
-        return _block_costs(self.states, self.proof.weights)
-
-    @cached_property
-    def original(self) -> Original:
-        """What copies are made of."""
-        return Original(
-            problem=self.problem,
-            held=self.assigned.held,
-            priced=priced(self.states, self.proof.prices),
-        )
+        weights = self.proof.weights
+        return feasible_costs(self.states, weights), _most_terms(self.states, weights)
 
     def _steady(self) -> bool:
         """Whether an estimate on the grid at the same steps is measured in the same way."""
@@ -341,7 +330,7 @@ class Trials:
             else:
                 found[k] = known
         done = len(found)
-        for group in _groups(copies):
+        for group in _groups({k: size_of(copy, self.problem) for k, copy in copies.items()}):
             progress.again("repairs", done / max(len(candidates), 1))
             parts = [copies[k] for k in group]
             found |= zip(group, self._solve(parts, stopwatch), strict=True)
@@ -396,7 +385,6 @@ class Trials:
         estimate_in = changed | blocks[self.blocks[1]]
         estimate_in = np.append(estimate_in, np.ones(len(edit.fresh), bool))
         return Copy(
-            original=self.original,
             edit=edit,
             blocks=blocks[:-1],
             truth_in=truth_in,
@@ -408,7 +396,7 @@ class Trials:
 
     def _solve(self, copies: list[Copy], stopwatch: Stopwatch) -> Iterator[Trial]:
         """Some of them in one problem."""
-        problem, saved = joined(copies, self.problem)
+        problem, saved = joined(copies, self.problem, self.assigned.held)
         states = merge_runs(problem)
         solution = solved(self.request.solver, states, saved, stopwatch)
         _, lower, split = prove(states, solution, consume=solution.disposable)
@@ -471,11 +459,11 @@ def _together(estimate: Trajectories, edits: list[Edit]) -> Trajectories | None:
     )
 
 
-def _groups(copies: dict[int, Copy]) -> Iterator[list[int]]:
+def _groups(sizes: dict[int, int]) -> Iterator[list[int]]:
     """Neighbours that are COPIES_TOGETHER in size, or a single one."""
     group: list[int] = []
-    for k, copy in copies.items():
-        if group and sum(copies[other].size for other in group) + copy.size > COPIES_TOGETHER:
+    for k, size in sizes.items():
+        if group and sum(sizes[other] for other in group) + size > COPIES_TOGETHER:
             yield group
             group = []
         group.append(k)
@@ -483,21 +471,12 @@ def _groups(copies: dict[int, Copy]) -> Iterator[list[int]]:
         yield group
 
 
-def _block_costs(states: States, weights: Ints) -> tuple[Floats, int]:
-    """Cost of a feasible assignment in each block, (B,), and how many terms each has at most."""
-    problem, blocks = states.problem, len(states.block_begin)
+def _most_terms(states: States, weights: Ints) -> int:
+    """How many terms the cost of a feasible assignment has in a block at most."""
     block = states.pair_block[states.pair]
     used = np.flatnonzero((states.entry >= 0) & (weights > 0))
-    entry, terms = states.entry[used], np.bincount(block[used], minlength=blocks)
-    total = sum_by(block[used], weights[used] / ONE * problem.cost[entry], blocks)
-    moved, amount = changes(states, weights)
-    total += sum_by(block[moved], problem.switch_price_at[states.begin[moved]] * amount, blocks)
-    terms = terms + np.bincount(block[moved], minlength=blocks)
-    for side, blocks_of in zip(problem.sides, states.track_blocks, strict=True):
-        free = np.full(len(side.track), ONE)
-        np.subtract.at(free, side.row[entry], weights[used])
-        at = blocks_of[side.track]
-        mine = (at >= 0) & (free > 0)
-        total += sum_by(at[mine], free[mine] / ONE * side.price[mine], blocks)
-        terms = terms + np.bincount(at[mine], minlength=blocks)
-    return total, int(terms.max(initial=0)) + 8
+    of_terms = [block[used], block[changes(states, weights)[0]]]
+    for side, blocks_of in zip(states.problem.sides, states.track_blocks, strict=True):
+        at = blocks_of[side.track[spare(side, states.entry[used], weights[used]) > 0]]
+        of_terms.append(at[at >= 0])
+    return int(np.bincount(np.concatenate(of_terms)).max(initial=0)) + 8

@@ -101,11 +101,14 @@ def _cheapest(problem: Problem) -> Iterator[Ints]:
     yield order[opens[size == 1]]
     for begin, count in zip(opens[size > 1].tolist(), size[size > 1].tolist(), strict=True):
         group = order[begin : begin + count]
-        yield group[_assign(rows[group], columns[group], losses[group], unpaired or 0.0)]
+        yield group[assign_pairs(rows[group], columns[group], losses[group], unpaired or 0.0)]
 
 
-def _assign(rows: Ints, columns: Ints, loss: Floats, unpaired: float) -> Ints:
-    """Which of these pairs to take: each loses less than `unpaired`, what two left ones lose."""
+def assign_pairs(rows: Ints, columns: Ints, loss: Floats, unpaired: float) -> Ints:
+    """Which of these pairs to take: each loses less than `unpaired`, what two left ones lose.
+
+    Of all choices in which no row and no column is twice it is one that loses least.
+    """
     from scipy.optimize import linear_sum_assignment  # here: slow to import
 
     row, column = (np.unique(axis, return_inverse=True)[1] for axis in (rows, columns))

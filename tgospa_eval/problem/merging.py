@@ -1,9 +1,8 @@
 """From a problem to its states: pairs, components, windows, runs, slots."""
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.errors import check_size
@@ -45,54 +44,39 @@ def merge_runs(problem: Problem, *, transpose: bool = True) -> States:
     pair_first, begin, entry = split_pairs(
         pair_of,
         entry_step,
-        graph.block_begin[graph.block],
-        graph.block_end[graph.block],
+        *(graph[end][graph["pair_block"]] for end in ("block_begin", "block_end")),
         single=not isinstance(problem.switch_price, float),
     )
     del pair_of, entry_step  # as long as the entries
-    nodes = len(graph.node_block)
-    slots = make_slots(begin, pair_first, graph.column, nodes, problem.steps, group=graph.block)
+    columns = make_slots(
+        begin,
+        pair_first,
+        graph["pair_column"],
+        len(graph["node_block"]),
+        problem.steps,
+        group=graph["pair_block"],
+    )
     return States(
-        problem=problem,
-        pair_row=graph.row,
-        pair_column=graph.column,
-        pair_block=graph.block,
-        pair_first=pair_first,
-        pair_truth=graph.truth,
-        pair_estimate=graph.estimate,
-        begin=begin,
-        entry=entry,
-        columns=slots,
-        node_block=graph.node_block,
-        block_begin=graph.block_begin,
-        block_end=graph.block_end,
-        transposed=graph.transposed,
+        problem=problem, pair_first=pair_first, begin=begin, entry=entry, columns=columns, **graph
     )
 
 
-class PairGraph(NamedTuple):
-    """Pairs that gain, sorted by (row, column), their nodes and blocks; fields as of `States`."""
-
-    row: Ints
-    column: Ints
-    block: Ints
-    truth: Ints
-    estimate: Ints
-    node_block: Ints
-    block_begin: Ints
-    block_end: Ints
-    transposed: NDArray[np.bool_]
+GRAPH = (
+    *("pair_row", "pair_column", "pair_block", "pair_truth", "pair_estimate"),
+    *("node_block", "block_begin", "block_end", "transposed"),
+)
+"""Fields of `States` that do not depend on runs; pairs are sorted by (row, column)."""
 
 
-def _pair_graph(problem: Problem, entry_step: Ints, transpose: bool) -> tuple[Ints, PairGraph]:
-    """Pair of each entry, and the pairs."""
+def _pair_graph(problem: Problem, entry_step: Ints, transpose: bool) -> tuple[Ints, dict[str, Any]]:
+    """Pair of each entry, and the fields `GRAPH`."""
     truth: Ints = problem.truth_track[problem.truth_row].astype(np.int32, copy=False)
     estimate: Ints = problem.estimate_track[problem.estimate_row].astype(np.int32, copy=False)
     if kernels:
         pair_of, *graph = kernels.merge_pairs(
             truth, estimate, entry_step, problem.truths, problem.estimates, transpose
         )
-        return pair_of, PairGraph(*graph)
+        return pair_of, dict(zip(GRAPH, graph, strict=True))
     width = max(problem.estimates, 1)
     key, pair_of = np.unique(truth * np.int64(width) + estimate, return_inverse=True)
     truth, estimate = (part.astype(np.int32) for part in np.divmod(key, width))
@@ -117,17 +101,8 @@ def _pair_graph(problem: Problem, entry_step: Ints, transpose: bool) -> tuple[In
         part[order].astype(np.int32) for part in (row, column, block)
     )
     window = _windows(pair_block[pair_of], entry_step, blocks)
-    return pair_of, PairGraph(
-        row=pair_row,
-        column=pair_column,
-        block=pair_block,
-        truth=truth[order],
-        estimate=estimate[order],
-        node_block=node_block,
-        block_begin=window[0],
-        block_end=window[1],
-        transposed=transposed,
-    )
+    graph = pair_row, pair_column, pair_block, truth[order], estimate[order], node_block, *window
+    return pair_of, dict(zip(GRAPH, (*graph, transposed), strict=True))
 
 
 def _distinct(block: Ints, node: Ints, blocks: int) -> Ints:

@@ -224,6 +224,15 @@ class Cells:
     first: Ints
     begin: Ints
 
+    @classmethod
+    def of_blocks(cls, states: States) -> "Cells":
+        """Of all blocks."""
+        ends = np.cumsum(states.block_end - states.block_begin + 1, dtype=np.int64)
+        return cls(
+            first=np.concatenate((np.zeros(1, np.int64), ends)),
+            begin=states.block_begin.astype(np.int64),
+        )
+
     def of(self, block: Ints, step: Ints) -> Ints:
         """Cells of blocks at steps."""
         return self.first[block] + (step - self.begin[block])
@@ -297,14 +306,8 @@ class PrefixBounds:
 
 def bound_prefixes(states: States, weights: Ints, prices: Floats) -> PrefixBounds:
     """Of a feasible assignment (S,), in units of 1/ONE, and prices >= 0 (K,)."""
-    length = states.block_end - states.block_begin + 1
-    cells = Cells(
-        first=np.concatenate(([0], np.cumsum(length))).astype(np.int64),
-        begin=states.block_begin.astype(np.int64),
-    )
-    parts = costs_so_far(states, cells, weights, changes(states, weights))
-    terms = 16 + 2 * _busiest(states) + length[cells.block]
-    error = parts.sum(axis=0) * terms * 2.0**-53
+    cells = Cells.of_blocks(states)
+    parts, error = costs_so_far(states, cells, weights)
     found = Prices.of(states, cells, prices)
     return PrefixBounds(
         cells=cells, parts=parts, lower=found.whole_bounds(states), error=error, prices=found
@@ -316,10 +319,8 @@ def _busiest(states: States) -> int:
     return int(np.bincount(states.begin, minlength=1).max())
 
 
-def costs_so_far(
-    states: States, cells: Cells, weights: Ints, switched: tuple[Ints, Floats]
-) -> Floats:
-    """Cost of the assignment up to each step, by kind, (4, C)."""
+def costs_so_far(states: States, cells: Cells, weights: Ints) -> tuple[Floats, Floats]:
+    """Cost of the assignment up to each step, by kind, (4, C), and the error of the sums."""
     problem, pair = states.problem, states.pair
     block = states.pair_block[pair]
     gains = np.flatnonzero(states.entry >= 0)
@@ -331,10 +332,11 @@ def costs_so_far(
         some, at = np.unique(row, return_index=True)
         left = (ONE - used[some]) / ONE * price[some]
         parts.append(cells.sums(block[gains][at], step[at], left))
-    moved, amount = switched
+    moved, amount = changes(states, weights)
     begin = states.begin[moved]
     parts.append(cells.sums(block[moved], begin, problem.switch_price_at[begin] * amount))
-    return np.array(parts)
+    terms = 16 + 2 * _busiest(states) + np.diff(cells.first)[cells.block]
+    return np.array(parts), np.array(parts).sum(axis=0) * terms * 2.0**-53
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, changes
+from tgospa_eval.problem.weights import ONE, changes, spare
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,8 +115,7 @@ def read_tracks(states: States, weights: Ints, side: int) -> PerTrack:
     objects, pair_track = problem.sides[side], states.pair_tracks[side]
     used = np.flatnonzero((states.entry >= 0) & (weights > 0))
     entry, weight = states.entry[used], weights[used]
-    free = np.full(len(objects.track), ONE)
-    np.subtract.at(free, objects.row[entry], weight)
+    free = spare(objects, entry, weight)
     changed, amount = changes(states, weights)
 
     def total(index: Ints, value: Floats) -> Floats:

@@ -107,6 +107,16 @@ class Slots:
         end[self.pair_first[1:] - 1] = self.first[self.pair_node + 1]
         return end
 
+    def touching(self, marked: NDArray[np.bool_], chosen: Ints | None = None) -> NDArray[np.bool_]:
+        """Which states, or which of the chosen ones, cover a slot that is marked (K,)."""
+        before = np.zeros(len(marked) + 1, np.int32)
+        np.cumsum(marked, out=before[1:])
+        begin, end = self.begin, self.end
+        if chosen is not None:
+            begin, end = begin[chosen], end[chosen]
+        touching: NDArray[np.bool_] = before[end] > before[begin]
+        return touching
+
     def sums(self, weight: Ints) -> Ints:
         """Exact sum of the integer weights (S,) of the states over each slot, (K,).
 

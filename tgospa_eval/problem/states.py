@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import places_of
+from tgospa_eval.common.arrays import concatenated, places_of
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, Problem
@@ -126,6 +126,34 @@ class States:
         gains = places_of(entry >= 0)
         gain[gains] = self.problem.gains(entry[gains])
         return gain
+
+    def of_pairs(self, pairs: slice | Ints) -> tuple["States", slice | Ints]:
+        """Some pairs, of whole rows, and which states they are; of a slice copies little.
+
+        Nodes, blocks and column slots keep their numbers.
+        """
+        own: slice | Ints
+        if isinstance(pairs, slice):
+            own = slice(*self.pair_first[[pairs.start, pairs.stop]].tolist())
+            first = self.pair_first[pairs.start : pairs.stop + 1] - np.int32(own.start)
+        else:
+            size = np.diff(self.pair_first)[pairs]
+            first = np.concatenate(([0], np.cumsum(size))).astype(np.int32)
+            own = concatenated(self.pair_first[pairs], size)
+        column, slots = self.pair_column[pairs], self.columns
+        part = replace(
+            self,
+            pair_row=self.pair_row[pairs],
+            pair_column=column,
+            pair_block=self.pair_block[pairs],
+            pair_first=first,
+            pair_truth=self.pair_truth[pairs],
+            pair_estimate=self.pair_estimate[pairs],
+            begin=self.begin[own],
+            entry=self.entry[own],
+            columns=replace(slots, begin=slots.begin[own], pair_first=first, pair_node=column),
+        )
+        return part, own
 
     def cuts(self, size: int) -> list[tuple[int, int]]:
         """Ranges of blocks, for `between`, each but the last with at least `size` states."""

@@ -2,12 +2,11 @@
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.problem import Floats, Ints, Objects
 from tgospa_eval.problem.slots import PART, Slots, changed, divided, parts
 from tgospa_eval.problem.states import States
 
@@ -77,7 +76,7 @@ def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
         own[over] = np.floor(own[over] * factor)
 
 
-def row_parts(states: States) -> Iterator[tuple[States, slice]]:
+def row_parts(states: States) -> Iterator[tuple[States, slice | Ints]]:
     """The states in parts of whole rows, about PART states each, and where they are.
 
     Rows do not depend on each other once prices are given. Nodes and column slots keep their
@@ -88,33 +87,17 @@ def row_parts(states: States) -> Iterator[tuple[States, slice]]:
         yield states, slice(None)
         return
     bounds = divided(states.pair_row, states.pair_first, size)
-    for pairs in itertools.starmap(slice, itertools.pairwise(bounds)):
-        first = states.pair_first[pairs.start : pairs.stop + 1]
-        own = slice(int(first[0]), int(first[-1]))
-        row, column = states.pair_row[pairs], states.pair_column[pairs]
-        yield (
-            replace(
-                states,
-                pair_row=row,
-                pair_column=column,
-                pair_block=states.pair_block[pairs],
-                pair_first=first - first[0],
-                pair_truth=states.pair_truth[pairs],
-                pair_estimate=states.pair_estimate[pairs],
-                begin=states.begin[own],
-                entry=states.entry[own],
-                columns=replace(
-                    states.columns,
-                    begin=states.columns.begin[own],
-                    pair_first=first - first[0],
-                    pair_node=column,
-                ),
-            ),
-            own,
-        )
+    yield from map(states.of_pairs, itertools.starmap(slice, itertools.pairwise(bounds)))
 
 
 def changes(states: States, weights: Ints) -> tuple[Ints, Floats]:
     """States whose weight differs from that of the state before, and by how much, as a fraction."""
     moved = np.flatnonzero(changed(states.pair_first, weights))
     return moved, np.abs(weights[moved] - weights[moved - 1]) / ONE
+
+
+def spare(side: Objects, entry: Ints, weight: Ints) -> Ints:
+    """What weights of entries leave of each row of a side, (R,), in units of 1/ONE."""
+    free = np.full(len(side.step), ONE)
+    np.subtract.at(free, side.row[entry], weight)
+    return free

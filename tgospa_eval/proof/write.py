@@ -23,7 +23,6 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.certificate import fair_prices, lower_bounds, of_whole
 from tgospa_eval.problem.problem import Floats, Ints, Problem
 from tgospa_eval.problem.reduced import vertex_cover
-from tgospa_eval.problem.slots import changed
 from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.tgospa import Parameters
@@ -31,6 +30,7 @@ from tgospa_eval.problem.weights import ONE
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.verify_tgospa import CLOSED
 from tgospa_eval.results.result import ComparedSides, Proof
+from tgospa_eval.solvers.warm_start import save_solution
 from tgospa_eval.text import as_unicode, quoted
 from tgospa_eval.tracks.existence import EXISTENCE
 
@@ -486,29 +486,14 @@ def _stretches(proof: Proof, there: Ints) -> Iterable[tuple[int, int, int, int, 
     What is held to an end of the window of its block is held to that end of the recording. Ends
     are among the steps `there`; between two of them nothing is gained, so the cost does not grow.
     """
-    states, weights = proof.states, proof.weights
-    opens = changed(states.pair_first, weights)
-    opens[states.pair_first[:-1]] = True
-    first = np.flatnonzero(opens)
-    ends = states.end
-    last = np.append(first[1:], len(weights))[: len(first)] - 1
-    used = weights[first] > 0
-    first, last = first[used], last[used]
-    pair = states.pair[first]
-    block = states.pair_block[pair]
-    begin, end = states.begin[first].astype(np.int64), ends[last].astype(np.int64)
-    begin[begin == states.block_begin[block]] = 0
-    end[end == states.block_end[block]] = states.problem.steps - 1
-    begin, end = np.searchsorted(there, begin), np.searchsorted(there, end, "right") - 1
+    held = save_solution(proof.states, proof.weights, proof.prices)
+    begin = np.searchsorted(there, held.begin)
+    end = np.searchsorted(there, held.end, "right") - 1
     kept = np.flatnonzero(begin <= end)
-    return zip(
-        states.pair_truth[pair[kept]].tolist(),
-        states.pair_estimate[pair[kept]].tolist(),
-        there[begin[kept]].tolist(),
-        there[end[kept]].tolist(),
-        weights[first[kept]].tolist(),
-        strict=True,
-    )
+    weight = np.rint(held.weight[kept] * ONE).astype(np.int64)
+    spans = there[begin[kept]], there[end[kept]]
+    columns = held.truth[kept], held.estimate[kept], *spans, weight
+    return zip(*(column.tolist() for column in columns), strict=True)
 
 
 def _numbers(settings: Mapping[str, object], name: str) -> dict[str, float]:

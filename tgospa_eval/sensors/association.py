@@ -15,6 +15,7 @@ from tgospa_eval.distances import DISTANCES, Distance, Effort, Norm, Pairs, near
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.distances.clouds.transport import cross_covariance
 from tgospa_eval.errors import ConfigError, InputError, real_number
+from tgospa_eval.problem.gospa import assign_pairs
 from tgospa_eval.results.records import Columns
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -178,18 +179,19 @@ def associate(
     pairs = near_pairs(first, second, np.inf if all_pairs else cutoff, measure, effort)
     near = np.flatnonzero(pairs.distance < cutoff)
     rows = pairs.truth_row[near], pairs.estimate_row[near]
-    gain = cutoff - pairs.distance[near]
     chosen = np.zeros(len(pairs.distance), bool)
     step = first.step[rows[0]]
-    for begin, end in _runs(step):
-        axes = [np.unique(side[begin:end], return_inverse=True)[1] for side in rows]
-        shape = [int(axis.max()) + 1 for axis in axes]
-        if max(shape) > MOST_STATES:
+    begins = np.flatnonzero(np.diff(step, prepend=-1)).tolist()
+    for begin, end in pairwise((*begins, len(step))):
+        i, j = (side[begin:end] for side in rows)
+        most = max(len(np.unique(i)), len(np.unique(j)))
+        if most > MOST_STATES:
             raise InputError(
-                f"t {first.shown[step[begin]]}: {max(shape)} states with a partner within the "
+                f"t {first.shown[step[begin]]}: {most} states with a partner within the "
                 f"cutoff, at most {MOST_STATES} are possible; take a smaller cutoff"
             )
-        chosen[near[begin:end]] = _best(gain[begin:end], axes, shape)
+        own = near[begin:end]
+        chosen[own[assign_pairs(i, j, pairs.distance[own] - cutoff, 0.0)]] = True
     return Association(
         first=first,
         second=second,
@@ -229,20 +231,3 @@ def _means_apart(
     if distance.columns is not None:  # degrees, and edges of boxes: no norm
         means = distance
     return means(first.state[pairs.truth_row], second.state[pairs.estimate_row])
-
-
-def _runs(step: NDArray[np.integer]) -> list[tuple[int, int]]:
-    """Where each step begins and ends among the pairs."""
-    begin = np.flatnonzero(np.diff(step, prepend=-1))
-    return list(pairwise([*begin.tolist(), len(step)]))
-
-
-def _best(gain: Floats, axes: list[NDArray[np.intp]], shape: list[int]) -> NDArray[np.bool_]:
-    """Which pairs have the largest sum of gains, each row and column once."""
-    from scipy.optimize import linear_sum_assignment
-
-    table = np.zeros(shape)
-    table[axes[0], axes[1]] = gain
-    taken = np.zeros(shape, bool)
-    taken[linear_sum_assignment(table, maximize=True)] = True
-    return np.asarray(taken[axes[0], axes[1]] & (gain > 0))

@@ -5,7 +5,7 @@ recording has more steps and is in no other way different.
 """
 
 from collections.abc import Iterator
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,18 +29,6 @@ STRETCHES_A_PART = 8
 LEAST_PARTS = 4
 
 
-class Motion(Protocol):
-    """Where targets go; a row of numbers says it of each."""
-
-    def draw(self, count: int, rng: np.random.Generator) -> Floats:
-        """Draw the numbers of new targets, (count, P)."""
-        ...
-
-    def positions(self, drawn: Floats, age: Ints) -> Floats:
-        """Positions (B, n, 2) of n targets at ages (B, n) in steps; of no meaning below 0."""
-        ...
-
-
 @dataclass(frozen=True, kw_only=True)
 class RecordingKind:
     """A kind of recording.
@@ -53,8 +41,8 @@ class RecordingKind:
         Least and most steps of a target.
     area : float
         Side of the square, in metres.
-    motion : Motion
-        Where targets go.
+    motion : ShippingLanes or Streets
+        Where targets go: draws numbers of new targets, and has their positions at an age.
     false_speed : float
         Standard deviation of each coordinate of the velocity of false tracks, in metres a step.
     tracker : Tracker
@@ -66,7 +54,7 @@ class RecordingKind:
     targets: int
     lifetimes: tuple[int, int]
     area: float
-    motion: Motion
+    motion: "ShippingLanes | Streets"
     false_speed: float
     tracker: Tracker
     cutoff: float
@@ -128,22 +116,8 @@ class Present:
     positions: Floats
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RecordedRows:
-    """Rows of a side, sorted by time, then id.
-
-    Parameters
-    ----------
-    t, id : (R,) int64 array
-        Times, which count from 1, and ids.
-    x, y : (R,) array
-        Position, in metres.
-    """
-
-    t: Ints
-    id: Ints
-    x: Floats
-    y: Floats
+RecordedRows = dict[str, NDArray[Any]]
+"""Rows of a side, sorted by time, then id: times t from 1 on, ids, positions x and y in metres."""
 
 
 def present_targets(
@@ -191,7 +165,7 @@ def truth_rows(present: Present) -> RecordedRows:
     """What is there, row by row."""
     step, column = np.nonzero(present.alive)
     x, y = rounded(present.positions[present.alive]).T
-    return RecordedRows(t=step + present.first + 1, id=present.ids[column], x=x, y=y)
+    return {"t": step + present.first + 1, "id": present.ids[column], "x": x, "y": y}
 
 
 def rounded(positions: Floats) -> Floats:
@@ -420,28 +394,14 @@ def simulate_recording(
         yield truth_rows(present), _joined(real, made, present.first)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TrackedTargets:
-    """What tracks the targets have.
-
-    Parameters
-    ----------
-    track : (n,) int64 array
-        Id of the track of each target.
-    free : (n,) int64 array
-        First step at which this track may be reported, from the first of a stretch.
-    next_id : int
-        Least id that no track had.
-    """
-
-    track: Ints
-    free: Ints
-    next_id: int
+Held = tuple[Ints, Ints, int]
+"""Of each target the id of its track and the first step at which that may be reported, from the
+first of a stretch; and the least id that no track had."""
 
 
 def hold_tracks(
-    detected: Bools, swaps: Ints, lost: Bools, silent: int, held: TrackedTargets
-) -> tuple[Ints, Bools, TrackedTargets]:
+    detected: Bools, swaps: Ints, lost: Bools, silent: int, held: Held
+) -> tuple[Ints, Bools, Held]:
     """Swap and lose tracks in the order of time, at one step swaps first.
 
     Parameters
@@ -455,7 +415,7 @@ def hold_tracks(
         Where a track is lost if it is reported there and was free before.
     silent : int
         Steps for which the target of a lost track is; then it has a new one.
-    held : TrackedTargets
+    held : Held
         Before the stretch.
 
     Returns
@@ -464,10 +424,10 @@ def hold_tracks(
         Track of each target.
     reported : (B, n) bool array
         Where it is reported.
-    held : TrackedTargets
+    held : Held
         After the stretch; its steps count from the same one.
     """
-    track, free, next_id = held.track.copy(), held.free.copy(), held.next_id
+    track, free, next_id = held[0].copy(), held[1].copy(), held[2]
     reported = detected.copy()
     for column in np.flatnonzero(free > 0).tolist():
         reported[: free[column], column] = False
@@ -488,7 +448,7 @@ def hold_tracks(
             next_id += 1
             tracks[step:, one] = track[one]
             reported[step : step + silent, one] = False
-    return tracks, reported, TrackedTargets(track=track, free=free, next_id=next_id)
+    return tracks, reported, (track, free, next_id)
 
 
 class _SimulatedTracks:
@@ -522,14 +482,14 @@ class _SimulatedTracks:
         swaps = self._chosen_swaps(np.concatenate((before, places)))
         detected = (self.misses.random(present.alive.shape) < self.errors.detection) & present.alive
         lost = (self.losses.random(present.alive.shape) < self.errors.fragmentation) & detected
-        held = TrackedTargets(track=track, free=free - present.first, next_id=self.next_id)
+        held = track, free - present.first, self.next_id
         tracks, reported, held = hold_tracks(detected, swaps, lost, self.errors.lost, held)
-        track, free, self.next_id = held.track, held.free + present.first, held.next_id
-        self.ids, self.track, self.free, self.place = present.ids, track, free, places[-1]
+        self.track, free, self.next_id = held
+        self.ids, self.free, self.place = present.ids, free + present.first, places[-1]
         step, column = np.nonzero(reported)
         place = present.positions[step, column]
         x, y = rounded(place + self.noise.normal(0, self.errors.noise, place.shape)).T
-        return RecordedRows(t=step + present.first + 1, id=tracks[step, column], x=x, y=y)
+        return {"t": step + present.first + 1, "id": tracks[step, column], "x": x, "y": y}
 
     def _chosen_swaps(self, places: Floats) -> Ints:
         """Step, and the two targets, of the swaps of a stretch; `places` begin a step before it.
@@ -568,7 +528,7 @@ class _FalseTracks:
         row, column = np.nonzero(alive)
         age = (step[row] - self.begin[column])[:, None]
         x, y = rounded(self.line[column, :2] + self.line[column, 2:] * age).T
-        made = RecordedRows(t=step[row] + 1, id=self.ids[column], x=x, y=y)
+        made = {"t": step[row] + 1, "id": self.ids[column], "x": x, "y": y}
         left = self.end > first + steps
         self.ids, self.begin, self.end = self.ids[left], self.begin[left], self.end[left]
         self.line = self.line[left]
@@ -577,9 +537,6 @@ class _FalseTracks:
 
 def _joined(real: RecordedRows, false: RecordedRows, first: int) -> RecordedRows:
     """Rows of both in a stretch, sorted by time, then id."""
-    t, ids, x, y = (
-        np.concatenate((getattr(real, name), getattr(false, name)))
-        for name in ("t", "id", "x", "y")
-    )
-    order = np.argsort((t - first) << BITS | ids, kind="stable")
-    return RecordedRows(t=t[order], id=ids[order], x=x[order], y=y[order])
+    both = {name: np.concatenate((real[name], false[name])) for name in real}
+    order = np.argsort((both["t"] - first) << BITS | both["id"], kind="stable")
+    return {name: values[order] for name, values in both.items()}

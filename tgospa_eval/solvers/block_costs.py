@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.problem.problem import Floats, sum_by
+from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, changes, repair
+from tgospa_eval.problem.weights import ONE, changes, repair, spare
 
 SETTLED_FROM = 1000.0
 """At lower switch prices, what rounding leaves of a switch costs less than 1e-9."""
@@ -73,9 +73,12 @@ def block_costs(states: States, weights: Floats) -> Floats:
 
     Of a proposed assignment, once that is made feasible; objects without a pair are left out.
     """
-    problem = states.problem
-    whole = repair(states, weights)
-    blocks = len(states.block_begin)
+    return feasible_costs(states, repair(states, weights))
+
+
+def feasible_costs(states: States, whole: Ints) -> Floats:
+    """`block_costs` of a feasible assignment (S,), in units of 1/ONE."""
+    problem, blocks = states.problem, len(states.block_begin)
     of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
     used = np.flatnonzero((states.entry >= 0) & (whole > 0))
     entry, block = states.entry[used], of_state[used]
@@ -84,10 +87,8 @@ def block_costs(states: States, weights: Floats) -> Floats:
     paid = problem.switch_price_at[states.begin[changed]] * amount
     total += sum_by(of_state[changed], paid, blocks)
     for side, blocks_of in zip(problem.sides, states.track_blocks, strict=True):
-        free = np.full(len(side.track), ONE)
-        np.subtract.at(free, side.row[entry], whole[used])
         at = blocks_of[side.track]
-        price = free / ONE * side.price
+        price = spare(side, entry, whole[used]) / ONE * side.price
         total += sum_by(at[at >= 0], price[at >= 0], blocks)
     return total
 

@@ -29,6 +29,7 @@ from tgospa_eval.solvers.schedule import (
     check_time_limit,
 )
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
+from tgospa_eval.solvers.whole_lp import solve_whole
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.warm_start import WarmStart
@@ -77,7 +78,7 @@ class Certified:
             states,
             Routine(
                 solve_steps if kernels else solve_conflict_free,
-                self._ascend if kernels else _without_kernels,
+                self._ascend if kernels else solve_whole,
                 self.jobs,
                 tries=bool(kernels),
                 divides=bool(kernels),
@@ -174,10 +175,3 @@ def _stage(ascent: Ascent, stage: Stage, threshold: float, late: Callable[[], bo
         if settled or late() or gained < ASCENT.gained * ascent.open_cost:
             break
     return sweeps
-
-
-def _without_kernels(batch: BlockBatch) -> Answer:
-    """Programmes of the rows that compete."""
-    from tgospa_eval.solvers.active_set import solve_active_sets  # HiGHS: slow to import
-
-    return solve_active_sets(batch)

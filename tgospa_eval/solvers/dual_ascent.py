@@ -247,8 +247,7 @@ class Ascent:
         near |= self.weights > 0
         near |= also
         near &= self._states_of(self.open)
-        crowd = _running(load(rows, near) > 1)
-        decided = crowd[rows.end] == crowd[rows.begin]
+        decided = ~rows.touching(load(rows, near) > 1)
         decided &= self.weights > 1 - 1e-9
         decided &= self.has(kernels.NEEDED)
         near &= ~decided
@@ -256,7 +255,7 @@ class Ascent:
 
     def within(self, near: NDArray[np.bool_], steps: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Those of the states that last through one of the steps (T,)."""
-        count = _running(steps)
+        count = np.concatenate(([0], np.cumsum(steps)))
         found = near.copy()
         found &= count[self.states.end + 1] > count[self.states.begin]
         return found
@@ -303,9 +302,7 @@ class Ascent:
             seed |= inside & (weights != self.weights[np.where(inside, near, 0)])
         seed |= (flags & kernels.BEST > 0) & (weights < 1)
         seed &= regret[s.pair_row[pair]]
-        lost = _running((self.prices > REGRET) & ~self.full())
-        begin, end = s.columns.begin[free], s.columns.end[free]
-        seed |= lost[end] > lost[begin]
+        seed |= s.columns.touching((self.prices > REGRET) & ~self.full(), free)
         return seed
 
     def _components(self, free: Ints) -> Ints:
@@ -335,10 +332,3 @@ def _unassigned_prices(problem: Problem) -> tuple[float, Floats | None]:
     if all((side == side[0]).all() for side in (truth, estimate) if len(side)):
         return float(truth[0] + estimate[0]), None
     return 0.0, truth[problem.truth_row] + estimate[problem.estimate_row]
-
-
-def _running(marked: NDArray[np.bool_]) -> Ints:
-    """Number of marked slots before each, (K + 1,)."""
-    number = np.zeros(len(marked) + 1, np.int32)
-    np.cumsum(marked, out=number[1:])
-    return number

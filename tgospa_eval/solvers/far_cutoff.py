@@ -6,8 +6,8 @@ of the whole is in `problem.reduced`. Nothing here is trusted: the certificate e
 the prices at the cutoff that they are for, and the assignment at that of the user.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,14 +43,9 @@ at once to where it began, or all that was tried before would be tried again."""
 Mask = NDArray[np.bool_]
 
 
-class Base(Protocol):
-    """Solves some blocks (B,) of a problem at its own cutoff."""
-
-    def __call__(self, states: States, wanted: Mask, quickly: Mask, /) -> Solution:
-        """Solve the wanted blocks, and those of the others that are `quickly` solved.
-
-        `Solution.missing` marks those that were not solved.
-        """
+Base = Callable[[States, Mask, Mask], Solution]
+"""Solves at the cutoff of a problem the wanted blocks (B,), and those of others (B,) that are
+quickly solved; `Solution.missing` marks those that were not solved."""
 
 
 def solve_at_fitting_cutoffs(

@@ -9,6 +9,7 @@ rounded assignment, not the entropic value, which is no bound.
 """
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -24,9 +25,9 @@ from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_ba
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.schedule import check_gap, check_jobs, check_time_limit
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
+from tgospa_eval.solvers.whole_lp import solve_whole
 
 if TYPE_CHECKING:
-    from tgospa_eval.solvers.plain_sweeps import PlainAscent
     from tgospa_eval.solvers.warm_start import WarmStart
 
 WARM_STAGES = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
@@ -82,11 +83,18 @@ class Sinkhorn:
     def __call__(
         self, states: States, stopwatch: Stopwatch, warm_start: "WarmStart | None" = None
     ) -> Solution:
-        """Sweep until the bracket is met or settles, or the columns are full to 1e-6."""
+        """Sweep until the bracket is met or settles, or the columns are full to 1e-6.
+
+        Without kernels linear programmes are quicker than sweeps, and exact: they take their place.
+        """
         del warm_start  # hot sweeps would forget it
         return solve_in_batches(
             states,
-            Routine(solve_steps if kernels else solve_conflict_free, self._sweep, self.jobs),
+            Routine(
+                solve_steps if kernels else solve_conflict_free,
+                self._sweep if kernels else _without_kernels,
+                self.jobs,
+            ),
             stopwatch,
             gap=self.gap,
             time_limit=self.time_limit,
@@ -95,7 +103,7 @@ class Sinkhorn:
     def _sweep(self, batch: BlockBatch) -> Answer:
         """Sweeps of one batch."""
         begin = time.perf_counter()
-        ascent = _ascent()(batch.states, batch.wanted, self.gap, batch.weights, batch.prices)
+        ascent = Ascent(batch.states, batch.wanted, self.gap, batch.weights, batch.prices)
         wanted = ascent.wide(0.0)
         ascent.keep(ascent.wide())
         preparation = time.perf_counter() - begin
@@ -144,7 +152,7 @@ class Sinkhorn:
 
 
 def _check(
-    ascent: "Ascent | PlainAscent",
+    ascent: Ascent,
     blocks: NDArray[np.bool_],
     sweep: int,
     epsilon: float,
@@ -161,10 +169,6 @@ def _check(
     }
 
 
-def _ascent() -> "type[Ascent | PlainAscent]":
-    """What sweeps here."""
-    if kernels:
-        return Ascent
-    from tgospa_eval.solvers.plain_sweeps import PlainAscent
-
-    return PlainAscent
+def _without_kernels(batch: BlockBatch) -> Answer:
+    """`solve_whole`, which says so."""
+    return replace(solve_whole(batch), detail="by a linear programme: no compiled kernels")

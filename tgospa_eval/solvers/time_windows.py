@@ -292,12 +292,12 @@ def _make_room(states: States, weights: Floats, runs: Ints) -> None:
     weights[runs] = 0.0
     possible = np.ones(len(runs), bool)
     for slots in (states.rows, states.columns):
-        possible &= ~_touches(slots, runs, load(slots, weights) > 1 - SOME_ROOM)
+        possible &= ~slots.touching(load(slots, weights) > 1 - SOME_ROOM, runs)
     runs, wanted = runs[possible], wanted[possible]
     weights[runs] = wanted
     clash = np.zeros(len(runs), bool)
     for slots in (states.rows, states.columns):
-        clash |= _touches(slots, runs, _too_full(slots, weights))
+        clash |= slots.touching(_too_full(slots, weights), runs)
     runs, wanted = runs[clash], wanted[clash]
     weights[runs] = 0.0
     room = [
@@ -312,10 +312,3 @@ def _make_room(states: States, weights: Floats, runs: Ints) -> None:
         weights[runs[k]] = held
         for span in spans:
             span -= held
-
-
-def _touches(slots: Slots, chosen: Ints, marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which of the chosen states cover a marked slot."""
-    count = np.concatenate(([0], np.cumsum(marked)))
-    touches: NDArray[np.bool_] = count[slots.end[chosen]] > count[slots.begin[chosen]]
-    return touches

@@ -6,10 +6,12 @@ for the bound L is concave in prices and C = c^p, or gamma^p (docs/theory/solver
 parameter"). Where both neighbours have the same best assignment the chord is met.
 """
 
+from functools import cached_property
+
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.problem import Floats, Ints, Problem
+from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
 
@@ -23,21 +25,42 @@ class SavedSolution:
 
     Parameters
     ----------
-    begin, end : (A,) int arrays
-        What is assigned, by first and last step: (truth, estimate, step) as one number, in order.
+    truth, estimate, begin, end : (A,) int arrays
+        What is assigned, from one step to another, inclusive.
     weight : (A,) float array
         How much of it.
-    slot : (B,) int array
-        What is priced: (estimate, step) as one number, in order.
+    priced, step : (B,) int arrays
+        Estimates that have a price, and the step from which on.
     price : (B,) float array
         More than 0.
+    estimates, steps : int
+        Sizes of the problem.
     """
 
+    truth: Ints
+    estimate: Ints
     begin: Ints
     end: Ints
     weight: Floats
-    slot: Ints
+    priced: Ints
+    step: Ints
     price: Floats
+    estimates: int
+    steps: int
+
+    @cached_property
+    def runs(self) -> tuple[Ints, Ints, Floats]:
+        """First and last (truth, estimate, step), as one number, in order, and the weight."""
+        pair = (self.truth * np.int64(self.estimates) + self.estimate) * self.steps
+        order = np.argsort(pair + self.begin, kind="stable")
+        return (pair + self.begin)[order], (pair + self.end)[order], self.weight[order]
+
+    @cached_property
+    def running_prices(self) -> tuple[Ints, Floats]:
+        """(estimate, step) as one number, in order, and the sums of the prices before each."""
+        place = self.priced * np.int64(self.steps) + self.step
+        order = np.argsort(place, kind="stable")
+        return place[order], np.concatenate(([0.0], np.cumsum(self.price[order])))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,96 +93,72 @@ class WarmStart:
 def save_solution(states: States, weights: Ints, prices: Floats) -> SavedSolution:
     """What is saved of feasible weights (S,), in units of 1/ONE, and prices (K,).
 
-    What is held at the end of the window of its block goes on being held.
+    States of a pair that follow each other with one weight are joined. What is held at the begin or
+    the end of the window of its block is so from the first step, or to the last.
     """
     steps = states.problem.steps
     used = np.flatnonzero(weights)
-    block = states.pair_block[states.pair[used]]
-    begin, end = states.begin[used], states.end[used]
+    pair, weight = states.pair[used], weights[used]
+    block = states.pair_block[pair]
+    begin, end = states.begin[used].astype(np.int64), states.end[used].astype(np.int64)
     begin = np.where(begin == states.block_begin[block], 0, begin)
     end = np.where(end == states.block_end[block], steps - 1, end)
-    origin = ProblemOrigin.same(states.problem)
-    pair = origin.pairs(states)[states.pair[used]]
-    order = np.argsort(pair + begin)
+    opens = np.ones(len(used), bool)
+    opens[1:] = (np.diff(pair) != 0) | (begin[1:] != end[:-1] + 1) | (np.diff(weight) != 0)
+    first = np.flatnonzero(opens)
+    last = np.append(first[1:], len(used)) - 1 if len(used) else first
     paid = np.flatnonzero(prices > 0)
-    slot = origin.nodes(states)[states.columns.node[paid]] + states.columns.step[paid]
-    by_slot = np.argsort(slot)
     return SavedSolution(
-        begin=(pair + begin)[order],
-        end=(pair + end)[order],
-        weight=weights[used][order] / ONE,
-        slot=slot[by_slot],
-        price=prices[paid][by_slot],
+        truth=states.pair_truth[pair[first]].astype(np.int64),
+        estimate=states.pair_estimate[pair[first]].astype(np.int64),
+        begin=begin[first],
+        end=end[last],
+        weight=weight[first] / ONE,
+        priced=_estimates(states, np.arange(states.problem.estimates))[states.columns.node[paid]],
+        step=states.columns.step[paid].astype(np.int64),
+        price=prices[paid],
+        estimates=states.problem.estimates,
+        steps=steps,
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ProblemOrigin:
-    """Where the truths, estimates and steps of a problem are in that of the solutions saved.
+def _estimates(states: States, number: Ints) -> Ints:
+    """The number of the estimate of each node that has column slots.
 
-    Parameters
-    ----------
-    truth, estimate, step : int arrays
-        The number there of each one here.
-    estimates, steps : int
-        Sizes there.
+    Columns of transposed blocks are truths; they have one pair each, and no slots.
     """
-
-    truth: Ints
-    estimate: Ints
-    step: Ints
-    estimates: int
-    steps: int
-
-    @classmethod
-    def same(cls, problem: Problem) -> "ProblemOrigin":
-        """Of a problem with the same objects."""
-        return cls(
-            truth=np.arange(problem.truths),
-            estimate=np.arange(problem.estimates),
-            step=np.arange(problem.steps),
-            estimates=problem.estimates,
-            steps=problem.steps,
-        )
-
-    def pairs(self, states: States) -> Ints:
-        """A number for each pair, (P,), with room for the steps."""
-        truth = self.truth[states.pair_truth].astype(np.int64)
-        return (truth * self.estimates + self.estimate[states.pair_estimate]) * self.steps
-
-    def nodes(self, states: States) -> Ints:
-        """A number for each node that has column slots, with room for the steps.
-
-        Columns of transposed blocks are truths; they have one pair each, and no slots.
-        """
-        number = np.zeros(states.nodes, np.int64)
-        number[states.pair_column] = self.estimate[states.pair_estimate]
-        return number * self.steps
+    found = np.zeros(states.nodes, np.int64)
+    found[states.pair_column] = number[states.pair_estimate]
+    return found
 
 
 def make_warm_start(
     states: States,
     saved: tuple[SavedSolution, ...],
     shares: tuple[float, ...],
-    origin: ProblemOrigin | None = None,
+    origin: tuple[Ints, Ints, Ints] | None = None,
 ) -> WarmStart:
     """The assignments of neighbours, and their prices in so many shares.
 
     A state has the weight that its pair had where it begins; a slot has the prices that its
-    estimate was paid while it lasts. How they are spread over a slot means nothing.
+    estimate was paid while it lasts. How they are spread over a slot means nothing. `origin` says
+    which truths, estimates and steps there are those of this problem; by default all are the same.
     """
-    origin = origin or ProblemOrigin.same(states.problem)
-    sought = origin.pairs(states)[states.pair] + origin.step[states.begin]
+    problem, estimates, steps = states.problem, saved[0].estimates, saved[0].steps
+    same = (np.arange(size) for size in (problem.truths, problem.estimates, problem.steps))
+    truth, estimate, step = same if origin is None else origin
+    pair = truth[states.pair_truth] * np.int64(estimates) + estimate[states.pair_estimate]
+    sought = (pair * steps)[states.pair] + step[states.begin]
     slots, node = states.columns, states.columns.node
-    number = origin.nodes(states)[node]
-    begin = number + origin.step[slots.step]
-    end = number + origin.step[states.block_end[states.node_block[node]]] + 1
+    number = _estimates(states, estimate)[node] * steps
+    begin = number + step[slots.step]
+    end = number + step[states.block_end[states.node_block[node]]] + 1
     goes_on = np.flatnonzero(node[1:] == node[:-1])
     end[goes_on] = begin[goes_on + 1]
     prices = np.zeros(len(begin))
     for part, share in zip(saved, shares, strict=True):
-        running = np.concatenate(([0.0], np.cumsum(part.price)))
-        low, high = np.searchsorted(part.slot, (begin, end))
+        place, running = part.running_prices
+        low, high = np.searchsorted(place, (begin, end))
         prices += share * (running[high] - running[low])
     weights = tuple(_feasible(states, _held(part, sought)) for part in saved)
     return WarmStart(weights=weights, prices=prices)
@@ -185,8 +184,9 @@ def _feasible(states: States, weights: Floats) -> Floats:
 
 
 def _held(saved: SavedSolution, sought: Ints) -> Floats:
-    if not len(saved.begin):
+    begin, end, weight = saved.runs
+    if not len(begin):
         return np.zeros(len(sought))
-    at = np.searchsorted(saved.begin, sought, side="right") - 1
-    found = (at >= 0) & (sought <= saved.end[at])
-    return np.where(found, saved.weight[at], 0.0)
+    at = np.searchsorted(begin, sought, side="right") - 1
+    found = (at >= 0) & (sought <= end[at])
+    return np.where(found, weight[at], 0.0)

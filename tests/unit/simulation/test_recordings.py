@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tgospa_eval import evaluate
-from tgospa_eval.cli.simulate.command import RECORDING_KINDS
+from tgospa_eval.cli.simulate import RECORDING_KINDS
 from tgospa_eval.simulation import Tracker
 from tgospa_eval.simulation.recordings import (
     AIS,
@@ -23,7 +23,6 @@ from tgospa_eval.simulation.recordings import (
     RECORDINGS,
     Layout,
     RecordingKind,
-    TrackedTargets,
     hold_tracks,
     simulate_recording,
 )
@@ -47,7 +46,7 @@ def tables(
     layout = Layout(steps=steps, stretch=stretch, part=stretch)
     stretches = list(simulate_recording(kind, layout, np.random.default_rng(seed)))
     truth, estimate = (
-        pd.DataFrame({c: np.concatenate([getattr(rows, c) for rows in side]) for c in COLUMNS})
+        pd.DataFrame({c: np.concatenate([rows[c] for rows in side]) for c in COLUMNS})
         for side in zip(*stretches, strict=True)
     )
     return truth, estimate
@@ -158,10 +157,10 @@ def test_tracks_of_a_stretch_are_those_of_single_steps(seed: int, silent: int, c
     detected, lost = rng.random((2, 12, 3)) < np.array([0.8, 0.3])[:, None, None]
     swaps = [(k, *rng.permutation(3)[:2]) for k in np.flatnonzero(rng.random(12) < 0.4)]
     exchanged = np.array(swaps, np.int64).reshape(-1, 3)
-    held = TrackedTargets(track=np.array([1, 2, 3]), free=rng.integers(0, 5, 3), next_id=4)
+    held = np.array([1, 2, 3]), rng.integers(0, 5, 3), 4
     tracks, reported, after = hold_tracks(detected, exchanged, lost, silent, held)
 
-    track, free, fresh = held.track.tolist(), held.free.tolist(), 4
+    track, free, fresh = held[0].tolist(), held[1].tolist(), 4
     for step in range(12):
         for at, one, two in swaps:
             if at == step:
@@ -172,16 +171,16 @@ def test_tracks_of_a_stretch_are_those_of_single_steps(seed: int, silent: int, c
                 track[target], free[target], fresh = fresh, step + silent, fresh + 1
             assert tracks[step, target] == track[target]
             assert reported[step, target] == (detected[step, target] and free[target] <= step)
-    assert (after.track.tolist(), after.free.tolist(), after.next_id) == (track, free, fresh)
+    assert (after[0].tolist(), after[1].tolist(), after[2]) == (track, free, fresh)
 
     early = exchanged[:, 0] < cut
     one = hold_tracks(detected[:cut], exchanged[early], lost[:cut], silent, held)
-    middle = replace(one[2], free=one[2].free - cut)
+    middle = one[2][0], one[2][1] - cut, one[2][2]
     late = exchanged[~early] - [cut, 0, 0]
     two = hold_tracks(detected[cut:], late, lost[cut:], silent, middle)
     assert np.array_equal(np.concatenate((one[0], two[0])), tracks)
     assert np.array_equal(np.concatenate((one[1], two[1])), reported)
-    assert np.array_equal(two[2].track, after.track)
+    assert np.array_equal(two[2][0], after[0])
 
 
 def test_rates_are_those_asked_for() -> None:

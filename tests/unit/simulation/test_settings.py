@@ -9,14 +9,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tgospa_eval.cli.simulate import command
+from tgospa_eval.cli import simulate
 from tgospa_eval.simulation.settings import PUBLISHED, run_setting
 
 Run = Callable[..., Any]
 
 
 def test_the_names_are_those_of_the_options() -> None:
-    assert tuple(PUBLISHED) == command.PUBLISHED
+    assert tuple(PUBLISHED) == simulate.PUBLISHED
 
 
 @pytest.mark.parametrize("name", PUBLISHED)

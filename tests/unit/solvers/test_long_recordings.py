@@ -7,11 +7,11 @@ import pytest
 from fallback import without_kernels
 from strategies import scene
 
-import tgospa_eval.solvers.active_set as active_set_module
 import tgospa_eval.solvers.certified as certified_module
 import tgospa_eval.solvers.exact as exact_module
 import tgospa_eval.solvers.lp_rounds as lp_rounds_module
 import tgospa_eval.solvers.restricted_lp as restricted_lp_module
+import tgospa_eval.solvers.whole_lp as whole_lp_module
 from tgospa_eval import Certified, Exact, Sinkhorn, evaluate
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.problem.certificate import certify
@@ -164,7 +164,7 @@ def test_without_kernels_large_programmes_begin_inside(monkeypatch: pytest.Monke
     expected = evaluate(truth, estimate, 5.0, 2, 2.0)
     without_kernels(monkeypatch)
     monkeypatch.setattr(certified_module, "kernels", None)
-    monkeypatch.setattr(active_set_module, "INTERIOR", 50)
+    monkeypatch.setattr(whole_lp_module, "INTERIOR", 50)
     result = evaluate(truth, estimate, 5.0, 2, 2.0, solver=Certified(jobs=1))
     assert result.solver["status"] == "solved"
     assert result.proof.bounds.upper == pytest.approx(expected.proof.bounds.upper, rel=1e-9)

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +17,11 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports import REPORTS
+from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
+
+if TYPE_CHECKING:
+    from tgospa_eval.results.explanation import Explanation
 
 NARROWEST = 1e-12
 """Relative gap below which the outward rounding of the bounds may keep them apart."""
@@ -55,7 +60,7 @@ def evaluate_files(
     wanted = None
     if output.output is not None:
         # Here: only where there is a folder.
-        from tgospa_eval.cli.evaluate.folder import named_options, probed_folder
+        from tgospa_eval.cli.shared.writing import named_options, probed_folder
 
         wanted = probed_folder(output.output, options, output)
     stopwatch = Stopwatch()
@@ -119,6 +124,54 @@ def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
 
 
 # -------------------------------------------------------------------------------------------------
+# ``--explain``, and what the verb `explain` does with a result: its repairs, tried and proven.
+
+
+def explained(
+    result: Summary, options: Request, output: OutputOptions, top: int | None = None
+) -> "Explanation":
+    """The repairs of an estimate that was read from a file, `top` of them at most.
+
+    Parameters
+    ----------
+    result : Summary
+        Of all classes together.
+    options : Request
+        Filters, after which some kinds of repairs are not tried.
+    output : OutputOptions
+        Whether progress is shown, and seconds.
+    top : int
+        How many to list; as many as of `tgospa_eval.explain` by default.
+    """
+    from tgospa_eval.explain.explain import TOP, explain  # here: only where asked for
+
+    assert isinstance(result, Result)  # --by class is refused
+    stopwatch = Stopwatch()
+    found = run(
+        lambda: explain(result, top or TOP, stopwatch=stopwatch, without=_left_out(options)),
+        stopwatch,
+        show=not output.quiet,
+    )
+    if output.verbose:
+        print_notice(f"{'explain':<20} {found.seconds:9.3f} s")
+    return found
+
+
+def with_repairs(result: Summary, options: Request, output: OutputOptions) -> Summary:
+    """The result with its repairs, for every output; the time that they took counts."""
+    found = explained(result, options, output)
+    total = result.timings["total"] + found.seconds
+    timings: Json = {**result.timings, "explain": found.seconds, "total": total}
+    return replace(result, explained=found, timings=timings)
+
+
+def _left_out(options: Request) -> tuple[str, ...]:
+    """Kinds of repairs after which a filter might leave out other rows."""
+    moving = ("shift",) if options.time else ()
+    return (*moving, "offset", "extend") if options.region else moving
+
+
+# -------------------------------------------------------------------------------------------------
 # A result to stdout, and to the folder of ``-o``.
 
 
@@ -126,7 +179,7 @@ def show(result: Summary, options: Request, output: OutputOptions, names: tuple[
     """Print the result, and write the folder if one was asked for."""
     try:
         if output.output is not None:
-            from tgospa_eval.cli.evaluate.folder import write_folder  # here: only where asked for
+            from tgospa_eval.cli.shared.writing import write_folder  # here: only where asked for
 
             write_folder(result, options, output, names)
     except ConfigError:  # a full disk must not cost what was computed

@@ -23,7 +23,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     occupied,
     step_costs,
 )
-from tgospa_eval.evaluation.diagnosis.offset import Fit, Offset, Search
+from tgospa_eval.evaluation.diagnosis.offset import Fit, Search
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, nearest, within
 from tgospa_eval.tracks.durations import SECOND
@@ -105,7 +105,7 @@ def _near_misses(
     if not steps:
         return None
     clock = aligned.truth.clock
-    apart = nearest(*times).apart
+    _, _, apart = nearest(*times)
     is_close = (apart < NEARLY * min(steps)) & ~within(apart, matching.near, times, clock)
     close = apart[is_close & (apart > 0)]
     if not len(close):
@@ -226,7 +226,7 @@ def find_clock(
         zones = (3600.0 * unit * hours for hours in range(-HOURS, HOURS + 1) if hours)
         found = search.offset((*ends, *zones), plain)
         if found is not None:
-            return _clock(found, search, factor, given)
+            return _clock(search, *found, factor, given)
         plain = plain or search
     return None
 
@@ -245,19 +245,24 @@ def _since(times: Times, factor: "Fraction", begin: "Fraction") -> Floats:
 
 
 def _clock(
-    found: Offset, search: Search, factor: "Fraction", given: Mapping[str, object]
+    search: Search,
+    shift: float,
+    uncertainty: float,
+    saving: float,
+    factor: "Fraction",
+    given: Mapping[str, object],
 ) -> ClockError:
     """The offset as it is to be written: of such that fit as well the plainest one."""
     from fractions import Fraction  # here: as in `find_clock`
 
     unit = 1 if search.truth.clock == "number" else SECOND
-    hour, near = 3600 * unit, PREFERRED * found.uncertainty
-    hours = round(found.shift / hour)
-    if 0 < abs(hours) <= HOURS and abs(hours * hour - found.shift) <= near < MINUTE * unit:
+    hour, near = 3600 * unit, PREFERRED * uncertainty
+    hours = round(shift / hour)
+    if 0 < abs(hours) <= HOURS and abs(hours * hour - shift) <= near < MINUTE * unit:
         offset = Fraction(hours * hour)
     else:
-        offset = _same_moments(found, search, factor) or Fraction(
-            _rounded(found.shift, found.uncertainty)
+        offset = _same_moments(search, shift, uncertainty, factor) or Fraction(
+            _rounded(shift, uncertainty)
         )
     scaled, added = (
         Fraction(repr(given.get(name, neutral)))
@@ -267,24 +272,26 @@ def _clock(
         time_scale=float(f"{float(scaled * factor):.12g}"),
         time_offset=float(f"{float(added * factor + offset / unit):.12g}"),
         ahead=-float(f"{float(offset / unit):.12g}") if factor == 1 else 0.0,
-        uncertainty=float(f"{found.uncertainty / unit:.2g}"),
-        saving=found.saving,
-        steps=found.steps,
+        uncertainty=float(f"{uncertainty / unit:.2g}"),
+        saving=saving,
+        steps=len(search.steps),
     )
 
 
-def _same_moments(found: Offset, search: Search, factor: "Fraction") -> "Fraction | None":
+def _same_moments(
+    search: Search, shift: float, uncertainty: float, factor: "Fraction"
+) -> "Fraction | None":
     """The offset that makes the stamps those of the truth, if one within the uncertainty does."""
     from fractions import Fraction  # here: as in `find_clock`
 
-    own, theirs = search.moments[0], search.moments[1][search.steps] + found.shift
+    own, theirs = search.moments[0], search.moments[1][search.steps] + shift
     after = np.searchsorted(own, theirs).clip(1, len(own) - 1)
     at = after - (theirs - own[after - 1] <= own[after] - theirs)
     apart = own[at] - theirs
     k = int(np.argsort(apart, kind="stable")[len(apart) // 2])
     step = median_step(own) or 0.0
     same = np.abs(apart - apart[k]) <= NEARLY * step
-    if abs(apart[k]) > PREFERRED * found.uncertainty or np.count_nonzero(same) < COMMON_SHARE * len(
+    if abs(apart[k]) > PREFERRED * uncertainty or np.count_nonzero(same) < COMMON_SHARE * len(
         apart
     ):
         return None

@@ -19,6 +19,7 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance, near_pairs
 from tgospa_eval.distances.gating import near_points, rows_at
 from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.problem.gospa import assign_pairs
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -261,17 +262,13 @@ class StepCosts:
 
     def settle(self) -> None:
         """Make the bounds equal by assignments, but for steps too large for a dense one."""
-        from scipy.optimize import linear_sum_assignment  # here: slow to import, hardly ever needed
-
         for step in np.flatnonzero(self.lower < self.upper).tolist():
             pairs = slice(*np.searchsorted(self.step, [step, step + 1]).tolist())
-            axes = [np.unique(rows[pairs], return_inverse=True)[1] for rows in self.rows]
-            shape = [int(axis.max()) + 1 for axis in axes]
-            if shape[0] * shape[1] > DENSE:
+            truth, estimate = (rows[pairs] for rows in self.rows)
+            if len(np.unique(truth)) * len(np.unique(estimate)) > DENSE:
                 continue
-            gain = np.zeros(shape)
-            gain[axes[0], axes[1]] = self.gain[pairs]
-            best = gain[linear_sum_assignment(gain, maximize=True)].sum()
+            gain = self.gain[pairs]
+            best = gain[assign_pairs(truth, estimate, -gain, 0.0)].sum()
             self.lower[step] = self.upper[step] = self.unassigned[step] - best
 
 

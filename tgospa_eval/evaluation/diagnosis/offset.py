@@ -273,28 +273,6 @@ def _significance(values: Floats) -> float:
     return float(np.sign(total)) * np.inf if total else 0.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Offset:
-    """A shift of the stamps of the estimate that fits better than all others.
-
-    Parameters
-    ----------
-    shift : float
-        What is added to them.
-    uncertainty : float
-        Two standard errors.
-    saving : float
-        Share of the per-step GOSPA cost that goes away, without what is missed or false either way.
-    steps : int
-        Steps that were looked at.
-    """
-
-    shift: float
-    uncertainty: float
-    saving: float
-    steps: int
-
-
 class Search:
     """For the shift of the estimate that fits best.
 
@@ -355,7 +333,9 @@ class Search:
             sharp=sharp,
         )
 
-    def offset(self, others: Iterable[float], here: "Search | None" = None) -> Offset | None:
+    def offset(
+        self, others: Iterable[float], here: "Search | None" = None
+    ) -> tuple[float, float, float] | None:
         """The shift that fits best, or None where the data do not say.
 
         Parameters
@@ -364,6 +344,14 @@ class Search:
             Shifts that are worth a look anyway.
         here : Search, optional
             One whose shift by 0 is how things are, where that is on another clock.
+
+        Returns
+        -------
+        shift, uncertainty : float
+            What is added to the stamps of the estimate, and two standard errors of that.
+        saving : float
+            Share of the per-step GOSPA cost that goes away, without what is missed or false either
+            way.
         """
         tried = [self.fit(shift) for shift in (0.0, *others, *self._candidates())]
         best = max(tried, key=lambda one: one.total)
@@ -390,12 +378,7 @@ class Search:
         cost = pairs - first.total
         if cost < NOTABLE_COST * pairs:
             return None
-        return Offset(
-            shift=best.shift,
-            uncertainty=uncertainty,
-            saving=1 - max(pairs - last.total, 0.0) / cost,
-            steps=len(self.steps),
-        )
+        return best.shift, uncertainty, 1 - max(pairs - last.total, 0.0) / cost
 
     def _finer(self, best: Fit, fit: Callable[[float], Fit]) -> Fit:
         """The local maximum from there on."""

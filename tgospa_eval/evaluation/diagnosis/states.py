@@ -15,7 +15,6 @@ from tgospa_eval.common.arrays import places_of
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, Spelling, as_option
 from tgospa_eval.common.words import counted, plain
-from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis.costs import (
     FEWEST_TRACKS,
     FIRST_STEPS,
@@ -33,7 +32,6 @@ from tgospa_eval.evaluation.diagnosis.costs import (
 )
 from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -114,30 +112,14 @@ def few_are_near(here: StepCosts) -> bool:
     return len(here.taken) < SOME * _most(here) and rows[1] <= UNLIKE * rows[0]
 
 
-def nearness_warnings(
-    here: StepCosts,
-    sides: tuple[StepRows, StepRows],
-    parameters: Parameters,
-    distance: Distance,
-) -> list[Notice]:
-    """That no truth has an estimate within the cutoff, or some by chance alone.
-
-    Parameters
-    ----------
-    here : StepCosts
-        Of the two sides.
-    sides : pair of StepRows
-        Truth and estimate at some steps.
-    parameters : Parameters
-        Cutoff and order.
-    distance : Distance
-        Base distance of states without covariances.
-    """
-    within = f"within c = {parameters.cutoff:g}"
+def nearness_warnings(sample: "_Sample") -> list[Notice]:
+    """That no truth has an estimate within the cutoff, or some by chance alone."""
+    here = sample.here
+    within = f"within c = {sample.parameters.cutoff:g}"
     steps = counted(here.steps, "step")
     if not len(here.gain):
         text = f"no truth has an estimate {within} at {steps}: all are missed, all estimates false"
-    elif few_are_near(here) and _is_chance(here, sides, parameters, distance):
+    elif few_are_near(here) and _is_chance(sample):
         rows = len(here.objects[0])
         near = np.count_nonzero(np.bincount(here.rows[0], minlength=rows))
         text = (
@@ -156,12 +138,7 @@ def nearness_warnings(
     ]
 
 
-def _is_chance(
-    here: StepCosts,
-    sides: tuple[StepRows, StepRows],
-    parameters: Parameters,
-    distance: Distance,
-) -> bool:
+def _is_chance(sample: "_Sample") -> bool:
     """Whether pairs save hardly more of the cost than they would by chance.
 
     That is what they save where all estimates are displaced by a few cutoffs: whatever belongs
@@ -169,19 +146,13 @@ def _is_chance(
     what is displaced across it is near nothing. Exchanged steps would not do, for what is at rest
     is where it was at any other step.
     """
-    most = _most(here)
+    most, estimate = _most(sample.here), sample.estimate
     if most < ENOUGH:
         return False
-    saved = _saved(here) - LITTLE * most
-    truth, estimate = (side.table for side in sides)
-    still = StepRows.of(truth)
-    for line in _lines((truth, estimate), parameters.cutoff, distance):
-        moved = (
-            StepRows.of(_displaced_by(estimate, way * move * line))
-            for move in MOVES
-            for way in (1, -1)
-        )
-        by_chance = [_saved(step_costs(still, side, parameters, distance)) for side in moved]
+    saved = _saved(sample.here) - LITTLE * most
+    for line in _lines(sample):
+        displaced = (estimate.state + way * move * line for move in MOVES for way in (1, -1))
+        by_chance = [_saved(sample.costs(with_state(estimate, state))) for state in displaced]
         if saved <= HARDLY * sum(by_chance) / len(by_chance):
             return True
     return False
@@ -197,15 +168,13 @@ def _saved(costs: StepCosts) -> float:
     return float((costs.unassigned - costs.upper).sum())
 
 
-def _lines(
-    sides: tuple[Trajectories, Trajectories], cutoff: float, distance: Distance
-) -> Iterator[Floats]:
+def _lines(sample: "_Sample") -> Iterator[Floats]:
     """Vectors (R or 1, d) as long as the cutoff on both or one of the first two axes of position.
 
     They are the diagonals, the axes, and the direction in which the truths are spread most.
     """
-    truth, estimate = sides
-    columns = estimate.columns
+    truth, estimate, distance = sample.truth, sample.estimate, sample.distance
+    columns, cutoff = estimate.columns, sample.parameters.cutoff
     if distance.name == "haversine":
         from tgospa_eval.distances.sphere import RADIUS  # here: most distances are others
 
@@ -229,10 +198,6 @@ def _lines(
         line = np.zeros((reach.shape[1], len(columns)))
         line[:, chosen] = reach.T * unit
         yield line
-
-
-def _displaced_by(estimate: Trajectories, by: Floats) -> Trajectories:
-    return with_state(estimate, estimate.state + by)
 
 
 FACTORS = {
@@ -316,13 +281,10 @@ class _Sample:
         """The same."""
         return self.rows[1].table
 
-    @cached_property
-    def _truths(self) -> StepRows:
-        return StepRows.of(self.truth)
-
     def costs(self, estimate: Trajectories) -> StepCosts:
         """With another estimate."""
-        return step_costs(self._truths, StepRows.of(estimate), self.parameters, self.distance)
+        truth = StepRows.of(self.truth)
+        return step_costs(truth, StepRows.of(estimate), self.parameters, self.distance)
 
     @property
     def is_bad(self) -> bool:
@@ -375,7 +337,7 @@ def state_warnings(sampler: Sampler, spell: Spelling) -> list[Notice]:
                 remedy=change.remedy(spell),
             )
         ]
-    return nearness_warnings(sample.here, sample.rows, sample.parameters, sample.distance)
+    return nearness_warnings(sample)
 
 
 def _best(

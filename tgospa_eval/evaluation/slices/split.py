@@ -14,32 +14,20 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.prepare import Fitted, Source
 from tgospa_eval.evaluation.slices.members import MOST_CROSSINGS, Members, members
-from tgospa_eval.evaluation.slices.values import Described
+from tgospa_eval.evaluation.slices.values import values_of
 from tgospa_eval.evaluation.slicing import SliceBy, parse_slices
 from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.problem.problem import Floats, Ints, Objects, sum_by
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, changes
+from tgospa_eval.problem.weights import ONE, changes, spare
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.slices import Slice, Slicing
 from tgospa_eval.text import quoted
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RowCosts:
-    """What each row of truth and estimate costs, in units of c^p, and how often.
-
-    Parameters
-    ----------
-    truth : dict of str to (R_truth,) array
-        Localisation, misses and switches, with numbers.
-    estimate : dict of str to (R_estimate,) array
-        False targets, with numbers.
-    """
-
-    truth: dict[str, Floats]
-    estimate: dict[str, Floats]
+RowCosts = tuple[dict[str, Floats], dict[str, Floats]]
+"""What each row of truth and estimate costs, in units of c^p, and how often: localisation, misses
+and switches of truths, false targets of estimates."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,9 +60,7 @@ def cut(fitted: Fitted, asked: Sequence[SliceBy], cutoff: float) -> SlicePlan:
     ConfigError
         There is no such attribute, or its values do not fit.
     """
-    sides = fitted.alignment.truth, fitted.alignment.estimate
-    described = Described(sides=sides, distance=fitted.distance, cutoff=cutoff)
-    return SlicePlan(members={by.text: _members(by, described) for by in asked})
+    return SlicePlan(members={by.text: _members(by, fitted, cutoff) for by in asked})
 
 
 def slices_of(result: Result, texts: Sequence[str], *, summed: bool = False) -> tuple[Slicing, ...]:
@@ -92,11 +78,13 @@ def slices_of(result: Result, texts: Sequence[str], *, summed: bool = False) -> 
     return found.of(result)
 
 
-def _members(by: SliceBy, described: Described) -> Members:
-    truth, estimate = described.sides
-    rows = len(truth.step), len(estimate.step)
+def _members(by: SliceBy, fitted: Fitted, cutoff: float) -> Members:
+    sides = fitted.alignment.truth, fitted.alignment.estimate
+    rows = len(sides[0].step), len(sides[1].step)
     found = [
-        members(attribute, described.values(attribute), rows, summed=by.summed)
+        members(
+            attribute, values_of(sides, attribute, fitted.distance, cutoff), rows, summed=by.summed
+        )
         for attribute in by.attributes
     ]
     whole = found[0] if len(found) == 1 else found[0].crossed(found[1])
@@ -112,28 +100,23 @@ def row_costs(states: States, weights: Ints) -> RowCosts:
     used = np.flatnonzero((states.entry >= 0) & (weights > 0))
     entry, weight = states.entry[used], weights[used]
 
-    def unassigned(side: Objects) -> Floats:
-        """Shares that nothing is assigned to; sums of integers below 2^53, which are exact."""
-        free = ONE - np.bincount(side.row[entry], weight, minlength=len(side.step))
-        return free / ONE
-
     paid = weight / ONE * problem.cost[entry]
-    missed, false = unassigned(truths), unassigned(estimates)
+    missed, false = (spare(side, entry, weight) / ONE for side in problem.sides)
     moved, amount = changes(states, weights)
     pair = np.searchsorted(states.pair_first, moved, side="right") - 1
     step = states.begin[moved]
     row = _row_at(truths, states.pair_truth[pair], step)
     size = len(truths.step)
     price = problem.switch_price_at[step] * amount
-    return RowCosts(
-        truth={
+    return (
+        {
             "localisation": sum_by(truths.row[entry], paid, size),
             "missed": missed * truths.price,
             "missed_count": missed,
             "switch": sum_by(row, price, size),
             "switch_count": 0.5 * sum_by(row, amount, size),
         },
-        estimate={"false": false * estimates.price, "false_count": false},
+        {"false": false * estimates.price, "false_count": false},
     )
 
 
@@ -152,7 +135,7 @@ def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
     """The sums of all slices that have rows, or are shown without."""
     size = len(whole.names)
     sums: dict[str, Floats] = {}
-    for role, values in (("truth", costs.truth), ("estimate", costs.estimate)):
+    for role, values in zip(("truth", "estimate"), costs, strict=True):
         rows = len(next(iter(values.values())))
         columns = {**values, f"{role}_steps": np.ones(rows)}
         for part in whole.shares:

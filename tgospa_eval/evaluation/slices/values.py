@@ -5,7 +5,6 @@ from functools import reduce
 
 import numpy as np
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import Distance, near_pairs
 from tgospa_eval.distances.sphere import Haversine
 from tgospa_eval.errors import ConfigError
@@ -21,91 +20,78 @@ INSIDE, OUTSIDE = "inside", "outside"
 """Of a region."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Described:
-    """Both sides, and what makes objects neighbours.
+def values_of(
+    sides: tuple[Trajectories, Trajectories],
+    attribute: Attribute,
+    distance: Distance,
+    cutoff: float,
+) -> tuple[Values | None, Values | None]:
+    """Of each row of truth and estimate; None where a side has no such attribute.
+
+    A column goes before what would follow from the states under the same name.
 
     Parameters
     ----------
     sides : pair of Trajectories
         Truth and estimate on one grid.
+    attribute : Attribute
+        Which.
     distance : Distance
         Base distance.
     cutoff : float
         Neighbours are nearer than this.
+
+    Raises
+    ------
+    ConfigError
+        Neither side has it.
     """
-
-    sides: tuple[Trajectories, Trajectories]
-    distance: Distance
-    cutoff: float
-
-    def values(self, attribute: Attribute) -> tuple[Values | None, Values | None]:
-        """Of each row of truth and estimate; None where a side has no such attribute.
-
-        A column goes before what would follow from the states under the same name.
-
-        Raises
-        ------
-        ConfigError
-            Neither side has it.
-        """
-        first, second = (_column(side, attribute.name) for side in self.sides)
-        if first is None and second is None and attribute.name.partition("@")[0] in DERIVED:
-            first, second = (self._derived(side, attribute) for side in self.sides)
-        if first is None and second is None:
-            raise ConfigError(self._unknown(attribute))
-        return first, second
-
-    def _derived(self, side: Trajectories, attribute: Attribute) -> Values | None:
-        name = attribute.name.partition("@")[0]
-        makers: dict[str, Callable[[], Values | None]] = {
-            "range": lambda: _ranges(side, attribute),
-            "speed": lambda: _speeds(side),
-            "size": lambda: _sizes(side),
-            "age": lambda: _ages(side),
-            "density": lambda: self._neighbours(side),
-            "region": lambda: _inside(side, attribute),
+    first, second = (_column(side, attribute.name) for side in sides)
+    name = attribute.name.partition("@")[0]
+    if first is None and second is None and name in DERIVED:
+        makers: dict[str, Callable[[Trajectories], Values | None]] = {
+            "range": lambda side: _ranges(side, attribute),
+            "speed": _speeds,
+            "size": _sizes,
+            "age": _ages,
+            "density": lambda side: _neighbours(side, distance, cutoff),
+            "region": lambda side: _inside(side, attribute),
         }
-        return makers[name]()
+        first, second = map(makers[name], sides)
+    if first is None and second is None:
+        raise ConfigError(_unknown(sides, attribute))
+    return first, second
 
-    def _neighbours(self, side: Trajectories) -> Floats:
-        """How many other objects of this side are nearer than the cutoff."""
-        seen = side.seen_as(self.distance.kinds)
-        pairs = near_pairs(seen, seen, self.cutoff, self.distance)
-        others = pairs.truth_row[pairs.truth_row != pairs.estimate_row]
-        return np.bincount(others, minlength=len(side.step)).astype(np.float64)
 
-    def _unknown(self, attribute: Attribute) -> str:
-        """What to say of an attribute that neither side has."""
-        name = attribute.name
-        offered = {header for side in self.sides for header in side.offered}
-        if attribute.ranges:
-            name = next(
-                (
-                    column
-                    for column, _, _ in attribute.ranges
-                    if all(_column(side, column) is None for side in self.sides)
-                ),
-                name,
-            )
-        if name in offered:
-            return (
-                f"--slice {quoted(name)}: the column was not read; name it where the files are read"
-            )
-        there = sorted({*offered, *(name for side in self.sides for name in _names(side))})
-        if name == "size":
-            return (
-                "--slice size: neither side has boxes, nor columns width and height (found: "
-                f"{listed(there)})"
-            )
+def _neighbours(side: Trajectories, distance: Distance, cutoff: float) -> Floats:
+    """How many other objects of this side are nearer than the cutoff."""
+    seen = side.seen_as(distance.kinds)
+    pairs = near_pairs(seen, seen, cutoff, distance)
+    others = pairs.truth_row[pairs.truth_row != pairs.estimate_row]
+    return np.bincount(others, minlength=len(side.step)).astype(np.float64)
+
+
+def _unknown(sides: tuple[Trajectories, Trajectories], attribute: Attribute) -> str:
+    """What to say of an attribute that neither side has."""
+    name = attribute.name
+    offered = {header for side in sides for header in side.offered}
+    for column, _, _ in attribute.ranges:
+        if all(_column(side, column) is None for side in sides):
+            name = column
+            break
+    if name in offered:
+        return f"--slice {quoted(name)}: the column was not read; name it where the files are read"
+    known = (("id", "t", *side.columns, *side.attributes) for side in sides)
+    there = sorted(offered.union(*known))
+    if name == "size":
         return (
-            f"--slice {quoted(name)}: neither side has such a column (found: {listed(there)}); "
-            f"beside columns there are {', '.join(DERIVED)}"
+            "--slice size: neither side has boxes, nor columns width and height (found: "
+            f"{listed(there)})"
         )
-
-
-def _names(side: Trajectories) -> tuple[str, ...]:
-    return ("id", "t", *side.columns, *side.attributes)
+    return (
+        f"--slice {quoted(name)}: neither side has such a column (found: {listed(there)}); "
+        f"beside columns there are {', '.join(DERIVED)}"
+    )
 
 
 def _column(side: Trajectories, name: str) -> Values | None:

@@ -1,0 +1,212 @@
+"""``tgospa-eval associate A B``: which states of two sensors belong together."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from tgospa_eval._version import __version__
+from tgospa_eval.api.request import FILE_FORMATS
+from tgospa_eval.cli.shared.help import Verb
+from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
+from tgospa_eval.cli.shared.options import EVALUATION, chosen_options, format_option
+from tgospa_eval.errors import InputError
+
+if TYPE_CHECKING:
+    from tgospa_eval.api.settings import Settings
+    from tgospa_eval.distances import Distance, Effort
+    from tgospa_eval.formats import Reading
+    from tgospa_eval.results.records import Json
+    from tgospa_eval.sensors.association import Association
+
+T = TypeVar("T")
+
+SENSOR_OPTIONS = {
+    item.key for item in EVALUATION if not item.key.startswith(("truth-", "estimate-"))
+} - {
+    *("cutoff", "order", "switch-penalty", "rho", "step-weights", "existence"),
+    *("by", "preprocess", "unit", "solver", "gap", "epsilon", "time-limit"),
+}
+"""What it has of the options of everything that evaluates."""
+
+_files = partial(
+    option,
+    section="Files",
+    trusted=True,
+    type=click.Choice(FILE_FORMATS),
+    show_default="found from name and content",
+)
+_output = partial(Option, section="Output")
+
+
+@click.command(
+    "associate",
+    cls=Verb,
+    params=[
+        Option(
+            "-c, --cutoff C",
+            "Cutoff c > 0: states farther apart are not associated, and each costs c/2.",
+            section="Metric",
+            type=float,
+            required=True,
+        ),
+        *chosen_options(
+            SENSOR_OPTIONS,
+            _files(
+                "--a-format FORMAT",
+                f"Format of A: {', '.join(FILE_FORMATS[:-1])} or {FILE_FORMATS[-1]}.",
+                name="truth_format",
+            ),
+            _files("--b-format FORMAT", "Format of B, one of the same.", name="estimate_format"),
+            *(
+                option(
+                    f"--{letter}-columns NAMES",
+                    f"--columns for {letter.upper()} alone.",
+                    name=name,
+                    section="Files",
+                    trusted=True,
+                )
+                for letter, name in (("a", "truth_columns"), ("b", "estimate_columns"))
+            ),
+            format_option("table", "json", "csv"),
+            _output(
+                "--cost-matrix FILE",
+                "Write the distances of all pairs of each step to a CSV file.",
+                type=PATH,
+            ),
+            _output(
+                "--cross-cov FILE",
+                "Write the cross-covariances of associated clouds to a CSV file.",
+                type=PATH,
+            ),
+            _output("--force", "Write over files that exist."),
+        ),
+    ],
+)
+@click.argument("a", type=SOURCE)
+@click.argument("b", type=SOURCE)
+def command(
+    a: str, b: str, *, cost_matrix: str | None, cross_cov: str | None, force: bool, **options: Any
+) -> None:
+    """Associate the states of two sensors, A and B, at every step.
+
+    Printed is the association with the least sum of distances, where each state that
+    stays alone costs c/2. The files are read as evaluate reads them.
+
+    \b
+    Examples:
+      tgospa-eval associate radar.csv lidar.csv -c 10
+      tgospa-eval associate radar.csv lidar.csv -c 3 --distance mahalanobis
+
+    Exit status: 0 done, 2 wrong option, 3 bad input file.
+    """
+    from tgospa_eval.api.request import Request
+    from tgospa_eval.api.settings import make_settings
+    from tgospa_eval.cli.shared.streams import emit
+    from tgospa_eval.cli.shared.values import OutputOptions
+    from tgospa_eval.cli.shared.writing import check_apart
+    from tgospa_eval.common.config import settings_field
+    from tgospa_eval.reports.clouds import association_text
+    from tgospa_eval.reports.files import check_file, csv_text, write_file
+    from tgospa_eval.results.records import json_text
+    from tgospa_eval.sensors.association import associate
+
+    request = Request.of(options | {"pairwise": True, "sides": ("a", "b"), "switch_penalty": 0.0})
+    output, taken = OutputOptions.of(options), [a, b]
+    asked = {"--cost-matrix": cost_matrix, "--cross-cov": cross_cov}
+    files = {name: path for name, path in asked.items() if path}
+    for name, path in files.items():
+        check_file(path, force=force, option=name)
+        check_apart(path, taken, name)
+        taken.append(path)
+    settings = make_settings(request)
+
+    def work(effort: "Effort") -> "tuple[Association, Distance, dict[str, str]]":
+        sides = read_states((a, b), settings, ("--a-format", "--b-format"), quiet=output.quiet)
+        fitted, _ = settings.fit(sides, (a, b))
+        found = associate(
+            fitted.alignment.truth,
+            fitted.alignment.estimate,
+            cutoff=settings.evaluation.parameters.cutoff,
+            distance=fitted.distance,
+            all_pairs="--cost-matrix" in files,
+            effort=effort,
+        )
+        make = {"--cost-matrix": found.costs_table, "--cross-cov": found.cross_covariances_table}
+        return found, fitted.distance, {name: csv_text(make[name]()) for name in files}
+
+    found, distance, texts = run_with_effort(work, request.jobs, quiet=output.quiet)
+    for name, path in files.items():
+        write_file(path, texts[name], name)
+    used = settings_field(output.config)
+    shown = {
+        "table": lambda: association_text(found),
+        "json": lambda: json_text(_document(found, distance, settings) | used),
+        "csv": lambda: csv_text(found.associations_table()),
+    }
+    emit(shown[output.format_](), output.format_)
+
+
+def _document(found: "Association", distance: "Distance", settings: "Settings") -> "Json":
+    """The document of ``associate``."""
+    from tgospa_eval.results.records import records
+
+    columns = found.first.columns
+    return {
+        "schema": "tgospa-eval/associate/1",
+        "version": __version__,
+        "parameters": {
+            "cutoff": found.cutoff,
+            "distance": distance.name,
+            **distance.settings(columns),
+            "columns": list(columns),
+            **settings.evaluation.time_matching.recorded,
+            **settings.recorded,
+        },
+        "counts": {
+            "steps": len(found.first.times),
+            "associated": int(found.chosen.sum()),
+            "alone_a": found.unassigned[0],
+            "alone_b": found.unassigned[1],
+        },
+        "total": found.total,
+        "associations": records(found.associations_table()),
+    }
+
+
+def read_states(
+    paths: tuple[str, ...], settings: "Settings", formats: tuple[str, ...], *, quiet: bool
+) -> "tuple[Reading, ...]":
+    """The states of sensors: the role of challenge formats is that of results.
+
+    `formats` are the options that name the formats; messages know those of truth and estimate.
+    """
+    from tgospa_eval.api.notices import about
+    from tgospa_eval.cli.shared.streams import notifier
+
+    try:
+        sides = settings.read(*paths, roles=("estimate",) * len(paths))
+    except InputError as error:
+        usual = "(--truth-format, --estimate-format)"
+        raise InputError(str(error).replace(usual, f"({', '.join(formats)})")) from None
+    notify = notifier(quiet=quiet)
+    for path, side, name in zip(paths, sides, formats, strict=True):
+        for notice in about(path, side):
+            notify(replace(notice, text=notice.text.replace("--estimate-format", name)))
+    return sides
+
+
+def run_with_effort(work: "Callable[[Effort], T]", jobs: int | None, *, quiet: bool) -> T:
+    """Do work that takes so many threads, and show how far it is."""
+    from tgospa_eval.cli.shared.progress import run
+    from tgospa_eval.cli.shared.streams import print_notice
+    from tgospa_eval.common.progress import Stopwatch
+    from tgospa_eval.distances import Effort
+
+    stopwatch = Stopwatch()
+    if not quiet:
+        stopwatch.notify = print_notice
+    effort = Effort(jobs=jobs, stopwatch=stopwatch)
+    return run(lambda: work(effort), stopwatch, show=not quiet)

@@ -1,0 +1,125 @@
+"""``tgospa-eval inspect TRUTH [ESTIMATE]``: what was read, and what looks wrong with it."""
+
+import os
+from typing import TYPE_CHECKING
+
+import click
+from click.core import ParameterSource
+
+from tgospa_eval.cli.shared.help import Verb
+from tgospa_eval.cli.shared.option import PATH, SOURCE, Option
+from tgospa_eval.cli.shared.options import READING, format_option
+from tgospa_eval.errors import ConfigError
+
+if TYPE_CHECKING:
+    from tgospa_eval.tracks.trajectories import Trajectories
+
+PLOT = Option(
+    "--plot FILE",
+    "Draw what was read to this file, a .png, .svg or .pdf: the plane, and who is there when. A "
+    "picture of that name is replaced.",
+    section="Output",
+    type=PATH,
+)
+
+
+@click.command("inspect", cls=Verb, params=[*READING, PLOT, format_option("table", "json")])
+@click.argument("truth", type=SOURCE)
+@click.argument("estimate", type=SOURCE, required=False)
+@click.pass_context
+def command(
+    ctx: click.Context,
+    /,
+    truth: str,
+    estimate: str | None,
+    *,
+    plot: str | None,
+    **options: object,
+) -> None:
+    """Show what is in TRUTH, and how well ESTIMATE fits it in time and space.
+
+    The files are read as evaluate reads them, and nothing is solved. Where an id has
+    several rows at one time these are counted, and the first is taken, unless
+    --on-duplicate is given.
+
+    \b
+    Examples:
+      tgospa-eval inspect truth.csv
+      tgospa-eval inspect truth.csv estimate.csv -c 10
+      tgospa-eval inspect truth.csv estimate.csv --plot seen.png
+
+    Exit status: 0 done, 2 wrong option, 3 bad input file.
+    """
+    from tgospa_eval.api.request import Request
+    from tgospa_eval.api.settings import make_settings
+    from tgospa_eval.cli.shared.progress import run
+    from tgospa_eval.cli.shared.streams import emit, print_notice
+    from tgospa_eval.cli.shared.values import OutputOptions
+    from tgospa_eval.common.config import settings_field
+    from tgospa_eval.common.progress import Stopwatch
+    from tgospa_eval.inspection import inspect
+    from tgospa_eval.results.records import Json, json_text, table
+
+    if ctx.get_parameter_source("on_duplicate") is ParameterSource.DEFAULT:
+        options["on_duplicate"] = "first"
+    paths = (truth,) if estimate is None else (truth, estimate)
+    output = OutputOptions.of(options)
+    request = Request.of({"switch_penalty": 0.0, **options})
+    if plot is not None:
+        _check_picture(plot, paths)
+    settings, stopwatch = make_settings(request), Stopwatch()
+
+    def work() -> Json:
+        with stopwatch.span("read"):
+            sides = settings.read(*paths)
+        if len(sides) == 1:
+            fitted, asked = None, settings.request(sides[0].trajectories.columns)
+        else:
+            fitted, asked = settings.fit(sides, paths)
+        if plot is not None:
+            seen = [side.trajectories for side in sides] if fitted is None else fitted.read
+            _write_picture(plot, list(zip(paths, seen, strict=True)), request.unit or "")
+            if not output.quiet:
+                print_notice(f"picture in {plot}")
+        found = inspect(list(zip(paths, sides, strict=True)), fitted, asked)
+        return {**found, **settings_field(output.config)}
+
+    document = run(work, stopwatch, show=not output.quiet)
+    emit((json_text if output.format_ == "json" else table)(document), output.format_)
+
+
+def _check_picture(path: str, inputs: tuple[str, ...]) -> None:
+    """Whether a picture may be written there.
+
+    Raises
+    ------
+    ConfigError
+        Its name has no known ending, it is one of the inputs or a folder, or matplotlib is missing.
+    """
+    from tgospa_eval.cli.shared.writing import check_apart
+    from tgospa_eval.plots import FILES, MISSING, available
+    from tgospa_eval.reports.files import check_file
+
+    if _ending(path) not in FILES:
+        raise ConfigError(f"--plot {path}: must end in .{', .'.join(FILES)}")
+    check_apart(path, list(inputs), "--plot")
+    check_file(path, force=True, option="--plot")
+    if not available():
+        raise ConfigError(MISSING)
+
+
+def _write_picture(path: str, sides: "list[tuple[str, Trajectories]]", unit: str) -> None:
+    """Draw what was read."""
+    from tgospa_eval.plots import written
+    from tgospa_eval.plots.plane import plot_inspection  # matplotlib takes a second
+    from tgospa_eval.plots.style import styled
+    from tgospa_eval.reports.files import write_file
+
+    made = plot_inspection(sides, unit=unit)
+    with styled():
+        data = written(made, _ending(path))
+    write_file(path, data, "--plot")
+
+
+def _ending(path: str) -> str:
+    return os.path.splitext(path)[1].lower().removeprefix(".")

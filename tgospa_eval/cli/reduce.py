@@ -1,0 +1,137 @@
+"""``tgospa-eval reduce IN OUT -n N``: particle clouds with fewer particles."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tgospa_eval._version import __version__
+from tgospa_eval.api.request import FILE_FORMATS
+from tgospa_eval.cli.associate import read_states, run_with_effort
+from tgospa_eval.cli.shared.help import Verb
+from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
+from tgospa_eval.cli.shared.options import REDUCTION, chosen_options, format_option
+from tgospa_eval.errors import ConfigError, InputError
+
+if TYPE_CHECKING:
+    from tgospa_eval.distances import Effort
+    from tgospa_eval.formats import Reading
+    from tgospa_eval.results.records import Columns
+
+
+@click.command(
+    "reduce",
+    cls=Verb,
+    params=[
+        Option(
+            "-n, --size N",
+            "Number of particles of each cloud. A cloud with no more than N stays as it is.",
+            section="Particles",
+            type=click.IntRange(min=1),
+            required=True,
+        ),
+        *chosen_options(
+            ("columns", "decimal", "max-input", "time", "class", "region", "jobs"),
+            *REDUCTION,
+            option(
+                "--in-format FORMAT",
+                "Format of IN: csv, parquet or npz.",
+                name="truth_format",
+                section="Files",
+                trusted=True,
+                type=click.Choice(FILE_FORMATS),
+                show_default="found from name and content",
+            ),
+            Option("--force", "Write over OUT if it exists.", section="Output"),
+            format_option("table", "json", "csv"),
+        ),
+    ],
+)
+@click.argument("source", metavar="IN", type=SOURCE)
+@click.argument("target", metavar="OUT", type=PATH)
+def command(source: str, target: str, *, size: int, force: bool, **options: Any) -> None:
+    """Reduce the particle clouds of IN to N particles each, and write them to OUT.
+
+    IN has the columns id,t,weight,x[,y[,z]] and a row for each particle (CSV, Parquet
+    or npz). The ending of OUT gives its format. What the reduction changed is printed.
+
+    \b
+    Examples:
+      tgospa-eval reduce particles.csv small.csv -n 20
+      tgospa-eval reduce particles.npz small.npz -n 50 --reduce-method kmeans
+
+    Exit status: 0 done, 2 wrong option, 3 bad input file.
+    """
+    from tgospa_eval.api.distance import reduction
+    from tgospa_eval.api.request import Request
+    from tgospa_eval.api.settings import make_settings
+    from tgospa_eval.cli.shared.streams import emit
+    from tgospa_eval.cli.shared.values import OutputOptions
+    from tgospa_eval.cli.shared.writing import check_apart
+    from tgospa_eval.common.config import settings_field
+    from tgospa_eval.distances import Reduction
+    from tgospa_eval.formats.write import TABLES
+    from tgospa_eval.reports.clouds import reduction_text
+    from tgospa_eval.reports.files import check_file, csv_text, write_file
+    from tgospa_eval.results.records import json_text, records
+    from tgospa_eval.sensors.reduction import CloudChange, reduce_trajectories
+
+    request, output = Request.of(options), OutputOptions.of(options)
+    check_file(target, force=force, option="OUT")
+    check_apart(target, [source], "OUT")
+    suffix = Path(target).suffix.casefold()
+    if suffix not in TABLES:
+        raise ConfigError(f"OUT {target}: must end in {', '.join(TABLES)}")
+    how = reduction(request, size) or Reduction(size=size)
+    fixed: dict[str, Any] = {"reduce": size, "cutoff": 1.0, "switch_penalty": 0.0}
+    settings = make_settings(replace(request, distance="cloud-wasserstein", **fixed))
+
+    def work(effort: "Effort") -> "tuple[Reading, bytes, Columns]":
+        (side,) = read_states((source,), settings, ("--in-format",), quiet=output.quiet)
+        if side.trajectories.clouds is None:
+            raise InputError(
+                f"{source}: no particles; a column weight makes the rows of an (id, t) a cloud"
+            )
+        after, table = reduce_trajectories(side.trajectories, how, effort)
+        return side, TABLES[suffix](after), table
+
+    side, data, table = run_with_effort(work, request.jobs, quiet=output.quiet)
+    write_file(target, data, "OUT")
+    counts = {
+        "clouds": len(table["id"]),
+        "particles": sum(table["particles"]),
+        "kept": sum(table["kept"]),
+    }
+    change = {name: _spread(name, table[name]) for name in CloudChange._fields[2:]}
+    document = {
+        "schema": "tgospa-eval/reduce/1",
+        "version": __version__,
+        "parameters": {
+            **how.settings(),
+            "columns": list(side.trajectories.columns),
+            **settings.recorded,
+        },
+        "counts": counts,
+        "change": change,
+        "clouds": records(table),
+        **settings_field(output.config),
+    }
+    texts = {
+        "table": lambda: reduction_text(counts, change),
+        "json": lambda: json_text(document),
+        "csv": lambda: csv_text(table),
+    }
+    emit(texts[output.format_](), output.format_)
+
+
+def _spread(name: str, values: list[float | None]) -> dict[str, float] | None:
+    """Of what is known; nothing of distances of which some are not, those of large changes."""
+    import numpy as np
+
+    from tgospa_eval.inspection import spread
+
+    known = [value for value in values if value is not None]
+    if name == "wasserstein" and len(known) < len(values):
+        return None
+    return spread(np.array(known))

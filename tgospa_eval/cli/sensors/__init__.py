@@ -1,1 +1,0 @@
-"""The verbs `associate` and `reduce`."""
