@@ -13,6 +13,7 @@ from tgospa_eval.reports.phrases import (
     EXACT,
     ORDERS,
     PROOFS,
+    RULES,
     SPLIT_NOTE,
     TO_RANK,
     TO_STUDY,
@@ -27,7 +28,6 @@ from tgospa_eval.reports.phrases import (
     size_of,
     unit_of,
 )
-from tgospa_eval.reports.records import RULES
 from tgospa_eval.reports.tables import WRITERS, Document, Table, as_markdown
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text
 

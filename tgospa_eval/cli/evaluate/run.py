@@ -161,7 +161,7 @@ def with_repairs(result: Summary, options: Request, output: OutputOptions) -> Su
     """The result with its repairs, for every output; the time that they took counts."""
     found = explained(result, options, output)
     total = result.timings["total"] + found.seconds
-    timings: Json = {**result.timings, "explain": found.seconds, "total": total}
+    timings = {**result.timings, "explain": found.seconds, "total": total}
     return replace(result, explained=found, timings=timings)
 
 
