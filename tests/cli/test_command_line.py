@@ -348,7 +348,7 @@ RARE = (
     # Of covariances, particles, other distances, other verbs.
     *("distances.boxes", "distances.clouds", "distances.gaussian", "distances.mahalanobis"),
     *("distances.sphere", "tracks.clouds", "tracks.covariances"),
-    *("inspection", "sensors", "regression", "comparison", "partitioned"),
+    *("inspection", "sensors", "campaign", "partitioned"),
     *("formats.columns.spread", "formats.particles", "formats.text.small", "formats.frames"),
     "formats.arrow",
     # Of what writes folders, or other formats than the table.

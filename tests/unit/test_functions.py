@@ -263,5 +263,5 @@ def test_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     again = batch(**patterns, output="store", cutoff=10.0, with_=["gospa"])
     assert len(again.faults) == 1
     assert "oops" in again.faults[0]
-    with pytest.raises(ConfigError, match='unknown key "cutof"; did you mean cutoff'):
+    with pytest.raises(TypeError, match=r"batch\(\) has no keyword cutof; did you mean cutoff"):
         batch(**patterns, output="store", cutof=10.0)

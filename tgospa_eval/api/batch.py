@@ -24,8 +24,9 @@ from tgospa_eval.api.batch_job import (
     key_of,
     lost_job,
 )
+from tgospa_eval.api.keywords import with_options
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.request import FLAGS, Request, Values, typed
+from tgospa_eval.api.request import FLAGS, SETTINGS, Request, Values, typed
 from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.curves import rms_curves
 from tgospa_eval.campaign.grouping import labels_of
@@ -34,7 +35,6 @@ from tgospa_eval.campaign.row import LABEL, OFF_STEPS, Row, job_name
 from tgospa_eval.campaign.store import (
     SCHEMA,
     SETTINGS_FILE,
-    STEPS,
     STORED_CURVE,
     STORED_STEPS,
     Store,
@@ -44,7 +44,7 @@ from tgospa_eval.campaign.tables import check_labels, tabulated
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.manifest import read_manifest, unchanged
-from tgospa_eval.common.notices import Notice, in_python, spoken_in_python, warn_user
+from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.common.words import counted, parsed_whole
 from tgospa_eval.engines.cluster import Cluster
 from tgospa_eval.engines.processes import Processes
@@ -86,6 +86,9 @@ MOST_HELD = 200_000
 NUMBERS_OF_STATES = ("sizes.truth_states", "sizes.estimate_states")
 """Columns that are 0 in an evaluation of nothing."""
 
+OF_ONE = ("by", "jobs", *(name for name, about in SETTINGS.items() if not about.everywhere))
+"""Options of an evaluation that are not for many, or that `batch` has in another form."""
+
 Notify = Callable[[str], object]
 
 
@@ -120,7 +123,7 @@ class Batch:
     __repr__ = __str__
 
 
-@spoken_in_python(reads=False)
+@with_options(*OF_ONE)
 def batch(
     *paths: "str | os.PathLike[str]",
     output: "str | os.PathLike[str]",
@@ -170,9 +173,9 @@ def batch(
         Bands around the curves of `per_step`.
     with_, slices : str or iterable of str
         As for `evaluate`.
-    **options
-        Of the evaluations, by the names of the options: ``cutoff``, ``switch_penalty``,
-        ``distance``, ``columns``, ``time``, ``class`` ...
+
+    Options of the evaluations are texts and numbers, as the store keeps them: no records, matrices
+    or tables.
 
     Returns
     -------
@@ -189,40 +192,25 @@ def batch(
     ConfigError, InputError
         An option or the manifest is wrong, or files are missing; nothing is begun then.
     """
-    asked = {name.rstrip("_").replace("_", "-"): value for name, value in options.items()}
-    chosen = Request.of(
-        {
-            **typed(asked, "batch"),
-            "summed": True,
-            "curve": curve,
-            "with_": ",".join(_each(with_)) or None,
-            "slices": _each(slices),
-        }
-    )
+    given = dict(locals())  # options of batch by their names
+    asked = {SETTINGS[name].key: value for name, value in options.items() if value is not None}
+    evaluation = {
+        **typed(asked, "batch"),
+        "summed": True,
+        "curve": curve,
+        "with_": ",".join(_each(with_)) or None,
+        "slices": _each(slices),
+    }
     target, told = os.fspath(output), list[str]()
-    done = evaluate_batch(
-        tuple(os.fspath(path) for path in paths),
-        BatchOptions(
-            evaluation=chosen,
-            output=target,
-            truth=truth,
-            estimate=estimate,
-            layout=layout,
-            seqmap=None if seqmap is None else os.fspath(seqmap),
-            by=_each(by),
-            workers=workers,
-            scheduler=scheduler,
-            allow_missing=allow_missing,
-            retry_failed=retry_failed,
-            reports=reports,
-            proof=proof,
-            per_step=per_step,
-            mean_of_roots=mean_of_roots,
-            band=band,
-            quiet=True,
-        ),
-        told.append,
-    )
+    given |= {
+        "evaluation": Request.of(evaluation),
+        "output": target,
+        "seqmap": None if seqmap is None else os.fspath(seqmap),
+        "by": _each(by),
+        "quiet": True,
+    }
+    names = tuple(os.fspath(path) for path in paths)
+    done = evaluate_batch(names, BatchOptions.of(given), told.append)
     if done.page:
         try:
             write_texts(batch_files(done.store, done.tables, target), target, BATCH, force=force)
@@ -554,7 +542,7 @@ def _work(tasks: list[JobTask], store: Store, engine: Engine, tell: Notify) -> l
             pending.append(row)
             if row["status"] == "failed":
                 faults.append(row)
-            held += len(row.get(STEPS) or ())
+            held += row.get(STORED_STEPS, 0)
             now = time.monotonic()
             if now - flushed > FLUSH or held > MOST_HELD:
                 store.add(pending)

@@ -10,16 +10,16 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from tgospa_eval._version import __version__
 from tgospa_eval.api.request import Request
 from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.campaign.row import Row, row_of, stored_slices
-from tgospa_eval.campaign.store import STEPS, STORED_CURVE, STORED_STEPS, JobSteps
+from tgospa_eval.campaign.store import stored_steps
 from tgospa_eval.common.config import SettingsFile
-from tgospa_eval.common.files import reason
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.machine import is_of_memory
+from tgospa_eval.common.machine import fault_of
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import InputError, TgospaError
@@ -156,7 +156,7 @@ def evaluate_job(task: JobTask) -> Row:
             raise InputError("a file changed while it was read; the same command reads it again")
         row = {
             **row_of(result),
-            **_steps(result, per_step=task.per_step),
+            **stored_steps(result, per_step=task.per_step),
             **stored_slices(result),
             "status": "done" if result.finished else "open",
             "message": "" if result.finished else str(result.solver["status"]),
@@ -166,21 +166,12 @@ def evaluate_job(task: JobTask) -> Row:
     except TgospaError as error:
         row = {"status": "failed", "message": " ".join(error.args)}
     except Exception as error:  # of ours: the other jobs go on
-        row = {"status": "failed", "message": _fault(error)}
+        row = {"status": "failed", "message": fault_of(error)}
     return finished_row(task, row, time.monotonic() - begin)
 
 
 def _quiet(_: Notice) -> None:
     """Notices of a job go nowhere; its row has the warnings."""
-
-
-def _fault(error: Exception) -> str:
-    """What nobody foresaw, in words."""
-    if is_of_memory(error):
-        return "out of memory"
-    if isinstance(error, OSError):
-        return f"{error.filename or 'writing'}: {reason(error)}"
-    return f"{type(error).__name__}: {error}: please report this as a bug"
 
 
 def _as_seen_here(task: JobTask) -> JobTask:
@@ -192,14 +183,9 @@ def _as_seen_here(task: JobTask) -> JobTask:
         return os.path.join(task.base, path)
 
     job = replace(task.job, truth=seen(task.job.truth), estimate=seen(task.job.estimate))
-    given = task.options
-    options = replace(
-        given,
-        covariance=given.covariance and seen(given.covariance),
-        step_weights=given.step_weights and seen(given.step_weights),
-        inner_cov=given.inner_cov
-        and (given.inner_cov if given.inner_cov == "global" else seen(given.inner_cov)),
-    )
+    named = {name: getattr(task.options, name) for name in NAMING_FILES}
+    paths: Any = {name: seen(path) for name, path in named.items() if path and path != "global"}
+    options = replace(task.options, **paths)
     return replace(
         task,
         job=job,
@@ -246,14 +232,6 @@ def finished_row(task: JobTask, row: Mapping[str, object], seconds: float) -> Ro
     }
 
 
-def _steps(result: Summary, *, per_step: bool) -> Row:
-    """The steps, where they are asked for, and what the row says of them."""
-    if not per_step:
-        return {STORED_STEPS: 0, STORED_CURVE: False}
-    steps = JobSteps.of(result)
-    return {STEPS: steps, **steps.stored}
-
-
 def _written(result: Summary, task: JobTask, folder: str | None) -> Row:
     """Write the result folder, if it is asked for; what the row says where that is not possible.
 
@@ -266,7 +244,7 @@ def _written(result: Summary, task: JobTask, folder: str | None) -> Row:
     except TgospaError as error:
         return {NOT_WRITTEN: " ".join(error.args)}
     except OSError as error:
-        return {NOT_WRITTEN: _fault(error)}
+        return {NOT_WRITTEN: fault_of(error)}
     return {}
 
 

@@ -31,15 +31,7 @@ from tgospa_eval.campaign.outcome import (
     updated_outcome,
 )
 from tgospa_eval.campaign.row import Row, job_name
-from tgospa_eval.campaign.rules import (
-    DEFAULT,
-    Finding,
-    Rule,
-    Verdict,
-    parse_maximum,
-    parse_rule,
-    split_rules,
-)
+from tgospa_eval.campaign.rules import Finding, Rule, Verdict, parse_rules, split_rules
 from tgospa_eval.campaign.store import SETTINGS_FILE, Store
 from tgospa_eval.campaign.suite import ONLY_PAIR, Pair, Suite, load_suite
 from tgospa_eval.common.config import SettingsFile
@@ -150,19 +142,21 @@ class GateOptions(Values):
         ConfigError
             One is wrong; or there is no baseline, and they are not all absolute limits.
         """
-        found: list[Rule] = []
-        for key, name in RULE_PARAMETERS.items():
-            own = [part for text in getattr(self, name) for part in split_rules(text)]
-            suite = [
-                part for text in pair.rules.get(key, ()) for part in split_rules(text) or [text]
-            ]
-            if key == "fail-on":
-                texts = own if own and (self.strong(name) or not suite) else suite
-                found += [parse_rule(text) for text in texts] or [DEFAULT][:baseline]
-            elif key == "warn-on":
-                found += [parse_rule(text, option=key) for text in (*suite, *own)]
-            else:
-                found += [parse_maximum(text) for text in (*suite, *own)]
+        own = {
+            key: [part for text in getattr(self, name) for part in split_rules(text)]
+            for key, name in RULE_PARAMETERS.items()
+        }
+        suite = {
+            key: [part for text in pair.rules.get(key, ()) for part in split_rules(text) or [text]]
+            for key in own
+        }
+        is_own = own["fail-on"] and (self.strong("fail_on") or not suite["fail-on"])
+        found = parse_rules(
+            (own if is_own else suite)["fail-on"],
+            (*suite["warn-on"], *own["warn-on"]),
+            (*suite["max"], *own["max"]),
+            default=baseline,
+        )
         relative = [rule for rule in found if not rule.maximum]
         if not baseline and (relative or not found):
             why = f"{relative[0].text} needs one" if relative else "limits of --max need none"
@@ -640,7 +634,8 @@ def gate(
     if old and ONLY_PAIR not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name another")
     entry = (old or {}).get(ONLY_PAIR)
-    rules = _rules(fail_on, warn_on, limits or {})
+    maximum = [f"{name}={value!r}" for name, value in (limits or {}).items()]
+    rules = parse_rules(_texts(fail_on), _texts(warn_on), maximum)
     kept = {} if entry is None else entry.options
     inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
     given: dict[str, Any] = {**inherited, **options}
@@ -673,19 +668,12 @@ def gate(
     return GateResult(report=report, result=result)
 
 
-def _rules(
-    fail_on: str | Iterable[str], warn_on: str | Iterable[str], limits: Mapping[str, float]
-) -> list[Rule]:
-    """All rules; the usual one where none says when to fail."""
-
-    def texts(given: str | Iterable[str]) -> list[str]:
-        each = [given] if isinstance(given, str) else given
-        return [part for text in each for part in split_rules(text)]
-
+def _texts(given: str | Iterable[str]) -> list[str]:
+    """The rules of a text, or of several."""
     return [
-        *([parse_rule(text) for text in texts(fail_on)] or [DEFAULT]),
-        *(parse_rule(text, option="warn-on") for text in texts(warn_on)),
-        *(parse_maximum(f"{name}={value!r}") for name, value in limits.items()),
+        part
+        for text in ([given] if isinstance(given, str) else given)
+        for part in split_rules(text)
     ]
 
 

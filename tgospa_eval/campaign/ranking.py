@@ -563,53 +563,34 @@ def outcomes(documents: Documents, paths: Paths) -> list[EntrantOutcome]:
     InputError
         Times are of several kinds or out of order.
     """
-    moments = _moments(documents, paths)
-    return [
-        EntrantOutcome(
-            bracket=_bracket(document),
-            parts={
-                "localisation": document["localisation"],
-                "missed": document["missed"],
-                "false": document["false"],
-                "switch": document["switch"],
-            },
-            counts=document["counts"],
-            steps={name: _column(document, name) for name in PARTS},
-            moments=moments[k],
-            times=_times(document),
-            judged=document["judged"],
-            finished=bool(document["solver"]["finished"]),
-            status=document["solver"]["status"],
-            input=document["input"],
-        )
-        for k, document in enumerate(documents)
-    ]
-
-
-def _bracket(document: Json) -> Interval:
-    """The bounds of the total, from those of the value, rounded outward once more."""
-    order = document["parameters"]["order"]
-    return Interval(
-        lower=outward(document["lower_bound"] ** order, -1),
-        upper=outward(document["upper_bound"] ** order, 1),
-    )
-
-
-def _column(document: Json, name: str) -> Floats:
-    return np.array([step[name] for step in document["per_step"]], float)
-
-
-def _times(document: Json) -> list[Time]:
-    return [step["t"] for step in document["per_step"]]
-
-
-def _moments(documents: Documents, paths: Paths) -> list[Times]:
-    """The steps of each as places in the order of those of all."""
+    times = [[step["t"] for step in document["per_step"]] for document in documents]
     try:
-        found = places_of_times([_times(document) for document in documents])
+        moments = places_of_times(times)
     except TimeError as error:
         raise InputError(f"{paths[0]}, or a result of its truth: per_step: {error}") from None
-    for path, own in zip(paths, found, strict=True):
+    found = []
+    for document, path, own, named in zip(documents, paths, moments, times, strict=True):
         if np.any(np.diff(own) <= 0):
             raise InputError(f"{path}: per_step: times are not in order")
-    return list(found)
+        order = document["parameters"]["order"]
+        # The bounds of the total, from those of the value, rounded outward once more.
+        lower = outward(document["lower_bound"] ** order, -1)
+        upper = outward(document["upper_bound"] ** order, 1)
+        steps: dict[str, Floats] = {
+            name: np.array([step[name] for step in document["per_step"]], float) for name in PARTS
+        }
+        found.append(
+            EntrantOutcome(
+                bracket=Interval(lower=lower, upper=upper),
+                parts=cast("CostParts", {name: document[name] for name in PARTS}),
+                counts=document["counts"],
+                steps=steps,
+                moments=own,
+                times=named,
+                judged=document["judged"],
+                finished=bool(document["solver"]["finished"]),
+                status=document["solver"]["status"],
+                input=document["input"],
+            )
+        )
+    return found

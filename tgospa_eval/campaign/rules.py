@@ -242,6 +242,23 @@ def parse_maximum(text: str) -> Rule:
     return Rule(text=f"{path}<={number.strip()}", path=path, slack=limit, maximum=True)
 
 
+def parse_rules(
+    fail_on: Iterable[str], warn_on: Iterable[str], maximum: Iterable[str], *, default: bool = True
+) -> list[Rule]:
+    """All rules; by default the usual one where none says when to fail.
+
+    Raises
+    ------
+    ConfigError
+        One is wrong.
+    """
+    return [
+        *([parse_rule(text) for text in fail_on] or [DEFAULT][:default]),
+        *(parse_rule(text, option="warn-on") for text in warn_on),
+        *(parse_maximum(text) for text in maximum),
+    ]
+
+
 def keys(path: str) -> list[Key]:
     """What a path may name, with the longer tail first: ``counts.missed`` before ``missed``."""
     if not path.startswith(BY_CLASS):

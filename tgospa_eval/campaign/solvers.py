@@ -15,6 +15,7 @@ import numpy as np
 from tgospa_eval._version import __version__
 from tgospa_eval.campaign import SCHEMA
 from tgospa_eval.common.interval import Interval, excess, narrowest, overlap, shortfall
+from tgospa_eval.common.machine import fault_of
 from tgospa_eval.common.progress import Progress, Stopwatch
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError, SolverError, TgospaError
@@ -71,13 +72,8 @@ def failed(solver: Solver, error: BaseException) -> Json:
 
 
 def reason(error: BaseException) -> str:
-    """Why something failed; what nobody expected is called an error of ours."""
-    if isinstance(error, TgospaError):
-        return str(error)
-    if isinstance(error, MemoryError):
-        return "out of memory"
-    text = " ".join(f"{type(error).__name__}: {error}".split())
-    return f"{text}; this is an error of this program, please report it"
+    """Why a solver failed."""
+    return str(error) if isinstance(error, TgospaError) else fault_of(error)
 
 
 def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = None) -> Json:

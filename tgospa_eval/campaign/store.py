@@ -5,7 +5,6 @@ nothing half. Of several rows with one key the last that is done counts.
 """
 
 import errno
-import importlib
 import json
 import os
 import time
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
 STEP_FOLDER = "per_step"
 
 STEPS = "per_step"
-"""Where the row of a job has a `JobSteps` on its way from a worker to the store."""
+"""Where the row of a job has its steps by column, on its way from a worker to the store."""
 
 STORED_STEPS, STORED_CURVE = "per_step.rows", "per_step.curve"
 """Columns of the row of a job: how many rows of steps it has, and whether with the curve."""
@@ -46,75 +45,49 @@ COST_COLUMNS = ("total", *PARTS)
 CURVE_COLUMNS = ("tgospa", "lower_bound", "upper_bound")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class JobSteps:
-    """Of one job, T steps.
+def stored_steps(result: Summary, *, per_step: bool) -> Row:
+    """What the row of a job says of its steps; with them, where they are asked for.
 
-    Parameters
-    ----------
-    times : list of str
-        Steps as they were read.
-    steps : (T,) int array
-        How many of the horizon are no later than each.
-    parts : (4, T) float array
-        Localisation, missed, false and switch cost, in state units to the power p.
-    curve : (3, T) float array, optional
-        Value of the steps up to each by themselves, and its bounds, as in `Result.curve`.
+    These are, by column: the times as they were read; how many steps of the horizon are no later
+    than each; costs, in state units to the power p; and value of the steps up to each by
+    themselves with its bounds, as in `Result.curve`, NaN where it was not asked for.
     """
-
-    times: list[str]
-    steps: Ints
-    parts: Floats
-    curve: Floats | None = None
-
-    @classmethod
-    def of(cls, result: Summary) -> "JobSteps":
-        """Those of a result."""
-        table, curve = result.table("per_step"), result.table("curve")
-        return cls(
-            times=list(map(str, table["t"])),
-            steps=result.judged_on.so_far.astype(np.int32),
-            parts=np.array([table[name] for name in PARTS]),
-            curve=np.array([curve[name] for name in CURVE_COLUMNS]) if curve else None,
-        )
-
-    def __len__(self) -> int:
-        return len(self.times)
-
-    @property
-    def stored(self) -> dict[str, object]:
-        """What the row of the job says of it."""
-        return {STORED_STEPS: len(self), STORED_CURVE: self.curve is not None}
-
-
-def step_table(rows: Sequence[Mapping[str, Any]]) -> "pa.Table | None":
-    """The steps of all jobs that have some, one job below the other."""
-    import pyarrow as pa
-
-    having = [(row, row[STEPS]) for row in rows if len(row.get(STEPS) or ())]
-    if not having:
-        return None
-    lengths = [len(steps) for _, steps in having]
-    which = np.repeat(np.arange(len(having), dtype=np.int32), lengths)
-    parts = np.concatenate([steps.parts for _, steps in having], axis=1)
-    curves = [
-        np.full((3, len(steps)), np.nan) if steps.curve is None else steps.curve
-        for _, steps in having
-    ]
-    curve = np.concatenate(curves, axis=1)
-    columns: dict[str, Any] = {
-        "key": pa.DictionaryArray.from_arrays(which, [row["key"] for row, _ in having]),
-        "finished": np.repeat(np.array([row["finished"] for row, _ in having]), lengths),
-        "step": np.concatenate([np.arange(1, size + 1, dtype=np.int32) for size in lengths]),
-        "t": pa.array([t for _, steps in having for t in steps.times], pa.string()),
-        "steps": np.concatenate([one.steps for _, one in having]),
+    if not per_step:
+        return {STORED_STEPS: 0, STORED_CURVE: False}
+    table, curve = result.table("per_step"), result.table("curve")
+    parts = np.array([table[name] for name in PARTS], float)
+    missing = np.full(parts.shape[1], np.nan)
+    steps = {
+        "t": list(map(str, table["t"])),
+        "steps": result.judged_on.so_far.astype(np.int32),
         **dict(zip(PARTS, parts, strict=True)),
         "total": parts.sum(axis=0),
         **{
-            f"curve.{name}": pa.array(values, from_pandas=True)
-            for name, values in zip(CURVE_COLUMNS, curve, strict=True)
+            f"curve.{name}": np.array(curve[name], float) if curve else missing
+            for name in CURVE_COLUMNS
         },
     }
+    return {STEPS: steps, STORED_STEPS: len(steps["t"]), STORED_CURVE: bool(curve)}
+
+
+def step_table(rows: Sequence[Row]) -> "pa.Table | None":
+    """The steps of all jobs that have some, one job below the other."""
+    import pyarrow as pa
+
+    having = [row for row in rows if row.get(STORED_STEPS)]
+    if not having:
+        return None
+    lengths = [row[STORED_STEPS] for row in having]
+    which = np.repeat(np.arange(len(having), dtype=np.int32), lengths)
+    columns: dict[str, Any] = {
+        "key": pa.DictionaryArray.from_arrays(which, [row["key"] for row in having]),
+        "finished": np.repeat(np.array([row["finished"] for row in having]), lengths),
+        "step": np.concatenate([np.arange(1, size + 1, dtype=np.int32) for size in lengths]),
+        "t": pa.array([t for row in having for t in row[STEPS]["t"]], pa.string()),
+    }
+    for name in [name for name in having[0][STEPS] if name != "t"]:
+        values = np.concatenate([row[STEPS][name] for row in having])
+        columns[name] = pa.array(values, from_pandas=name.startswith("curve."))
     return pa.table(columns)
 
 
@@ -133,7 +106,7 @@ class StoredSteps:
     costs : (5, N) float array
         The whole, and its parts.
     curve : (3, N) float array
-        As of `JobSteps`; NaN where it was not asked for.
+        Value of the steps up to each, and its bounds; NaN where it was not asked for.
     """
 
     job: Ints
@@ -243,17 +216,10 @@ def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
         with files.named(f"-o {folder}", ConfigError, "cannot be written"):
             return stack.enter_context((folder / name).open("a+"))  # NFS shares what can be read
 
-    whole = opened(".lock")
-    try:
-        fcntl: Any = importlib.import_module("fcntl")
-    except ModuleNotFoundError:  # on Windows
-        windows: Any = importlib.import_module("msvcrt")
-        whole.seek(0 if count == 1 else (count * (count - 1) // 2 + number) % ALL_BYTES)
-        windows.locking(whole.fileno(), windows.LK_NBLCK, ALL_BYTES if count == 1 else 1)
-        return
-    own = opened(f".lock-{number}-of-{count}")
-    fcntl.flock(whole, (fcntl.LOCK_SH if count > 1 else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-    fcntl.flock(own, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    byte = (count * (count - 1) // 2 + number) % ALL_BYTES
+    at, size = (0, ALL_BYTES) if count == 1 else (byte, 1)
+    if files.take_lock(opened(".lock"), shared=count > 1, at=at, size=size):
+        files.take_lock(opened(f".lock-{number}-of-{count}"))
 
 
 SCHEMA, SETTINGS_FILE = STORE_SCHEMA, STORE

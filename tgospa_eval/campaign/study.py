@@ -10,7 +10,6 @@ import json
 import math
 import os
 import platform
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
@@ -32,7 +31,7 @@ from tgospa_eval.campaign.solvers import (
     run_here,
     warm_up,
 )
-from tgospa_eval.common.files import is_regular, named
+from tgospa_eval.common.files import is_regular, named, take_lock
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
@@ -154,15 +153,7 @@ class Log:
     def _lock(self) -> None:
         """Two processes would do the same scenes, and write into each other's lines."""
         try:
-            if sys.platform == "win32":
-                import msvcrt
-
-                self._file.seek(LOCKED_BYTE)  # a locked byte cannot be read
-                msvcrt.locking(self._file.fileno(), msvcrt.LK_NBLCK, 1)
-            else:
-                import fcntl
-
-                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            take_lock(self._file, at=LOCKED_BYTE)  # a locked byte cannot be read
         except (BlockingIOError, PermissionError):
             raise ConfigError(
                 f"{self.path}: another process is at this study; wait for it, or name another "

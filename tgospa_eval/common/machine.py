@@ -7,6 +7,8 @@ from contextlib import suppress
 from itertools import islice
 from typing import TypeVar
 
+from tgospa_eval.common.files import reason
+
 
 def cores() -> int:
     """Cores that this process may use."""
@@ -57,6 +59,16 @@ def is_of_memory(error: BaseException | None) -> bool:
             return True
         error = error.__cause__ or error.__context__
     return False
+
+
+def fault_of(error: BaseException) -> str:
+    """Why something failed that nobody foresaw, in words."""
+    if is_of_memory(error):
+        return "out of memory"
+    if isinstance(error, OSError):
+        return f"{error.filename or 'writing'}: {reason(error)}"
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return f"{text}; this is an error of this program, please report it"
 
 
 # -------------------------------------------------------------------------------------------------

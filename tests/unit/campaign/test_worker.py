@@ -65,7 +65,10 @@ def test_a_file_that_cannot_be_read(task: JobTask, tmp_path: Path, name: str) ->
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        (ZeroDivisionError("x"), "ZeroDivisionError: x: please report this as a bug"),
+        (
+            ZeroDivisionError("x"),
+            "ZeroDivisionError: x; this is an error of this program, please report it",
+        ),
         (MemoryError(), "out of memory"),
         (RuntimeError("can't start new thread"), "out of memory"),
     ],
