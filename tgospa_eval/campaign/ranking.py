@@ -582,7 +582,7 @@ def outcomes(documents: Documents, paths: Paths) -> list[EntrantOutcome]:
         found.append(
             EntrantOutcome(
                 bracket=Interval(lower=lower, upper=upper),
-                parts=cast("CostParts", {name: document[name] for name in PARTS}),
+                parts={name: document[name] for name in PARTS},
                 counts=document["counts"],
                 steps=steps,
                 moments=own,
