@@ -11,7 +11,7 @@ from pages import embedded, note, pick, picture, texts
 
 from tgospa_eval import Trajectories, evaluate
 from tgospa_eval.distances import CloudWasserstein
-from tgospa_eval.reports import drawn as spreads
+from tgospa_eval.reports import page_data as spreads
 from tgospa_eval.reports.page_data import document
 from tgospa_eval.results.result import Result
 from tgospa_eval.tracks.clouds import Clouds

@@ -35,7 +35,7 @@ from tgospa_eval.campaign.solvers import run_here
 from tgospa_eval.cli.simulate import OPTIONS
 from tgospa_eval.distances import Mahalanobis
 from tgospa_eval.evaluation.prepare import Prepared
-from tgospa_eval.reports.records import SolverRun
+from tgospa_eval.results.records import Json
 from tgospa_eval.simulation.settings import USUAL_ERRORS, usual_tracker
 from tgospa_eval.solvers import Solver
 
@@ -147,7 +147,7 @@ def test_compare_ranks(invoke, quickstart: tuple[str, str]) -> None:
 
 
 def test_compare_solvers(quickstart: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    def here(prepared: Prepared, solver: Solver, progress: object) -> SolverRun:
+    def here(prepared: Prepared, solver: Solver, progress: object) -> Json:
         return run_here(prepared, solver)
 
     monkeypatch.setattr(solvers, "run_apart", here)  # a process for each would take longer

@@ -40,7 +40,6 @@ from tgospa_eval.evaluation.prepare import Prepared, prepare
 from tgospa_eval.evaluation.sides import TrajectoriesLike, as_solver
 from tgospa_eval.formats import Reading
 from tgospa_eval.reports.comparison import estimates_columns, pairs_columns, render, solvers_columns
-from tgospa_eval.reports.records import Metric, RankingRecord, SolversRecord
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import MADE_BY, read_result, saved_result
 from tgospa_eval.solvers import SOLVERS, Solver
@@ -69,7 +68,7 @@ class Compared:
         The document of ``--format json``.
     """
 
-    document: RankingRecord | SolversRecord
+    document: Json
 
     @cached_property
     def table(self) -> "pd.DataFrame":
@@ -89,7 +88,7 @@ class Compared:
             return pd.DataFrame()
         return pd.DataFrame(pairs_columns(self.document))
 
-    def to_dict(self) -> RankingRecord | SolversRecord:
+    def to_dict(self) -> Json:
         """The document as plain Python values."""
         return self.document
 
@@ -157,7 +156,7 @@ def compare(
     check_solvers(chosen)
     notices: list[Notice] = []
     pairs = PairReader(settings, stopwatch, notices.append, mapping=mapping, in_python=True)
-    found: RankingRecord | SolversRecord
+    found: Json
     if chosen:
         found = solvers_on(pairs, truth, cast("TrajectoriesLike", estimates), chosen)
     else:
@@ -264,7 +263,7 @@ class PairReader:
         return prepare(sides.fitted, sides.request, files=files, stopwatch=self.stopwatch)
 
 
-Ranked = tuple[RankingRecord, list[Entrant]]
+Ranked = tuple[Json, list[Entrant]]
 """The document, and what it was made of."""
 
 
@@ -324,7 +323,7 @@ def ranked(
         if mine
     ]
     truths = called([truth for truth, _ in runs[:whole]], ["truth"] * whole)
-    metric = cast("Metric", result.settings)
+    metric = dict(result.settings)
     return ranking_document(entrants, truths, metric, pairs.warnings), entrants
 
 
@@ -335,7 +334,7 @@ def solvers_on(
     solvers: Sequence[Solver],
     *,
     spare: bool = False,
-) -> SolversRecord:
+) -> Json:
     """Several solvers on one pair; `spare` leaves out a referee that would take minutes."""
     stopwatch, prepared = pairs.stopwatch, pairs.prepared(truth, estimate)
     chosen, left_out = list(solvers), {}
@@ -439,7 +438,7 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
         for first, *_ in heads
     ]
     records = [warning.record() for warning in warnings]
-    document = ranking_document(entrants, truths, cast("Metric", shared), records)
+    document = ranking_document(entrants, truths, shared, records)
     for item in document["estimates"]:
         beside = others[names.index(item["name"])]
         if beside:

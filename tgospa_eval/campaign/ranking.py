@@ -32,17 +32,7 @@ from tgospa_eval.problem.gospa import (
 )
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.other_metrics import COMPARED
-from tgospa_eval.reports.records import (
-    RULES,
-    CostParts,
-    EstimateRecord,
-    Metric,
-    PairRecord,
-    PerStepRecord,
-    RankingRecord,
-    Rule,
-    RuleRecord,
-)
+from tgospa_eval.reports.phrases import RULES, Rule
 from tgospa_eval.results.numbers import outward
 from tgospa_eval.results.records import PARTS, Columns, Json, OtherMetrics, Part, Time
 from tgospa_eval.results.result import Result
@@ -51,7 +41,7 @@ from tgospa_eval.tracks.alignment import Times
 from tgospa_eval.tracks.judged import JUDGE_ALIKE, incomparable
 
 
-def against(result: Result) -> tuple[PerStepRecord, dict[str, Floats]]:
+def against(result: Result) -> tuple[Json, dict[str, Floats]]:
     """Each step evaluated by itself, on the problem of a result.
 
     Returns
@@ -81,7 +71,7 @@ def against(result: Result) -> tuple[PerStepRecord, dict[str, Floats]]:
     used = states.entry[(states.entry >= 0) & (result.proof.weights > 0)]
     changed = np.setxor1d(used, found.entries)
 
-    def of_rule(rule: Rule) -> RuleRecord:
+    def of_rule(rule: Rule) -> Json:
         return {
             "switches": float(changes[rule].total.sum()),
             "halves": float(changes[rule].half.sum()),
@@ -89,7 +79,7 @@ def against(result: Result) -> tuple[PerStepRecord, dict[str, Floats]]:
             "mean": float(values[rule].mean()) if len(gospa) else 0.0,
         }
 
-    record: PerStepRecord = {
+    record: Json = {
         "total": float(gospa.sum()),
         "localisation": scale * float(found.localisation.sum()),
         "missed": scale * float(found.missed.sum()),
@@ -101,16 +91,14 @@ def against(result: Result) -> tuple[PerStepRecord, dict[str, Floats]]:
     return record, values
 
 
-def differences(
-    document: EstimateRecord, step: PerStepRecord, steps: Sequence[int], order: float
-) -> Iterator[str]:
+def differences(document: Json, step: Json, steps: Sequence[int], order: float) -> Iterator[str]:
     """Why the numbers of one estimate differ, a sentence each.
 
     Parameters
     ----------
-    document : EstimateRecord
+    document : dict
         TGOSPA's own numbers.
-    step : PerStepRecord
+    step : dict
         Those of per-step GOSPA.
     steps : sequence of int
         Steps of each run.
@@ -186,12 +174,12 @@ class EntrantOutcome:
         What it was judged on, as `Judged.record`.
     finished, status : bool, str
         Whether the solver did what was asked, and how it ended.
-    input, against, others : dict, and PerStepRecord and Others or None
+    input, against, others : dict, or None
         Rows and digests; per-step GOSPA; other metrics.
     """
 
     bracket: Interval
-    parts: CostParts
+    parts: Json
     counts: dict[str, float]
     steps: dict[str, Floats]
     moments: Times
@@ -200,7 +188,7 @@ class EntrantOutcome:
     finished: bool
     status: str
     input: Mapping[str, Json]
-    against: PerStepRecord | None = None
+    against: Json | None = None
     others: Others | None = None
 
 
@@ -212,7 +200,7 @@ def outcome(
     record, values = against(result) if per_step else (None, {})
     return EntrantOutcome(
         bracket=Interval(lower=lower, upper=upper),
-        parts=cast("CostParts", {name: getattr(result, name) for name in PARTS}),
+        parts={name: getattr(result, name) for name in PARTS},
         counts=result.counts,
         steps={name: result.scale * getattr(split, name) for name in PARTS} | values,
         moments=moments,
@@ -341,9 +329,9 @@ RANKED = "normalised.tgospa"
 def ranking_document(
     entrants: Sequence[Entrant],
     truths: Sequence[str],
-    parameters: Metric,
+    parameters: Json,
     warnings: list[dict[str, str]],
-) -> RankingRecord:
+) -> Json:
     """The JSON document, the estimates in the order of their values.
 
     Parameters
@@ -352,7 +340,7 @@ def ranking_document(
         At least one, each with the same number of runs.
     truths : sequence of str
         The file with the truth of each run.
-    parameters : Metric
+    parameters : dict
         Every option that changes the number.
     warnings : list of dict
         What looks wrong with the data.
@@ -405,9 +393,7 @@ def ranking_document(
     }
 
 
-def _entry(
-    entrant: Entrant, steps: list[int], order: float, place: tuple[int, int]
-) -> EstimateRecord:
+def _entry(entrant: Entrant, steps: list[int], order: float, place: tuple[int, int]) -> Json:
     outcomes = entrant.outcomes
     total = _mean([item.bracket for item in outcomes])
     shares = np.array(steps, float)
@@ -420,7 +406,7 @@ def _entry(
 
     found = [item.against for item in outcomes if item.against is not None]
     others = [item.others for item in outcomes if item.others is not None]
-    record: EstimateRecord = {
+    record: Json = {
         "name": entrant.name,
         "paths": list(entrant.paths),
         "place": list(place),
@@ -452,7 +438,7 @@ def _entry(
             }
             for item in outcomes
         ],
-        "per_step_gospa": cast("PerStepRecord", _means(found)) if found else None,
+        "per_step_gospa": _means(found) if found else None,
     }
     if others:
         record["with"] = joined_metrics(others)
@@ -484,7 +470,7 @@ def _pair(
     normal: tuple[Interval, Interval],
     runs: tuple[list[Interval], list[Interval]],
     durations: list[int],
-) -> PairRecord:
+) -> Json:
     """The second less the first, which has the smaller value; costs per step, means over runs."""
     first, second = entrants
     pairs = list(zip(first.outcomes, second.outcomes, strict=True))
@@ -596,7 +582,7 @@ def outcomes(documents: Documents, paths: Paths) -> list[EntrantOutcome]:
         found.append(
             EntrantOutcome(
                 bracket=Interval(lower=lower, upper=upper),
-                parts=cast("CostParts", {name: document[name] for name in PARTS}),
+                parts={name: document[name] for name in PARTS},
                 counts=document["counts"],
                 steps=steps,
                 moments=own,

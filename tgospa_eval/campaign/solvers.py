@@ -23,12 +23,7 @@ from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve
 from tgospa_eval.evaluation.prepare import Prepared, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.tgospa import Parameters
-from tgospa_eval.reports.records import (
-    Metric,
-    SolverRun,
-    SolversRecord,
-)
-from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -62,7 +57,7 @@ def name_of(solver: Solver) -> str:
     return called(solver.name, solver.epsilon)
 
 
-def failed(solver: Solver, error: BaseException) -> SolverRun:
+def failed(solver: Solver, error: BaseException) -> Json:
     """What is left of a run whose solver raised."""
     return {
         "name": name_of(solver),
@@ -81,7 +76,7 @@ def reason(error: BaseException) -> str:
     return str(error) if isinstance(error, TgospaError) else fault_of(error)
 
 
-def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = None) -> SolverRun:
+def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = None) -> Json:
     """Solve and prove in this process."""
     result = solve(prepared, solver, stopwatch or Stopwatch())
     stages = {name: seconds for name, seconds in result.timings["solve"].items() if seconds}
@@ -114,7 +109,7 @@ def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = N
     }
 
 
-def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = None) -> SolverRun:
+def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = None) -> Json:
     """The same in a process of its own, which also measures the memory that it takes.
 
     Raises
@@ -157,14 +152,14 @@ def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = No
 
 def _listen(
     target: IO[bytes], source: IO[bytes], progress: Progress
-) -> SolverRun | tuple[type[TgospaError], str]:
+) -> Json | tuple[type[TgospaError], str]:
     """What the process answers in the end; it is stopped where the work is."""
     stopped = False
     with io.BufferedReader(cast("io.RawIOBase", source)) as words:
         while True:
             found = pickle.load(words)
             if isinstance(found, dict) or isinstance(found[0], type):
-                return cast("SolverRun | tuple[type[TgospaError], str]", found)
+                return cast("Json | tuple[type[TgospaError], str]", found)
             share, progress.bracket = found
             progress.done(share)
             if progress.stop.is_set() and not stopped:
@@ -253,9 +248,9 @@ def errors(bracket: Interval | None, known: Interval | None) -> tuple[float | No
 def compare_solvers(
     prepared: Prepared,
     solvers: Sequence[Solver],
-    run: Callable[[Prepared, Solver], SolverRun] | None = None,
+    run: Callable[[Prepared, Solver], Json] | None = None,
     progress: Progress | None = None,
-) -> list[SolverRun]:
+) -> list[Json]:
     """Run all solvers, one after the other; one that fails leaves the others their results.
 
     Those that are not begun when the work is to stop are left out.
@@ -273,7 +268,7 @@ def compare_solvers(
     """
     progress = progress or Progress()
     run = run or partial(run_apart, progress=progress)
-    runs: list[SolverRun] = []
+    runs: list[Json] = []
     for number, solver in enumerate(solvers):
         if runs and progress.stop.is_set():
             break
@@ -286,17 +281,17 @@ def compare_solvers(
 
 
 def solvers_document(
-    runs: Sequence[SolverRun],
+    runs: Sequence[Json],
     prepared: Prepared,
     left_out: dict[str, str],
     seconds: dict[str, float],
     warnings: list[dict[str, str]],
-) -> SolversRecord:
+) -> Json:
     """The JSON document: the runs, with their errors against what all of them prove.
 
     Parameters
     ----------
-    runs : sequence of SolverRun
+    runs : sequence of dict
         What was found.
     prepared : Prepared
         The problem.
@@ -328,7 +323,7 @@ def solvers_document(
         },
         "runs": list(runs),
         "left_out": left_out,
-        "parameters": cast("Metric", prepared.settings),
+        "parameters": dict(prepared.settings),
         "sizes": {**prepared.sizes, "states": len(prepared.states.begin)},
         "input": prepared.input,
         "seconds": seconds,

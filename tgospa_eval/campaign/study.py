@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Literal, NoReturn, TypeAlias, TypeGuard, cast
+from typing import Literal, NoReturn, TypeAlias, TypeGuard
 
 import numpy as np
 
@@ -42,18 +42,7 @@ from tgospa_eval.evaluation.prepare import fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.tgospa import Parameters
-from tgospa_eval.reports.records import (
-    Metric,
-    SceneRecord,
-    SceneRun,
-    SizeRecord,
-    SolverRun,
-    SolverSummary,
-    Spread,
-    StudyRecord,
-    StudySettings,
-)
-from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver
 
@@ -125,7 +114,7 @@ class Log:
             "settings": settings,
         }
         self.header = json.loads(json.dumps(header))
-        self.known: dict[Key, SceneRecord] = {}
+        self.known: dict[Key, Json] = {}
         with named(str(self.path), ConfigError, "cannot be opened"):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self.path.open("a+b")
@@ -212,7 +201,7 @@ class Log:
                 )
 
 
-def is_record(document: object, solvers: int) -> TypeGuard[SceneRecord]:
+def is_record(document: object, solvers: int) -> TypeGuard[Json]:
     """Whether this has everything that a record of so many solvers needs."""
     return (
         isinstance(document, dict)
@@ -299,21 +288,18 @@ class Study:
         return [(targets, steps) for targets in self.targets for steps in self.steps]
 
     @property
-    def settings(self) -> StudySettings:
+    def settings(self) -> Json:
         """Everything that a record depends on, but for its own size and number."""
         scene = asdict(self.scene)
         return {
             "scene": {name: scene[name] for name in ("scenario", "area", "state")},
             "tracker": asdict(self.tracker) | {"false_length": list(self.tracker.false_length)},
             "seed": self.seed,
-            "parameters": cast(
-                "Metric",
-                {
-                    **asdict(self.parameters),
-                    "distance": self.distance.name,
-                    **self.distance.settings(("x", "y")),
-                },
-            ),
+            "parameters": {
+                **asdict(self.parameters),
+                "distance": self.distance.name,
+                **self.distance.settings(("x", "y")),
+            },
             "solvers": [solver_settings(s) | {"jobs": s.jobs} for s in self.solvers],
         }
 
@@ -326,10 +312,10 @@ class Study:
 
 def carry_out(
     study: Study,
-    known: dict[tuple[int, int, int], SceneRecord],
-    keep: Callable[[SceneRecord], None],
+    known: dict[tuple[int, int, int], Json],
+    keep: Callable[[Json], None],
     notify: Callable[[str, float], None] = lambda text, share: None,  # noqa: ARG005
-) -> list[SceneRecord]:
+) -> list[Json]:
     """The records of all scenes that are wanted; those that are not known are made.
 
     Parameters
@@ -360,14 +346,14 @@ def carry_out(
     return records
 
 
-def measure(study: Study, targets: int, steps: int, run: int) -> SceneRecord:
+def measure(study: Study, targets: int, steps: int, run: int) -> Json:
     """One scene through all solvers; what fails is recorded, and does not stop the study."""
     rng = np.random.default_rng([study.seed, targets, steps, run])
     stopwatch = Stopwatch()
     request = EvaluationRequest(
         parameters=study.parameters, distance=study.distance, solver=study.solvers[0]
     )
-    record: SceneRecord = {
+    record: Json = {
         "targets": targets,
         "steps": steps,
         "run": run,
@@ -393,7 +379,7 @@ def measure(study: Study, targets: int, steps: int, run: int) -> SceneRecord:
     return record
 
 
-def _recorded(made: SolverRun) -> SceneRun:
+def _recorded(made: Json) -> Json:
     """What a record keeps of a run."""
     seconds = made["seconds"]
     return {
@@ -413,14 +399,14 @@ def _recorded(made: SolverRun) -> SceneRun:
     }
 
 
-def proven(record: SceneRecord) -> list[Proven]:
+def proven(record: Json) -> list[Proven]:
     """What each run of a scene proves."""
     return [(run["name"], bracket_of(run["lower"], run["upper"])) for run in record["runs"]]
 
 
-def study_document(study: Study, records: Sequence[SceneRecord], machine: str) -> StudyRecord:
+def study_document(study: Study, records: Sequence[Json], machine: str) -> Json:
     """The JSON document: mean and spread of each size and solver."""
-    by_size: dict[Size, list[SceneRecord]] = {size: [] for size in study.sizes}
+    by_size: dict[Size, list[Json]] = {size: [] for size in study.sizes}
     for record in records:
         by_size[record["targets"], record["steps"]].append(record)
     return {
@@ -440,7 +426,7 @@ def study_document(study: Study, records: Sequence[SceneRecord], machine: str) -
     }
 
 
-def _size(size: Size, scenes: Sequence[SceneRecord], study: Study) -> SizeRecord:
+def _size(size: Size, scenes: Sequence[Json], study: Study) -> Json:
     """All scenes of one size; those whose brackets contradict each other have no part in means."""
     sound = [record for record in scenes if not contradictions(proven(record))]
     best = [
@@ -466,7 +452,7 @@ def _size(size: Size, scenes: Sequence[SceneRecord], study: Study) -> SizeRecord
     }
 
 
-def _solver(scenes: Sequence[SceneRecord], sound: Sequence[SceneRecord], k: int) -> SolverSummary:
+def _solver(scenes: Sequence[Json], sound: Sequence[Json], k: int) -> Json:
     """One solver on all scenes of one size; errors against what all solvers prove of a scene."""
     every = [record["runs"][k] for record in scenes]
     made = [record["runs"][k] for record in sound if record["runs"][k]["upper"] is not None]
@@ -487,11 +473,11 @@ def _solver(scenes: Sequence[SceneRecord], sound: Sequence[SceneRecord], k: int)
     }
 
 
-def _spread_of(values: Iterable[float | None]) -> Spread:
+def _spread_of(values: Iterable[float | None]) -> Json:
     return spread([value for value in values if value is not None])
 
 
-def spread(values: Sequence[float]) -> Spread:
+def spread(values: Sequence[float]) -> Json:
     """Mean, standard deviation (divisor n - 1) and largest; null where there is none."""
     if not len(values):
         return {"mean": None, "deviation": None, "max": None}

@@ -43,7 +43,7 @@ class Candidate:
     Parameters
     ----------
     kind : str
-        One of `results.repairs.KINDS`.
+        One of `results.explanation.KINDS`.
     saving : float
         What it would save at the assignment at hand, in units of c^p.
     edit : Edit

@@ -14,10 +14,9 @@ from tgospa_eval.explain import candidates as motion
 from tgospa_eval.explain.candidates import Candidate, StatePlaces
 from tgospa_eval.explain.edits import Assigned
 from tgospa_eval.explain.trials import Trial, Trials
-from tgospa_eval.results.explanation import Explanation
+from tgospa_eval.results.explanation import Explanation, Repair
 from tgospa_eval.results.numbers import outward
 from tgospa_eval.results.records import Columns
-from tgospa_eval.results.repairs import Repair
 from tgospa_eval.results.result import Result
 from tgospa_eval.tracks.existence import existence_of
 
@@ -80,7 +79,6 @@ def explain(
         candidates=len(able),
         tried=len(trials),
         seconds=stopwatch.elapsed() - begin,
-        before=result.total,
         estimate=sides.alignment.estimate,
     )
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.common.words import install, number
 from tgospa_eval.problem.problem import Floats
+from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,18 +21,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.patches import StepPatch
 
-    from tgospa_eval.plots.lanes import plot_lanes
-    from tgospa_eval.plots.overtime import plot_costs, plot_cumulative, plot_windows, plot_worst
-    from tgospa_eval.plots.plane import plot_plane
-
-__all__ = [
-    "plot_costs",
-    "plot_cumulative",
-    "plot_lanes",
-    "plot_plane",
-    "plot_windows",
-    "plot_worst",
-]
+plot_costs = Summary.plot_costs
+plot_cumulative = Summary.plot_cumulative
+plot_lanes = Summary.plot_lanes
+plot_plane = Summary.plot_plane
+plot_windows = Summary.plot_windows
+plot_worst = Summary.plot_worst
 
 Draw: TypeAlias = "Callable[[], Mapping[str, Figure]]"
 """Makes figures by name."""
@@ -48,15 +43,6 @@ QUICK = 1
 
 MISSING = f"no pictures: they need the extra plot: {install('plot')}"
 
-_HOMES = {
-    "plot_costs": "overtime",
-    "plot_cumulative": "overtime",
-    "plot_lanes": "lanes",
-    "plot_plane": "plane",
-    "plot_windows": "overtime",
-    "plot_worst": "overtime",
-}
-
 FILES: Mapping[str, dict[str, Any]] = {
     "png": {},
     "svg": {"metadata": {"Creator": None, "Date": None}},
@@ -66,14 +52,6 @@ FILES: Mapping[str, dict[str, Any]] = {
 
 _SAME = {"svg.hashsalt": "tgospa-eval", "pdf.fonttype": 42}
 """The ids of an SVG are the same each time; in a PDF fonts are those that publishers take."""
-
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        from importlib import import_module
-
-        return getattr(import_module(f"tgospa_eval.plots.{_HOMES[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def available() -> bool:

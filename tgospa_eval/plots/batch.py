@@ -197,11 +197,6 @@ def _names(axis: "Axes", names: Sequence[str], *, upright: bool, shift: float = 
         axis.set_ylim(len(names) - 0.5, -0.5)
 
 
-def _cost_per_step(unit: str, order: float) -> str:
-    """What bars are lengths of."""
-    return f"cost per step{power(unit, order)}"
-
-
 def batch_pictures(
     view: BatchView, wanted: "Pictures", notify: Callable[[str, float], None]
 ) -> dict[str, bytes]:
@@ -213,9 +208,9 @@ def batch_pictures(
         draw: dict[str, Callable[[], Figure]] = {}
         if view.groups:
             orders = view.tables.rows["order"].dropna().unique()
-            about = _cost_per_step(view.unit, orders[0]) if len(orders) == 1 else "cost per step"
+            unit = power(view.unit, orders[0]) if len(orders) == 1 else ""
             costs = {group.name or "all jobs": group.costs for group in view.groups}
-            draw["parts"] = lambda: draw_parts(costs, style, about)
+            draw["parts"] = lambda: draw_parts(costs, style, f"cost per step{unit}")
         heat = view.heat
         if heat is not None and heat.ends is not None:
             draw["heat"] = lambda: draw_heat(heat, style, view.unit)

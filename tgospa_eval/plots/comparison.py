@@ -250,7 +250,9 @@ def scaling(document: Json) -> "Figure":
             below = f"\n{', '.join(exact)}: below {FLOOR:g}" if exact else ""
             label(panels[1], name, ERROR, f"Error, {where}{below}")
         for axis in panels:
-            _sizes(axis, [size[varied] for size in chosen])
+            x = [size[varied] for size in chosen]
+            _ticks(axis, x, ",")
+            axis.set_xlim(x[0] / (x[-1] / x[0]) ** 0.05, x[-1] * (x[-1] / x[0]) ** 0.05)
     if not with_errors:
         title = f"{axes[0, 0].get_title(loc='left')}; all errors are below {FLOOR:g}"
         axes[0, 0].set_title(title, fontsize="medium", loc="left")
@@ -275,12 +277,6 @@ def _errors(axis: "Axes", varied: str, chosen: Sequence[Json]) -> list[str]:
     else:
         axis.set_yticks([])
     return exact
-
-
-def _sizes(axis: "Axes", x: Sequence[int]) -> None:
-    """A logarithmic axis that names the sizes that were run."""
-    _ticks(axis, x, ",")
-    axis.set_xlim(x[0] / (x[-1] / x[0]) ** 0.05, x[-1] * (x[-1] / x[0]) ** 0.05)
 
 
 def _ticks(axis: "Axes", x: Sequence[float], form: str = "g") -> None:

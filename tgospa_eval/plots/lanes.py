@@ -17,13 +17,11 @@ from tgospa_eval.plots.style import (
     Style,
     legend,
     literal,
-    styled,
     titled,
 )
-from tgospa_eval.plots.views import DrawnSide, View, view
+from tgospa_eval.plots.views import DrawnSide, View
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.page_data import NONE
-from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -81,20 +79,8 @@ class Lanes:
         return places[track]
 
 
-def plot_lanes(result: Summary, *, style: str = "screen") -> "Figure":
-    """A lane for each truth with the estimates that follow it, and lanes of false tracks below.
-
-    A gap with a frame is missed, a triangle is a switch, the darker foot of a bar is the error as
-    a share of the cutoff. Of more trajectories than have room the costliest have lanes, and the
-    others share one, in which a height says how many of them are missed, or false. Parameters,
-    errors and return value are those of `plot_costs`.
-    """
-    with styled(style) as made:
-        return draw_lanes(view(result), made)
-
-
 def draw_lanes(seen: View, style: Style) -> "Figure":
-    """`plot_lanes` of a view."""
+    """A lane for each truth, and lanes of false tracks below."""
     truths = arranged(seen.truth, np.arange(len(seen.truth.ids)), style.lanes, 1)
     wrong = np.flatnonzero(np.asarray(seen.estimate.table["unassigned_count"], float) > 0)
     estimates = arranged(seen.estimate, wrong, style.lanes // 2, truths.end + 1)

@@ -7,13 +7,11 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import number
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import boxes, counted, figure, stairs
-from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, styled, titled
-from tgospa_eval.plots.views import DrawnSide, View, binned, parts_of, view
+from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, titled
+from tgospa_eval.plots.views import DrawnSide, View, binned
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.clock import Clock
-from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,53 +22,8 @@ MARGIN = 0.8
 """Inches beside the axes, about."""
 
 
-def plot_costs(
-    result: Summary, *, style: str = "screen", components: Sequence[str] | None = None
-) -> "Figure":
-    """Cost of each step, stacked: localisation, missed, false, switch.
-
-    Where there are more steps than can be distinguished each bar is the costliest of several, and
-    the axis says of how many.
-
-    Parameters
-    ----------
-    result : Result
-        What to draw.
-    style : {"screen", "paper"}
-        With a title; or small, for one column of a journal.
-    components : sequence of str, optional
-        Parts of the cost that are drawn, of ``"localisation"``, ``"missed"``, ``"false"``,
-        ``"switch"``; all by default.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Belongs to no window.
-
-    Raises
-    ------
-    ConfigError
-        A name is unknown, or matplotlib is not installed.
-    """
-    with styled(style) as made:
-        return draw_costs(view(result), made, parts_of(components))
-
-
-def plot_cumulative(
-    result: Summary, *, style: str = "screen", components: Sequence[str] | None = None
-) -> "Figure":
-    """Normalised cumulative cost: at each step the root of the mean cost of the steps up to it.
-
-    The assignment is that of the whole recording, unless the curve was asked for; the last value of
-    the total is ``result.normalised["tgospa"]``. Parameters, errors and return value are those of
-    `plot_costs`; the total is always drawn.
-    """
-    with styled(style) as made:
-        return draw_cumulative(view(result), made, parts_of(components))
-
-
 def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
-    """`plot_costs` of a view."""
+    """Stacked bars of each step, or of the costliest of several."""
     made, ((axis,),) = figure(style.width, style.low)
     costs = {name: np.asarray(seen.data["costs"][name], float) for name in parts}
     stretch = seen.data.get("together", 1)
@@ -103,32 +56,14 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     return made
 
 
-def plot_windows(
-    result: Summary, *, style: str = "screen", components: Sequence[str] | None = None
-) -> "Figure":
-    """Sliding windows: at the middle of each the root of its mean cost, as `Result.windows` has it.
-
-    Parameters, errors and return value are those of `plot_costs`; the total is always drawn.
-
-    Raises
-    ------
-    ConfigError
-        Windows were not asked for.
-    """
-    if result.slid is None:
-        raise ConfigError("there are no windows: evaluate with window=, the steps of each")
-    with styled(style) as made:
-        return draw_windows(view(result), made, parts_of(components))
-
-
 def draw_cumulative(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
-    """`plot_cumulative` of a view."""
+    """The root of the mean cost of the steps up to each."""
     lines = _TimeLines(at=seen.at, values=seen.data["curve"], axis="per step, so far")
     return _draw_lines(seen, style, parts, lines, "Normalised cumulative cost")
 
 
 def draw_windows(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
-    """`plot_windows` of a view."""
+    """The root of the mean cost of each window."""
     found = seen.data["windows"]
     ends = (seen.at[np.asarray(found[name], int)] for name in ("first", "last"))
     lines = _TimeLines(
@@ -211,19 +146,8 @@ UNASSIGNED = {"truth": "missed", "estimate": "false"}
 """What a track costs where it is unassigned."""
 
 
-def plot_worst(
-    result: Summary, *, style: str = "screen", components: Sequence[str] | None = None
-) -> "Figure":
-    """The costliest steps, truths and estimates, and what they cost.
-
-    Parameters, errors and return value are those of `plot_costs`; only `components` count.
-    """
-    with styled(style) as made:
-        return draw_worst(view(result), made, parts_of(components))
-
-
 def draw_worst(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
-    """`plot_worst` of a view."""
+    """Bars of the costliest steps, truths and estimates."""
     from matplotlib.patches import Patch
 
     shared = seen.time.shared

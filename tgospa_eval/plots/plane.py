@@ -10,10 +10,9 @@ from tgospa_eval.common.palette import TRACK_COLOURS
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.overtime import time_axis
 from tgospa_eval.plots.style import FALSE, INK, MISSED, SOFT, Style, legend, literal, styled, titled
-from tgospa_eval.plots.views import TIME, DrawnSide, View, is_box, plane_columns, view
+from tgospa_eval.plots.views import TIME, DrawnSide, View, is_box, plane_columns
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.page_data import is_map, map_stretch
-from tgospa_eval.results.summary import Summary
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -69,7 +68,7 @@ def ellipses(seen: View, side: DrawnSide, across: str, up: str) -> tuple[Ints, F
     """Rows that are drawn with a spread, and outlines (K, CORNERS, 2), of those that have any.
 
     Of two components with deviations s, t and correlation r the n-sigma outline is
-    (n s cos u, n t sin(u + arcsin r)), 0 <= u < 2 pi; `reports.drawn` says how these are encoded.
+    (n s cos u, n t sin(u + arcsin r)), 0 <= u < 2 pi; `reports.page_data` encodes these.
     """
     how, names = seen.data["spread"], seen.data["columns"]
     if "row" not in side.spread:
@@ -138,41 +137,8 @@ Mark = tuple[str, Floats, Floats, dict[str, Any]]
 """Kind of event, places, looks."""
 
 
-def plot_plane(
-    result: Summary, *, columns: tuple[str, str] | None = None, style: str = "screen"
-) -> "Figure":
-    """Trajectories in two of the state columns, with misses, false targets and switches.
-
-    Boxes and 2-sigma ellipses are drawn here and there along the trajectories where the states
-    have such, the two columns show them, and there are few trajectories.
-
-    Parameters
-    ----------
-    result : Result
-        What to draw.
-    columns : pair of str, optional
-        What is across and up: state columns, ``"t"`` for the time, of boxes ``"centre x"`` and
-        ``"centre y"``. By default the first two columns, the centres of boxes, ``lon`` and
-        ``lat``; of a single column it over the time.
-    style : {"screen", "paper"}
-        With a title; or small, for one column of a journal.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Belongs to no window.
-
-    Raises
-    ------
-    ConfigError
-        A column or the style is unknown, or matplotlib is not installed.
-    """
-    with styled(style) as made:
-        return draw_plane(view(result), made, columns)
-
-
 def draw_plane(seen: View, style: Style, columns: Sequence[str] | None = None) -> "Figure":
-    """`plot_plane` of a view."""
+    """Trajectories with misses, false targets and switches."""
     boxes = seen.data["boxes"]
     across, up = plane_columns(seen.data["columns"], columns, boxes=boxes)
     sides = [side for side in (seen.truth, seen.estimate) if side.axes]

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import FILES, available, files_of
-from tgospa_eval.plots.style import STYLES, styled
+from tgospa_eval.plots.style import STYLES, Style, styled
 from tgospa_eval.plots.views import is_box, parts_of, plane_columns, view
-from tgospa_eval.reports.drawn import Drawn
 from tgospa_eval.reports.files import RESULT, probe_folder, result_texts, write_texts
-from tgospa_eval.reports.page_data import document
+from tgospa_eval.reports.page_data import Drawn, document
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
@@ -88,24 +87,58 @@ def result_pictures(
     """
     if not wanted.formats:
         return {}
+    with styled(wanted.style) as style:
+        draw = _pictures(result, style, wanted.components, wanted.columns, drawn)
+        if isinstance(result, PartitionedResult):
+            draw = {name: draw[name] for name in OVER_TIME}
+        return files_of(draw, wanted.formats, style.dots, notify)
+
+
+def plot(
+    result: Summary,
+    name: str,
+    *,
+    style: str = "screen",
+    components: Sequence[str] | None = None,
+    columns: Sequence[str] | None = None,
+) -> "Figure":
+    """One of them, as `Summary.plot_costs` and its like return it.
+
+    Raises
+    ------
+    ConfigError
+        A name is unknown, matplotlib is not installed, or there is no such picture.
+    """
+    with styled(style) as made:
+        draw = _pictures(result, made, components, columns)
+        if name not in draw:
+            raise ConfigError("there are no windows: evaluate with window=, the steps of each")
+        return draw[name]()
+
+
+def _pictures(
+    result: Summary,
+    style: Style,
+    components: Sequence[str] | None,
+    columns: Sequence[str] | None,
+    drawn: Drawn | None = None,
+) -> "dict[str, Callable[[], Figure]]":
+    """By name what makes each."""
     from tgospa_eval.plots.lanes import draw_lanes
     from tgospa_eval.plots.overtime import draw_costs, draw_cumulative, draw_windows, draw_worst
     from tgospa_eval.plots.plane import draw_plane
 
-    seen, parts = view(result, drawn), parts_of(wanted.components)
-    with styled(wanted.style) as style:
-        draw: dict[str, Callable[[], Figure]] = {
-            "costs": lambda: draw_costs(seen, style, parts),
-            "lanes": lambda: draw_lanes(seen, style),
-            "plane": lambda: draw_plane(seen, style, wanted.columns),
-            "cumulative": lambda: draw_cumulative(seen, style, parts),
-            "worst": lambda: draw_worst(seen, style, parts),
-        }
-        if isinstance(result, PartitionedResult):
-            draw = {name: draw[name] for name in OVER_TIME}
-        if result.slid is not None:
-            draw["windows"] = lambda: draw_windows(seen, style, parts)
-        return files_of(draw, wanted.formats, style.dots, notify)
+    parts, seen = parts_of(components), view(result, drawn)
+    found: dict[str, Callable[[], Figure]] = {
+        "costs": lambda: draw_costs(seen, style, parts),
+        "lanes": lambda: draw_lanes(seen, style),
+        "plane": lambda: draw_plane(seen, style, columns),
+        "cumulative": lambda: draw_cumulative(seen, style, parts),
+        "worst": lambda: draw_worst(seen, style, parts),
+    }
+    if result.slid is not None:
+        found["windows"] = lambda: draw_windows(seen, style, parts)
+    return found
 
 
 def save(result: Summary, folder: "str | os.PathLike[str]", *, force: bool) -> None:

@@ -15,8 +15,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.clock import Clock, edges, placed, words
-from tgospa_eval.reports.drawn import Drawn
-from tgospa_eval.reports.page_data import NONE, document, is_map
+from tgospa_eval.reports.page_data import NONE, Drawn, document, is_map
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
@@ -48,7 +47,7 @@ class DrawnSide:
     axes : dict
         Of these rows what the plane can show, by name.
     spread : dict
-        What is around states: ``row``, and the entries of `reports.drawn` by number.
+        What is around states: ``row``, and the entries of `reports.page_data` by number.
     """
 
     name: str

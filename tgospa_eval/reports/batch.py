@@ -259,16 +259,7 @@ def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:
 def _orders(ranking: Ranking) -> Iterator[str]:
     """Both orders in a sentence each."""
     entries, where = ranking.entries, _where(ranking)
-    yield (
-        where
-        + order_in_words(
-            "combined",
-            [item.name for item in entries],
-            [item.place for item in entries],
-            {(pair.first, pair.second): pair.verdict for pair in ranking.comparisons},
-        )
-        + f" ({_jobs(ranking)})"
-    )
+    yield f"{where}{order_of('combined', ranking)} ({_jobs(ranking)})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     places = [item.statistical_place for item in entries if item.statistical_place]
     if not places:
@@ -280,6 +271,16 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     else:
         top = first_names([[name] for name in first])
         yield f"{begin}: no significant difference at the top between {top}"
+
+
+def order_of(value: str, ranking: Ranking) -> str:
+    """What is proven of the order, in a sentence."""
+    return order_in_words(
+        value,
+        [item.name for item in ranking.entries],
+        [item.place for item in ranking.entries],
+        {(pair.first, pair.second): pair.verdict for pair in ranking.comparisons},
+    )
 
 
 def _where(ranking: Ranking) -> str:

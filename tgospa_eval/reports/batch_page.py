@@ -6,7 +6,7 @@ from the user passes through the autoescape of the template.
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, TRACK_COLOURS, heat_shades
@@ -17,12 +17,13 @@ from tgospa_eval.reports.batch import (
     about_others,
     about_slices_of,
     of_expected,
+    order_of,
     other_tables,
     parameters_in_words,
     slice_tables,
 )
 from tgospa_eval.reports.batch_records import Comparison, Ranking
-from tgospa_eval.reports.batch_view import METRIC_COLUMNS, BatchView, GroupCosts
+from tgospa_eval.reports.batch_view import METRIC_COLUMNS, BatchView
 from tgospa_eval.reports.clock import ROOM, upward
 from tgospa_eval.reports.curves import (
     BANDS,
@@ -33,7 +34,7 @@ from tgospa_eval.reports.curves import (
     on_one_axis,
 )
 from tgospa_eval.reports.html import environment, inlined, page_colours
-from tgospa_eval.reports.phrases import ORDERS, order_in_words, place_in_words
+from tgospa_eval.reports.phrases import ORDERS, place_in_words
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.text import as_unicode
 
@@ -155,7 +156,7 @@ def batch_page(view: BatchView) -> str:
             view=view,
             source=_source(view),
             title=_title(view, ranking),
-            sentence=_sentence(ranking),
+            sentence="" if ranking is None else order_of("the combined value", ranking),
             version=view.settings["version"],
             jobs=len(rows),
             failed=len(failed),
@@ -163,7 +164,7 @@ def batch_page(view: BatchView) -> str:
             rankings=[_ranking(view, ranking) for ranking in view.tables.rankings],
             notes=view.tables.notes,
             parameter_sets=len({group.parameters for group in view.groups}),
-            groups=[_group(view, group) for group in groups[:MOST_GROUPS]],
+            groups=groups[:MOST_GROUPS],
             common=any(found.jobs < found.all_jobs for found in view.tables.rankings),
             others=list(other_tables(view.tables)),
             about_others=list(about_others(view.tables)),
@@ -176,11 +177,13 @@ def batch_page(view: BatchView) -> str:
             bands=[BANDS[curve.band] for curve in view.tables.curves[:1]],
             curve_groups=len({curve.name for curve in view.tables.curves}),
             costliest=list(_costliest(view, valued)),
-            faults=[
-                {"name": view.name_of(row), "message": str(row["message"])}
-                for _, row in failed.head(MOST_FAULTS).iterrows()
-            ],
+            faults=_rows(failed.head(MOST_FAULTS)),
             parts=PARTS,
+            orders=ORDERS,
+            number=number,
+            of_expected=of_expected,
+            share=_share,
+            per_step=_per_step,
             settings=_settings(view),
             style=page_colours() + _shades() + inlined("page.css") + inlined("batch.css"),
         )
@@ -229,16 +232,6 @@ def _title(view: BatchView, ranking: Ranking | None) -> str:
     return "TGOSPA of a batch"
 
 
-def _sentence(ranking: Ranking | None) -> str:
-    """What is proven of the order."""
-    if ranking is None:
-        return ""
-    verdicts = {(pair.first, pair.second): pair.verdict for pair in ranking.comparisons}
-    names = [entry.name for entry in ranking.entries]
-    places = [entry.place for entry in ranking.entries]
-    return order_in_words("the combined value", names, places, verdicts)
-
-
 def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
     """A ranking in words, with the places of brackets and intervals on a common scale."""
     entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
@@ -274,7 +267,7 @@ def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
             for words, value, sure in entries
         ],
         "ends": [view.quantity(end, 4) for end in (low, high)],
-        "pairs": [_pair(view, pair) for pair in _pairs(ranking)],
+        "pairs": _pairs(ranking),
         "all_pairs": len(ranking.comparisons),
     }
 
@@ -293,53 +286,13 @@ def _pairs(ranking: Ranking) -> list[Comparison]:
     return [pair for pair in ranking.comparisons if (pair.first, pair.second) in near]
 
 
-def _pair(view: BatchView, pair: Comparison) -> dict[str, str]:
-    """A comparison in words."""
-    found = {
-        "first": pair.first,
-        "second": pair.second,
-        "difference": view.between(pair.difference),
-        "proven": ORDERS[pair.verdict],
-    }
-    if pair.inference is None:
-        return found
-    sure = pair.inference.confidence
-    return found | {
-        "sure": f"{number(sure.lower, 4)} to {view.quantity(sure.upper, 4)}",
-        "p": number(pair.inference.p_holm, 2),
-        "significant": "yes" if pair.inference.significant else "no",
-    }
-
-
-def _group(view: BatchView, group: GroupCosts) -> dict[str, object]:
-    """A row of the table of groups, with what its cost is made of."""
-    alike = [other for other in view.groups if other.parameters == group.parameters]
-    widest = max(other.cost for other in alike) or 1.0
-    return {
-        "name": group.name or "all jobs",
-        "track": group.track,
-        "jobs": of_expected(group.jobs, group.expected),
-        **{name: view.between(value) for name, value in group.values.items()},
-        "cost": number(group.cost, 4),
-        "parts": [
-            {
-                "name": name,
-                "width": f"{100 * cost / widest:.2f}",
-                "cost": number(cost, 4),
-                "share": _share(cost, group.cost),
-            }
-            for name, cost in group.costs.items()
-        ],
-    }
-
-
 def _share(cost: float, total: float) -> str:
     return f"{100 * cost / total:.0f} %" if total else "-"
 
 
 def _costliest(
     view: BatchView, valued: "pd.DataFrame"
-) -> Iterator[tuple[str, list[dict[str, object]]]]:
+) -> "Iterator[tuple[str, list[pd.Series[Any]]]]":
     """The jobs with the largest cost per step, of each set of parameters by themselves."""
     if len(valued) < 2:
         return
@@ -347,33 +300,25 @@ def _costliest(
     order = each.sort_values(ascending=False, kind="stable").index
     names = list(view.tables.parameters)
     if not names:
-        yield "", _losing_most(view, valued.loc[order[:COSTLIEST]])
+        yield "", _rows(valued.loc[order[:COSTLIEST]])
         return
     sets = valued.loc[order].groupby(names, dropna=False)
     for _, jobs in itertools.islice(sets, COSTLIEST):
         about = parameters_in_words({name: jobs[name].iloc[0] for name in names})
-        yield about, _losing_most(view, jobs.head(max(1, COSTLIEST // sets.ngroups)))
+        yield about, _rows(jobs.head(max(1, COSTLIEST // sets.ngroups)))
 
 
-def _losing_most(view: BatchView, jobs: "pd.DataFrame") -> list[dict[str, object]]:
-    """Some jobs, with what they lose."""
-    found: list[dict[str, object]] = []
-    for _, row in jobs.iterrows():
-        steps, power = max(float(row["judged.steps"]), 1.0), 1 / float(row["order"])
-        value = Interval(
-            lower=(float(row["total_lower"]) / steps) ** power,
-            upper=(float(row["total_upper"]) / steps) ** power,
-        )
-        found.append(
-            {
-                "name": view.name_of(row),
-                "link": view.link(row),
-                "per_step": view.between(value),
-                "steps": f"{int(steps):,}",
-                "shares": [_share(float(row[name]), float(row["total"])) for name in PARTS],
-            }
-        )
-    return found
+def _rows(jobs: "pd.DataFrame") -> "list[pd.Series[Any]]":
+    return [row for _, row in jobs.iterrows()]
+
+
+def _per_step(row: "pd.Series[Any]") -> Interval:
+    """The bracket of the value per step of a job."""
+    steps, power = max(float(row["judged.steps"]), 1.0), 1 / float(row["order"])
+    return Interval(
+        lower=(float(row["total_lower"]) / steps) ** power,
+        upper=(float(row["total_upper"]) / steps) ** power,
+    )
 
 
 def _settings(view: BatchView) -> dict[str, str]:

@@ -8,11 +8,12 @@ from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, number
 from tgospa_eval.reports.files import csv_text
-from tgospa_eval.reports.other_metrics import compared_table, direction, other_columns
+from tgospa_eval.reports.other_metrics import direction, grouped_table, other_columns
 from tgospa_eval.reports.phrases import (
     EXACT,
     ORDERS,
     PROOFS,
+    RULES,
     SPLIT_NOTE,
     TO_RANK,
     TO_STUDY,
@@ -27,7 +28,6 @@ from tgospa_eval.reports.phrases import (
     size_of,
     unit_of,
 )
-from tgospa_eval.reports.records import RULES
 from tgospa_eval.reports.tables import WRITERS, Document, Table, as_markdown
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text
 
@@ -238,9 +238,9 @@ def _against_tables(document: Json) -> Iterator[Table]:
 
 def _other_tables(document: Json) -> Iterator[Table]:
     items = document["estimates"]
-    return compared_table(
-        [item["name"] for item in items], [item.get("with", {}) for item in items]
-    )
+    names = [(item["name"],) for item in items]
+    found = [item.get("with", {}) for item in items]
+    yield from grouped_table(("others",), names, found, [range(len(items))])
 
 
 def _ranking_notes(document: Json) -> Iterator[str]:
@@ -317,7 +317,7 @@ def solvers_document(document: Json) -> Document:
                     (
                         run["name"],
                         *(or_dash(s, ".4f") for s in _split(run["seconds"])),
-                        _memory(run),
+                        _megabytes(run["memory"]),
                     )
                     for run in runs
                 ],
@@ -388,8 +388,7 @@ def _split(seconds: Json | None) -> tuple[float | None, ...]:
     return seconds["solve"] + seconds["certify"], *named, rest, seconds["certify"]
 
 
-def _memory(run: Json) -> str:
-    memory = run["memory"]
+def _megabytes(memory: Json | None) -> str:
     return "-" if memory is None else f"{(memory['peak'] - memory['before']) / 1e6:.1f}"
 
 

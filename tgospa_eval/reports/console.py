@@ -12,8 +12,8 @@ from tgospa_eval.problem.solution import Windows
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.slices import about_slices, slices_lines
 from tgospa_eval.reports.tables import INDENT, WIDTH, Row, Table, clip, text_lines, wrap
+from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
 from tgospa_eval.results.records import PARTS, Time
-from tgospa_eval.results.repairs import NOT_ADDITIVE, Repair, Repairs
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import ending, visible
 
@@ -25,7 +25,7 @@ RepairRow = tuple[str, str, str, str, str]
 """Rank, words, what it saves, the share of that, and the metric then."""
 
 
-def repair_table(result: Summary, found: Repairs, *, folded: bool = False) -> Table:
+def repair_table(result: Summary, found: Explanation, *, folded: bool = False) -> Table:
     """A row for each repair; folded words have as many lines as they need beside the numbers."""
     rows: list[RepairRow] = repair_rows(result, found)
     widths: tuple[int, ...] = ()
@@ -37,7 +37,7 @@ def repair_table(result: Summary, found: Repairs, *, folded: bool = False) -> Ta
     return Table(head=REPAIR_HEAD, rows=rows, align="llrrr", widths=widths)
 
 
-def repair_rows(result: Summary, found: Repairs) -> list[RepairRow]:
+def repair_rows(result: Summary, found: Explanation) -> list[RepairRow]:
     """The cells of each repair."""
     return [
         (
@@ -59,7 +59,7 @@ def saving_in_words(result: Summary, repair: Repair) -> str:
     return f"{number(lower, 4)} to {number(upper, 4)}"
 
 
-def repair_notes(found: Repairs) -> Iterator[str]:
+def repair_notes(found: Explanation) -> Iterator[str]:
     """How the savings are known, and that they are not additive."""
     several = counted(found.tried, "repair")
     if not found.repairs:

@@ -16,14 +16,13 @@ from tgospa_eval.common.manifest import unique
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.tables import csv_cell
-from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Columns
 from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
-    from tgospa_eval.reports.drawn import Drawn
+    from tgospa_eval.reports.page_data import Drawn
 
 
 Files: TypeAlias = Mapping[str, str | bytes | Path]
@@ -466,9 +465,15 @@ def result_texts(
     """
     from tgospa_eval.reports.html import page  # here: for folders only
 
+    seconds = {
+        stage: spent
+        for stage, spent in result.timings.items()
+        if stage not in ("solve", "nanoseconds_per_state")
+    }
+    seconds |= {f"solve/{stage}": spent for stage, spent in result.timings["solve"].items()}
     texts: dict[str, str | Path] = {
         "result.json": result.to_json(),
-        "timings.csv": csv_text(_timings(result)),
+        "timings.csv": csv_text({"stage": list(seconds), "seconds": list(seconds.values())}),
     }
     tables = ["curve", "windows", "per_class"]
     if isinstance(result, PartitionedResult):
@@ -480,7 +485,7 @@ def result_texts(
             texts[f"{name}.csv"] = csv_text(table)
     if result.sliced:
         texts["slices.csv"] = csv_text(slices_columns(result.sliced))
-    if isinstance(result.explained, Explanation):
+    if result.explained is not None:
         texts["explanation.json"] = result.explained.to_json()
         texts["explanation.csv"] = csv_text(result.explained.columns())
     return texts | {"report.html": page(result, names, drawn)}
@@ -533,9 +538,3 @@ def write_file(path: str, data: str | bytes, option: str) -> None:
             os.replace(beside, target)
         finally:
             beside.unlink(missing_ok=True)
-
-
-def _timings(result: Summary) -> Columns:
-    flat = {k: v for k, v in result.timings.items() if k not in ("solve", "nanoseconds_per_state")}
-    flat |= {f"solve/{name}": seconds for name, seconds in result.timings["solve"].items()}
-    return {"stage": list(flat), "seconds": list(flat.values())}

@@ -25,11 +25,11 @@ from tgospa_eval.reports.console import (
     repair_rows,
     similarity_in_words,
 )
-from tgospa_eval.reports.drawn import Drawn, thinned
 from tgospa_eval.reports.other_metrics import other_table, similarity
-from tgospa_eval.reports.page_data import document
-from tgospa_eval.reports.slices import about_slices, slices_of_page
+from tgospa_eval.reports.page_data import Drawn, document, thinned
+from tgospa_eval.reports.slices import about_slices, share, shown_slices
 from tgospa_eval.reports.tables import Table
+from tgospa_eval.results.numbers import costliest
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import PARTS, Columns, Json, Time
 from tgospa_eval.results.summary import Summary
@@ -115,18 +115,10 @@ def _chart(shapes: list[Json], high: float, times: Sequence[Time]) -> Json:
 
 def _steps(result: PartitionedResult) -> Table:
     """The costliest steps, with what they are made of."""
-    split = result.proof.breakdown
-    parts = {name: result.scale * getattr(split, name) for name in PARTS}
-    total = sum(parts.values(), np.zeros(len(result.labels.times)))
-    chosen = [k for k in np.argsort(-total, kind="stable")[:SHOWN_ROWS].tolist() if total[k] > 0]
-    rows = [
-        (
-            str(result.labels.times[k]),
-            *(number(cost, 5) for cost in (total[k], *(parts[name][k] for name in PARTS))),
-        )
-        for k in chosen
-    ]
-    return Table(head=("t", "total", *PARTS), rows=rows)
+    table, names = result.table("per_step"), ("total", *PARTS)
+    chosen = costliest(list(range(len(table["t"]))), np.array(table["total"]), SHOWN_ROWS)
+    rows = [(str(table["t"][k]), *(number(table[name][k], 5) for name in names)) for k in chosen]
+    return Table(head=("t", *names), rows=rows)
 
 
 def _tracks(result: PartitionedResult, kind: str) -> Table:
@@ -212,14 +204,14 @@ def page(
             style=style, **_values(result, names), **partitioned_values(result, drawn)
         )
     data, arrays = document(result) if drawn is None else drawn
+    repaired = result.explained
     return (
         environment()
         .get_template("page.html.j2")
         .render(
             **_values(result, names),
-            traced=result.traced is not None,
-            worst_window=_worst_window(result),
-            **_explained(result),
+            repairs=[] if repaired is None else repair_rows(result, repaired),
+            repair_notes=[] if repaired is None else list(repair_notes(repaired)),
             worst=WORST_ROWS,
             data=data,
             arrays=packed(arrays),
@@ -234,17 +226,16 @@ def _values(result: Summary, names: tuple[str, str]) -> dict[str, object]:
     return {
         "names": list(map(as_unicode, names)),
         "result": result,
-        "value": result.quantity(result.tgospa),
-        "bracket": [result.quantity(bound) for bound in (result.lower_bound, result.upper_bound)],
+        "number": number,
         "meaning": meaning(result),
         "score": "" if result.calibration is None else similarity_in_words(result),
         "parts": _parts(result),
-        "total": number(result.total),
         "per_step": result.quantity(result.normalised["tgospa"]),
-        "classes": _classes(result),
+        "classes": list(zip(*result.table("per_class").values(), strict=True)),
         "others": other_table(result.with_).rows,
         "similarity": list(similarity(result.with_)),
-        "slices": list(map(slices_of_page, result.sliced)),
+        "shown_slices": shown_slices,
+        "share": share,
         "about_slices": list(about_slices(result.sliced, certified=result.certified)),
         "seconds": {k: v for k, v in _flat(result.timings).items() if not k.startswith("nano")},
         "parameters": _flat(result.parameters),
@@ -310,27 +301,6 @@ def _parts(result: Summary) -> list[dict[str, str]]:
         parts = result.split.items()
         rows[0]["split"] = ", ".join(f"{SPLIT_WORDS[k]} {result.share(v)}" for k, v in parts)
     return rows
-
-
-def _worst_window(result: Summary) -> str:
-    found = result.table("windows").get("normalised")
-    return result.quantity(max(found)) if found else ""
-
-
-def _classes(result: Summary) -> list[list[str]]:
-    table: Columns = result.table("per_class")
-    rows = zip(*table.values(), strict=True)
-    return [[str(name), *map(number, values)] for name, *values in rows]
-
-
-def _explained(result: Summary) -> dict[str, object]:
-    """Repairs as rows of cells, and what is said of them; none where they were not asked for."""
-    found = result.explained
-    return {
-        "explained": found,
-        "repairs": [] if found is None else repair_rows(result, found),
-        "repair_notes": [] if found is None else list(repair_notes(found)),
-    }
 
 
 def _flat(record: Mapping[str, object], before: str = "") -> dict[str, str]:

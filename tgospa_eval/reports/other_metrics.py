@@ -56,11 +56,6 @@ def similarity(found: OtherMetrics) -> Iterator[str]:
     yield text
 
 
-def compared_table(names: Sequence[str], found: Sequence[OtherMetrics]) -> Iterator[Table]:
-    """A row for each of several estimates, if they have other metrics."""
-    yield from grouped_table(("others",), [(name,) for name in names], found, [range(len(names))])
-
-
 def grouped_table(
     head: tuple[str, ...],
     names: Sequence[tuple[str, ...]],

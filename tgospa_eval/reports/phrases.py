@@ -2,12 +2,17 @@
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 from tgospa_eval.common.interval import Interval, places
 from tgospa_eval.common.words import counted, sizes_in_words
 from tgospa_eval.results.numbers import PROBABILITIES
 from tgospa_eval.results.records import Columns
+
+Rule = Literal["stone_soup", "mathworks"]
+
+RULES: dict[Rule, str] = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
+"""How others charge switches after per-step GOSPA."""
 
 EXACT = 1e-9
 """Relative errors below count as none, and differ from machine to machine."""

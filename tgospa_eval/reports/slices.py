@@ -93,32 +93,6 @@ def slices_lines(slicing: Slicing) -> Iterator[str]:
         yield from (line,) if len(name) <= room else (clip(f"{INDENT}{name}"), line)
 
 
-def slices_of_page(slicing: Slicing) -> dict[str, object]:
-    """The same for a page, with the parts as widths of bars in percent of the longest."""
-    shown = shown_slices(slicing)
-    longest = max((one.total for one in shown), default=0.0) or 1.0
-    return {
-        "by": slicing.by,
-        "left": len(slicing.slices) - len(shown),
-        "rows": [
-            {
-                "name": one.name,
-                "share": share(one.total, slicing.total),
-                "widths": {part: 100 * getattr(one, part) / longest for part in PARTS},
-                "cells": [
-                    number(value)
-                    for value in (
-                        one.total,
-                        *(getattr(one, part) for part in PARTS),
-                        one.truth_steps,
-                    )
-                ],
-            }
-            for one in shown
-        ],
-    }
-
-
 def share(cost: float, total: float) -> str:
     """Of the total, in percent."""
     return f"{100 * cost / total:.1f} %" if total > 0 else "-"

@@ -5,14 +5,17 @@ ASCII signs stand in.
 """
 
 import io
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
+from functools import partial
 
+import numpy as np
 from rich.console import Console
 from rich.text import Text
 
 from tgospa_eval.common.words import number
 from tgospa_eval.reports.console import SHOWN, blocks, fitting, worst
 from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines
+from tgospa_eval.results.numbers import costliest
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import visible
@@ -36,7 +39,7 @@ def report(result: Summary, encoding: str) -> str:
     for name, lines in blocks(result).items():
         if name == GRAPH_BEFORE:
             shown.append(list(_graph(result, BLOCKS if _can(BLOCKS, encoding) else SIGNS)))
-        shown.append(list(STYLED.get(name, _plain)(result, lines)))
+        shown.append(_styled(result, name, lines))
     with console.capture() as captured:
         for k, texts in enumerate(filter(None, shown)):
             if k:
@@ -79,38 +82,30 @@ def _graph(result: Summary, ramp: str) -> Iterator[Text]:
     yield Text(clip(f"  {'t':<14}  {first}{' ' * gap}{last if steps > 1 else ''}"), style="dim")
 
 
-def _plain(_: Summary, lines: Iterable[str]) -> Iterator[Text]:
-    return map(Text, lines)
-
-
-def _dim(_: Summary, lines: Iterable[str]) -> Iterator[Text]:
-    return (Text(line, style="dim") for line in lines)
-
-
-def _headline(result: Summary, lines: list[str]) -> Iterator[Text]:
-    *claim, sizes = lines
-    style = "bold green" if result.certified else "bold yellow"
-    yield from (Text(line, style=style) for line in claim)
-    yield Text(sizes)
-
-
-def _worst(result: Summary, _: list[str]) -> Iterator[Text]:
-    """With costs and counts of the steps, for which the plain table has no room."""
-    yield from map(Text, _worst_steps(result))
-    yield from map(Text, map(visible, worst(result, ("truth", "estimates"))))
+def _styled(result: Summary, name: str, lines: list[str]) -> list[Text]:
+    """The lines of a block with its looks; most are shown as they are."""
+    if name == "headline":
+        *claim, sizes = lines
+        style = "bold green" if result.certified else "bold yellow"
+        return [*(Text(line, style=style) for line in claim), Text(sizes)]
+    if name == "parts":
+        return list(map(partial(_part, result), lines))
+    if name == "worst":  # with costs and counts of the steps, for which the plain table has no room
+        others = map(visible, worst(result, ("truth", "estimates")))
+        return [*map(Text, _worst_steps(result)), *map(Text, others)]
+    return [Text(line, style="dim" if name in ("meaning", "footer") else "") for line in lines]
 
 
 def _worst_steps(result: Summary) -> Iterator[str]:
     table, counts = result.table("per_step"), result.proof.breakdown
-    costliest = sorted(range(len(table["t"])), key=lambda k: (-table["total"][k], k))[:SHOWN]
-    costliest = [k for k in costliest if table["total"][k] > 0]
-    if not costliest:
+    chosen = costliest(list(range(len(table["t"]))), np.array(table["total"]), SHOWN)
+    if not chosen:
         return
-    times = fitting([table["t"][k] for k in costliest], 28, lambda: table["t"])
+    times = fitting([table["t"][k] for k in chosen], 28, lambda: table["t"])
     wide = max(12, *map(len, times))
     name = max(12, min(17, 40 - wide))
     rows = []
-    for k, time in zip(costliest, times, strict=True):
+    for k, time in zip(chosen, times, strict=True):
         found = (counts.missed_count[k], counts.false_count[k], counts.switch_count[k])
         cost = number(table["total"][k], 5)
         rows.append(("", time, cost, *(number(count, 4) for count in found)))
@@ -119,27 +114,16 @@ def _worst_steps(result: Summary) -> Iterator[str]:
     yield ""
 
 
-def _parts(result: Summary, lines: list[str]) -> Iterator[Text]:
-    for line in lines:
-        text = Text(line)
-        name = line.split()[0]
-        if name in PART_STYLES:
-            text.stylize(PART_STYLES[name], 2, 2 + len(name))
-            if getattr(result, name) == 0:
-                text.stylize("dim")
-        elif name == "total":
-            text.stylize("bold")
-        yield text
-
-
-STYLED: dict[str, Callable[[Summary, list[str]], Iterator[Text]]] = {
-    "headline": _headline,
-    "meaning": _dim,
-    "parts": _parts,
-    "worst": _worst,
-    "footer": _dim,
-}
-"""Blocks of the plain table that look otherwise here; all others are shown as they are."""
+def _part(result: Summary, line: str) -> Text:
+    text = Text(line)
+    name = line.split()[0]
+    if name in PART_STYLES:
+        text.stylize(PART_STYLES[name], 2, 2 + len(name))
+        if getattr(result, name) == 0:
+            text.stylize("dim")
+    elif name == "total":
+        text.stylize("bold")
+    return text
 
 
 def _can(text: str, encoding: str) -> bool:

@@ -150,7 +150,7 @@ class StoredTables:
 MOST_RECORDS = 100_000
 """Steps, or switches, of which the JSON document has a record each; of more it names the table."""
 
-OF_TRACKS = ("plot_lanes", "plot_plane", "plot_windows")
+OF_TRACKS = ("lanes", "plane", "windows")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -204,7 +204,7 @@ class PartitionedResult(Summary):
     def _plot(self, name: str, **options: object) -> Any:
         if name in OF_TRACKS:
             raise ConfigError(
-                f"{name}: an evaluation of partitioned data has no such picture, as its states are "
-                "not in memory; evaluate a part of it that is, by time or region"
+                f"plot_{name}: an evaluation of partitioned data has no such picture, as its "
+                "states are not in memory; evaluate a part of it that is, by time or region"
             )
         return super()._plot(name, **options)

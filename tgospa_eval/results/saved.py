@@ -153,7 +153,9 @@ def _fault(document: Json) -> str | None:
     values = {name: document[name] for name in (*BRACKET[:4], *PARTS)}
     values |= {f"counts.{name}": value for name, value in document["counts"].items()}
     values |= {"normalised.tgospa": document["normalised"]["tgospa"]}
-    values |= {f"per_step.{name}": _sum(steps, name) for name in (*PARTS, "total")}
+    values |= {
+        f"per_step.{name}": math.fsum(step[name] for step in steps) for name in (*PARTS, "total")
+    }
     values |= {name: parameters[name] for name in ("cutoff", "order", "switch_penalty")}
     for name, value in values.items():
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
@@ -184,7 +186,3 @@ def _fault(document: Json) -> str | None:
     ):
         found = "normalised.tgospa, judged.steps or the order"
     return fault_of(judged) or (found and f"values contradict each other: {found}")
-
-
-def _sum(steps: list[Json], name: str) -> float:
-    return math.fsum(step[name] for step in steps)

@@ -155,15 +155,11 @@ def slices_columns(slicings: Sequence[Slicing]) -> Columns:
 
 def in_order(names: Iterable[str]) -> list[str]:
     """Names of slices: numbers by their values, what has none at the end."""
-    return sorted(names, key=_place)
+    return sorted(names, key=lambda name: [_place(part) for part in name.split(CROSSED)])
 
 
-def _place(name: str) -> list[tuple[int, float, tuple[list[tuple[int, int, str]], str]]]:
+def _place(name: str) -> tuple[int, float, tuple[list[tuple[int, int, str]], str]]:
     """Sort key of the name of a slice."""
-    return [_place_of_one(part) for part in name.split(CROSSED)]
-
-
-def _place_of_one(name: str) -> tuple[int, float, tuple[list[tuple[int, int, str]], str]]:
     for last, special in enumerate((UNNAMED, NO_VALUE, NO_ATTRIBUTE), start=4):
         if name == special:
             return last, 0.0, natural("")

@@ -21,6 +21,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Brackets, Curve, Windows
 from tgospa_eval.problem.tgospa import POWER
+from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.numbers import (
     PROBABILITIES,
     SPLIT_PARTS,
@@ -41,7 +42,6 @@ from tgospa_eval.results.records import (
     json_text,
     records,
 )
-from tgospa_eval.results.repairs import Repairs
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.tracks.judged import Judged
 
@@ -134,7 +134,7 @@ class Summary(ABC):
         Of `similarity`, if every output is to show it.
     settings_file : SettingsFile, optional
         The configuration file that set options of it.
-    explained : Repairs, optional
+    explained : Explanation, optional
         Single repairs that would save most, if they were asked for.
     """
 
@@ -159,7 +159,7 @@ class Summary(ABC):
     sums: MetricSums = field(default_factory=dict)
     calibration: Calibration | None = None
     settings_file: SettingsFile | None = None
-    explained: Repairs | None = None
+    explained: Explanation | None = None
 
     def __repr__(self) -> str:
         return (
@@ -602,39 +602,108 @@ class Summary(ABC):
     def plot_costs(
         self, *, style: str = "screen", components: Sequence[str] | None = None
     ) -> "Figure":
-        """Cost of each step, stacked: `tgospa_eval.plots.plot_costs`."""
-        return self._plot("plot_costs", style=style, components=components)
+        """Cost of each step, stacked: localisation, missed, false, switch.
+
+        Where there are more steps than can be distinguished each bar is the costliest of several,
+        and the axis says of how many.
+
+        Parameters
+        ----------
+        style : {"screen", "paper"}
+            With a title; or small, for one column of a journal.
+        components : sequence of str, optional
+            Parts of the cost that are drawn, of ``"localisation"``, ``"missed"``, ``"false"``,
+            ``"switch"``; all by default.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Belongs to no window.
+
+        Raises
+        ------
+        ConfigError
+            A name is unknown, or matplotlib is not installed.
+        """
+        return self._plot("costs", style=style, components=components)
 
     def plot_cumulative(
         self, *, style: str = "screen", components: Sequence[str] | None = None
     ) -> "Figure":
-        """Normalised cumulative cost: `tgospa_eval.plots.plot_cumulative`."""
-        return self._plot("plot_cumulative", style=style, components=components)
+        """Normalised cumulative cost: at each step the root of the mean cost of the steps up to it.
+
+        The assignment is that of the whole recording, unless the curve was asked for; the last
+        value of the total is ``normalised["tgospa"]``. Parameters, errors and return value are
+        those of `plot_costs`; the total is always drawn.
+        """
+        return self._plot("cumulative", style=style, components=components)
 
     def plot_lanes(self, *, style: str = "screen") -> "Figure":
-        """Who followed whom: `tgospa_eval.plots.plot_lanes`."""
-        return self._plot("plot_lanes", style=style)
+        """A lane for each truth with the estimates that follow it, and lanes of false tracks below.
+
+        A gap with a frame is missed, a triangle is a switch, the darker foot of a bar is the error
+        as a share of the cutoff. Of more trajectories than have room the costliest have lanes, and
+        the others share one, in which a height says how many of them are missed, or false.
+        Parameters, errors and return value are those of `plot_costs`.
+        """
+        return self._plot("lanes", style=style)
 
     def plot_plane(
         self, *, columns: tuple[str, str] | None = None, style: str = "screen"
     ) -> "Figure":
-        """Trajectories in two of the state columns: `tgospa_eval.plots.plot_plane`."""
-        return self._plot("plot_plane", columns=columns, style=style)
+        """Trajectories in two of the state columns, with misses, false targets and switches.
+
+        Boxes and 2-sigma ellipses are drawn here and there along the trajectories where the states
+        have such, the two columns show them, and there are few trajectories.
+
+        Parameters
+        ----------
+        columns : pair of str, optional
+            What is across and up: state columns, ``"t"`` for the time, of boxes ``"centre x"`` and
+            ``"centre y"``. By default the first two columns, the centres of boxes, ``lon`` and
+            ``lat``; of a single column it over the time.
+        style : {"screen", "paper"}
+            With a title; or small, for one column of a journal.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Belongs to no window.
+
+        Raises
+        ------
+        ConfigError
+            A column or the style is unknown, or matplotlib is not installed.
+        """
+        return self._plot("plane", columns=columns, style=style)
 
     def plot_windows(
         self, *, style: str = "screen", components: Sequence[str] | None = None
     ) -> "Figure":
-        """Sliding windows, if they were asked for: `tgospa_eval.plots.plot_windows`."""
-        return self._plot("plot_windows", style=style, components=components)
+        """Sliding windows: at the middle of each the root of its mean cost, as `windows` has it.
+
+        Parameters, errors and return value are those of `plot_costs`; the total is always drawn.
+
+        Raises
+        ------
+        ConfigError
+            Windows were not asked for.
+        """
+        return self._plot("windows", style=style, components=components)
 
     def plot_worst(
         self, *, style: str = "screen", components: Sequence[str] | None = None
     ) -> "Figure":
-        """The costliest steps, truths and estimates: `tgospa_eval.plots.plot_worst`."""
-        return self._plot("plot_worst", style=style, components=components)
+        """The costliest steps, truths and estimates, and what they cost.
+
+        Parameters, errors and return value are those of `plot_costs`; only `components` count.
+        """
+        return self._plot("worst", style=style, components=components)
 
     def _plot(self, name: str, **options: object) -> "Figure":
-        made: Figure = getattr(import_module("tgospa_eval.plots"), name)(self, **options)
+        made: Figure = import_module("tgospa_eval.plots.result_pictures").plot(
+            self, name, **options
+        )
         return made
 
     def to_html(self) -> str:

@@ -19,8 +19,8 @@ from tgospa_eval.common.interval import Interval, equal, excess, less, narrowest
 from tgospa_eval.errors import SolverError
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.reports.files import csv_text
-from tgospa_eval.reports.records import SolverRun
 from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
+from tgospa_eval.results.records import Json
 from tgospa_eval.solvers import Solver
 
 TRUTH = "id,t,x\n1,0,0\n1,1,0\n1,2,0\n"
@@ -89,8 +89,8 @@ def test_solvers_are_compared(write: Write, invoke: Invoke) -> None:
 def here(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Run solvers in this process, with a change to what they answer."""
 
-    def here(change: Callable[[Solver, SolverRun], SolverRun] = lambda _, made: made) -> None:
-        def run(prepared: Prepared, solver: Solver) -> SolverRun:
+    def here(change: Callable[[Solver, Json], Json] = lambda _, made: made) -> None:
+        def run(prepared: Prepared, solver: Solver) -> Json:
             return change(solver, runs.run_here(prepared, solver))
 
         monkeypatch.setattr(solvers.compare_solvers, "__defaults__", (run, lambda _: None))
@@ -113,7 +113,7 @@ def test_wrong_solver_is_found(write: Write, invoke: Invoke, here, tmp_path: Pat
 
 
 def test_one_that_fails_leaves_the_others(write: Write, invoke: Invoke, here) -> None:
-    def change(solver: Solver, made: SolverRun) -> SolverRun:
+    def change(solver: Solver, made: Json) -> Json:
         if solver.name == "exact":
             raise ZeroDivisionError("by nothing")
         return made

@@ -10,7 +10,7 @@ import pytest
 from strategies import scene
 
 from tgospa_eval import ConfigError, Explanation, Sinkhorn, Trajectories, evaluate
-from tgospa_eval.results.repairs import KINDS, Repair
+from tgospa_eval.results.explanation import KINDS, Repair
 
 NAN = math.nan
 C, GAMMA = 10.0, 3.0

@@ -13,7 +13,7 @@ from tgospa_eval import Result, evaluate
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.partitioned import tables
 from tgospa_eval.partitioned import tables as by_time
-from tgospa_eval.reports import REPORTS, drawn
+from tgospa_eval.reports import REPORTS, page_data
 from tgospa_eval.reports.page_data import document
 from tgospa_eval.results import partitioned as module
 from tgospa_eval.results.partitioned import PartitionedResult, StoredTables
@@ -110,11 +110,11 @@ def test_tables_that_are_gone_or_damaged_are_said_to_be(known: Result, tmp_path:
 def test_page_and_pictures_show_means_over_stretches_of_steps(
     stored: PartitionedResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(drawn, "MOST_STRETCHES", 8)
+    monkeypatch.setattr(page_data, "MOST_STRETCHES", 8)
     data, arrays = document(stored)
     assert data["together"] == 8
     assert data["times"] == stored.labels.times[::8]
-    per_step, curve = stored.table("per_step"), drawn.curves(stored)
+    per_step, curve = stored.table("per_step"), page_data.curves(stored)
     means_of = ("localisation", "missed", "false", "switch")
     for name in means_of:
         ends = [*range(0, 60, 8), 60]

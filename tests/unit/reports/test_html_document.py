@@ -11,9 +11,8 @@ from pages import NASTY, embedded, unpacked
 
 from tgospa_eval import evaluate
 from tgospa_eval.reports import page_data
-from tgospa_eval.reports.drawn import curves
 from tgospa_eval.reports.html import packed, page
-from tgospa_eval.reports.page_data import NONE, document
+from tgospa_eval.reports.page_data import NONE, curves, document
 from tgospa_eval.results.result import Result
 
 

@@ -27,8 +27,7 @@ from tgospa_eval.formats.guess import file_of
 from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
 from tgospa_eval.reports.comparison import opposed, pairs_columns, render, study_report
 from tgospa_eval.reports.files import COMPARISON, STUDY, Files, csv_text, probe_folder
-from tgospa_eval.reports.records import Comparison, SolversRecord, StudyRecord
-from tgospa_eval.results.records import json_text
+from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.simulation import COLUMNS, Scene
 from tgospa_eval.simulation.settings import usual_tracker
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
@@ -42,7 +41,7 @@ TEMPERATURES = "0.1,0.05,0.03,0.01"
 
 
 def show(
-    answer: Comparison,
+    answer: Json,
     output: OutputOptions,
     draw: plots.Draw,
     tables: Callable[[], Mapping[str, str]] = dict,
@@ -270,7 +269,7 @@ def compare_files(
     check_folder(output)
     settings, stopwatch = make_settings(request), _stopwatch(output)
 
-    def work() -> SolversRecord:
+    def work() -> Json:
         pairs = PairReader(settings, stopwatch, notifier(quiet=output.quiet))
         return solvers_on(pairs, files[0], files[1], chosen, spare=solvers is None)
 
@@ -334,7 +333,7 @@ def study_sizes(
         notifier(quiet=quiet)(notice)
     with nullcontext() if folder is None else Log(folder, study.settings) as log:
 
-        def work() -> StudyRecord:
+        def work() -> Json:
             def notify(text: str, share: float) -> None:
                 stopwatch.stage = text
                 stopwatch.progress.done(share)
