@@ -118,6 +118,11 @@ class Explanation:
     seconds: float
     estimate: Trajectories
 
+    @property
+    def before(self) -> float:
+        """The cost without any repair."""
+        return float(self.result.total)
+
     def __repr__(self) -> str:
         first = f", best={self.repairs[0].text!r}" if self.repairs else ""
         return f"{type(self).__name__}(repairs={len(self.repairs)}{first})"
