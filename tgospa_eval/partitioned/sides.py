@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, ClassVar, cast, overload
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -219,7 +219,7 @@ class SideSteps:
     labels : (T,) array of bytes, optional
         Times as they are shown, in UTF-8, where they are no numbers.
     texts : (T,) array of bytes, optional
-        Likewise as they were read, if they are shown otherwise.
+        Likewise as they were read.
     converted : bool
         Whether `times` are others than `raw`.
     clock : {"number", "local", "zoned"}
@@ -246,49 +246,23 @@ class SideSteps:
     runs: list[str]
     ends: Floats | Ints
 
-    @property
-    def shown(self) -> "Texts | TimeArray":
-        """Times as they are shown."""
-        return self.times if self.labels is None else Texts(self.labels)
-
     def read_as(self, time: float) -> str | float:
         """What the files have for a time."""
         at = int(np.searchsorted(self.times, time))
-        texts = self.labels if self.texts is None else self.texts
-        if texts is not None:
-            return Texts(texts)[at]
-        found: float = self.raw[at].item()
-        return found
+        read: str | float = self.raw[at].item() if self.texts is None else self.texts[at].decode()
+        return read
 
 
-class Texts(Sequence[str]):
-    """Texts in UTF-8, which are read where they are looked at."""
-
-    def __init__(self, content: NDArray[np.bytes_]) -> None:
-        self.content = content
-
-    def __len__(self) -> int:
-        return len(self.content)
-
-    @overload
-    def __getitem__(self, place: int) -> str: ...
-    @overload
-    def __getitem__(self, place: slice) -> "Texts": ...
-    def __getitem__(self, place: int | slice) -> "str | Texts":
-        if isinstance(place, slice):
-            return Texts(self.content[place])
-        text: bytes = self.content[place]
-        return text.decode()
+def decoded(texts: NDArray[np.bytes_]) -> NDArray[np.object_]:
+    """Texts as Python has them."""
+    return np.char.decode(texts, "utf-8").astype(object)
 
 
 def _save_steps(
     moments: Moments, options: ReadOptions, folder: Path, name: str
 ) -> dict[str, int | bool]:
     """Write the steps of a side into a folder; what else is to be known of them."""
-    labels = None
-    if moments.label is not None:
-        labels = np.empty(len(moments.label), dtype=object)
-        labels[:] = list(Texts(moments.label))
+    labels = None if moments.label is None else decoded(moments.label)
     times, shown = options.conversion.times(moments.value, moments.clock, labels, name)
     inside = np.ones(len(times), bool)
     if options.moments is not None:
@@ -299,10 +273,8 @@ def _save_steps(
         "counts": moments.count[inside],
     }
     if shown is not None and moments.label is not None:
-        texts = [text.encode() for text in shown[inside].tolist()]
-        kept["labels"] = np.array(texts, dtype=np.bytes_)
-        if times is not moments.value:
-            kept["texts"] = moments.label[inside]
+        kept["labels"] = np.char.encode(shown[inside].astype(np.str_), "utf-8")
+        kept["texts"] = moments.label[inside]
     for key, array in kept.items():
         np.save(folder / f"{key}.npy", array)
     return {"outside": int(moments.count[~inside].sum()), "converted": times is not moments.value}
@@ -382,9 +354,10 @@ class PartsSide:
         return steps_of(self.store).counts
 
     @property
-    def shown(self) -> Sequence[str] | TimeArray:
-        """(T,) times as they are shown."""
-        return steps_of(self.store).shown
+    def labels(self) -> NDArray[np.object_] | None:
+        """(T,) times as they are shown, where they are no numbers."""
+        labels = steps_of(self.store).labels
+        return None if labels is None else decoded(labels)
 
     def block(self, first: float, last: float) -> Trajectories:
         """Rows of the times from `first` to `last`, both included.
@@ -405,7 +378,8 @@ class PartsSide:
         begin = int(np.searchsorted(steps.times, first, side="left"))
         end = int(np.searchsorted(steps.times, last, side="right"))
         if begin >= end:
-            return Reading(trajectories=self._nothing(), rows=0, format=self.format)
+            nothing = Trajectories.of_times(self.times[:0], self.columns, self.clock)
+            return Reading(trajectories=nothing, rows=0, format=self.format)
         found_rows = self._parts(steps.raw[begin].item(), steps.raw[end - 1].item())
         rows = merged_rows(self.path, list(found_rows))
         value = cast(TimeArray, rows.times.value.astype(steps.raw.dtype, copy=False))
@@ -433,9 +407,7 @@ class PartsSide:
                 "one row per object and step"
             )
         if steps.labels is not None:
-            labels = np.empty(len(found.times), dtype=object)
-            labels[:] = list(Texts(steps.labels[begin:end]))
-            found = _labelled(found, labels)
+            found = _labelled(found, decoded(steps.labels[begin:end]))
         return replace(reading, trajectories=found, notices=())
 
     def said(self, left_out: Mapping[str, int], classes: Sequence[str]) -> tuple[str, ...]:
@@ -480,17 +452,6 @@ class PartsSide:
             rows = run_rows(steps.runs[k], (low, high), self.roles, self.options)
             if rows is not None:
                 yield rows
-
-    def _nothing(self) -> Trajectories:
-        return Trajectories(
-            step=np.zeros(0, np.int64),
-            track=np.zeros(0, np.int64),
-            state=np.zeros((0, len(self.columns))),
-            ids=np.zeros(0, dtype=object),
-            times=self.times[:0],
-            columns=self.columns,
-            clock=self.clock,
-        )
 
 
 def open_side(

@@ -670,10 +670,6 @@ def find_steps(
 def clock_of(side: PartsSide) -> Trajectories:
     """The stamps of a side as a track that has a row at each, and nothing else."""
     size = len(side.times)
-    labels = None
-    if side.clock != "number":
-        labels = np.empty(size, dtype=object)
-        labels[:] = list(side.shown)
     return Trajectories(
         step=np.arange(size, dtype=np.int32),
         track=np.zeros(size, np.int32),
@@ -682,7 +678,7 @@ def clock_of(side: PartsSide) -> Trajectories:
         times=side.times,
         columns=side.columns,
         clock=side.clock,
-        labels=labels,
+        labels=side.labels,
         attributes={STAMP: np.arange(size, dtype=np.float64)},
     )
 
