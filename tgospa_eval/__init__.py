@@ -8,8 +8,12 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval._version import __version__
 
 if TYPE_CHECKING:
+    from tgospa_eval.api.compare import compare
+    from tgospa_eval.api.evaluate import evaluate
+    from tgospa_eval.api.gate import gate
+    from tgospa_eval.api.recorder import Recorder
+    from tgospa_eval.api.sweep import sweep
     from tgospa_eval.cli.batch.call import batch
-    from tgospa_eval.comparison.compare import compare
     from tgospa_eval.errors import (
         ConfigError,
         InputError,
@@ -17,12 +21,8 @@ if TYPE_CHECKING:
         TgospaError,
         TgospaWarning,
     )
-    from tgospa_eval.evaluation.evaluate import evaluate
-    from tgospa_eval.evaluation.recorder import Recorder
-    from tgospa_eval.evaluation.sweep import sweep
     from tgospa_eval.formats import read_trajectories
     from tgospa_eval.proof.check import verify
-    from tgospa_eval.regression.run import gate
     from tgospa_eval.results.explanation import Explanation
     from tgospa_eval.results.result import Result
     from tgospa_eval.results.sweep import Sweep
@@ -38,7 +38,7 @@ _HOME = {
     "Exact": "solvers.exact",
     "Explanation": "results.explanation",
     "InputError": "errors",
-    "Recorder": "evaluation.recorder",
+    "Recorder": "api.recorder",
     "Result": "results.result",
     "Sinkhorn": "solvers.sinkhorn",
     "SolverError": "errors",
@@ -47,12 +47,12 @@ _HOME = {
     "TgospaWarning": "errors",
     "Trajectories": "tracks.trajectories",
     "batch": "cli.batch.call",
-    "compare": "comparison.compare",
-    "evaluate": "evaluation.evaluate",
-    "gate": "regression.run",
+    "compare": "api.compare",
+    "evaluate": "api.evaluate",
+    "gate": "api.gate",
     "read_trajectories": "formats",
     "simulate": "simulation.settings",
-    "sweep": "evaluation.sweep",
+    "sweep": "api.sweep",
     "verify": "proof.check",
 }
 

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from tgospa_eval.evaluation.evaluate import evaluate
+from tgospa_eval.api.evaluate import evaluate
 
 Options = tuple[tuple[str, Any], ...]
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from tgospa_eval.evaluation.evaluate import evaluate
+from tgospa_eval.api.evaluate import evaluate
 
 
 class _Tgospa(torch.autograd.Function):  # type: ignore[misc]  # its types are not installed

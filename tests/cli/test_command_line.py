@@ -353,7 +353,7 @@ RARE = (
     *("formats.text.plain", "formats.arrow"),
     # Of what writes folders, or other formats than the table.
     *("reports.files", "reports.markup", "reports.html", "reports.terminal", "results.notebook"),
-    *("cli.shared.writing", "cli.evaluate.folder", "plots"),
+    *("cli.shared.writing", "cli.shared.writing", "plots"),
 )
 
 

@@ -247,7 +247,7 @@ def test_wrong_probabilities() -> None:
         evaluate(STAYS, STAYS, existence="use")
     with pytest.raises(ConfigError, match="no proof is known that the result is a metric"):
         evaluate(named, named, existence="use", rho=0.3)
-    with pytest.raises(ConfigError, match="must be ignore or use"):
+    with pytest.raises(ConfigError, match="must be one of ignore, use"):
         evaluate(named, named, existence="yes")
     with pytest.raises(ConfigError, match="no place for probabilities"):
         evaluate(named, side(STAYS, 0.5), existence="use").proof.save("nowhere")

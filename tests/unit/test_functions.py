@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from checkout import SAMPLES
 from runs import write_runs
 
 import tgospa_eval
@@ -26,14 +27,18 @@ from tgospa_eval import (
     simulate,
     verify,
 )
+from tgospa_eval.api.keywords import OF_THE_COMMAND
+from tgospa_eval.api.request import SETTINGS
 from tgospa_eval.cli.batch.run import BatchOptions
 from tgospa_eval.cli.simulate import OPTIONS
 from tgospa_eval.comparison import solvers
 from tgospa_eval.comparison.entrants import SolvedRun, run_here
+from tgospa_eval.distances import Mahalanobis
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.simulation.settings import USUAL_ERRORS, usual_tracker
 from tgospa_eval.solvers import Solver
 
+TRUTHS, ESTIMATES = ("truth", "gt"), ("estimate", "res")
 METRIC = ("-c", "10", "-g", "5")
 GIVEN = {"cutoff": 10.0, "switch_penalty": 5.0}
 
@@ -47,6 +52,66 @@ def test_no_folder_takes_the_name_of_a_function() -> None:
         described = inspect.getdoc(function) or ""
         named = [n.rstrip("_") for n in inspect.signature(function).parameters]
         assert [name for name in named if name not in described] == []
+
+
+def test_every_option_is_a_keyword() -> None:
+    named = {name for name in SETTINGS if name not in OF_THE_COMMAND}
+    for function in (evaluate, gate):
+        assert named <= inspect.signature(function).parameters.keys()
+    with pytest.raises(TypeError, match=r"evaluate\(\) has no keyword cutof; did you mean cutoff"):
+        evaluate([], [], cutof=3)
+    with pytest.raises(ConfigError, match='grid is "both": must be one of union, truth'):
+        evaluate([], [], grid="both")
+    with pytest.raises(ConfigError, match="region is 3: must be a text"):
+        evaluate([], [], region=3)
+    with pytest.raises(ConfigError, match="time is for files and tables, and truth is none"):
+        evaluate(np.zeros((2, 1, 2)), [], time="0:1")
+    with pytest.raises(ConfigError, match="with_ takes all rows together, not by class"):
+        evaluate([], [], by="class", with_="gospa")
+    with pytest.raises(ConfigError, match="similarity is of the mean over steps, not for step"):
+        evaluate([], [], similarity=1, step_weights=[1.0])
+    with pytest.raises(ConfigError, match=r"scale is for .*, not for a record with settings"):
+        evaluate([], [], distance=Mahalanobis(covariance=np.eye(2)), scale="x=2")
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("quickstart", {"cutoff": 10, "time": "2:9", "region": "x=0:60"}),
+        ("quickstart", {"curve": True, "window": 5, "every": 2, "similarity": 1.0}),
+        ("quickstart", {"resample": 0.5, "max_gap": (3, 2), "columns": ["y"]}),
+        ("quickstart", {"slices": ["range=0:50:100", "age=0:3"], "with_": ["gospa"]}),
+        ("quickstart", {"time_offset": 1, "unit_scale": 1.1, "steps": "3:9:2", "rho": 0.4}),
+        ("quickstart", {"solver": "sinkhorn", "epsilon": 0.1, "gap": 0.5}),
+        ("quickstart", {"periodic": "x=90", "scale": "y=2", "unit": "m"}),
+        ("motchallenge", {"distance": "iou", "preprocess": "motchallenge"}),
+        ("kitti", {"distance": "iou", "by": "class", "on_invalid": "drop"}),
+        ("clouds", {"distance": "cloud-wasserstein", "reduce": 3, "seed": 1}),
+        ("gaussian", {"distance": "gaussian-wasserstein", "fix_cov": True}),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::tgospa_eval.TgospaWarning")
+def test_python_and_the_command_make_one_document(
+    invoke, name: str, options: dict[str, object]
+) -> None:
+    found = sorted((SAMPLES / name).iterdir())
+    pair = [str(next(p for p in found if p.stem in stems)) for stems in (TRUTHS, ESTIMATES)]
+    typed = []
+    for field, value in options.items():
+        flag = f"--{SETTINGS[field].key}"
+        several = value if isinstance(value, list) and field == "slices" else [value]
+        for one in several:
+            text = ",".join(map(str, one)) if isinstance(one, list | tuple) else str(one)
+            typed += [flag] if one is True else [flag, text]
+    shown = invoke(*pair, *typed, "--format", "json")
+    theirs = json.loads(shown.out)
+    ours = json.loads(evaluate(*pair, **options).to_json())
+    for document in (theirs, ours):
+        for part in (document, *document.get("by_class", {}).values()):
+            del part["timings"]
+        for warning in document["warnings"]:
+            warning["remedy"] = ""  # each in its own words
+    assert ours == theirs
 
 
 def test_compare_ranks(invoke, quickstart: tuple[str, str]) -> None:

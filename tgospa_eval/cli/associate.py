@@ -15,7 +15,7 @@ from tgospa_eval.cli.shared.options import EVALUATION, chosen_options, format_op
 from tgospa_eval.errors import InputError
 
 if TYPE_CHECKING:
-    from tgospa_eval.cli.shared.settings import Settings
+    from tgospa_eval.api.settings import Settings
     from tgospa_eval.distances import Distance, Effort
     from tgospa_eval.formats import Reading
     from tgospa_eval.results.records import Json
@@ -103,7 +103,7 @@ def command(
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
     from tgospa_eval.api.request import Request
-    from tgospa_eval.cli.shared.settings import make_settings
+    from tgospa_eval.api.settings import make_settings
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.cli.shared.values import OutputOptions
     from tgospa_eval.cli.shared.writing import check_apart
@@ -129,7 +129,7 @@ def command(
         found = associate(
             fitted.alignment.truth,
             fitted.alignment.estimate,
-            cutoff=settings.parameters.cutoff,
+            cutoff=settings.evaluation.parameters.cutoff,
             distance=fitted.distance,
             all_pairs="--cost-matrix" in files,
             effort=effort,
@@ -162,7 +162,7 @@ def _document(found: "Association", distance: "Distance", settings: "Settings") 
             "distance": distance.name,
             **distance.settings(columns),
             "columns": list(columns),
-            **settings.time_matching.recorded,
+            **settings.evaluation.time_matching.recorded,
             **settings.recorded,
         },
         "counts": {
@@ -183,7 +183,8 @@ def read_states(
 
     `formats` are the options that name the formats; messages know those of truth and estimate.
     """
-    from tgospa_eval.cli.shared.notices import about, notifier
+    from tgospa_eval.api.notices import about
+    from tgospa_eval.cli.shared.streams import notifier
 
     try:
         sides = settings.read(*paths, roles=("estimate",) * len(paths))

@@ -102,8 +102,7 @@ def command(
     if output is None and typed & {"apply", "force"}:
         raise click.UsageError(f"--{min(typed & {'apply', 'force'})} is for the file of -o")
     from tgospa_eval.api.request import Request
-    from tgospa_eval.cli.evaluate.explained import explained
-    from tgospa_eval.cli.evaluate.run import evaluate_files
+    from tgospa_eval.cli.evaluate.run import evaluate_files, explained
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.cli.shared.values import OutputOptions
     from tgospa_eval.cli.shared.writing import check_apart

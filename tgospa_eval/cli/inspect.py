@@ -51,8 +51,8 @@ def command(
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
     from tgospa_eval.api.request import Request
+    from tgospa_eval.api.settings import make_settings
     from tgospa_eval.cli.shared.progress import run
-    from tgospa_eval.cli.shared.settings import make_settings
     from tgospa_eval.cli.shared.streams import emit, print_notice
     from tgospa_eval.cli.shared.values import OutputOptions
     from tgospa_eval.common.config import settings_field

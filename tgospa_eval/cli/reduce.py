@@ -63,9 +63,9 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
+    from tgospa_eval.api.distance import reduction
     from tgospa_eval.api.request import Request
-    from tgospa_eval.cli.shared.distance import reduction
-    from tgospa_eval.cli.shared.settings import make_settings
+    from tgospa_eval.api.settings import make_settings
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.cli.shared.values import OutputOptions
     from tgospa_eval.cli.shared.writing import check_apart

@@ -155,7 +155,7 @@ def _prepared(files: Files, proof: Mapping[str, Any], stopwatch: "Stopwatch") ->
     from dataclasses import replace
 
     from tgospa_eval.api.request import Request
-    from tgospa_eval.cli.shared.settings import make_settings
+    from tgospa_eval.api.settings import make_settings
     from tgospa_eval.evaluation.prepare import fit, prepare
 
     options: dict[str, Any] = {

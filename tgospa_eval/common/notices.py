@@ -88,9 +88,11 @@ def warn_user(notices: Iterable[Notice], spoken: Callable[[str], str] = str) -> 
         warnings.warn(spoken(notice.sentence), TgospaWarning, stacklevel=level + 1)
 
 
-RENAMED = {
+RENAMED = {"class": "class_", "max": "limits", "slice": "slices", "with": "with_"}
+"""Keywords that are not called as their options."""
+
+OF_READING = {
     "class": "classes",
-    "max": "limits",
     "fix-cov": "fix_covariance",
     "missing-cov": "missing_covariance",
     "truth-columns": "columns",
@@ -99,10 +101,8 @@ RENAMED = {
     "estimate-class": "classes",
     "truth-format": "format",
     "estimate-format": "format",
-    "slice": "slices",
-    "with": "with_",
 }
-"""Arguments that are not called as their options."""
+"""What `read_trajectories` calls options."""
 
 WORD_OPTIONS = ("distance", "grid", "missing-cov", "on-duplicate", "on-invalid")
 """Options whose value in messages is a word."""
@@ -111,36 +111,27 @@ _OPTION = (
     r"--(?:(?P<columns>(?:truth-|estimate-)?columns) (?P<names>[\w=]+(?:,[\w=]+)*)"
     r"|(?P<decimal>decimal) (?P<mark>,)"
     rf"|(?P<named>{'|'.join(WORD_OPTIONS)}) (?P<word>[\w-]+)"
-    r"|(?P<alone>[a-z][a-z-]*))"
+    r"|(?P<alone>[a-z][a-z-]*)(?: (?:FILE|NAME|N)\b)?)"
 )
 
 
-_READING = r"\b(columns=\(|on_duplicate=|on_invalid=|decimal=|boxes=|(fix|missing)_covariance)"
-"""Arguments of `read_trajectories` in messages."""
-
-
 def in_python(text: str, *, reads: bool = True) -> str:
-    """A message with the names of arguments where it has those of options.
+    """A message with the names of keywords where it has those of options.
 
-    Where what was called does not have those that `reads`, it says what has.
+    `reads`: of `read_trajectories`, whose keywords have other names.
     """
-    if not reads:
-        text = text.replace(
-            "choose what to compare with ",
-            "leave out the other columns of a DataFrame, or read files with ",
-        )
-    spelt = re.sub(_OPTION, _argument, text.replace("--covariance FILE, or ", ""))
-    spelt = re.sub(r"(?<!\S)-o(?= )", "output", spelt)
-    return f"{spelt} (see read_trajectories)" if not reads and re.search(_READING, spelt) else spelt
 
+    def keyword(found: re.Match[str]) -> str:
+        option = found["columns"] or found["decimal"] or found["named"] or found["alone"]
+        name = (OF_READING if reads else {}).get(option) or RENAMED.get(option)
+        name = name or option.replace("-", "_")
+        if found["columns"]:
+            return f"{name}={tuple(found['names'].split(','))}"
+        value = found["mark"] or found["word"]
+        return name if value is None else f'{name}="{value}"'
 
-def _argument(found: re.Match[str]) -> str:
-    option = found["columns"] or found["decimal"] or found["named"] or found["alone"]
-    name = RENAMED.get(option, option.replace("-", "_"))
-    if found["columns"]:
-        return f"{name}={tuple(found['names'].split(','))}"
-    value = found["mark"] or found["word"]
-    return name if value is None else f'{name}="{value}"'
+    spelt = re.sub(_OPTION, keyword, text.replace("--covariance FILE, or ", ""))
+    return re.sub(r"(?<!\S)-o(?= )", "output", spelt)
 
 
 @contextmanager

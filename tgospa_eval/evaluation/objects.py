@@ -81,8 +81,8 @@ def is_timed_array(side: object) -> bool:
 
 def of_mapping(
     tracks: Mapping[object, object], name: str, columns: tuple[str, ...] | None
-) -> tuple[Trajectories, bool]:
-    """Tracks by their ids, each an array (T, d) or a pair of times and such; whether without times.
+) -> Trajectories:
+    """Tracks by their ids, each an array (T, d) or a pair of times and such.
 
     Raises
     ------
@@ -126,8 +126,7 @@ def of_mapping(
         together = times_of(np.tile(np.arange(len(first)), len(states)), name)
     track = np.repeat(np.arange(len(states)), [len(found) for found in states])
     at = np.arange(len(track)), track
-    made = from_rows(name, list(tracks), at, np.concatenate(states), together, columns)
-    return made, not times
+    return from_rows(name, list(tracks), at, np.concatenate(states), together, columns)
 
 
 def from_rows(

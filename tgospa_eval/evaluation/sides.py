@@ -2,15 +2,13 @@
 
 import os
 from collections.abc import Collection, Iterable, Mapping, Sequence, Set
-from dataclasses import replace
 from operator import index
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard, cast
 
 import numpy as np
 
 from tgospa_eval.common.words import more
 from tgospa_eval.distances import DISTANCES, Distance
-from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.objects import (
     ArrayLike,
@@ -24,12 +22,10 @@ from tgospa_eval.evaluation.objects import (
     of_timed_array,
     times_of,
 )
-from tgospa_eval.formats import ROLES
-from tgospa_eval.formats.columns.headers import BOX
+from tgospa_eval.formats import Reading
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.step_weights import WeightsByTime, repeated
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -37,34 +33,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from tgospa_eval.tracks.clouds import Cloud
-
-
-def in_units_of_truth(
-    sides: tuple[Trajectories, Trajectories],
-    distance: Distance,
-    time_offset: float,
-    time_scale: float,
-    unit_scale: float,
-) -> tuple[tuple[Trajectories, Trajectories], dict[str, object]]:
-    """Both sides, the estimate with other stamps and states, and what of that is recorded.
-
-    Raises
-    ------
-    ConfigError
-        A number is out of range, or not for such times or columns.
-    InputError
-        The two sides do not fit each other.
-    """
-    conversion = Conversion(time_offset=time_offset, time_scale=time_scale, unit_scale=unit_scale)
-    if not conversion.recorded:
-        return sides, {}
-    truth, estimate = sides
-    if conversion.unit_scale != 1:
-        check_columns(truth, estimate, ("truth", "estimate"))
-        check_states(truth, estimate, distance, ("truth", "estimate"))
-        angles = tuple(distance.settings(truth.columns).get("periodic", ()))
-        conversion = replace(conversion, angles=angles)
-    return (truth, conversion(estimate, "estimate")), dict(conversion.recorded)
 
 
 # -------------------------------------------------------------------------------------------------
@@ -199,44 +167,54 @@ TrajectoriesLike: TypeAlias = (
 with its times, arrays by id, tracks of Stone Soup."""
 
 
-def as_sides(
-    truth: TrajectoriesLike,
-    estimate: TrajectoriesLike,
-    distance: Distance,
-    attributes: tuple[str, ...] = (),
-    mapping: "Components | None" = None,
-) -> tuple[Trajectories, Trajectories]:
-    """Both sides as Trajectories, with those attributes that they have.
+def is_path(side: object) -> TypeGuard["str | os.PathLike[str]"]:
+    """Whether it is the path of a file."""
+    return isinstance(side, str | os.PathLike)
+
+
+def check_as_long(given: Sequence[object], sides: Sequence[Reading]) -> None:
+    """Whether sides that only count their steps have as many.
 
     Raises
     ------
-    ConfigError, InputError
-        A side is of no accepted type, or wrong; both count steps, and not as many.
+    InputError
+        They do not.
     """
-    given = {"truth": truth, "estimate": estimate}
-    chosen = _of_each_side(mapping)
-    if mapping is not None and not any(_is_tracks(side) for side in given.values()):
-        raise ConfigError("mapping is for tracks with state vectors, as those of Stone Soup")
-    found: dict[str, Trajectories] = {}
-    counted: dict[str, int] = {}
-    paths = tuple(os.fsdecode(s) for s in given.values() if isinstance(s, (str, os.PathLike)))
-    for name, side in given.items():
-        if not _is_empty(side):
-            found[name], counts = _as_side(side, name, distance, attributes, chosen[name], paths)
-            if counts:
-                counted[name] = len(found[name].times)
-    if len(set(counted.values())) > 1:
+    counted = [
+        len(read.trajectories.times)
+        for side, read in zip(given, sides, strict=True)
+        if not is_empty(side) and _counts_steps(side)
+    ]
+    if len(set(counted)) > 1:
         raise InputError(
-            f"truth has {counted['truth']} steps and estimate {counted['estimate']}: arrays "
+            f"truth has {counted[0]} steps and estimate {counted[1]}: arrays "
             "(T, k, d) have the same T; rows of NaN mean that nothing exists at a step, and a pair "
             "(times, array) says when the steps are"
         )
-    if not found:
-        found["truth"] = Trajectories.from_array(np.zeros((0, 0, len(distance.columns or "xy"))))
-    for name, other in (("truth", "estimate"), ("estimate", "truth")):
-        if name not in found:
-            found[name] = empty_like(found[other])
-    return found["truth"], found["estimate"]
+
+
+def filled(sides: Sequence[Reading | None], distance: Distance) -> tuple[Reading, ...]:
+    """Sides without any track have the columns of the other."""
+    there = next((side.trajectories for side in sides if side is not None), None)
+    if there is None:
+        there = Trajectories.from_array(np.zeros((0, 0, len(distance.columns or "xy"))))
+    empty = Reading(trajectories=empty_like(there), rows=0, format="")
+    return tuple(empty if side is None else side for side in sides)
+
+
+def components_of(
+    given: Sequence[object], mapping: "Components | None"
+) -> "list[Sequence[int] | None]":
+    """Of state vectors those to compare, of each side.
+
+    Raises
+    ------
+    ConfigError
+        They are no components, or no side has state vectors.
+    """
+    if mapping is not None and not any(map(_is_tracks, given)):
+        raise ConfigError("mapping is for tracks with state vectors, as those of Stone Soup")
+    return [*_of_each_side(mapping).values()]
 
 
 def _of_each_side(mapping: "Components | None") -> "dict[str, Sequence[int] | None]":
@@ -271,73 +249,44 @@ def _is_tracks(side: object) -> bool:
     )
 
 
-def _is_empty(side: object) -> bool:
+def is_empty(side: object) -> bool:
     """Whether it has no track, and so no columns either."""
     kinds = (Mapping, Set, list, tuple)
     return isinstance(side, kinds) and not len(side)
 
 
-def as_trajectories(
-    side: TrajectoriesLike,
-    name: str,
-    distance: Distance | None = None,
-    attributes: tuple[str, ...] = (),
+def _counts_steps(side: object) -> bool:
+    """Whether its times are only numbers of steps."""
+    if isinstance(side, Mapping):
+        return not any(isinstance(value, tuple) for value in side.values())
+    return hasattr(side, "__array__") and as_frame(side, "") is None
+
+
+def of_object(
+    side: TrajectoriesLike, name: str, distance: Distance, mapping: "Sequence[int] | None" = None
 ) -> Trajectories:
-    """Any accepted form of one side as Trajectories.
+    """What is neither file nor table, as Trajectories.
 
-    `name` begins the messages; the distance may prescribe the state columns of tables and arrays,
-    and want their covariances or particles. `attributes` are further columns to read.
+    `name` begins the messages; the distance may prescribe the state columns, and want covariances
+    or particles.
+
+    Raises
+    ------
+    ConfigError, InputError
+        It is of no accepted type, or wrong.
     """
-    return _as_side(side, name, distance, attributes, None)[0]
-
-
-def _as_side(
-    side: TrajectoriesLike,
-    name: str,
-    distance: Distance | None,
-    attributes: tuple[str, ...],
-    mapping: "Sequence[int] | None",
-    beside: tuple[str, ...] = (),
-) -> tuple[Trajectories, bool]:
-    """A side as Trajectories, and whether its times are only numbers of steps."""
-    columns = None if distance is None else distance.columns
-    kinds = () if distance is None else distance.kinds
+    columns = distance.columns
     if isinstance(side, Trajectories):
-        return side, False
-    if isinstance(side, (str, os.PathLike)):
-        from tgospa_eval.formats import read_trajectories
-
-        return read_trajectories(
-            side,
-            role=name if name in ROLES else "truth",
-            columns=None if columns == BOX else columns,
-            boxes=columns == BOX,
-            covariance=bool(kinds),
-            clouds="cloud" in kinds,
-            attributes=attributes,
-            beside=beside,
-        ), False
-    frame = as_frame(side, name)
-    if frame is not None:
-        from tgospa_eval.formats import ReadOptions
-        from tgospa_eval.formats.frames import from_frame
-
-        options = ReadOptions(
-            columns=columns,
-            covariance=bool(kinds),
-            clouds="cloud" in kinds,
-            attributes=attributes,
-        )
-        return from_frame(frame, options, name=name).warn(), False
+        return side
     if hasattr(side, "__array__"):
-        return of_array(side, name, columns), True
+        return of_array(side, name, columns)
     if is_timed_array(side):
-        return of_timed_array(cast("tuple[object, ...]", side), name, columns), False
+        return of_timed_array(cast("tuple[object, ...]", side), name, columns)
     if isinstance(side, Mapping):
         return of_mapping(side, name, columns)
     if _is_tracks(side):
         tracks = [side] if hasattr(side, "states") else cast("Iterable[TrackLike]", side)
-        return of_tracks(tracks, name, columns, mapping, kinds), False
+        return of_tracks(tracks, name, columns, mapping, distance.kinds)
     lazy = "call its collect() first; it " if type(side).__name__ == "LazyFrame" else ""
     raise ConfigError(
         f"{name} is of the type {type(side).__name__}: {lazy}must be Trajectories, a DataFrame "
@@ -396,8 +345,8 @@ StepWeightsLike: TypeAlias = (
 GIVEN = "step_weights"
 
 
-def as_step_weights(given: "StepWeightsLike | None") -> WeightsByTime | None:
-    """Any accepted form of the weights of steps.
+def as_step_weights(given: "StepWeightsLike | None", decimal: str = ".") -> WeightsByTime | None:
+    """Any accepted form of the weights of steps; `decimal` is the mark in a file.
 
     Raises
     ------
@@ -408,10 +357,10 @@ def as_step_weights(given: "StepWeightsLike | None") -> WeightsByTime | None:
     """
     if given is None:
         return None
-    if isinstance(given, (str, os.PathLike)):
+    if is_path(given):
         from tgospa_eval.formats.text.step_weights import read_step_weights
 
-        return read_step_weights(os.fspath(given))
+        return read_step_weights(os.fspath(given), decimal)
     import pandas as pd  # here: files do without
 
     if isinstance(given, pd.Series):  # by its index, as a mapping

@@ -8,33 +8,19 @@ the middle between two solved values, and so on: each starts from its neighbours
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tgospa_eval._version import __version__
-from tgospa_eval.common.notices import spoken_in_python, warn_user
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.distances import Distance, Pairs
+from tgospa_eval.distances import Pairs
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import on_axis
-from tgospa_eval.evaluation.diagnosis import look
 from tgospa_eval.evaluation.evaluate import prove, solver_settings
-from tgospa_eval.evaluation.prepare import Fitted, MeasuredSides, fit, measure
+from tgospa_eval.evaluation.prepare import Fitted, MeasuredSides, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.evaluation.sides import (
-    StepWeightsLike,
-    TrajectoriesLike,
-    as_distance,
-    as_sides,
-    as_solver,
-    as_step_weights,
-    in_units_of_truth,
-)
-from tgospa_eval.formats.options import parse_steps
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.tgospa import Parameters
@@ -43,11 +29,6 @@ from tgospa_eval.results.result import Result
 from tgospa_eval.results.sweep import Point, Sweep
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
-from tgospa_eval.tracks.alignment import TimeMatching
-from tgospa_eval.tracks.existence import EXISTENCE
-
-if TYPE_CHECKING:
-    from tgospa_eval.evaluation.sides import Components
 
 CONCAVE = ("cutoff", "switch_penalty")
 """Parameters along which prices between those of two neighbours are good for something."""
@@ -55,116 +36,6 @@ CONCAVE = ("cutoff", "switch_penalty")
 EASY_WORK, EASY_ITERATIONS = 10, 300
 """What takes no longer than a look at the neighbours: half sweeps, were all states in each of
 them, and iterations."""
-
-Values = float | Sequence[float] | Floats
-
-
-@spoken_in_python(reads=False)
-def sweep(
-    truth: "TrajectoriesLike",
-    estimate: "TrajectoriesLike",
-    cutoff: "Values | None" = None,
-    order: "Values" = 2,
-    switch_penalty: "Values | None" = None,
-    *,
-    rho: "Values" = 0.5,
-    distance: str | Distance = "euclidean",
-    solver: str | Solver = "certified",
-    unit: str | None = None,
-    time_tolerance: float | str = 0.0,
-    grid: str = "union",
-    interpolate: str | None = None,
-    max_gap: "float | str | Sequence[float | str] | None" = None,
-    resample: float | str | None = None,
-    steps: str | None = None,
-    outage: float | str | None = None,
-    time_offset: float = 0.0,
-    time_scale: float = 1.0,
-    unit_scale: float = 1.0,
-    step_weights: "StepWeightsLike | None" = None,
-    existence: str = "ignore",
-    mapping: "Components | None" = None,
-) -> Sweep:
-    """TGOSPA over a range of one parameter, each point with proven bounds.
-
-    Exactly one of `cutoff`, `order`, `switch_penalty` and `rho` is a sequence of values; everything
-    else is as for `evaluate`. Each point is what `evaluate` gives; the near pairs are searched
-    once, and over `rho`, which changes no optimal assignment, the problem is solved once.
-
-    Parameters
-    ----------
-    truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
-        As for `evaluate`.
-    cutoff, order, switch_penalty, rho : float or sequence of float
-        One of them is a sequence, in any order, without repetitions.
-    distance, solver, unit, time_tolerance, grid, interpolate, max_gap, resample, steps, outage
-        As for `evaluate`; a time limit holds for each point.
-    time_offset, time_scale, unit_scale, step_weights, existence, mapping
-        Likewise.
-
-    Returns
-    -------
-    Sweep
-        Points in the order of the values.
-
-    Warns
-    -----
-    TgospaWarning
-        As `evaluate`, for a value in the middle.
-
-    Raises
-    ------
-    ConfigError, InputError
-        As for `evaluate`; none or several of the four are sequences; a value is repeated.
-    """
-    stopwatch = Stopwatch()
-    chosen = as_distance(distance)
-    with stopwatch.span("read"):
-        columns = (EXISTENCE,) if existence == "use" else ()
-        sides, recorded = in_units_of_truth(
-            as_sides(truth, estimate, chosen, columns, mapping),
-            chosen,
-            time_offset,
-            time_scale,
-            unit_scale,
-        )
-    given: dict[str, Any] = {
-        "cutoff": chosen.defaults[0] if cutoff is None else cutoff,
-        "order": order,
-        "switch_penalty": chosen.defaults[1] if switch_penalty is None else switch_penalty,
-        "rho": rho,
-    }
-    swept = [name for name, value in given.items() if np.ndim(value)]
-    if len(swept) != 1:
-        raise ConfigError(
-            "one of cutoff, order, switch_penalty and rho must be a sequence of values, the others "
-            f"numbers; {' and '.join(swept) or 'none'} is a sequence"
-        )
-    name = swept[0]
-    parameters = in_order(name, [float(value) for value in given.pop(name)], given)
-    request = EvaluationRequest(
-        parameters=parameters[len(parameters) // 2],
-        distance=chosen,
-        solver=as_solver(solver),
-        time_matching=TimeMatching(
-            tolerance=time_tolerance,
-            grid=grid,
-            interpolate=interpolate,
-            max_gap=max_gap,
-            resample=resample,
-            steps=parse_steps(steps),
-            outage=outage,
-        ),
-        recorded=recorded,
-        unit=unit,
-        step_weights=as_step_weights(step_weights),
-        existence=existence,
-    )
-    fitted = fit(*sides, request)
-    found = look(fitted, request)
-    made = sweep_fitted(fitted, request, name, parameters, stopwatch=stopwatch)
-    warn_user(found)
-    return replace(made, warnings=tuple(found))
 
 
 def in_order(

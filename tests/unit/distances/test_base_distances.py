@@ -507,8 +507,9 @@ def test_python() -> None:
         math.radians(1e-5) ** 2 * EARTH**2
     )
     points = np.zeros((2, 1, 2))
-    with pytest.raises(ConfigError, match="needs a covariance"):
+    with pytest.raises(ConfigError, match="needs covariance"):
         evaluate(points, points, distance="mahalanobis")
+    assert evaluate(points, points + 1, distance="mahalanobis", covariance=np.eye(2)).total == 4
     with pytest.raises(ConfigError, match="scale is for 3"):
         evaluate(points, points, distance=METRICS["scaled"])
     with pytest.raises(InputError, match="needs the state columns lat,lon"):

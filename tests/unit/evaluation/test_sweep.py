@@ -19,7 +19,7 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.evaluation import sweep as sensitivity
 from tgospa_eval.evaluation.prepare import MeasuredSides, fit, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.evaluation.sides import as_distance, as_trajectories
+from tgospa_eval.evaluation.sides import as_distance, of_object
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.states import States
@@ -100,7 +100,7 @@ def test_by_hand() -> None:
 def measured(
     truth: np.ndarray, estimate: np.ndarray, cutoff: float
 ) -> tuple[MeasuredSides, object]:
-    sides = [as_trajectories(side, "side") for side in (truth, estimate)]
+    sides = [of_object(side, "side", as_distance("euclidean")) for side in (truth, estimate)]
     request = EvaluationRequest(
         parameters=Parameters(cutoff=cutoff, order=2, switch_penalty=0.0),
         distance=as_distance("euclidean"),

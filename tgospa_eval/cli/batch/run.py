@@ -15,6 +15,7 @@ import numpy as np
 
 from tgospa_eval import plots
 from tgospa_eval._version import __version__
+from tgospa_eval.api.notices import about_defaults
 from tgospa_eval.api.request import Request, Values
 from tgospa_eval.batches import jobs
 from tgospa_eval.batches.curves import rms_curves
@@ -35,12 +36,10 @@ from tgospa_eval.cli.batch.worker import (
     key_of,
     lost_job,
 )
-from tgospa_eval.cli.evaluate.folder import wanted_pictures
-from tgospa_eval.cli.shared.notices import about_defaults
 from tgospa_eval.cli.shared.options import KNOWN, typed_options
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
-from tgospa_eval.cli.shared.writing import write_output
+from tgospa_eval.cli.shared.writing import wanted_pictures, write_output
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.manifest import read_manifest, unchanged

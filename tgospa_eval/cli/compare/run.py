@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Self, TypeVar, cast
 
 from tgospa_eval import plots
+from tgospa_eval.api.notices import about, pair_notices, slow_notice
+from tgospa_eval.api.places import find_place
 from tgospa_eval.api.request import Request, Values
-from tgospa_eval.cli.shared.notices import about, notifier, pair_notices, slow_notice
-from tgospa_eval.cli.shared.places import find_place
+from tgospa_eval.api.settings import Settings, infos, make_settings
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.settings import Settings, infos, make_settings
-from tgospa_eval.cli.shared.streams import emit, print_notice, undisturbed
+from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, undisturbed
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
 from tgospa_eval.common import patterns
@@ -483,7 +483,7 @@ class FilePairs:
                 self.last = truth, self._read(truth, 0, paths)
             sides: tuple[Reading, ...] = (self.last[1], self._read(estimate, 1, paths))
         settings.check(sides, paths)
-        if settings.preprocess or settings.with_:
+        if settings.preprocess or settings.evaluation.with_:
             sides = settings.preprocessed(sides, paths)
             for path, side in zip(paths, sides, strict=True):
                 for notice in about(path, side):
@@ -613,9 +613,9 @@ def _outcomes(
         with stopwatch.progress.part(path, done, count):
             prepared = pairs.prepared(truth, path, named=count > 1)
             others = None
-            if pairs.settings.with_:
+            if pairs.settings.evaluation.with_:
                 effort = Effort(jobs=solver.jobs, stopwatch=stopwatch)
-                others = other_metrics(prepared, pairs.settings.with_, effort)
+                others = other_metrics(prepared, pairs.settings.evaluation.with_, effort)
             result = solve(prepared, solver, stopwatch)
             found[k].append(outcome(result, prepared.moments, per_step=per_step, others=others))
     return found, cast("Metric", result.settings)
@@ -777,7 +777,7 @@ def compare_files(truth: str, estimate: str, options: CompareOptions) -> bool:
             reason += f"{','.join(SOLVERS)} runs it all the same"
             left_out = {solver.name: reason for solver in solvers if solver.referee}
         stopwatch.stage = "solve/lp"
-        stopwatch.progress.begin(settings.parameters.root)
+        stopwatch.progress.begin(settings.evaluation.parameters.root)
         found = compare_solvers(prepared, chosen, progress=stopwatch.progress)
         for solver in chosen[len(found.runs) :]:
             left_out[name_of(solver)] = "interrupted before its turn"
@@ -852,7 +852,7 @@ def _study(options: CompareOptions, sizes: StudyOptions) -> Study:
         scene=scene,
         tracker=usual_tracker(scene.area, {}),
         seed=sizes.seed,
-        parameters=settings.parameters,
+        parameters=settings.evaluation.parameters,
         distance=settings.measure.distance(COLUMNS[scene.state]),
         solvers=options.make_solvers("certified,sinkhorn"),
         targets=numbers("targets", sizes.targets, parsed_whole),

@@ -121,7 +121,7 @@ def command(
         ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
     result, finished = evaluate_files(truth, estimate, chosen, output)
     if chosen.explain:
-        from tgospa_eval.cli.evaluate.explained import with_repairs
+        from tgospa_eval.cli.evaluate.run import with_repairs
 
         result = with_repairs(result, chosen, output)
     show(result, chosen, output, (truth, estimate))
@@ -149,15 +149,10 @@ def _check(chosen: "Request", output: "OutputOptions", typed: set[str], *, sweep
         raise click.UsageError("--proof has no place for --step-weights: leave one of them out")
     if chosen.slices and sweep:
         raise click.UsageError("--slice is for one evaluation, not for --sweep")
-    if chosen.with_ is not None and (sweep or chosen.by):
-        raise click.UsageError(
-            "--with is for one evaluation, not for --sweep"
-            if sweep
-            else "--with takes all rows together, not --by class; choose one class by --class NAME"
-        )
-    if chosen.similarity is not None and (sweep or chosen.step_weights is not None):
-        other = "--sweep" if sweep else "--step-weights"
-        raise click.UsageError(f"--similarity is of the mean over steps, not for {other}")
+    if chosen.with_ is not None and sweep:
+        raise click.UsageError("--with is for one evaluation, not for --sweep")
+    if chosen.similarity is not None and sweep:
+        raise click.UsageError("--similarity is of the mean over steps, not for --sweep")
     if chosen.explain and (sweep or chosen.by or chosen.preprocess):
         raise click.UsageError(_not_explained(by_class=bool(chosen.by), sweep=sweep))
 

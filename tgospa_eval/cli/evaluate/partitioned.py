@@ -4,16 +4,16 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+from tgospa_eval.api.notices import about_defaults
 from tgospa_eval.api.request import DEFAULTS, FITTING, SETTINGS, Request
-from tgospa_eval.cli.evaluate.folder import probed_folder
-from tgospa_eval.cli.evaluate.run import calibration_of, not_reached, show
+from tgospa_eval.api.settings import make_settings
+from tgospa_eval.cli.evaluate.run import not_reached, show
 from tgospa_eval.cli.evaluate.work import identity_of, work_folder
 from tgospa_eval.cli.shared.in_parts import memory_of
-from tgospa_eval.cli.shared.notices import about_defaults, notifier
 from tgospa_eval.cli.shared.progress import bracket, shown
-from tgospa_eval.cli.shared.settings import make_settings
-from tgospa_eval.cli.shared.streams import print_notice
+from tgospa_eval.cli.shared.streams import notifier, print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
+from tgospa_eval.cli.shared.writing import probed_folder
 from tgospa_eval.common.machine import cores
 from tgospa_eval.common.progress import Progress, Stopwatch
 from tgospa_eval.engines.cluster import Cluster
@@ -84,7 +84,6 @@ def evaluate_parts(
         Something is wrong with options or data.
     """
     settings = make_settings(options)
-    calibration = calibration_of(options)
     if output.output is not None:
         probed_folder(output.output, options, output, TABLE_FILES)
     stopwatch = Stopwatch()
@@ -107,7 +106,7 @@ def evaluate_parts(
         except KeyboardInterrupt:
             print_notice(_interrupted(stopwatch.progress, output))
             raise
-        result = replace(result, calibration=calibration, settings_file=output.config)
+        result = replace(result, calibration=settings.similarity, settings_file=output.config)
         notify = notifier(quiet=output.quiet)
         for notice in result.warnings:
             notify(notice)

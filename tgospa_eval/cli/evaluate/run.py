@@ -3,26 +3,26 @@
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tgospa_eval.api.evaluate import evaluate_sides, read_sides
 from tgospa_eval.api.request import Request
-from tgospa_eval.cli.shared.notices import Notify, about, notifier, pair_notices, slow_notice
+from tgospa_eval.api.settings import Settings, make_settings
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.settings import Settings, infos, make_settings
-from tgospa_eval.cli.shared.streams import emit, on_terminal, print_notice, undisturbed
+from tgospa_eval.cli.shared.streams import emit, notifier, on_terminal, print_notice, undisturbed
 from tgospa_eval.cli.shared.values import OutputOptions
-from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.evaluate import evaluate_fitted
-from tgospa_eval.evaluation.prepare import Fitted, fit
-from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.formats import Reading
 from tgospa_eval.reports import REPORTS
-from tgospa_eval.results.numbers import Calibration
+from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
+
+if TYPE_CHECKING:
+    from tgospa_eval.results.explanation import Explanation
+    from tgospa_eval.results.records import Timings
 
 NARROWEST = 1e-12
 """Relative gap below which the outward rounding of the bounds may keep them apart."""
@@ -58,40 +58,24 @@ def evaluate_files(
         Something is wrong with options or files.
     """
     settings = replace(make_settings(options), one_of_many=one_of_many)
-    calibration = calibration_of(options)
     wanted = None
     if output.output is not None:
         # Here: only where there is a folder.
-        from tgospa_eval.cli.evaluate.folder import named_options, probed_folder
+        from tgospa_eval.cli.shared.writing import named_options, probed_folder
 
         wanted = probed_folder(output.output, options, output)
     stopwatch = Stopwatch()
     if not output.quiet:
         stopwatch.notify = output_line
-
     notify = notifier(quiet=output.quiet, output=output_line)
 
     def work() -> Summary:
-        sides, fitted, request, warnings = read_sides(
-            (truth, estimate), settings, notify, stopwatch
-        )
+        sides = read_sides(settings, truth, estimate, stopwatch, notify)
         if wanted is not None:
             with named_options():
-                wanted.check(sides[0].trajectories.columns)
-        if settings.reading.by_class:
-            of_all = replace(request, distance=fitted.distance)  # what it takes from the data
-            result: Summary = _evaluate_classes(sides, of_all, stopwatch)
-        else:
-            result = evaluate_fitted(fitted, request, files=infos(sides), stopwatch=stopwatch)
-        for notice in result.warnings:
-            notify(notice)
-        return replace(
-            result,
-            warnings=(*warnings, *result.warnings),
-            files={"truth": truth, "estimate": estimate},
-            calibration=calibration,
-            settings_file=output.config,
-        )
+                wanted.check(sides.read[0].trajectories.columns)
+        result = evaluate_sides(settings, sides, stopwatch, notify)
+        return replace(result, settings_file=output.config)
 
     result = run(work, stopwatch, show=not output.quiet)
     if output.verbose:
@@ -113,7 +97,7 @@ def not_reached(result: Summary, settings: Settings) -> Iterator[str]:
                 where = f"{counted(missed, what)}{of}"
                 yield f"accuracy not reached at {where}, asked was {result.gap:g}"
         return
-    asked_gap = f", asked was {result.gap:g}" if settings.solver.proves else ""
+    asked_gap = f", asked was {result.gap:g}" if settings.evaluation.solver.proves else ""
     narrowest = ""
     if result.gap < NARROWEST:
         narrowest = f": bounds are rounded outward, ask for no less than {NARROWEST:g}"
@@ -121,61 +105,6 @@ def not_reached(result: Summary, settings: Settings) -> Iterator[str]:
         f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
         f"{result.relative_gap:.2g}{asked_gap}{narrowest}"
     )
-
-
-def calibration_of(options: Request) -> Calibration | None:
-    """Of the score of ``--similarity``, if it was asked for."""
-    if options.similarity is None:
-        return None
-    try:
-        return Calibration(false_targets=options.similarity)
-    except ConfigError as error:
-        raise ConfigError(f"--similarity: {error}") from None
-
-
-def read_sides(
-    paths: tuple[str, str], settings: Settings, notify: Notify, stopwatch: Stopwatch
-) -> tuple[tuple[Reading, ...], Fitted, EvaluationRequest, tuple[Notice, ...]]:
-    """Both files, the same on one grid, what is asked of them, and warnings.
-
-    Notices about them go to `notify`.
-
-    Raises
-    ------
-    TgospaError
-        Something is wrong with the files, or the options do not fit them.
-    """
-    with stopwatch.span("read"):
-        sides = settings.read(*paths)
-    fitted, request = settings.fit(sides, paths)
-    notices = [
-        *(notice for path, side in zip(paths, sides, strict=True) for notice in about(path, side)),
-        *pair_notices(fitted, request, sides),
-        *(() if settings.solver.referee else slow_notice()),
-    ]
-    for notice in notices:
-        notify(notice)
-    return sides, fitted, request, tuple(notice for notice in notices if notice.code)
-
-
-def _evaluate_classes(
-    sides: tuple[Reading, ...], request: EvaluationRequest, stopwatch: Stopwatch
-) -> Summary:
-    """One evaluation for each class, and their sum."""
-    from tgospa_eval.common.words import natural
-    from tgospa_eval.results.by_class import add_up
-
-    truth, estimate = sides
-    read_s = stopwatch.elapsed()
-    results = {}
-    classes = sorted({*truth.classes, *estimate.classes}, key=natural) or [""]
-    for number, name in enumerate(classes):
-        part = stopwatch.beside()
-        with stopwatch.progress.part(f"class {name}", number, len(classes)):
-            fitted = fit(truth.of_class(name), estimate.of_class(name), request)
-            results[name] = evaluate_fitted(fitted, request, stopwatch=part)
-        stopwatch.absorb(part)
-    return add_up(results, infos(sides), read_s)
 
 
 def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
@@ -196,6 +125,54 @@ def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
 
 
 # -------------------------------------------------------------------------------------------------
+# ``--explain``, and what the verb `explain` does with a result: its repairs, tried and proven.
+
+
+def explained(
+    result: Summary, options: Request, output: OutputOptions, top: int | None = None
+) -> "Explanation":
+    """The repairs of an estimate that was read from a file, `top` of them at most.
+
+    Parameters
+    ----------
+    result : Summary
+        Of all classes together.
+    options : Request
+        Filters, after which some kinds of repairs are not tried.
+    output : OutputOptions
+        Whether progress is shown, and seconds.
+    top : int
+        How many to list; as many as of `tgospa_eval.explain` by default.
+    """
+    from tgospa_eval.explain.explain import TOP, explain  # here: only where asked for
+
+    assert isinstance(result, Result)  # --by class is refused
+    stopwatch = Stopwatch()
+    found = run(
+        lambda: explain(result, top or TOP, stopwatch=stopwatch, without=_left_out(options)),
+        stopwatch,
+        show=not output.quiet,
+    )
+    if output.verbose:
+        print_notice(f"{'explain':<20} {found.seconds:9.3f} s")
+    return found
+
+
+def with_repairs(result: Summary, options: Request, output: OutputOptions) -> Summary:
+    """The result with its repairs, for every output; the time that they took counts."""
+    found = explained(result, options, output)
+    total = result.timings["total"] + found.seconds
+    timings: Timings = {**result.timings, "explain": found.seconds, "total": total}
+    return replace(result, explained=found, timings=timings)
+
+
+def _left_out(options: Request) -> tuple[str, ...]:
+    """Kinds of repairs after which a filter might leave out other rows."""
+    moving = ("shift",) if options.time else ()
+    return (*moving, "offset", "extend") if options.region else moving
+
+
+# -------------------------------------------------------------------------------------------------
 # A result to stdout, and to the folder of ``-o``.
 
 
@@ -203,7 +180,7 @@ def show(result: Summary, options: Request, output: OutputOptions, names: tuple[
     """Print the result, and write the folder if one was asked for."""
     try:
         if output.output is not None:
-            from tgospa_eval.cli.evaluate.folder import write_folder  # here: only where asked for
+            from tgospa_eval.cli.shared.writing import write_folder  # here: only where asked for
 
             write_folder(result, options, output, names)
     except ConfigError:  # a full disk must not cost what was computed

@@ -2,25 +2,21 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tgospa_eval import plots
 from tgospa_eval.api.request import Request
-from tgospa_eval.cli.evaluate.folder import wanted_pictures
-from tgospa_eval.cli.evaluate.run import read_sides
-from tgospa_eval.cli.shared.notices import notifier
+from tgospa_eval.api.sweep import sweep_sides, swept_parameters
 from tgospa_eval.cli.shared.options import OF_PICTURES
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.settings import infos, make_settings
-from tgospa_eval.cli.shared.streams import emit, print_notice
+from tgospa_eval.cli.shared.streams import emit, notifier, print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
-from tgospa_eval.cli.shared.writing import write_output
+from tgospa_eval.cli.shared.writing import wanted_pictures, write_output
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.sweep import in_order, sweep_fitted
 from tgospa_eval.plots.comparison import sweep_figure
 from tgospa_eval.reports.files import SWEEP, Files, csv_text, probe_folder
 from tgospa_eval.reports.sweep import render
@@ -75,12 +71,7 @@ def sweep_files(
     """
     name, values = parse_sweep(texts)
     _check(name, options, output, typed)
-    # Notices of the files are for a value in the middle.
-    middle = sorted(values)[len(values) // 2]
-    swept: dict[str, Any] = {name: middle}
-    settings = make_settings(replace(options, by=None, **swept))
-    others = {k: v for k, v in vars(settings.parameters).items() if k != name}
-    parameters = in_order(name, values, others)
+    settings, parameters = swept_parameters(options, name, values)
     wanted = None
     if output.output is not None:
         wanted = wanted_pictures(output)
@@ -92,11 +83,8 @@ def sweep_files(
 
     def work() -> Sweep:
         notify = notifier(quiet=output.quiet)
-        sides, fitted, request, warnings = read_sides(paths, settings, notify, stopwatch)
-        found = sweep_fitted(
-            fitted, request, name, parameters, files=infos(sides), stopwatch=stopwatch
-        )
-        return replace(found, warnings=warnings, settings_file=output.config)
+        found = sweep_sides(settings, name, parameters, paths, stopwatch, notify)
+        return replace(found, settings_file=output.config)
 
     found = run(work, stopwatch, show=not output.quiet)
     if len(found.points) < len(parameters):

@@ -13,11 +13,15 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
+from typing import TYPE_CHECKING
 
 import click
 
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import visible, visible_lines
+
+if TYPE_CHECKING:
+    from tgospa_eval.common.notices import Notice
 
 _heard = threading.Event()
 
@@ -82,6 +86,18 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 def print_notice(text: str) -> None:
     """Print a notice, a line on stderr; a terminal gets it wrapped."""
     print_raw(_wrapped(visible(text)))
+
+
+def notifier(
+    *, quiet: bool, output: Callable[[str], None] = print_notice
+) -> "Callable[[Notice], None]":
+    """Prints notices, and warnings even where the user wants quiet."""
+
+    def notify(notice: "Notice") -> None:
+        if notice.code or not quiet:
+            output(str(notice))
+
+    return notify
 
 
 def print_notices(text: str) -> None:

@@ -1,14 +1,30 @@
-"""The folder of ``-o``: made in a thread, written at once, announced."""
+"""The folder of ``-o``: probed before any work, made in a thread, written at once, announced."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
+from tgospa_eval.api.request import Request
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import heard, print_notice, undisturbed
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.reports.files import Files, Kind, write_texts
+from tgospa_eval.proof import PROOF_FOLDER
+from tgospa_eval.reports.files import (
+    PROOF_FILES,
+    RESULT,
+    Files,
+    Kind,
+    probe_folder,
+    result_texts,
+    write_texts,
+)
+from tgospa_eval.results.summary import Summary
+
+if TYPE_CHECKING:
+    from tgospa_eval.plots.result_pictures import Pictures
 
 
 def write_output(
@@ -71,3 +87,96 @@ def check_apart(path: str, others: list[str], option: str) -> None:
     for other in others:
         if os.path.realpath(path) == os.path.realpath(other):
             raise ConfigError(f"{option} {path}: is read or written otherwise; name another file")
+
+
+# -------------------------------------------------------------------------------------------------
+# What is asked for of the folder of a result, and the result into it.
+
+
+def probed_folder(
+    folder: str, options: Request, output: OutputOptions, also: tuple[str, ...] = ()
+) -> "Pictures | None":
+    """Look whether the folder can be written; the pictures that go into it.
+
+    `also` are names of more files that go into it.
+
+    Raises
+    ------
+    ConfigError
+        It cannot, or something is wrong with what is to go into it.
+    """
+    wanted = wanted_pictures(output)
+    windows = options.window is not None
+    also += () if wanted is None else wanted.names
+    if wanted is not None and windows:
+        also += tuple(f"windows.{kind}" for kind in wanted.formats)
+    also += ("curve.csv",) if options.curve else ()
+    also += ("windows.csv",) if windows else ()
+    also += ("per_class.csv",) if options.by else ()
+    also += ("explanation.json", "explanation.csv") if options.explain else ()
+    also += tuple(f"{PROOF_FOLDER}/{name}" for name in PROOF_FILES) if output.proof else ()
+    probe_folder(folder, RESULT, force=output.force, also=also)
+    return wanted
+
+
+def wanted_pictures(output: OutputOptions) -> "Pictures | None":
+    """The pictures that the options ask for; None without an option of that kind, or for none.
+
+    Raises
+    ------
+    ConfigError
+        Something is wrong with them.
+    """
+    from tgospa_eval.plots.result_pictures import Pictures, names_in  # here: for folders only
+
+    if output.pictures == "none":
+        return None
+    parts, plane = output.components, output.plane
+    with named_options():
+        return Pictures(
+            formats=names_in(output.pictures),
+            style=output.style,
+            components=None if parts is None else names_in(parts),
+            columns=None if plane is None else names_in(plane),
+        )
+
+
+@contextmanager
+def named_options() -> Iterator[None]:
+    """What is wrong with pictures, with the name of the option as it is typed."""
+    try:
+        yield
+    except ConfigError as error:
+        raise ConfigError(f"--{error}") from None
+
+
+def write_folder(
+    result: Summary, options: Request, output: OutputOptions, names: tuple[str, str]
+) -> None:
+    """Write it; prints that pictures are not in it for want of the extra."""
+    from tgospa_eval import plots
+
+    wanted = wanted_pictures(output)
+    lacking = wanted is not None and not plots.available()
+
+    def make(notify: Callable[[str, float], None]) -> Files:
+        from tgospa_eval.reports.page_data import document  # here: for folders only
+
+        notify("report.html", 0.0)
+        drawn = document(result)
+        texts = result_texts(result, names, drawn)
+        if output.proof:
+            from tgospa_eval.reports.proofs import proof_files  # here: only where asked for
+
+            notify(PROOF_FOLDER, 0.0)
+            proof = proof_files(result, options.given)
+            texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in proof.items()}
+        if wanted is None or lacking:
+            return texts
+        from tgospa_eval.plots.result_pictures import result_pictures
+
+        return {**texts, **result_pictures(result, wanted, notify, drawn)}
+
+    write_output(output, RESULT, make)
+    if lacking and not output.quiet:
+        print_notice(plots.MISSING)

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.common.notices import Notice, Spelling, as_argument, as_option
+from tgospa_eval.common.notices import Notice, Spelling, as_option
 from tgospa_eval.common.words import counted, in_both, number
-from tgospa_eval.evaluation.axis import Axis, check_left, truth_gaps
+from tgospa_eval.evaluation.axis import Axis, truth_gaps
 from tgospa_eval.evaluation.diagnosis.clock import clock_warnings
 from tgospa_eval.evaluation.diagnosis.costs import Sampler
 from tgospa_eval.evaluation.diagnosis.states import side_warnings, state_warnings
@@ -49,31 +49,6 @@ def diagnose(
         found += state_warnings(sampler, spell)
     found += silence_warnings(sides.axis, parameters, spell)
     return found + gap_warnings(sides, request, spell)
-
-
-def look(sides: "Fitted", request: "EvaluationRequest") -> list[Notice]:
-    """Warnings about two sides, in the words of Python.
-
-    Raises
-    ------
-    NothingLeftError
-        No row is at a declared step.
-    """
-    check_left(sides.axis, request.time_matching)
-    found = [notice for notice in diagnose(sides, request, as_argument) if notice.code]
-    if request.defaults:
-        from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
-
-        notice = default_notice(
-            sides.alignment,
-            sides.distance,
-            request.parameters,
-            request.defaults,
-            as_argument,
-            others=explained(found),
-        )
-        found += [notice] if notice.code else []
-    return found
 
 
 def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:

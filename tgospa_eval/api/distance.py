@@ -8,14 +8,17 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval.api.request import Request
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import parsed
-from tgospa_eval.distances import DISTANCES, Distance
+from tgospa_eval.distances import Distance
 from tgospa_eval.distances.base import Fault, Floats
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats.columns.headers import BOX, parse_columns
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from tgospa_eval.distances import CloudWasserstein, Reduction
 
 
@@ -35,7 +38,10 @@ USED_BY = {
 
 def given_particles(options: Request) -> Iterator[str]:
     """Options of clouds that were given, as they are spelt."""
-    yield from (_spelt(name) for name in CLOUD_OPTIONS if getattr(options, name))
+    for name in CLOUD_OPTIONS:
+        value = getattr(options, name)
+        if value is not None and (not isinstance(value, int) or value):
+            yield _spelt(name)
 
 
 def reduction(options: Request, size: int | None) -> "Reduction | None":
@@ -80,15 +86,20 @@ def cloud_distance(options: Request) -> "CloudWasserstein":
     inner = options.inner or "euclidean"
     pairwise = options.pairwise
     path = options.inner_cov
-    if path and inner != "mahalanobis":
+    if path is not None and inner != "mahalanobis":
         raise ConfigError("--inner-cov is for --inner mahalanobis")
-    matrix = None if path in (None, "global", "pair") else read_matrix(path, options.decimal)
+    matrix: Any = None
+    if not isinstance(path, str):
+        matrix = path
+    elif path not in ("global", "pair"):
+        matrix = read_matrix(path, options.decimal)
     settings: dict[str, Any] = {
         "order": options.cloud_order or 2,
         "reduction": reduction(options, options.reduce),
         "gating": not options.no_gating,
     }
-    if path == "pair" or (pairwise and inner == "mahalanobis" and not path):
+    pair = isinstance(path, str) and path == "pair"
+    if pair or (pairwise and inner == "mahalanobis" and path is None):
         if not pairwise:
             raise ConfigError(
                 "--inner-cov pair makes no metric, and is for associate; take global or a file"
@@ -97,7 +108,7 @@ def cloud_distance(options: Request) -> "CloudWasserstein":
     try:
         return CloudWasserstein(inner=inner, covariance=matrix, **settings)
     except ConfigError as error:
-        if matrix is None:
+        if not isinstance(path, str):
             raise
         raise InputError(f"{path}: {error}") from None
 
@@ -123,20 +134,21 @@ class DistanceOptions:
     """
 
     def __init__(self, options: Request) -> None:
-        self.named = DISTANCES[options.distance]
+        self.named = as_distance(options.distance)
+        self.is_record = not isinstance(options.distance, str)
         self.period = _numbers("periodic", options.periodic, 2 * math.pi)
         self.scale = _numbers("scale", options.scale)
         self.path = options.covariance
         self.mixed = options.mixed
         self.boxes = self.named.columns == BOX
         # By name: to ask for the type would import the members that are not used.
-        of_matrix = self.named.name == "mahalanobis"
-        of_pairs = of_matrix and not self.path and options.pairwise
-        moments = self.named.name == "gaussian-wasserstein"
+        of_matrix = self.named.name == "mahalanobis" and not self.is_record
+        of_pairs = of_matrix and self.path is None and options.pairwise
+        moments = self.named.name == "gaussian-wasserstein" and not self.is_record
         of_gaussians = moments or of_pairs
-        of_norms = isinstance(self.named, Norm) or moments
+        of_norms = (isinstance(self.named, Norm) and not self.is_record) or moments
         zero = options.missing_cov != "error"
-        of_clouds = self.named.name == "cloud-wasserstein"
+        of_clouds = self.named.name == "cloud-wasserstein" and not self.is_record
         for name, given, allowed, whose in (
             ("periodic", self.period, of_norms, "the norms and gaussian-wasserstein"),
             (
@@ -148,13 +160,14 @@ class DistanceOptions:
             ("fix-cov", options.fix_cov, of_gaussians, "gaussian-wasserstein"),
             ("missing-cov", zero, of_gaussians, "gaussian-wasserstein"),
             ("mixed", self.mixed != "error", moments, "gaussian-wasserstein"),
-            ("covariance", self.path, of_matrix, "mahalanobis"),
+            ("covariance", self.path is not None, of_matrix, "mahalanobis"),
             *((name, True, of_clouds, "cloud-wasserstein") for name in given_particles(options)),
         ):
             if given and not allowed:
-                raise ConfigError(f"--{name} is for {whose}, not for {self.named.name}")
+                other = "a record with settings of its own" if self.is_record else self.named.name
+                raise ConfigError(f"--{name} is for {whose}, not for {other}")
         if of_matrix and not of_pairs:
-            if not self.path:
+            if self.path is None:
                 raise ConfigError("--distance mahalanobis needs --covariance FILE")
             self.named = _mahalanobis(self.path, options.decimal)
         if of_pairs:
@@ -225,15 +238,17 @@ def _with(distance: Distance, **settings: object) -> Distance:
     return changed
 
 
-def _mahalanobis(path: str, decimal: str) -> Distance:
+def _mahalanobis(given: "str | ArrayLike", decimal: str) -> Distance:
     from tgospa_eval.distances.mahalanobis import Mahalanobis
     from tgospa_eval.formats.text.matrix import read_matrix
 
-    matrix = read_matrix(path, decimal)
+    if not isinstance(given, str):
+        return Mahalanobis(covariance=given)
+    matrix = read_matrix(given, decimal)
     try:
         return Mahalanobis(covariance=matrix)
     except ConfigError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{given}: {error}") from None
 
 
 def _numbers(option: str, items: Sequence[str], default: float | None = None) -> dict[str, float]:

@@ -3,40 +3,29 @@
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from pathlib import PurePath
-from typing import TYPE_CHECKING, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
+from tgospa_eval.api.evaluate import read_sides
+from tgospa_eval.api.keywords import requested, with_options
+from tgospa_eval.api.settings import Settings, infos, make_settings
+from tgospa_eval.api.sweep import ONE_EVALUATION
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, spoken_in_python, warn_user
+from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.comparison.entrants import Entrant, check_solvers, outcome
 from tgospa_eval.comparison.ranking import ranking_document
 from tgospa_eval.comparison.solvers import ONCE, compare_solvers, solvers_document
-from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.diagnosis import look
 from tgospa_eval.evaluation.evaluate import solve
-from tgospa_eval.evaluation.prepare import Prepared, fit, prepare
-from tgospa_eval.evaluation.request import EvaluationRequest, chosen_parameters
-from tgospa_eval.evaluation.sides import (
-    StepWeightsLike,
-    TrajectoriesLike,
-    as_distance,
-    as_sides,
-    as_solver,
-    as_step_weights,
-    as_trajectories,
-    in_units_of_truth,
-)
-from tgospa_eval.formats.options import parse_steps
+from tgospa_eval.evaluation.prepare import Prepared, prepare
+from tgospa_eval.evaluation.sides import TrajectoriesLike, as_solver, is_path
+from tgospa_eval.formats import Reading
 from tgospa_eval.reports.comparison import estimates_columns, pairs_columns, render, solvers_columns
 from tgospa_eval.reports.records import Metric, RankingRecord, SolversRecord
 from tgospa_eval.results.records import json_text
 from tgospa_eval.solvers import Solver
-from tgospa_eval.tracks.alignment import TimeMatching
-from tgospa_eval.tracks.existence import EXISTENCE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -95,32 +84,17 @@ class Compared:
     __repr__ = __str__
 
 
-@spoken_in_python(reads=False)
+@with_options(*ONE_EVALUATION)
 def compare(
     truth: "TrajectoriesLike",
     estimates: "Estimates | TrajectoriesLike",
     cutoff: float | None = None,
-    order: float = 2,
+    order: float = 2.0,
     switch_penalty: float | None = None,
     *,
     solvers: Sequence[str | Solver] = (),
-    rho: float = 0.5,
-    distance: str | Distance = "euclidean",
-    solver: str | Solver = "certified",
-    unit: str | None = None,
-    time_tolerance: float | str = 0.0,
-    grid: str = "union",
-    interpolate: str | None = None,
-    max_gap: "float | str | Sequence[float | str] | None" = None,
-    resample: float | str | None = None,
-    steps: str | None = None,
-    outage: float | str | None = None,
-    time_offset: float = 0.0,
-    time_scale: float = 1.0,
-    unit_scale: float = 1.0,
-    step_weights: "StepWeightsLike | None" = None,
-    existence: str = "ignore",
     mapping: "Components | None" = None,
+    **options: Any,
 ) -> Compared:
     """Rank several estimates of a truth by proven order, or compare solvers on one estimate.
 
@@ -131,16 +105,10 @@ def compare(
     estimates : mapping from name to estimate, or list of paths
         Estimates to rank, each as for `evaluate`; files are called by their paths. With `solvers`
         a single estimate.
-    cutoff, order, switch_penalty, rho, distance, unit, time_tolerance, step_weights, existence
-        As for `evaluate`.
+    cutoff, order, switch_penalty, mapping
+        As for `evaluate`, as all others.
     solvers : sequence of str or solver record
         Solvers to compare on one estimate, each in a process of its own.
-    solver : str or solver record
-        The solver of a ranking.
-    grid : {"union", "truth"}
-        Steps that count; with `solvers` also ``"estimate"`` and ``"common"``.
-    interpolate, max_gap, resample, steps, outage, time_offset, time_scale, unit_scale, mapping
-        As for `evaluate`; of all estimates.
 
     Returns
     -------
@@ -154,32 +122,20 @@ def compare(
 
     Raises
     ------
-    ConfigError, InputError
+    ConfigError, InputError, TypeError
         As for `evaluate`; there is no estimate, or a solver is there twice.
     """
-    base = as_distance(distance)
-    parameters, defaults = chosen_parameters(base, order, cutoff, switch_penalty, rho)
-    request = EvaluationRequest(
-        parameters=parameters,
-        distance=base,
-        solver=as_solver(solver),
-        time_matching=TimeMatching(
-            tolerance=time_tolerance,
-            grid=grid,
-            interpolate=interpolate,
-            max_gap=max_gap,
-            resample=resample,
-            steps=parse_steps(steps),
-            outage=outage,
-        ),
-        unit=unit,
-        defaults=defaults,
-        step_weights=as_step_weights(step_weights),
-        existence=existence,
-    )
-    pairs = _Pairs(request, mapping, (time_offset, time_scale, unit_scale))
-    if solvers:
-        chosen = [as_solver(item) for item in solvers]
+    given: dict[str, Any] = {
+        "cutoff": cutoff,
+        "order": order,
+        "switch_penalty": switch_penalty,
+        **options,
+    }
+    chosen = [as_solver(item) for item in solvers]
+    if chosen:
+        given["solver"] = chosen[0]
+    pairs = _Pairs(make_settings(requested(given)), mapping)
+    if chosen:
         check_solvers(chosen)
         found: RankingRecord | SolversRecord = _of_solvers(
             pairs, truth, cast("TrajectoriesLike", estimates), chosen
@@ -193,32 +149,23 @@ def compare(
 class _Pairs:
     """Pairs of sides, made problems of; what looks wrong with them, each once."""
 
-    def __init__(
-        self,
-        request: EvaluationRequest,
-        mapping: "Components | None",
-        units: tuple[float, float, float],
-    ) -> None:
-        self.request, self.mapping, self.units = request, mapping, units
+    def __init__(self, settings: Settings, mapping: "Components | None") -> None:
+        self.settings, self.mapping = settings, mapping
         self.notices: list[Notice] = []
         self.stopwatch = Stopwatch()
 
     def prepared(
-        self, truth: TrajectoriesLike, estimate: TrajectoriesLike, name: str = ""
+        self, truth: "TrajectoriesLike | Reading", estimate: "TrajectoriesLike", name: str = ""
     ) -> Prepared:
         """The problem of two sides; its warnings name the estimate, where there are several."""
-        request = self.request
-        attributes = (EXISTENCE,) if request.probabilistic else ()
-        with self.stopwatch.span("read"):
-            read = as_sides(truth, estimate, request.distance, attributes, self.mapping)
-            sides, recorded = in_units_of_truth(read, request.distance, *self.units)
-        request = replace(request, recorded=recorded)
-        fitted = fit(*sides, request)
-        for notice in look(fitted, request):
+        sides = read_sides(self.settings, truth, estimate, self.stopwatch, mapping=self.mapping)
+        for notice in sides.warnings:
             told = notice.about(name) if name and notice.code != "default-parameters" else notice
             if told not in self.notices:
                 self.notices.append(told)
-        return prepare(fitted, request, stopwatch=self.stopwatch)
+        return prepare(
+            sides.fitted, sides.request, files=infos(sides.read), stopwatch=self.stopwatch
+        )
 
 
 def _named(
@@ -250,15 +197,12 @@ def _ranked(
     pairs: _Pairs, truth: TrajectoriesLike, estimates: "Mapping[str, TrajectoriesLike]"
 ) -> RankingRecord:
     """The document of a ranking."""
-    request = pairs.request
-    path = os.fspath(truth) if isinstance(truth, (str, os.PathLike)) else "truth"
-    if isinstance(truth, (str, os.PathLike)):
-        attributes = (EXISTENCE,) if request.probabilistic else ()
-        truth = as_trajectories(truth, "truth", request.distance, attributes)
+    path = os.fspath(truth) if is_path(truth) else "truth"
+    read = pairs.settings.read_side(truth, 0, "truth") if is_path(truth) else None
     entrants = []
     for name, estimate in estimates.items():
-        prepared = pairs.prepared(truth, estimate, name if len(estimates) > 1 else "")
-        result = solve(prepared, request.solver, pairs.stopwatch)
+        prepared = pairs.prepared(read or truth, estimate, name if len(estimates) > 1 else "")
+        result = solve(prepared, pairs.settings.evaluation.solver, pairs.stopwatch)
         made = outcome(result, prepared.moments, per_step=False)
         entrants.append(Entrant(name=name, paths=[name], outcomes=[made]))
     warned = [notice.record() for notice in pairs.notices]
@@ -269,7 +213,6 @@ def _of_solvers(
     pairs: _Pairs, truth: TrajectoriesLike, estimate: TrajectoriesLike, solvers: list[Solver]
 ) -> SolversRecord:
     """The document of solvers on one problem."""
-    pairs.request = replace(pairs.request, solver=solvers[0])
     prepared = pairs.prepared(truth, estimate)
     found = compare_solvers(prepared, solvers)
     once = {name: pairs.stopwatch.spans.get(span, 0.0) for name, span in ONCE.items()}

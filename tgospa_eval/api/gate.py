@@ -7,10 +7,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval._version import __version__
+from tgospa_eval.api.evaluate import evaluate
+from tgospa_eval.api.keywords import KEYWORDS, with_options
+from tgospa_eval.api.request import OF_THE_NUMBER
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import in_python, spoken_in_python
+from tgospa_eval.common.notices import in_python
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.evaluate import evaluate
 from tgospa_eval.evaluation.sides import TrajectoriesLike
 from tgospa_eval.regression.baseline import Measured, dump, load, make_entry, measured
 from tgospa_eval.regression.outcome import PairOutcome, Report, change, compare, update_notes
@@ -33,24 +35,8 @@ if TYPE_CHECKING:
 
     from tgospa_eval.results.result import Result
 
-INHERITED = (
-    *("cutoff", "order", "switch-penalty", "rho", "distance", "grid", "time-tolerance"),
-    *(
-        "interpolate",
-        "max-gap",
-        "resample",
-        "steps",
-        "outage",
-        "time-offset",
-        "time-scale",
-        "unit-scale",
-    ),
-    *("unit", "existence", "solver"),
-)
-"""Options of a baseline that `evaluate` has as arguments."""
-
-READ_AS_THEY_ARE = {"on_duplicate": "error"}
-"""Parameters of files, as those of Python are: a repeated (id, t) is an error."""
+INHERITED = {key: name for key, name in KEYWORDS.items() if name in OF_THE_NUMBER}
+"""Keywords by the names of their options, as a baseline has these."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -111,7 +97,7 @@ def _row(found: Finding) -> dict[str, object]:
     }
 
 
-@spoken_in_python(reads=False)
+@with_options()
 def gate(
     truth: "TrajectoriesLike",
     estimate: "TrajectoriesLike",
@@ -142,8 +128,8 @@ def gate(
         Largest values that do not depend on the baseline: ``{"tgospa": 50.0}``.
     update_baseline : bool
         Whether to make the baseline, or to replace it, instead.
-    **options
-        As for `evaluate`. What is not given is that of the baseline.
+
+    What is not given is that of the baseline, and else as for `evaluate`.
 
     Returns
     -------
@@ -162,11 +148,10 @@ def gate(
     entry = (old or {}).get(ONLY_PAIR)
     rules = _rules(fail_on, warn_on, limits or {})
     kept = {} if entry is None else entry.options
-    inherited = {key.replace("-", "_"): kept[key] for key in INHERITED if key in kept}
+    inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
     given: dict[str, Any] = {**inherited, **options}
     result = evaluate(truth, estimate, **given)
     now = measured(result)
-    now = replace(now, parameters=READ_AS_THEY_ARE | dict(now.parameters))
     pair = Pair(name=ONLY_PAIR, truth=_called(truth, "truth"), estimate=_called(estimate, ""))
     if update_baseline:
         outcome = _updated(path, pair, now, given)
@@ -175,7 +160,11 @@ def gate(
     else:
         verdict, findings, notes = compare(now, entry, rules)
         outcome = replace(PairOutcome.of(pair, verdict, *notes), findings=findings)
-    outcome = replace(outcome, notes=tuple(map(in_python, outcome.notes)), warnings=result.warnings)
+    outcome = replace(
+        outcome,
+        notes=tuple(in_python(note, reads=False) for note in outcome.notes),
+        warnings=result.warnings,
+    )
     report = Report(baseline=path, outcomes=(outcome,), version=__version__)
     return GateResult(report=report, result=result)
 
@@ -200,9 +189,9 @@ def _updated(path: str, pair: Pair, now: Measured, given: Mapping[str, object]) 
     """Make the baseline anew, with the options that the command has names for."""
     old = (load(path) or {}).get(ONLY_PAIR)
     plain = {
-        name.replace("_", "-"): value
-        for name, value in given.items()
-        if name.replace("_", "-") in INHERITED and isinstance(value, (str, float, int))
+        key: given[name]
+        for key, name in INHERITED.items()
+        if isinstance(given.get(name), (str, float, int))
     }
     used = {name: now.parameters[name.replace("-", "_")] for name in ("cutoff", "switch-penalty")}
     entry = make_entry(now, plain | used)

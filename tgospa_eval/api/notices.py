@@ -1,11 +1,10 @@
 """What the user should know of files and of the choice of options, before anything is solved."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
+from tgospa_eval.api.distance import notices
 from tgospa_eval.api.request import Request
-from tgospa_eval.cli.shared.distance import notices
-from tgospa_eval.cli.shared.streams import print_notice
-from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.notices import Notice, Spelling, as_option
 from tgospa_eval.evaluation.diagnosis import (
     alignment_notices,
     axis_notices,
@@ -16,19 +15,6 @@ from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.problem.compiled import KERNEL
-
-Notify = Callable[[Notice], None]
-"""What to do with a notice, or a warning."""
-
-
-def notifier(*, quiet: bool, output: Callable[[str], None] = print_notice) -> Notify:
-    """Prints notices, and warnings even where the user wants quiet."""
-
-    def notify(notice: Notice) -> None:
-        if notice.code or not quiet:
-            output(str(notice))
-
-    return notify
 
 
 def slow_notice() -> Iterator[Notice]:
@@ -48,9 +34,15 @@ def about(path: str, side: Reading) -> Iterator[Notice]:
 
 
 def pair_notices(
-    sides: Fitted, request: EvaluationRequest, files: Sequence[Reading]
+    sides: Fitted,
+    request: EvaluationRequest,
+    files: Sequence[Reading],
+    spell: Spelling = as_option,
 ) -> Iterator[Notice]:
-    """What the user should know of the choice of the distance, and of the two files together."""
+    """What the user should know of the choice of the distance, and of the two files together.
+
+    `spell` says how settings are written in remedies.
+    """
     aligned, distance, parameters = sides.alignment, sides.distance, request.parameters
     yield from notices(distance, aligned.truth.columns, parameters.cutoff)
     truth, estimate = sides.read
@@ -60,9 +52,9 @@ def pair_notices(
     if any(side.pixels for side in files):
         yield from unit_notices(request.unit)
     yield from axis_notices(sides.axis, request.time_matching)
-    for text in alignment_notices(aligned, request.time_matching):
+    for text in alignment_notices(aligned, request.time_matching, spell):
         yield Notice(text=text)
-    found = diagnose(sides, request)
+    found = diagnose(sides, request, spell)
     yield from found
     if request.defaults:
         yield default_notice(
@@ -70,6 +62,7 @@ def pair_notices(
             distance,
             parameters,
             request.defaults,
+            spell,
             others=explained(found),
             boxes=any(side.centres for side in files),
         )

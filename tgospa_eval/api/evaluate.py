@@ -1,0 +1,213 @@
+"""One evaluation: read, align, fit, diagnose, solve, report, each once, whoever asks."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, cast
+
+from tgospa_eval.api.keywords import requested, with_options
+from tgospa_eval.api.notices import about, pair_notices, slow_notice
+from tgospa_eval.api.settings import Settings, called, infos, make_settings
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.notices import Notice, as_argument, as_option, in_python, warn_user
+from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.evaluation.evaluate import evaluate_fitted
+from tgospa_eval.evaluation.prepare import Fitted, fit
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.evaluation.sides import is_path
+from tgospa_eval.formats import Reading
+from tgospa_eval.results.summary import Summary
+
+if TYPE_CHECKING:
+    from tgospa_eval.evaluation.sides import Components, TrajectoriesLike
+    from tgospa_eval.results.result import Result
+
+Notify = Callable[[Notice], None]
+"""What to do with a notice, or a warning."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SidesRead:
+    """Truth and estimate, ready to be evaluated.
+
+    Parameters
+    ----------
+    read : pair of Reading
+        As they were read.
+    fitted : Fitted
+        The same, on one grid.
+    request : EvaluationRequest
+        What is asked of them.
+    files : dict
+        Paths of truth and estimate; None of what is no file.
+    warnings : tuple of Notice
+        What looks wrong with them.
+    """
+
+    read: tuple[Reading, ...]
+    fitted: Fitted
+    request: EvaluationRequest
+    files: dict[str, str | None]
+    warnings: tuple[Notice, ...]
+
+
+def read_sides(
+    settings: Settings,
+    truth: "TrajectoriesLike | Reading",
+    estimate: "TrajectoriesLike",
+    stopwatch: Stopwatch,
+    notify: Notify | None = None,
+    *,
+    mapping: "Components | None" = None,
+) -> SidesRead:
+    """Read truth and estimate, align and fit them, and say what looks wrong.
+
+    Parameters
+    ----------
+    settings : Settings
+        The request.
+    truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
+        The two sides; the truth may be what `Settings.read_side` made of it.
+    stopwatch : Stopwatch
+        Running clock.
+    notify : callable, optional
+        What to do with what the user should know. Without, warnings are in the words of Python.
+    mapping : sequence of int, or pair of such, optional
+        Of tracks with state vectors the components to compare.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with the sides, or the options do not fit them.
+    """
+    given = (truth, estimate)
+    with stopwatch.span("read"):
+        sides = settings.read(*given, mapping=mapping, advise=notify is not None)
+    names = called(given)
+    fitted, request = settings.fit(sides, names)
+    spell = as_argument if notify is None else as_option
+    notices = [
+        *(notice for name, side in zip(names, sides, strict=True) for notice in about(name, side)),
+        *pair_notices(fitted, request, sides, spell),
+        *(() if request.solver.referee else slow_notice()),
+    ]
+    if notify is None:
+        spoken = partial(in_python, reads=False)
+        notices = [replace(n, text=spoken(n.text), remedy=spoken(n.remedy)) for n in notices]
+    else:
+        for notice in notices:
+            notify(notice)
+    paths = (name if is_path(side) else None for name, side in zip(names, given, strict=True))
+    return SidesRead(
+        read=sides,
+        fitted=fitted,
+        request=request,
+        files=dict(zip(("truth", "estimate"), paths, strict=True)),
+        warnings=tuple(notice for notice in notices if notice.code),
+    )
+
+
+def evaluate_sides(
+    settings: Settings, sides: SidesRead, stopwatch: Stopwatch, notify: Notify | None = None
+) -> Summary:
+    """Solve, prove and report; of each class by itself, if that is asked for.
+
+    `notify` takes what the solution shows.
+    """
+    result: Summary
+    if settings.reading.by_class:
+        result = _evaluate_classes(sides, stopwatch)
+    else:
+        result = evaluate_fitted(
+            sides.fitted, sides.request, files=infos(sides.read), stopwatch=stopwatch
+        )
+    for notice in result.warnings if notify else ():
+        notify(notice)  # type: ignore[misc]
+    return replace(
+        result,
+        warnings=(*sides.warnings, *result.warnings),
+        files=sides.files,
+        calibration=settings.similarity,
+    )
+
+
+def _evaluate_classes(sides: SidesRead, stopwatch: Stopwatch) -> Summary:
+    """One evaluation for each class, and their sum."""
+    from tgospa_eval.common.words import natural
+    from tgospa_eval.results.by_class import add_up
+
+    # What the distance takes from the data, it takes from all.
+    request = replace(sides.request, distance=sides.fitted.distance)
+    truth, estimate = sides.read
+    read_s = stopwatch.elapsed()
+    results = {}
+    classes = sorted({*truth.classes, *estimate.classes}, key=natural) or [""]
+    for number, name in enumerate(classes):
+        part = stopwatch.beside()
+        with stopwatch.progress.part(f"class {name}", number, len(classes)):
+            fitted = fit(truth.of_class(name), estimate.of_class(name), request)
+            results[name] = evaluate_fitted(fitted, request, stopwatch=part)
+        stopwatch.absorb(part)
+    return add_up(results, infos(sides.read), read_s)
+
+
+@with_options()
+def evaluate(
+    truth: "TrajectoriesLike",
+    estimate: "TrajectoriesLike",
+    cutoff: float | None = None,
+    order: float = 2.0,
+    switch_penalty: float | None = None,
+    *,
+    mapping: "Components | None" = None,
+    **options: Any,
+) -> "Result":
+    """TGOSPA between two sets of trajectories, with proven bounds.
+
+    Every option of ``tgospa-eval evaluate`` is a keyword, by its name.
+
+    Parameters
+    ----------
+    truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
+        A file, or what `read_trajectories` made of one; a table of pandas, Polars or another that
+        Arrow knows, in the long form ``id, t, x[, y[, z]]``; an array or tensor (T, k, d) with NaN
+        for absent, or a pair ``(times, array)``; a mapping from id to an array (T, d), or to a
+        pair ``(times, array)``; tracks or ground-truth paths of Stone Soup (see `mapping`).
+        Arrays and tables are taken to have the columns that the distance needs.
+    cutoff : float, optional
+        c > 0, in the unit of the distance; 10.0 by default, 0.5 with ``"iou"``.
+    order : float
+        p >= 1.
+    switch_penalty : float, optional
+        gamma >= 0, in the unit of the distance; 2.0 by default, 0.5 with ``"iou"``.
+    mapping : sequence of int, or pair of such, optional
+        Of tracks with state vectors the components to compare: ``(0, 2)`` for x and y of
+        ``(x, vx, y, vy)``; a pair where truth and estimate have theirs in other places.
+
+    Returns
+    -------
+    Result
+        Value, bracket, decomposition, tables; with ``by="class"`` the sum of such, `ByClass`.
+
+    Warns
+    -----
+    TgospaWarning
+        Something looks wrong with the data: see `Result.warnings`.
+
+    Raises
+    ------
+    ConfigError
+        A parameter is out of range, a name is unknown, or an option is not for such data.
+    InputError
+        A file is wrong, or the two sides do not fit: other columns, other kinds of time, states
+        out of range.
+    TypeError
+        There is no such keyword.
+    """
+    given = {"cutoff": cutoff, "order": order, "switch_penalty": switch_penalty, **options}
+    settings = make_settings(requested(given))
+    stopwatch = Stopwatch()
+    sides = read_sides(settings, truth, estimate, stopwatch, mapping=mapping)
+    result = evaluate_sides(settings, sides, stopwatch)
+    warn_user(result.warnings)
+    return cast("Result", result)

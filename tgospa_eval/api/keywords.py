@@ -1,0 +1,158 @@
+"""The options of a request as keywords of Python."""
+
+import functools
+import inspect
+import os
+import re
+import textwrap
+from collections.abc import Callable, Iterable, Mapping
+from types import NoneType
+from typing import Any, ParamSpec, TypeVar, get_args
+
+from tgospa_eval.api.request import DEFAULTS, SETTINGS, TYPES, Request
+from tgospa_eval.common.notices import spoken_in_python
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.text import quoted
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+OF_THE_COMMAND = ("memory", "scheduler", "explain")
+"""Fields of a request that are not for Python: results explain themselves."""
+
+KEYWORDS = {about.key: name for name, about in SETTINGS.items()}
+"""Names of fields by those of their options."""
+
+IN_OBJECTS = {
+    "distance": "a record of `tgospa_eval.distances`",
+    "covariance": "a matrix (d, d)",
+    "inner_cov": "a matrix (d, d)",
+    "solver": "`Certified`, `Exact` or `Sinkhorn` with settings",
+    "step_weights": "a mapping from time to weight, a table ``t, weight[, switch_weight]``, an "
+    "array (T,)",
+    "with_": "a sequence of names",
+    "time_tolerance": "a number",
+    "max_gap": "a number, or a pair of truth and estimate",
+    "resample": "a number",
+    "outage": "a number",
+    "window": "a number of steps",
+    "every": "a number of steps",
+    "columns": "a sequence of names",
+    "truth_columns": "a sequence of names",
+    "estimate_columns": "a sequence of names",
+    "class_": "a sequence of names",
+    "truth_class": "a sequence of names",
+    "estimate_class": "a sequence of names",
+}
+"""Texts of the command line that Python may give as something else, too."""
+
+
+def taken(without: Iterable[str] = ()) -> list[str]:
+    """Names of the keywords of a function that does without some."""
+    return [name for name in SETTINGS if name not in (*OF_THE_COMMAND, *without)]
+
+
+def with_options(*without: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Let a function take every option of an evaluation as a keyword, but for some.
+
+    Its last parameter is ``**options``. Signature and docstring have them by name, and errors that
+    it raises call them so.
+    """
+    names = taken(without)
+
+    def wrap(function: Callable[P, T]) -> Callable[P, T]:
+        signature = inspect.signature(function)
+        own = [p for p in signature.parameters.values() if p.kind is not p.VAR_KEYWORD]
+        more = [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=DEFAULTS[name])
+            for name in names
+            if name not in signature.parameters
+        ]
+
+        @functools.wraps(function)
+        def called(*args: P.args, **kwargs: P.kwargs) -> T:
+            check_names(function.__name__, kwargs, (p.name for p in (*own, *more)))
+            with spoken_in_python(reads=False):
+                return function(*args, **kwargs)
+
+        described: Any = called
+        described.__signature__ = signature.replace(parameters=[*own, *more])
+        if called.__doc__ is not None:  # python -OO
+            called.__doc__ = _documented(called.__doc__, [p.name for p in more])
+        return called
+
+    return wrap
+
+
+def check_names(function: str, given: Iterable[str], known: Iterable[str]) -> None:
+    """Whether a function has these keywords.
+
+    Raises
+    ------
+    TypeError
+        It has not.
+    """
+    there = list(known)
+    for name in given:
+        if name not in there:
+            from difflib import get_close_matches  # here: most calls are right
+
+            near = get_close_matches(name, there, 1)
+            meant = f"; did you mean {near[0]}?" if near else ""
+            raise TypeError(f"{function}() has no keyword {name}{meant}")
+
+
+def _documented(doc: str, names: Iterable[str]) -> str:
+    """A docstring with the options before what is returned."""
+    lines = ["Other Parameters", "----------------"]
+    for name in names:
+        about = SETTINGS[name]
+        text = re.sub(r"([*|`])", r"\\\1", about.help)
+        text = re.sub(r"--([a-z][a-z-]*)", lambda found: f"`{KEYWORDS[found[1]]}`", text)
+        if name in IN_OBJECTS:
+            text += f" Also {IN_OBJECTS[name]}."
+        if about.shown or DEFAULTS[name] not in (None, ()):
+            text += f" Default: {about.shown or DEFAULTS[name]}."
+        lines += [f"{name} : {_kind(name)}", textwrap.indent(textwrap.fill(text, 92), "    ")]
+    head, returns, tail = inspect.cleandoc(doc).partition("\nReturns\n")
+    return "\n".join([head, *lines, "", f"{returns.lstrip()}{tail}"])
+
+
+def _kind(name: str) -> str:
+    """The type of a keyword, in words."""
+    kinds = [kind for kind in get_args(TYPES[name]) or (TYPES[name],) if kind is not NoneType]
+    known = [kind.__name__ for kind in kinds if isinstance(kind, type)]
+    return " or ".join(known or ["str or iterable of str"])
+
+
+def requested(values: Mapping[str, object]) -> Request:
+    """The request of keywords.
+
+    Raises
+    ------
+    ConfigError
+        A value is of the wrong type, or none of those there are.
+    """
+    return Request(**{name: _value(name, value) for name, value in values.items()})
+
+
+def _value(name: str, value: object) -> Any:
+    """A keyword as a request has it."""
+    if name not in SETTINGS or value is None:
+        return value
+    about, option = SETTINGS[name], name.rstrip("_")
+    if isinstance(value, os.PathLike):
+        value = os.fspath(value)
+    if DEFAULTS[name] == ():
+        several = [value] if isinstance(value, str) or not isinstance(value, Iterable) else value
+        return tuple(several)
+    if isinstance(value, str) or name in IN_OBJECTS:
+        known = about.choices if name not in ("distance", "solver") else ()  # which say it
+        if known and value not in known:
+            raise ConfigError(f"{option} is {quoted(value)}: must be one of {', '.join(known)}")
+        return tuple(value) if isinstance(value, list) else value
+    if str in (get_args(TYPES[name]) or (TYPES[name],)):
+        raise ConfigError(f"{option} is {value!r}: must be a text, as the command line takes it")
+    if isinstance(value, bool) is not (TYPES[name] is bool):
+        raise ConfigError(f"{option} is {value!r}: must be a {TYPES[name]}")
+    return value

@@ -1,0 +1,488 @@
+"""From a request to records, and with them to two sides that fit each other."""
+
+import os
+from collections.abc import Iterable, Sequence
+from contextlib import nullcontext, suppress
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from tgospa_eval.api.distance import DistanceOptions
+from tgospa_eval.api.places import check_places
+from tgospa_eval.api.request import Request
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.distances.checks import check_columns, check_states
+from tgospa_eval.errors import ConfigError, InputError, NothingLeftError, TgospaError
+from tgospa_eval.evaluation.axis import check_left
+from tgospa_eval.evaluation.prepare import Fitted, fit
+from tgospa_eval.evaluation.request import (
+    OF_TRACKEVAL,
+    EvaluationRequest,
+    Sliding,
+    chosen_metrics,
+    chosen_parameters,
+)
+from tgospa_eval.evaluation.sides import (
+    TrajectoriesLike,
+    as_frame,
+    as_solver,
+    as_step_weights,
+    check_as_long,
+    components_of,
+    filled,
+    is_empty,
+    is_path,
+    of_object,
+)
+from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
+from tgospa_eval.formats.columns.headers import columns_of_each
+from tgospa_eval.formats.options import parse_moments, parse_steps
+from tgospa_eval.formats.reading import Known, check_classes
+from tgospa_eval.results.numbers import Calibration
+from tgospa_eval.results.records import FileInfo
+from tgospa_eval.solvers import Solver, solver_class
+from tgospa_eval.tracks.alignment import TimeMatching
+from tgospa_eval.tracks.conversion import Conversion
+from tgospa_eval.tracks.existence import EXISTENCE
+
+if TYPE_CHECKING:
+    from tgospa_eval.evaluation.sides import Components
+    from tgospa_eval.evaluation.slicing import SliceBy
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Settings:
+    """A request, checked, as records: how to read both sides, and what to evaluate.
+
+    Parameters
+    ----------
+    evaluation : EvaluationRequest
+        What to evaluate; its distance as far as it is known without the columns of the sides.
+    measure : DistanceOptions
+        The distance of states with given columns.
+    reading : ReadOptions
+        How to read both sides.
+    each : pair of ReadOptions
+        The same, with columns and classes of the truth and of the estimate.
+    formats : pair of str or None
+        Format of truth and estimate; None is guessed.
+    conversion : Conversion
+        From the stamps and states of the estimate to those of the truth.
+    preprocess : str, optional
+        Rules of a benchmark by which rows are left out.
+    similarity : Calibration, optional
+        Of the score that is shown.
+    one_of_many : bool
+        Whether filters may leave nothing.
+    """
+
+    evaluation: EvaluationRequest
+    measure: DistanceOptions
+    reading: ReadOptions
+    each: tuple[ReadOptions, ReadOptions]
+    formats: tuple[str | None, str | None]
+    conversion: Conversion
+    preprocess: str | None
+    similarity: Calibration | None = None
+    one_of_many: bool = False
+
+    @property
+    def recorded(self) -> dict[str, object]:
+        """Options of reading that change the number, by the names of the JSON."""
+        return {
+            "decimal": self.reading.decimal,
+            "on_duplicate": self.reading.on_duplicate,
+            **({"on_invalid": "drop"} if self.reading.on_invalid == "drop" else {}),
+            **dict(self.reading.filters()),
+            **{
+                f"{role}_class": list(options.classes)
+                for role, options in zip(ROLES, self.each, strict=True)
+                if options.classes and options.classes != self.reading.classes
+            },
+            **dict(self.reading.covariances()),
+            **self.conversion.recorded,
+            **({"preprocess": self.preprocess} if self.preprocess else {}),
+        }
+
+    def read(
+        self,
+        *given: "TrajectoriesLike | Reading",
+        roles: tuple[str, ...] = ROLES,
+        mapping: "Components | None" = None,
+        advise: bool = True,
+    ) -> tuple[Reading, ...]:
+        """The truth, and the estimate if there is one; or sides in other roles.
+
+        Parameters
+        ----------
+        *given : path, Trajectories, DataFrame, array, mapping, set of tracks, or Reading
+            Each side; or what `read_side` made of it.
+        roles : tuple of str
+            What they are.
+        mapping : sequence of int, or pair of such, optional
+            Of tracks with state vectors the components to compare.
+        advise : bool
+            Whether a folder gets a message with what to type.
+
+        Raises
+        ------
+        InputError
+            A path is a folder, a side is wrong, or all lack a header that is mapped; all faults at
+            once.
+        ConfigError
+            No side has a class that was asked for, the filters leave no row of any, or are not for
+            what a side is.
+        """
+        names = called(given, roles)
+        if advise:
+            check_places(names)
+        components = components_of(given, mapping)
+        paths = tuple(os.fsdecode(side) for side in given if is_path(side))
+        sides: list[Reading | None] = []
+        faults: list[TgospaError] = []
+        for k, (side, role) in enumerate(zip(given, roles, strict=False)):
+            if is_empty(side):
+                sides.append(None)
+                continue
+            try:
+                sides.append(self.read_side(side, k, role, paths, roles, components[k]))
+            except (InputError, ConfigError) as error:
+                faults.append(error)
+        if faults:
+            raise type(faults[0])(*dict.fromkeys(line for fault in faults for line in fault.args))
+        read = filled(sides, self.evaluation.distance)
+        check_as_long(given, read)
+        if len(read) == len(ROLES):
+            read = read[0], self._in_units_of_truth(read[0], read[1], given[1])
+        with suppress(NothingLeftError) if self.one_of_many else nullcontext():
+            self.check(read, names)
+        return self.preprocessed(read, names) if roles == ROLES else read
+
+    def read_side(
+        self,
+        given: "TrajectoriesLike | Reading",
+        side: int,
+        role: str,
+        paths: tuple[str, ...] = (),
+        roles: tuple[str, ...] = ROLES,
+        components: "Sequence[int] | None" = None,
+    ) -> Reading:
+        """One side, the first or second.
+
+        `paths` are all that are read together, in their roles.
+
+        Raises
+        ------
+        InputError
+            The side cannot be read, or has a row that is wrong.
+        """
+        options = self.each[side]
+        if isinstance(given, Reading):
+            return given
+        if is_path(given):
+            options = options.beside_others(paths, roles)
+            if len(paths) == 1:
+                options = replace(options, option="--columns")
+            return read(given, options, role, self.formats[side])
+        frame = as_frame(given, role)
+        if frame is not None:
+            from tgospa_eval.formats.frames import from_frame  # here: pandas
+
+            return replace(from_frame(frame, options, name=role), format="")
+        used = [name for name, _ in options.filters()]
+        if used:
+            raise ConfigError(
+                f"--{used[0]} is for files and tables, and {role} is none; choose its rows before"
+            )
+        made = of_object(given, role, self.evaluation.distance, components)
+        return Reading(trajectories=made, rows=len(made.step), format="")
+
+    def _in_units_of_truth(
+        self, truth: Reading, estimate: Reading, given: "TrajectoriesLike | Reading"
+    ) -> Reading:
+        """The estimate with the stamps and states that are asked for, if reading left that open."""
+        conversion, distance = self.conversion, self.evaluation.distance
+        if not conversion.recorded:
+            return estimate
+        if self.each[1].conversion.recorded and (
+            is_path(given) or as_frame(given, "estimate") is not None
+        ):
+            return estimate
+        if conversion.unit_scale != 1:
+            check_columns(truth.trajectories, estimate.trajectories)
+            check_states(truth.trajectories, estimate.trajectories, distance)
+            settings = self.measure.distance(truth.trajectories.columns).settings(
+                truth.trajectories.columns
+            )
+            conversion = replace(conversion, angles=tuple(settings.get("periodic", ())))
+        return replace(estimate, trajectories=conversion(estimate.trajectories, "estimate"))
+
+    def preprocessed(
+        self, sides: tuple[Reading, ...], paths: tuple[str, ...]
+    ) -> tuple[Reading, ...]:
+        """Both files without what the rules of a benchmark leave out, if that is asked for.
+
+        Where it is not, and numbers are asked for that tables have, a warning says so.
+
+        Raises
+        ------
+        ConfigError
+            The truth does not say what that is.
+        """
+        in_tables = self.measure.boxes and not {*OF_TRACKEVAL}.isdisjoint(self.evaluation.with_)
+        if len(sides) < len(ROLES) or not (self.preprocess or in_tables):
+            return sides
+        from tgospa_eval.evaluation.preprocess import (  # here: for boxes only
+            PREPROCESS,
+            benchmark_warnings,
+            preprocessed,
+        )
+
+        if self.preprocess and not sides[0].format:
+            raise ConfigError(f"{PREPROCESS}: the truth is no file of MOTChallenge")
+
+        def everything(**changes: Any) -> Reading:
+            """As an estimate, of which nothing is left out by a flag."""
+            options = replace(self.each[0], **changes)
+            return read(paths[0], options, "estimate", self.formats[0])
+
+        if self.preprocess:
+            return preprocessed(sides, everything(), (paths[0], paths[1]))
+        found = benchmark_warnings(
+            sides[0], lambda: everything(classes=None, attributes=("class",))
+        )
+        return replace(sides[0], warnings=(*sides[0].warnings, *found)), *sides[1:]
+
+    def check(self, sides: tuple[Known, ...], paths: tuple[str, ...]) -> None:
+        """Whether some file has what was asked of all.
+
+        Raises
+        ------
+        InputError
+            None has a header that is mapped, or classes.
+        ConfigError
+            None has a class that was asked for, or the filters leave no row of any.
+        """
+        for name in sides[0].lacking:
+            if all(name in side.lacking for side in sides):
+                raise InputError(*dict.fromkeys(side.lacking[name] for side in sides))
+        check_classes(sides, paths, self.reading.classes, self.each)
+        filters = {"time", "class", "region"}
+        if not any(side.taken for side in sides) and any(
+            filters & side.left_out.keys() for side in sides
+        ):
+            used = (name.replace("_", "-") for name in self.recorded)
+            given = " and ".join(f"--{name}" for name in used if name.split("-")[-1] in filters)
+            raise NothingLeftError(f"{given}: no row is left to evaluate")
+
+    def request(self, columns: tuple[str, ...]) -> EvaluationRequest:
+        """What is asked of states with these columns.
+
+        Raises
+        ------
+        ConfigError
+            An option names a column that does not enter the distance.
+        """
+        return replace(
+            self.evaluation, distance=self.measure.distance(columns), recorded=self.recorded
+        )
+
+    def fit(
+        self, sides: tuple[Reading, ...], names: tuple[str, ...]
+    ) -> tuple[Fitted, EvaluationRequest]:
+        """Two sides on the same steps, and what is asked of them.
+
+        Raises
+        ------
+        ConfigError
+            The options do not fit the sides.
+        InputError
+            The sides do not fit each other.
+        """
+        truth, estimate = (side.trajectories for side in sides)
+        check_columns(truth, estimate, (names[0], names[1]))
+        request = self.request(truth.columns)
+        fitted = fit(truth, estimate, request, (names[0], names[1]))
+        if not self.one_of_many:
+            check_left(fitted.axis, request.time_matching)
+        return fitted, request
+
+
+def called(given: Sequence[object], roles: Sequence[str] = ROLES) -> tuple[str, ...]:
+    """What sides are called in messages: files by their paths, others by what they are."""
+    return tuple(
+        os.fsdecode(side) if is_path(side) else role
+        for side, role in zip(given, roles, strict=False)
+    )
+
+
+def infos(sides: tuple[Reading, ...]) -> tuple[FileInfo, FileInfo]:
+    """What the result records of both files."""
+    truth, estimate = (
+        FileInfo(rows=side.rows, format=side.format or None, left_out=side.left_out)
+        for side in sides
+    )
+    return truth, estimate
+
+
+def make_settings(options: Request) -> Settings:
+    """The records that the options ask for.
+
+    Raises
+    ------
+    ConfigError
+        A value is out of range, or options do not fit each other.
+    InputError
+        The file of a covariance is missing or wrong.
+    """
+    # A file may change from one job of a batch to the next; options do not.
+    named = options.covariance, options.inner_cov, options.step_weights
+    return _settings(options) if any(name is not None for name in named) else _kept(options)
+
+
+@lru_cache(maxsize=8)
+def _kept(options: Request) -> Settings:
+    return _settings(options)
+
+
+def _settings(options: Request) -> Settings:
+    if options.by and options.with_:
+        raise ConfigError(
+            "--with takes all rows together, not --by class; choose one class by --class NAME"
+        )
+    if options.similarity is not None and options.step_weights is not None:
+        raise ConfigError("--similarity is of the mean over steps, not for --step-weights")
+    measure = DistanceOptions(options)
+    slices, columns = _slices(options)
+    reading = ReadOptions(
+        decimal=options.decimal,
+        on_duplicate=options.on_duplicate,
+        on_invalid=options.on_invalid,
+        boxes=measure.boxes,
+        time=options.time,
+        classes=_list(options.class_),
+        region=options.region,
+        by_class=options.by == "class",
+        covariance=bool(measure.named.kinds),
+        fix_covariance=options.fix_cov,
+        missing_covariance=options.missing_cov,
+        clouds="cloud" in measure.named.kinds,
+        fault=measure.fault,
+        attributes=(*columns, *((EXISTENCE,) if options.existence == "use" else ())),
+        max_input=options.max_input,
+    )
+    parameters, defaults = chosen_parameters(
+        measure.named, options.order, options.cutoff, options.switch_penalty, options.rho
+    )
+    conversion = Conversion(
+        time_offset=options.time_offset,
+        time_scale=options.time_scale,
+        unit_scale=options.unit_scale,
+        angles=tuple(measure.period),
+    )
+    if measure.is_record and conversion.recorded and (options.time or options.region):
+        raise ConfigError(
+            "--time and --region are in the units of the truth: choose the distance by its name"
+        )
+    each = _each(reading, measure, options)
+    if not measure.is_record:  # whose angles are known when the columns are
+        each = each[0], replace(each[1], conversion=conversion)
+    if options.preprocess:
+        if not measure.boxes:
+            raise ConfigError("--preprocess motchallenge: looks at boxes; choose --distance iou")
+        if options.by:
+            raise ConfigError("--preprocess motchallenge: leaves pedestrians alone, not --by class")
+        # Distractors are classes of the truth.
+        each = replace(each[0], by_class=True, class_for="--preprocess"), each[1]
+    return Settings(
+        evaluation=EvaluationRequest(
+            parameters=parameters,
+            distance=measure.named,
+            solver=_solver(options),
+            time_matching=TimeMatching(
+                tolerance=options.time_tolerance,
+                grid=options.grid,
+                interpolate=options.interpolate,
+                max_gap=options.max_gap,
+                resample=options.resample,
+                steps=parse_steps(options.steps, parse_moments(options.time)),
+                outage=options.outage,
+            ),
+            unit=options.unit,
+            curve=options.curve,
+            sliding=Sliding.asked(options.window, options.every),
+            with_=() if options.with_ is None else chosen_metrics(options.with_),
+            defaults=defaults,
+            slices=slices,
+            step_weights=as_step_weights(options.step_weights, options.decimal),
+            existence=options.existence,
+        ),
+        measure=measure,
+        reading=reading,
+        each=each,
+        formats=(options.truth_format, options.estimate_format),
+        conversion=conversion,
+        preprocess=options.preprocess,
+        similarity=_calibration(options),
+    )
+
+
+def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
+    """What costs are split by, and the columns that this may need."""
+    if not options.slices:
+        return (), ()
+    from tgospa_eval.evaluation.slicing import columns_asked, parse_slices  # here: as weights
+
+    slices = parse_slices(options.slices, summed=options.summed or options.by is not None)
+    return slices, columns_asked(slices)
+
+
+def _calibration(options: Request) -> Calibration | None:
+    """Of the score of ``--similarity``, if it was asked for."""
+    if options.similarity is None:
+        return None
+    try:
+        return Calibration(false_targets=options.similarity)
+    except ConfigError as error:
+        raise ConfigError(f"--similarity: {error}") from None
+
+
+def _each(
+    reading: ReadOptions, measure: DistanceOptions, options: Request
+) -> tuple[ReadOptions, ReadOptions]:
+    """How to read truth and estimate: columns and classes of one go before those of both."""
+    own = (
+        (options.sides[0], _list(options.truth_columns), _list(options.truth_class)),
+        (options.sides[1], _list(options.estimate_columns), _list(options.estimate_class)),
+    )
+    columns_of = columns_of_each(_list(options.columns), *(columns for _, columns, _ in own))
+    truth, estimate = (
+        replace(
+            reading,
+            columns=measure.columns(columns),
+            classes=classes or reading.classes,
+            shared=shared if classes else (*shared, "class"),
+            option=f"--{side}-columns",
+        )
+        for (side, _, classes), (columns, shared) in zip(own, columns_of, strict=True)
+    )
+    return truth, estimate
+
+
+def _list(names: str | Iterable[str] | None) -> tuple[str, ...] | None:
+    """The parts of a list, of a text those between commas."""
+    if names is None:
+        return None
+    return tuple(part.strip() for part in (names.split(",") if isinstance(names, str) else names))
+
+
+def _solver(options: Request) -> Solver:
+    """The solver that the options ask for."""
+    if not isinstance(options.solver, str):
+        return as_solver(options.solver)
+    settings: dict[str, float | None] = {"time_limit": options.time_limit}
+    if options.solver != "exact":
+        settings |= {"gap": options.gap, "jobs": options.jobs}
+    if options.solver == "sinkhorn":
+        settings["epsilon"] = options.epsilon
+    return solver_class(options.solver)(**settings)
