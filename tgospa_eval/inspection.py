@@ -264,5 +264,5 @@ def nearest_estimates(
         "within_cutoff": float(np.count_nonzero(near < cutoff) / len(near)),
         "suggested": None
         if suggestion is None
-        else {"cutoff": suggestion.cutoff, "reason": suggestion.reason},
+        else {"cutoff": suggestion[0], "reason": suggestion[1]},
     }

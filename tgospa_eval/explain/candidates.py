@@ -3,6 +3,7 @@
 Costs are in units of c^p. What is said here only decides what is tried: `explain.trials` proves.
 """
 
+from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -144,11 +145,11 @@ def _changes(estimates: list[int]) -> int:
 
 def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int) -> int:
     """Changes of a truth at a step that there are, less those after an exchange from it on."""
-    before = [s.estimate for s in stretches if s.begin < step]
-    after = [s.estimate for s in stretches if s.end >= step]
-    if not before or not after:
+    before = bisect_left(stretches, step, key=lambda stretch: stretch.begin)
+    after = bisect_left(stretches, step, key=lambda stretch: stretch.end)
+    if not before or after == len(stretches):
         return 0
-    one, other = before[-1], after[0]
+    one, other = stretches[before - 1].estimate, stretches[after].estimate
     named = {a: b, b: a}.get(other, other)
     return int(one != other) - int(one != named)
 
@@ -156,7 +157,7 @@ def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int)
 def _split(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
     """Of each change of an estimate from one truth to another its split."""
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
-    tracks = assigned.problem.estimates
+    tracks, taken = assigned.problem.estimates, set(names)
     truths: dict[int, list[AssignedStretch]] = defaultdict(list)
     estimates: dict[int, list[AssignedStretch]] = defaultdict(list)
     for stretch in assigned.stretches:
@@ -173,13 +174,13 @@ def _split(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
             yield Candidate(
                 kind="split",
                 saving=halves * float(prices[after.begin]),
-                edit=split(track, after.begin, steps, tracks, _other_name(names[track], names)),
+                edit=split(track, after.begin, steps, tracks, _other_name(names[track], taken)),
                 tracks=(track,),
                 begin=step,
             )
 
 
-def _other_name(name: str, names: tuple[str, ...]) -> str:
+def _other_name(name: str, names: set[str]) -> str:
     """A name like this one that there is not."""
     number = 2
     while f"{name}_{number}" in names:
