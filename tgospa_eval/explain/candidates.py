@@ -24,6 +24,7 @@ from tgospa_eval.explain.edits import (
     Edit,
     TrackPiece,
     exchange,
+    renamed,
     split,
 )
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
@@ -410,17 +411,7 @@ def _entries(copy: Copy, rows: _CopyRows, problem: Problem) -> tuple[Ints, Ints,
 def _warm(copy: Copy, rows: _CopyRows, held: SavedSolution) -> Iterator[tuple[str, Ints | Floats]]:
     """The assignment and the prices at hand, with the names of tracks after the edit."""
     edit = copy.edit
-    mine = np.flatnonzero(copy.truth_in[held.truth])
-    still = mine[~np.isin(held.estimate[mine], list(edit.pieces))]
-    pieces = [(still, held.estimate[still], held.begin[still], held.end[still])]
-    for name, parts in edit.pieces.items():
-        own = mine[held.estimate[mine] == name]
-        for piece in parts:
-            begin = np.maximum(held.begin[own], piece.begin)
-            end = np.minimum(held.end[own], piece.end)
-            some = np.flatnonzero(begin <= end)
-            pieces.append((own[some], np.full(len(some), piece.to), begin[some], end[some]))
-    which, track, begin, end = (np.concatenate(part) for part in zip(*pieces, strict=True))
+    which, track, begin, end = renamed(held, edit, np.flatnonzero(copy.truth_in[held.truth]))
     yield "truth", rows.truth_number[held.truth[which]]
     yield "estimate", rows.estimate_number[track]
     yield "begin", begin
