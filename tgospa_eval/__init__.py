@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval._version import __version__
 
 if TYPE_CHECKING:
+    from tgospa_eval.api.batch import batch
     from tgospa_eval.api.compare import compare
     from tgospa_eval.api.evaluate import evaluate
     from tgospa_eval.api.gate import gate
     from tgospa_eval.api.recorder import Recorder
     from tgospa_eval.api.sweep import sweep
-    from tgospa_eval.cli.batch.call import batch
     from tgospa_eval.errors import (
         ConfigError,
         InputError,
@@ -46,7 +46,7 @@ _HOME = {
     "TgospaError": "errors",
     "TgospaWarning": "errors",
     "Trajectories": "tracks.trajectories",
-    "batch": "cli.batch.call",
+    "batch": "api.batch",
     "compare": "api.compare",
     "evaluate": "api.evaluate",
     "gate": "api.gate",

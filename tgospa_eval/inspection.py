@@ -17,7 +17,7 @@ from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.reports import inspection as documents
+from tgospa_eval.results.records import Json
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
@@ -29,12 +29,12 @@ QUANTILES = (5, 25, 50, 75, 95)
 
 def inspect(
     files: list[tuple[str, Reading]], sides: Fitted | None, request: EvaluationRequest
-) -> documents.Inspection:
+) -> Json:
     """What paths and contents of the truth, and of an estimate, hold, and how both sides fit."""
     time_matching, parameters = request.time_matching, request.parameters
     distance = request.distance if sides is None else sides.distance
     warnings = [notice.about(path) for path, reading in files for notice in _about(reading)]
-    document: documents.Inspection = {
+    document: Json = {
         "schema": SCHEMA,
         "version": __version__,
         "truth": describe(*files[0]),
@@ -75,13 +75,13 @@ def _about(reading: Reading) -> Iterator[Notice]:
         )
 
 
-def describe(path: str, reading: Reading) -> documents.FileDocument:
+def describe(path: str, reading: Reading) -> Json:
     """Counts and extents of one file."""
     side = reading.trajectories
     count, first, last = _lives(side)
     holes = last - first + 1 - count
     per_step = np.bincount(side.step, minlength=len(side.times))
-    found: documents.FileDocument = {
+    found: Json = {
         "path": path,
         "format": reading.format,
         "rows": reading.rows,
@@ -141,7 +141,7 @@ def _longest_hole(side: Trajectories) -> int:
     return int((np.diff(step)[same] - 1).max(initial=0))
 
 
-def _clock(side: Trajectories) -> documents.TimeSpan:
+def _clock(side: Trajectories) -> Json:
     """First and last stamp as read, and the distances between stamps."""
     shown = side.shown
     unit = 1.0 if side.clock == "number" else float(SECOND)
@@ -160,7 +160,7 @@ def _clock(side: Trajectories) -> documents.TimeSpan:
     }
 
 
-def spread(values: Floats | Ints) -> documents.Extent | None:
+def spread(values: Floats | Ints) -> Json | None:
     """Smallest, median and largest; None of nothing."""
     if not len(values):
         return None
@@ -168,7 +168,7 @@ def spread(values: Floats | Ints) -> documents.Extent | None:
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def compare(sides: Fitted, request: EvaluationRequest) -> documents.PairDocument:
+def compare(sides: Fitted, request: EvaluationRequest) -> Json:
     """What both files have in common: steps, time, another clock, space, nearest estimates."""
     aligned, parameters = sides.alignment, request.parameters
     distance = sides.distance.lower_bound
@@ -202,13 +202,13 @@ def compare(sides: Fitted, request: EvaluationRequest) -> documents.PairDocument
     }
 
 
-def _common_range(a: Floats, b: Floats) -> documents.Extent | None:
+def _common_range(a: Floats, b: Floats) -> Json | None:
     """Where both have values; None if nowhere."""
     low, high = max(a.min(), b.min()), min(a.max(), b.max())
     return {"min": float(low), "max": float(high)} if low <= high else None
 
 
-def _overlap(aligned: Alignment) -> documents.Overlap | None:
+def _overlap(aligned: Alignment) -> Json | None:
     """First and last step between which both files have rows; None if there is none."""
     sides = aligned.truth, aligned.estimate
     if not all(len(side.step) for side in sides):
@@ -223,9 +223,7 @@ def _overlap(aligned: Alignment) -> documents.Overlap | None:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def nearest_estimates(
-    aligned: Alignment, cutoff: float, distance: Distance
-) -> documents.NearestRecord | None:
+def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> Json | None:
     """Distances from truths to the nearest estimate of their step, over steps that both have.
 
     At most `SAMPLE` steps and truths of a step are looked at, evenly. None if no step has both.

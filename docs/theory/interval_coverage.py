@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from tgospa_eval.batches.resampling import (
+from tgospa_eval.campaign.statistics import (
     CONFIDENCE,
     LEAST_PAIRS,
     intervals,

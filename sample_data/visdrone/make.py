@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tgospa_eval.formats.text.visdrone import CATEGORIES
+from tgospa_eval.formats.text.table import CATEGORIES
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.tracks.trajectories import Trajectories
 

@@ -21,7 +21,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tgospa_eval.partitioned import components, run
-from tgospa_eval.partitioned.long.component import Long
+from tgospa_eval.partitioned.long.run import Long
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.tracks.trajectories import Trajectories
 

@@ -14,7 +14,7 @@ from browser import PATIENCE
 from cluster import Running, cluster
 from faults import FATAL, double, slow
 
-from tgospa_eval.batches.store import Store
+from tgospa_eval.campaign.store import Store
 from tgospa_eval.common import files
 from tgospa_eval.engines import cluster as module
 from tgospa_eval.engines import spread as engine
@@ -60,7 +60,7 @@ def after_first_rows(monkeypatch: pytest.MonkeyPatch, act: Callable[[], object])
             acts.pop()()
 
     monkeypatch.setattr(Store, "add", added)
-    monkeypatch.setattr("tgospa_eval.cli.batch.run.FLUSH", 0.0)
+    monkeypatch.setattr("tgospa_eval.api.batch.FLUSH", 0.0)
 
 
 def numbers(folder: str) -> pd.DataFrame:
@@ -116,7 +116,7 @@ def test_workers_that_do_not_see_the_files(
     running: Running, invoke: Invoke, runs: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     with monkeypatch.context() as patched:
-        patched.setattr("tgospa_eval.cli.batch.run.os.getcwd", lambda: str(tmp_path / "gt"))
+        patched.setattr("tgospa_eval.api.batch.os.getcwd", lambda: str(tmp_path / "gt"))
         answer = invoke("batch", *PATTERNS, "-o", "r", "--scheduler", running.address)
     assert (answer.status, answer.out, answer.err.count("\n")) == (2, "", 1)
     assert f"does not see {tmp_path}/gt/gt/" in answer.err

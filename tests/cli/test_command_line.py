@@ -349,11 +349,11 @@ RARE = (
     *("distances.boxes", "distances.clouds", "distances.gaussian", "distances.mahalanobis"),
     *("distances.sphere", "tracks.clouds", "tracks.covariances"),
     *("inspection", "sensors", "regression", "comparison", "partitioned"),
-    *("formats.columns.spread", "formats.particles", "formats.text.matrix", "formats.frames"),
-    *("formats.text.plain", "formats.arrow"),
+    *("formats.columns.spread", "formats.particles", "formats.text.small", "formats.frames"),
+    "formats.arrow",
     # Of what writes folders, or other formats than the table.
-    *("reports.files", "reports.markup", "reports.html", "reports.terminal", "results.notebook"),
-    *("cli.shared.writing", "cli.shared.writing", "plots"),
+    *("reports.files", "reports.markup", "reports.html", "reports.terminal"),
+    *("cli.shared.writing", "plots"),
 )
 
 

@@ -19,14 +19,14 @@ import pyarrow.parquet as pq
 import pytest
 
 from tgospa_eval.api.request import Request
-from tgospa_eval.batches.store import locked
+from tgospa_eval.campaign.store import locked
 from tgospa_eval.cli.evaluate import partitioned, work
 from tgospa_eval.cli.evaluate.work import work_folder
 from tgospa_eval.cli.shared import in_parts
 from tgospa_eval.cli.shared.options import Size
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.partitioned import resampling, run, sides
+from tgospa_eval.partitioned import run, sides, steps
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
 Invoke = Callable[..., Any]
@@ -232,15 +232,15 @@ def test_interpolation_that_was_broken_off_goes_on(
     )
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(run, "MOST_ROWS", 40)
-    for module, name in ((resampling, "find_edges"), (run, "scan")):
+    for module, name in ((steps, "find_edges"), (run, "scan")):
         work = getattr(module, name)
         done: list[str] = []
 
-        def broken_off(task: Any, work: Any = work, done: list[str] = done) -> None:
+        def broken_off(output: str, work: Any = work, done: list[str] = done, **more: Any) -> None:
             if len(done) == 2:
                 raise KeyboardInterrupt
-            work(task)
-            done.append(task.output)
+            work(output, **more)
+            done.append(output)
 
         monkeypatch.setattr(module, name, broken_off)
         with pytest.raises(KeyboardInterrupt):
@@ -252,7 +252,7 @@ def test_interpolation_that_was_broken_off_goes_on(
     with pytest.raises(ConfigError, match="max-gap was "):
         partitioned.evaluate_parts(folders, other, OutputOptions(output="out"), "so")
     documents = []
-    monkeypatch.setattr(resampling, "find_edges", None)  # all was found before
+    monkeypatch.setattr(steps, "find_edges", pytest.fail)  # all was found before
     for where in (tmp_path / "out", tmp_path / "fresh"):
         output = OutputOptions(output=str(where))
         partitioned.evaluate_parts(folders, options, output, "so")
@@ -366,9 +366,9 @@ def test_interrupted_work_is_kept_and_gone_on_with(
     output = OutputOptions(output=str(folder), format_="json")
     solve = partitioned.evaluate_partitioned
 
-    def broken_off(*arguments: Any) -> None:
-        solve(*arguments)
-        shutil.rmtree(arguments[3].tables)
+    def broken_off(*arguments: Any, work: Path, **more: Any) -> None:
+        solve(*arguments, work=work, **more)
+        shutil.rmtree(work / "tables")
         raise KeyboardInterrupt
 
     monkeypatch.setattr(partitioned, "evaluate_partitioned", broken_off)
@@ -390,7 +390,7 @@ def test_interrupted_work_is_kept_and_gone_on_with(
         pytest.raises(ConfigError, match="out: another process is at work on it"),
     ):
         partitioned.evaluate_parts(paths, options, output, "so")
-    monkeypatch.setattr("tgospa_eval.partitioned.run.solve_shard", None)  # nothing is left to solve
+    monkeypatch.setattr(run, "solve_shard", pytest.fail)  # nothing is left to solve
     assert partitioned.evaluate_parts(paths, options, output, "so")
     assert not (folder / "work").exists()
     said = capsys.readouterr()
@@ -436,7 +436,7 @@ def test_a_killed_run_is_begun_anew_where_a_file_was_replaced(
             monkeypatch.setattr(user, "state_of", lambda s: (s.st_size, s.st_mtime_ns))
     asked = ("truth", "estimate", *METRIC, "--memory", "200MB", "--format", "json")
 
-    def killed(task: object) -> None:
+    def killed(output: str, **more: Any) -> None:
         raise SolverError("a process died")
 
     with monkeypatch.context() as patch:

@@ -660,7 +660,7 @@ def test_a_fault_of_ours_is_no_regression(gate: Invoke, monkeypatch: pytest.Monk
     def fails(*_: Any, **__: Any) -> None:
         raise ZeroDivisionError("deep inside")
 
-    monkeypatch.setattr("tgospa_eval.cli.gate.run.load_baseline", fails)
+    monkeypatch.setattr("tgospa_eval.api.gate.load_baseline", fails)
     answer = gate()
     assert answer.status == 4
     assert "Traceback" in answer.err

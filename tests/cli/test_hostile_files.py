@@ -14,10 +14,10 @@ import click
 import pytest
 from browser import PATIENCE
 
+from tgospa_eval.campaign.study import Log
 from tgospa_eval.cli.group import Verbs
 from tgospa_eval.cli.verbs import VERBS
 from tgospa_eval.common import files
-from tgospa_eval.comparison.study import Log
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import read
 

@@ -338,7 +338,7 @@ PROGRAMMES = (
     "restricted_lp.solve_restricted_lp = and_never_end"
 )
 PROOF = f"{SWEEPS}; from tgospa_eval.evaluation import evaluate; evaluate.certify = and_never_end"
-READING = "from tgospa_eval.cli.shared import settings; settings.Settings.read = and_never_end"
+READING = "from tgospa_eval.api import settings; settings.Settings.read = and_never_end"
 DRAWING = "from tgospa_eval.reports import html; html.page = and_never_end"
 HARD = ("-c", "25", "-g", "2", "--time", "0:15")
 """Of a crowd: what no solver settles without work."""
@@ -412,7 +412,7 @@ def test_an_interrupted_sweep_has_the_points_so_far(interrupted: Run, crowd: Pai
 def test_an_interrupted_comparison(interrupted: Run, crowd: Pair) -> None:
     """The process of the solver is told; those after it are left out."""
     lines = (
-        "from tgospa_eval.comparison import entrants; listen = entrants._listen\n"
+        "from tgospa_eval.campaign import solvers as entrants; listen = entrants._listen\n"
         "def told(target, source, progress):\n"
         "    interrupt(); progress.stop.wait()\n"
         "    return listen(target, source, progress)\n"

@@ -10,7 +10,7 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.run import PartsPlan
-from tgospa_eval.partitioned.stretches import OwnTimes, Stamping
+from tgospa_eval.partitioned.steps import OwnTimes, Stamping
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.trajectories import Trajectories

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from tgospa_eval import Result
-from tgospa_eval.partitioned.tables import Naming, TrackSums, write_tables
+from tgospa_eval.partitioned.tables import Naming, TrackParts, write_tables
 from tgospa_eval.problem.tgospa import Parameters
-from tgospa_eval.results.partitioned import Extent, PartitionedResult
+from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Columns, Costs, Labels
 
 ASSIGNED = np.dtype(
@@ -41,8 +41,8 @@ def partitioned(result: Result, work: Path, shards: int = 3) -> PartitionedResul
         naming,
         proof.breakdown,
         (
-            _sums(result.per_truth_table(), "missed", result.scale),
-            _sums(result.per_estimate_table(), "false", result.scale),
+            _sums(result.table("per_truth"), "missed", result.scale),
+            _sums(result.table("per_estimate"), "false", result.scale),
         ),
         folders,
     )
@@ -58,7 +58,8 @@ def partitioned(result: Result, work: Path, shards: int = 3) -> PartitionedResul
         warnings=result.warnings,
         files=result.files,
         judged_on=result.judged_on,
-        extent=Extent(sizes=result.sizes, objects=result.objects),
+        sizes=result.sizes,
+        objects=result.objects,
         tables=tables,
     )
 
@@ -69,7 +70,7 @@ def _numbers(column: list[object], names: list[str] | list[object]) -> list[int]
 
 
 def _assigned(result: Result, parameters: Parameters) -> np.ndarray:
-    table, labels = result.assignments_table(), result.labels
+    table, labels = result.table("assignments"), result.labels
     rows = np.empty(len(table["t"]), ASSIGNED)
     rows["step"] = _numbers(table["t"], list(labels.times))
     rows["truth"] = _numbers(table["truth"], labels.truths)
@@ -80,7 +81,7 @@ def _assigned(result: Result, parameters: Parameters) -> np.ndarray:
 
 
 def _switched(result: Result, parameters: Parameters) -> np.ndarray:
-    table, labels = result.switches_table(), result.labels
+    table, labels = result.table("switches"), result.labels
     rows = np.empty(len(table["t"]), SWITCHED)
     rows["step"] = _numbers(table["t"], list(labels.times))
     rows["truth"] = _numbers(table["truth"], labels.truths)
@@ -90,10 +91,10 @@ def _switched(result: Result, parameters: Parameters) -> np.ndarray:
     return rows
 
 
-def _sums(table: Columns, kind: str, scale: float) -> TrackSums:
-    return TrackSums(
-        rows=np.array(table["steps"], np.int64),
-        parts={
+def _sums(table: Columns, kind: str, scale: float) -> tuple[np.ndarray, TrackParts]:
+    return (
+        np.array(table["steps"], np.int64),
+        {
             "localisation": np.array(table["localisation"], float) / scale,
             "unassigned": np.array(table[kind], float) / scale,
             "switch": np.array(table["switch"], float) / scale,

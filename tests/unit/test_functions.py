@@ -27,14 +27,15 @@ from tgospa_eval import (
     simulate,
     verify,
 )
+from tgospa_eval.api.batch import BatchOptions
 from tgospa_eval.api.keywords import OF_THE_COMMAND
 from tgospa_eval.api.request import SETTINGS
-from tgospa_eval.cli.batch.run import BatchOptions
+from tgospa_eval.campaign import solvers
+from tgospa_eval.campaign.solvers import run_here
 from tgospa_eval.cli.simulate import OPTIONS
-from tgospa_eval.comparison import solvers
-from tgospa_eval.comparison.entrants import SolvedRun, run_here
 from tgospa_eval.distances import Mahalanobis
 from tgospa_eval.evaluation.prepare import Prepared
+from tgospa_eval.reports.records import SolverRun
 from tgospa_eval.simulation.settings import USUAL_ERRORS, usual_tracker
 from tgospa_eval.solvers import Solver
 
@@ -146,7 +147,7 @@ def test_compare_ranks(invoke, quickstart: tuple[str, str]) -> None:
 
 
 def test_compare_solvers(quickstart: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    def here(prepared: Prepared, solver: Solver, progress: object) -> SolvedRun:
+    def here(prepared: Prepared, solver: Solver, progress: object) -> SolverRun:
         return run_here(prepared, solver)
 
     monkeypatch.setattr(solvers, "run_apart", here)  # a process for each would take longer

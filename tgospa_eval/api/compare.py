@@ -1,4 +1,4 @@
-"""``compare`` of Python: estimates of one truth in proven order, or solvers on one estimate."""
+"""``compare``: estimates of one truth in proven order, or solvers on one estimate."""
 
 import os
 import re
@@ -7,25 +7,44 @@ from functools import cached_property
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
-from tgospa_eval.api.evaluate import read_sides
+from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
-from tgospa_eval.api.settings import Settings, infos, make_settings
+from tgospa_eval.api.settings import Settings, called, infos, make_settings
 from tgospa_eval.api.sweep import ONE_EVALUATION
+from tgospa_eval.campaign.pairs import expand, first_file, is_pattern, short_names
+from tgospa_eval.campaign.ranking import (
+    Entrant,
+    EntrantOutcome,
+    other_parameters,
+    outcome,
+    outcomes,
+    ranking_document,
+    shared_metrics,
+)
+from tgospa_eval.campaign.solvers import (
+    ONCE,
+    check_solvers,
+    compare_solvers,
+    name_of,
+    solvers_document,
+    takes_long,
+)
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.comparison.entrants import Entrant, check_solvers, outcome
-from tgospa_eval.comparison.ranking import ranking_document
-from tgospa_eval.comparison.solvers import ONCE, compare_solvers, solvers_document
+from tgospa_eval.distances import Effort
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import solve
+from tgospa_eval.evaluation.other_metrics import other_metrics
 from tgospa_eval.evaluation.prepare import Prepared, prepare
-from tgospa_eval.evaluation.sides import TrajectoriesLike, as_solver, is_path
+from tgospa_eval.evaluation.sides import TrajectoriesLike, as_solver
 from tgospa_eval.formats import Reading
 from tgospa_eval.reports.comparison import estimates_columns, pairs_columns, render, solvers_columns
 from tgospa_eval.reports.records import Metric, RankingRecord, SolversRecord
-from tgospa_eval.results.records import json_text
-from tgospa_eval.solvers import Solver
+from tgospa_eval.results.records import Json, json_text
+from tgospa_eval.results.saved import MADE_BY, read_result, saved_result
+from tgospa_eval.solvers import SOLVERS, Solver
+from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -134,38 +153,19 @@ def compare(
     chosen = [as_solver(item) for item in solvers]
     if chosen:
         given["solver"] = chosen[0]
-    pairs = _Pairs(make_settings(requested(given)), mapping)
+    settings, stopwatch = make_settings(requested(given)), Stopwatch()
+    check_solvers(chosen)
+    notices: list[Notice] = []
+    pairs = PairReader(settings, stopwatch, notices.append, mapping=mapping, in_python=True)
+    found: RankingRecord | SolversRecord
     if chosen:
-        check_solvers(chosen)
-        found: RankingRecord | SolversRecord = _of_solvers(
-            pairs, truth, cast("TrajectoriesLike", estimates), chosen
-        )
+        found = solvers_on(pairs, truth, cast("TrajectoriesLike", estimates), chosen)
     else:
-        found = _ranked(pairs, truth, _named(estimates))
-    warn_user(pairs.notices)
+        named = _named(estimates)
+        runs = [(truth, list(named.values()))]
+        found, _ = ranked(pairs, runs, list(named), settings.evaluation.solver)
+    warn_user(notices)
     return Compared(document=found)
-
-
-class _Pairs:
-    """Pairs of sides, made problems of; what looks wrong with them, each once."""
-
-    def __init__(self, settings: Settings, mapping: "Components | None") -> None:
-        self.settings, self.mapping = settings, mapping
-        self.notices: list[Notice] = []
-        self.stopwatch = Stopwatch()
-
-    def prepared(
-        self, truth: "TrajectoriesLike | Reading", estimate: "TrajectoriesLike", name: str = ""
-    ) -> Prepared:
-        """The problem of two sides; its warnings name the estimate, where there are several."""
-        sides = read_sides(self.settings, truth, estimate, self.stopwatch, mapping=self.mapping)
-        for notice in sides.warnings:
-            told = notice.about(name) if name and notice.code != "default-parameters" else notice
-            if told not in self.notices:
-                self.notices.append(told)
-        return prepare(
-            sides.fitted, sides.request, files=infos(sides.read), stopwatch=self.stopwatch
-        )
 
 
 def _named(
@@ -193,28 +193,255 @@ def _named(
     return found
 
 
-def _ranked(
-    pairs: _Pairs, truth: TrajectoriesLike, estimates: "Mapping[str, TrajectoriesLike]"
-) -> RankingRecord:
-    """The document of a ranking."""
-    path = os.fspath(truth) if is_path(truth) else "truth"
-    read = pairs.settings.read_side(truth, 0, "truth") if is_path(truth) else None
-    entrants = []
-    for name, estimate in estimates.items():
-        prepared = pairs.prepared(read or truth, estimate, name if len(estimates) > 1 else "")
-        result = solve(prepared, pairs.settings.evaluation.solver, pairs.stopwatch)
-        made = outcome(result, prepared.moments, per_step=False)
-        entrants.append(Entrant(name=name, paths=[name], outcomes=[made]))
-    warned = [notice.record() for notice in pairs.notices]
-    return ranking_document(entrants, [path], cast("Metric", result.settings), warned)
+# -------------------------------------------------------------------------------------------------
+# PairReader of sides made problems, and what comes of them.
 
 
-def _of_solvers(
-    pairs: _Pairs, truth: TrajectoriesLike, estimate: TrajectoriesLike, solvers: list[Solver]
+class PairReader:
+    """Pairs of a truth and an estimate, read and made problems of; each notice is given once.
+
+    The truth of several that follow each other is read once.
+
+    Parameters
+    ----------
+    settings : Settings
+        How to read and evaluate.
+    stopwatch : Stopwatch
+        Gets the time by stage.
+    notify : callable
+        Gets notices.
+    mapping : sequence of int, or pair of such, optional
+        As of `evaluate`.
+    in_python : bool
+        Whether only warnings are given, in the words of Python.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        stopwatch: Stopwatch,
+        notify: Notify,
+        *,
+        mapping: "Components | None" = None,
+        in_python: bool = False,
+    ) -> None:
+        self.settings, self.stopwatch, self.notify = settings, stopwatch, notify
+        self.mapping, self.in_python = mapping, in_python
+        self.known: dict[str, Reading] = {}
+        self.shown: list[Notice] = []
+
+    @property
+    def warnings(self) -> list[dict[str, str]]:
+        """Those that were given."""
+        return [notice.record() for notice in self.shown if notice.code]
+
+    def prepared(
+        self, truth: TrajectoriesLike, estimate: TrajectoriesLike, name: str = ""
+    ) -> Prepared:
+        """The problem of two sides; notices about both together have a name, if it is given."""
+        of_file = tuple(f"{path}: " for path in called((truth, estimate), ("", "")))
+
+        def tell(notice: Notice) -> None:
+            is_default = notice.text.startswith("default ") and (self.in_python or not notice.code)
+            if name and not is_default and not notice.text.startswith(of_file):
+                notice = notice.about(name)
+            if notice not in self.shown:
+                self.shown.append(notice)
+                self.notify(notice)
+
+        sides = read_sides(
+            self.settings,
+            truth,
+            estimate,
+            self.stopwatch,
+            None if self.in_python else tell,
+            mapping=self.mapping,
+            known=self.known,
+        )
+        for notice in sides.warnings if self.in_python else ():
+            tell(notice)
+        files = infos(sides.read)
+        return prepare(sides.fitted, sides.request, files=files, stopwatch=self.stopwatch)
+
+
+Ranked = tuple[RankingRecord, list[Entrant]]
+"""The document, and what it was made of."""
+
+
+def ranked(
+    pairs: PairReader,
+    runs: Sequence[tuple[TrajectoriesLike, Sequence[TrajectoriesLike]]],
+    names: Sequence[str],
+    solver: Solver,
+    *,
+    per_step: bool = False,
+    with_: Sequence[str] = (),
+) -> Ranked:
+    """Evaluate estimates of one truth, or of that of each run, and rank them.
+
+    Parameters
+    ----------
+    pairs : PairReader
+        Makes the problems.
+    runs : sequence of (truth, sequence of estimates)
+        Of each run.
+    names : sequence of str
+        What the estimates are called.
+    solver : Solver
+        Of all.
+    per_step, with_ : bool, sequence of str
+        Whether per-step GOSPA is shown beside, and which other metrics.
+
+    Returns
+    -------
+    tuple
+        The document and the entrants. If it was interrupted: of the runs that are whole, or of
+        what there is of the first.
+    """
+    stopwatch = pairs.stopwatch
+    found: list[list[EntrantOutcome]] = [[] for _ in names]
+    count = len(names) * len(runs)
+    for done, (k, truth, estimate) in enumerate(
+        (k, truth, estimate) for truth, each in runs for k, estimate in enumerate(each)
+    ):
+        if done and stopwatch.progress.stop.is_set():
+            break
+        (path,) = called([estimate], [names[k]])
+        with stopwatch.progress.part(path, done, count):
+            prepared = pairs.prepared(truth, estimate, path if count > 1 else "")
+            effort = Effort(jobs=solver.jobs, stopwatch=stopwatch)
+            others = other_metrics(prepared, with_, effort) if with_ else None
+            result = solve(prepared, solver, stopwatch)
+            found[k].append(outcome(result, prepared.moments, per_step=per_step, others=others))
+    whole = max(min(map(len, found)), 1)
+    entrants = [
+        Entrant(
+            name=name,
+            paths=called([estimates[k] for _, estimates in runs[:whole]], [name] * whole),
+            outcomes=mine[:whole],
+        )
+        for k, (name, mine) in enumerate(zip(names, found, strict=True))
+        if mine
+    ]
+    truths = called([truth for truth, _ in runs[:whole]], ["truth"] * whole)
+    metric = cast("Metric", result.settings)
+    return ranking_document(entrants, truths, metric, pairs.warnings), entrants
+
+
+def solvers_on(
+    pairs: PairReader,
+    truth: TrajectoriesLike,
+    estimate: TrajectoriesLike,
+    solvers: Sequence[Solver],
+    *,
+    spare: bool = False,
 ) -> SolversRecord:
-    """The document of solvers on one problem."""
-    prepared = pairs.prepared(truth, estimate)
-    found = compare_solvers(prepared, solvers)
-    once = {name: pairs.stopwatch.spans.get(span, 0.0) for name, span in ONCE.items()}
-    warned = [notice.record() for notice in pairs.notices]
-    return solvers_document(found, prepared, {}, once, warned)
+    """Several solvers on one pair; `spare` leaves out a referee that would take minutes."""
+    stopwatch, prepared = pairs.stopwatch, pairs.prepared(truth, estimate)
+    chosen, left_out = list(solvers), {}
+    states = takes_long(prepared) if spare else None
+    if states is not None:
+        chosen = [solver for solver in solvers if not solver.referee]
+        reason = f"{states:,} reduced states, it would take minutes; --solvers "
+        reason += f"{','.join(SOLVERS)} runs it all the same"
+        left_out = {solver.name: reason for solver in solvers if solver.referee}
+    stopwatch.stage = "solve/lp"
+    stopwatch.progress.begin(prepared.parameters.root)
+    found = compare_solvers(prepared, chosen, progress=stopwatch.progress)
+    for solver in chosen[len(found) :]:
+        left_out[name_of(solver)] = "interrupted before its turn"
+    once = {name: stopwatch.spans.get(span, 0.0) for name, span in ONCE.items()}
+    return solvers_document(found, prepared, left_out, once, pairs.warnings)
+
+
+# -------------------------------------------------------------------------------------------------
+# Saved results in their order; nothing is solved.
+
+HEAD = ("files", "input", "parameters", "warnings", "with")
+"""What is kept of a document beside the costs."""
+
+
+def are_saved(paths: Sequence[str]) -> bool:
+    """Whether these are saved results, or patterns of such, rather than files.
+
+    Raises
+    ------
+    ConfigError
+        Some are and others are not, or it is a single one.
+    """
+    first = [first_file(path) if is_pattern(path) else path for path in paths]
+    saved = [name is not None and saved_result(name) is not None for name in first]
+    if not any(saved):
+        return False
+    if not all(saved):
+        other, one = paths[saved.index(False)], paths[saved.index(True)]
+        raise ConfigError(
+            f"{other or quoted(other)}: is no saved result, but {one} is; {MADE_BY}; name results "
+            "alone, or the files of truth and estimates alone"
+        )
+    if len(paths) == 1 and not is_pattern(paths[0]):
+        raise ConfigError(f"{paths[0]}: is a single saved result; name those to rank it with")
+    return True
+
+
+def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
+    """Rank saved results by their proven brackets.
+
+    Raises
+    ------
+    TgospaError
+        Patterns do not fit each other, a result is wrong or there twice, or is of another truth or
+        other parameters than the first.
+    """
+    marked = [is_pattern(path) for path in paths]
+    if any(marked) and not all(marked):
+        path = paths[marked.index(False)]
+        raise ConfigError(f"{path}: has no *, but other results have; it stands for the run")
+    runs = [
+        [saved_result(path) or path for path in (first, *others)]
+        for first, others in expand(paths[0], paths[1:])
+    ]
+    names = short_names(paths if any(marked) else runs[0])
+    heads: list[list[Json]] = []
+    found: list[list[EntrantOutcome]] = []
+    for group in runs:
+        documents = [read_result(path) for path in group]
+        heads.append([{name: item.get(name, {}) for name in HEAD} for item in documents])
+        faults = [
+            f"{path}: cannot be ranked with {runs[0][0]}: {wrong}"
+            for path, document in zip(group, heads[-1], strict=True)
+            if (wrong := other_parameters(document, heads[0][0]))
+        ]
+        if faults:
+            raise ConfigError(*faults)
+        found.append(outcomes(documents, group))
+    entrants = [
+        Entrant(name=name, paths=[run[k] for run in runs], outcomes=[items[k] for items in found])
+        for k, name in enumerate(names)
+    ]
+    warnings = [
+        Notice(**record).about(path)
+        for run, items in zip(runs, heads, strict=True)
+        for path, item in zip(run, items, strict=True)
+        for record in item["warnings"]
+    ]
+    others, left_out = shared_metrics(heads)
+    for notice in (*warnings, *left_out):
+        notify(notice)
+    first, *rest = [item["parameters"] for items in heads for item in items]
+    shared = {  # solvers and units may differ
+        name: value
+        for name, value in first.items()
+        if all(name in other and other[name] == value for other in rest)
+    }
+    truths = [
+        first["files"].get("truth") or f"sha256 {first['input']['truth']['sha256']}"
+        for first, *_ in heads
+    ]
+    records = [warning.record() for warning in warnings]
+    document = ranking_document(entrants, truths, cast("Metric", shared), records)
+    for item in document["estimates"]:
+        beside = others[names.index(item["name"])]
+        if beside:
+            item["with"] = beside
+    return document, entrants

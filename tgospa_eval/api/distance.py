@@ -81,7 +81,7 @@ def cloud_distance(options: Request) -> "CloudWasserstein":
         The file of a covariance is missing or wrong.
     """
     from tgospa_eval.distances import CloudWasserstein, PairCloudWasserstein
-    from tgospa_eval.formats.text.matrix import read_matrix
+    from tgospa_eval.formats.text.small import read_matrix
 
     inner = options.inner or "euclidean"
     pairwise = options.pairwise
@@ -240,7 +240,7 @@ def _with(distance: Distance, **settings: object) -> Distance:
 
 def _mahalanobis(given: "str | ArrayLike", decimal: str) -> Distance:
     from tgospa_eval.distances.mahalanobis import Mahalanobis
-    from tgospa_eval.formats.text.matrix import read_matrix
+    from tgospa_eval.formats.text.small import read_matrix
 
     if not isinstance(given, str):
         return Mahalanobis(covariance=given)

@@ -59,6 +59,7 @@ def read_sides(
     notify: Notify | None = None,
     *,
     mapping: "Components | None" = None,
+    known: dict[str, Reading] | None = None,
 ) -> SidesRead:
     """Read truth and estimate, align and fit them, and say what looks wrong.
 
@@ -74,6 +75,8 @@ def read_sides(
         What to do with what the user should know. Without, warnings are in the words of Python.
     mapping : sequence of int, or pair of such, optional
         Of tracks with state vectors the components to compare.
+    known : dict, optional
+        The last truth by its path, for several estimates of it: it is read once.
 
     Raises
     ------
@@ -82,7 +85,7 @@ def read_sides(
     """
     given = (truth, estimate)
     with stopwatch.span("read"):
-        sides = settings.read(*given, mapping=mapping, advise=notify is not None)
+        sides = settings.read(*given, mapping=mapping, advise=notify is not None, known=known)
     names = called(given)
     fitted, request = settings.fit(sides, names)
     spell = as_argument if notify is None else as_option

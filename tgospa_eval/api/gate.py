@@ -1,7 +1,9 @@
-"""``gate`` of Python: one evaluation against a baseline."""
+"""``gate``: an estimate, a suite or the store of a batch, judged by a baseline."""
 
+import json
 import os
-from collections.abc import Iterable, Mapping
+import time
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -9,31 +11,523 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval._version import __version__
 from tgospa_eval.api.evaluate import evaluate
 from tgospa_eval.api.keywords import KEYWORDS, with_options
-from tgospa_eval.api.request import OF_THE_NUMBER
-from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import in_python
-from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.sides import TrajectoriesLike
-from tgospa_eval.regression.baseline import Measured, dump, load, make_entry, measured
-from tgospa_eval.regression.outcome import PairOutcome, Report, change, compare, update_notes
-from tgospa_eval.regression.report import GATE_REPORTS
-from tgospa_eval.regression.suite import (
+from tgospa_eval.api.request import FLAGS, NAMES, OF_THE_NUMBER, Request, Values, typed
+from tgospa_eval.campaign.baseline import (
+    Baseline,
+    BaselineEntry,
+    Measured,
+    dump,
+    load,
+    make_entry,
+    measured,
+    measured_row,
+)
+from tgospa_eval.campaign.gate_report import GATE_REPORTS
+from tgospa_eval.campaign.outcome import (
+    PairOutcome,
+    Report,
+    judged_outcome,
+    leftover,
+    updated_outcome,
+)
+from tgospa_eval.campaign.row import Row, job_name
+from tgospa_eval.campaign.rules import (
     DEFAULT,
-    ONLY_PAIR,
     Finding,
-    Pair,
     Rule,
     Verdict,
     parse_maximum,
     parse_rule,
     split_rules,
 )
-from tgospa_eval.reports.files import write_file
+from tgospa_eval.campaign.store import SETTINGS_FILE, Store
+from tgospa_eval.campaign.suite import ONLY_PAIR, Pair, Suite, load_suite
+from tgospa_eval.common.config import SettingsFile
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.notices import Notice, in_python
+from tgospa_eval.errors import ConfigError, InputError, TgospaError
+from tgospa_eval.evaluation.sides import TrajectoriesLike
+from tgospa_eval.reports.files import PROOF, write_file, write_texts
+from tgospa_eval.results.saved import ACCURACY
+from tgospa_eval.results.summary import Summary
+from tgospa_eval.text import clipped, quoted
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from tgospa_eval.results.result import Result
+
+WITHOUT_EFFECT = ("jobs", "max-input")
+"""Options of an evaluation that change neither the number nor its bracket."""
+
+PATHS_GIVEN = ("covariance", "step-weights")
+"""Options that name a file."""
+
+RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
+"""Rules by their names in a suite and as parameters."""
+
+ACCURACY_KEYS = tuple(name.replace("_", "-") for name in ACCURACY)
+
+JUDGED_COLUMNS = ("parameters", "judged.truth_sha256", "normalised.tgospa")
+"""Columns without which rows cannot be judged."""
+
+NOTHING_MADE = "no baseline: name the file to make with --baseline FILE"
+
+Evaluated = tuple[Measured, Mapping[str, object], Mapping[str, Any], Mapping[str, str]]
+"""What came out of a pair, the options that made it, more for its outcome, and its proof."""
+
+EvaluatePair = Callable[[str, str, Request, Callable[[str], None]], tuple[Summary, bool]]
+"""Of two files."""
+
+Evaluate = Callable[[Pair, BaselineEntry | None], Evaluated]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GateOptions(Values):
+    """What to judge by, how to evaluate, and what to write.
+
+    A default yields to the baseline, that to a configuration file, that to the suite, that to the
+    environment, that to a flag.
+
+    Parameters
+    ----------
+    evaluation : Request
+        Options of the evaluation.
+    sources : mapping of str to str
+        Where the value of each parameter comes from: ``commandline``, ``environment``,
+        ``default_map`` for a configuration file, or ``default``.
+    typed : tuple of str
+        The arguments, for commands that messages propose.
+    """
+
+    evaluation: Request
+    sources: Mapping[str, str]
+    typed: tuple[str, ...]
+    suite: str | None
+    baseline: str | None
+    update_baseline: bool
+    fail_on: tuple[str, ...]
+    warn_on: tuple[str, ...]
+    maximum: tuple[str, ...]
+    junit: str | None
+    proof: str | None
+    quiet: bool
+    config: SettingsFile | None
+
+    def given(self, *sources: str) -> dict[str, object]:
+        """Options of the evaluation from these sources, by field."""
+        return {
+            name: getattr(self.evaluation, name)
+            for name in NAMES.values()
+            if self.sources[name] in sources
+        }
+
+    def strong(self, name: str) -> bool:
+        """Whether it is a flag or from the environment."""
+        return self.sources[name] in ("commandline", "environment")
+
+    def prefix(self, pair: Pair) -> str:
+        """What a line about a pair begins with: its name, where there are several."""
+        return f"{clipped(pair.name)}: " if self.suite else ""
+
+    def resolve(self, pair: Pair, entry: BaselineEntry | None, path: str) -> dict[str, object]:
+        """The options of a pair that are no defaults, by field."""
+        inherited = dict(entry.options) if entry else {}
+        for key in (key for key in PATHS_GIVEN if inherited.get(key)):
+            inherited[key] = os.path.join(os.path.dirname(path), str(inherited[key]))
+        return {
+            **typed(inherited, f"{path}, options"),
+            **self.given("default_map"),
+            **typed(pair.options, f"pair {quoted(pair.name)}, options"),
+            **self.given("commandline", "environment"),
+        }
+
+    def rules(self, pair: Pair, *, baseline: bool = True) -> list[Rule]:
+        """The rules of a pair.
+
+        Raises
+        ------
+        ConfigError
+            One is wrong; or there is no baseline, and they are not all absolute limits.
+        """
+        found: list[Rule] = []
+        for key, name in RULE_PARAMETERS.items():
+            own = [part for text in getattr(self, name) for part in split_rules(text)]
+            suite = [
+                part for text in pair.rules.get(key, ()) for part in split_rules(text) or [text]
+            ]
+            if key == "fail-on":
+                texts = own if own and (self.strong(name) or not suite) else suite
+                found += [parse_rule(text) for text in texts] or [DEFAULT][:baseline]
+            elif key == "warn-on":
+                found += [parse_rule(text, option=key) for text in (*suite, *own)]
+            else:
+                found += [parse_maximum(text) for text in (*suite, *own)]
+        relative = [rule for rule in found if not rule.maximum]
+        if not baseline and (relative or not found):
+            why = f"{relative[0].text} needs one" if relative else "limits of --max need none"
+            raise ConfigError(
+                f"{self.prefix(pair)}no baseline: name it with --baseline FILE; {why}"
+            )
+        return found
+
+
+# -------------------------------------------------------------------------------------------------
+# Pairs of files, suites and stores: all are judged, or the baseline of all is made anew.
+
+
+class OverInputError(ConfigError):
+    """The JUnit report would be written over what is read."""
+
+
+def judge_all(
+    gate: GateOptions,
+    truth: str | None,
+    estimate: str | None,
+    evaluate_pair: EvaluatePair,
+    notify: Callable[[str], None],
+) -> Report:
+    """Judge a pair of files, the pairs of a suite or the jobs of a store; or make the baseline.
+
+    Of a store nothing is solved: what was proven is compared.
+
+    Parameters
+    ----------
+    gate : GateOptions
+        What to judge by.
+    truth, estimate : str, optional
+        Two files; or the store that is judged, with another one in front that is the baseline.
+    evaluate_pair : callable
+        Evaluates two files, and hands lines for the user on: the result, and whether the accuracy
+        that was asked for is reached.
+    notify : callable
+        Gets lines for the user.
+
+    Raises
+    ------
+    TgospaError
+        Nothing can be judged.
+    """
+    _check_junit(gate, truth, estimate)
+    if truth is not None and is_store(truth):
+        folder, path = _stores(gate, truth, estimate)
+        _check_update(gate, path)
+        table = _store_rows(folder)
+        settings = Store(folder).settings()["options"]
+        pairs = [
+            Pair(
+                name=name,
+                truth=row["truth"],
+                estimate=row["estimate"],
+                fault=f"failed in {folder}: {row['message']}" if row["status"] == "failed" else "",
+            )
+            for name, row in table.items()
+        ]
+
+        def evaluated(pair: Pair, _: BaselineEntry | None) -> Evaluated:
+            row = table[pair.name]
+            warnings = tuple(Notice(**record) for record in json.loads(row["warnings"]))
+            about = {"seconds": float(row["seconds"]), "warnings": warnings}
+            return measured_row(row), _row_options(row, settings, path or ""), about, {}
+
+        return _report(gate, pairs, path or "", evaluated, folder)
+    suite = _suite(gate, truth, estimate, notify)
+    if truth is not None:
+        gate = replace(gate, suite=None)
+    for pair in suite.pairs:
+        _check_junit(gate, pair.truth, pair.estimate, suite.baseline)
+    path = gate.baseline if gate.strong("baseline") or not suite.baseline else suite.baseline
+    _check_update(gate, path)
+    return _report(
+        gate,
+        suite.pairs,
+        path or "",
+        lambda pair, entry: _evaluated(gate, pair, entry, path or "", evaluate_pair, notify),
+        "the suite",
+    )
+
+
+def _check_junit(gate: GateOptions, *paths: str | None) -> None:
+    """Whether the JUnit report would be written over what is read.
+
+    Raises
+    ------
+    OverInputError
+        It is one of these files, the suite, the baseline or the configuration.
+    """
+    if not gate.junit:
+        return
+    target, used = os.path.realpath(gate.junit), gate.config
+    for path in (*paths, gate.suite, gate.baseline, used and used.path):
+        if path and os.path.realpath(path) == target:
+            raise OverInputError(
+                f"--junit {gate.junit}: is an input of the gate; name another file"
+            )
+
+
+def _check_update(gate: GateOptions, path: str | None) -> None:
+    """Whether the baseline can be written, if that is asked for.
+
+    Raises
+    ------
+    ConfigError
+        There is no path, or it is the folder of a batch.
+    """
+    if gate.update_baseline and not path:
+        raise ConfigError(NOTHING_MADE)
+    if gate.update_baseline and is_store(path):
+        raise ConfigError(
+            f"--baseline {path}: is a batch, which tgospa-eval batch makes; --update-baseline "
+            "writes a file"
+        )
+
+
+def _report(
+    gate: GateOptions, pairs: Iterable[Pair], path: str, evaluated: Evaluate, whence: str
+) -> Report:
+    """The outcomes of all pairs; wrong files do not keep others from being judged.
+
+    A baseline is made anew of all pairs or not at all.
+    """
+    pairs = list(pairs)
+    old = load_baseline(path) if path else None
+    names = {pair.name for pair in pairs}
+    if names == {ONLY_PAIR} and not gate.suite and old and ONLY_PAIR not in old:
+        raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name --suite")
+    rules = {
+        pair.name: gate.rules(pair, baseline=bool(path)) for pair in pairs if not pair.fault
+    }  # wrong ones before any work
+    if path and gate.update_baseline:
+        outcomes = _updated(gate, pairs, old or {}, path, evaluated)
+        outcomes += leftover(old or {}, names, Verdict.UPDATED, f"removed: it is not in {whence}")
+        return Report(baseline=path, outcomes=tuple(outcomes), version=__version__)
+    missing = f"no such file: {path}" if old is None else f"not in {path}"
+    outcomes = []
+    for pair in pairs:
+        entry = (old or {}).get(pair.name)
+        begin = time.monotonic()
+        if pair.fault:
+            outcomes.append(PairOutcome.of(pair, Verdict.ERROR, pair.fault))
+        elif path and entry is None:
+            outcomes.append(PairOutcome.of(pair, Verdict.INCOMPARABLE, missing))
+        else:
+            try:
+                now, _, about, proof = evaluated(pair, entry)
+                _write_proof(gate, pair, proof)
+            except TgospaError as error:
+                about = {"status": error.exit_status, "seconds": time.monotonic() - begin}
+                outcomes.append(PairOutcome.of(pair, Verdict.ERROR, str(error), **about))
+                continue
+            about = {"seconds": time.monotonic() - begin, **about}
+            outcomes.append(judged_outcome(pair, now, entry, rules[pair.name], **about))
+    outcomes += leftover(
+        old or {}, names, Verdict.INCOMPARABLE, f"in the baseline and not in {whence}"
+    )
+    at = gate.typed.index("--") if "--" in gate.typed else len(gate.typed)
+    again = ("tgospa-eval", "gate", *gate.typed[:at], "--update-baseline", *gate.typed[at:])
+    return Report(
+        baseline=path,
+        outcomes=tuple(outcomes),
+        version=__version__,
+        again=() if not path or is_store(path) else again,
+    )
+
+
+def _updated(
+    gate: GateOptions, pairs: Iterable[Pair], old: Baseline, path: str, evaluated: Evaluate
+) -> list[PairOutcome]:
+    """Make the baseline anew, and list what changed."""
+    faults = [
+        pair.fault if gate.suite else f"{pair.name}: {pair.fault}" for pair in pairs if pair.fault
+    ]
+    if faults:
+        raise InputError(*faults)
+    new: Baseline = {}
+    outcomes, proofs = [], []
+    for pair in pairs:
+        begin = time.monotonic()
+        try:
+            now, options, about, proof = evaluated(pair, old.get(pair.name))
+        except TgospaError as error:
+            raise type(error)(f"{gate.prefix(pair)}{error}") from None
+        new[pair.name] = make_entry(now, options)
+        about = {"seconds": time.monotonic() - begin, **about}
+        outcomes.append(updated_outcome(pair, old.get(pair.name), new[pair.name], now, **about))
+        proofs.append((pair, proof))
+    if new != old or not os.path.exists(path):
+        write_file(path, dump(new), "--baseline")
+    for pair, proof in proofs:
+        _write_proof(gate, pair, proof)
+    return outcomes
+
+
+def _suite(
+    gate: GateOptions, truth: str | None, estimate: str | None, notify: Callable[[str], None]
+) -> Suite:
+    """The pairs: one of two files, or those of a suite."""
+    path = gate.suite
+    if truth is not None and estimate is not None:
+        if path and gate.sources["suite"] == "commandline":
+            raise ConfigError("give TRUTH ESTIMATE or --suite, not both")
+        return Suite(pairs=(Pair(name=ONLY_PAIR, truth=truth, estimate=estimate),), baseline=None)
+    if truth is not None or not path:
+        name = "TRUTH" if truth is None else "ESTIMATE"
+        raise ConfigError(
+            f"{name} is missing; type tgospa-eval gate {truth or 'TRUTH'} ESTIMATE "
+            "--baseline FILE, or tgospa-eval gate --suite FILE"
+        )
+    suite = load_suite(path, FLAGS)
+    for text in () if gate.quiet else suite.notices:
+        notify(text)
+    return suite
+
+
+def _evaluated(
+    gate: GateOptions,
+    pair: Pair,
+    entry: BaselineEntry | None,
+    path: str,
+    evaluate_pair: EvaluatePair,
+    notify: Callable[[str], None],
+) -> Evaluated:
+    """A pair of files, read and evaluated."""
+    from tgospa_eval.reports.proofs import proof_files
+
+    given, prefix = gate.resolve(pair, entry, path), gate.prefix(pair)
+    options = Request.of(given)
+    result, finished = evaluate_pair(
+        pair.truth, pair.estimate, options, lambda text: notify(prefix + text)
+    )
+    # Settings of a solver that did not reach its accuracy are left out: a later run would inherit
+    # them.
+    keys = {name: key for key, name in NAMES.items()}
+    recorded = {
+        keys[name]: value
+        for name, value in given.items()
+        if keys[name] not in WITHOUT_EFFECT and value not in (None, ())
+        if finished or keys[name] not in ACCURACY_KEYS
+    }
+    used = result.proof.parameters
+    recorded |= {"cutoff": used.cutoff, "switch-penalty": used.switch_penalty}
+    proof = proof_files(result, options.given) if gate.proof else {}
+    return measured(result), _portable(recorded, path), {"warnings": result.warnings}, proof
+
+
+def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
+    """Options as a baseline records them: lists as texts, paths relative to its folder.
+
+    From another drive there is no path but the whole.
+    """
+    found = {
+        key: ",".join(map(str, value)) if isinstance(value, (list, tuple)) else value
+        for key, value in options.items()
+    }
+    for key in (key for key in PATHS_GIVEN if key in found):
+        try:
+            relative = os.path.relpath(str(found[key]), os.path.dirname(path) or os.curdir)
+            found[key] = relative.replace(os.sep, "/")
+        except ValueError:
+            found[key] = os.path.abspath(str(found[key]))
+    return found
+
+
+def _write_proof(gate: GateOptions, pair: Pair, files: Mapping[str, str]) -> None:
+    """The proof of a pair: to a folder of its own in a suite."""
+    if gate.proof is None:
+        return
+    from tgospa_eval.reports.proofs import folder_name
+
+    of = "baseline" if gate.update_baseline else "run"
+    parts = (gate.proof, of, *([folder_name(pair.name)] if gate.suite else []))
+    write_texts(files, os.path.join(*parts), PROOF, force=False, option="--proof")
+
+
+# -------------------------------------------------------------------------------------------------
+# Stores of batches.
+
+
+def is_store(path: str | None) -> bool:
+    """Whether it is the folder of a batch."""
+    return path is not None and os.path.isfile(os.path.join(path, SETTINGS_FILE))
+
+
+def load_baseline(path: str) -> Baseline | None:
+    """A baseline from a file, or from the jobs of a store that have a value; None without it.
+
+    Raises
+    ------
+    ConfigError, InputError
+        It cannot be read, or is no baseline of this version.
+    """
+    if not is_store(path):
+        return load(path)
+    settings = Store(path).settings()["options"]
+    return {
+        name: make_entry(measured_row(row), _row_options(row, settings, path))
+        for name, row in _store_rows(path).items()
+        if row["status"] != "failed"
+    }
+
+
+def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str | None]:
+    """The store that is judged, and the baseline.
+
+    Raises
+    ------
+    ConfigError
+        An option is given that is for evaluating, or the baseline twice.
+    """
+    typed = [key for key, name in NAMES.items() if gate.sources[name] == "commandline"]
+    if gate.proof:
+        typed.append("proof")
+    if typed:
+        raise ConfigError(f"--{typed[0]}: stores are compared as they are, nothing is evaluated")
+    if gate.sources["suite"] == "commandline":
+        raise ConfigError("give a store or --suite, not both")
+    if second is None:
+        return first, gate.baseline
+    if gate.strong("baseline"):
+        raise ConfigError("name the baseline once: OLD_STORE NEW_STORE, or STORE --baseline FILE")
+    if not is_store(second):
+        raise ConfigError(f"{second}: holds no batch, and {first} does; name two stores or one")
+    return second, first
+
+
+def _store_rows(folder: str) -> dict[str, Row]:
+    """The rows of a store by the names of their jobs, as in ``careful/SIM-01 cutoff=5``.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, has no rows, or is one of an older version.
+    """
+    store = Store(folder)
+    store.settings()
+    table = store.rows()
+    if not len(table):
+        raise InputError(f"{folder}: no job of this batch is done")
+    if (table["status"] != "failed").any() and not all(name in table for name in JUDGED_COLUMNS):
+        raise InputError(f"{folder}: was made by an older version; make it anew with batch")
+    rows: dict[str, Row] = {}
+    for values in table.to_dict("records"):
+        name = job_name(values)
+        if name in rows:
+            raise InputError(f"{folder}: two jobs are called {quoted(name)}; rename a label")
+        rows[name] = {str(column): value for column, value in values.items()}
+    return rows
+
+
+def _row_options(row: Row, settings: Mapping[str, object], path: str) -> dict[str, object]:
+    """Options of a job as a baseline records them, by their names in a configuration file."""
+    keys = {name: key for key, name in NAMES.items()}
+    own = {key.replace("_", "-"): value for key, value in json.loads(row["options"]).items()}
+    of_all = {keys[name]: value for name, value in settings.items()}
+    used = {"cutoff": row["cutoff"], "switch-penalty": row["switch_penalty"]}
+    return _portable(of_all | own | used, path)
+
+
+# -------------------------------------------------------------------------------------------------
+# ``gate`` of Python.
 
 INHERITED = {key: name for key, name in KEYWORDS.items() if name in OF_THE_NUMBER}
 """Keywords by the names of their options, as a baseline has these."""
@@ -154,12 +648,22 @@ def gate(
     now = measured(result)
     pair = Pair(name=ONLY_PAIR, truth=_called(truth, "truth"), estimate=_called(estimate, ""))
     if update_baseline:
-        outcome = _updated(path, pair, now, given)
+        plain = {
+            key: given[name]
+            for key, name in INHERITED.items()
+            if isinstance(given.get(name), (str, float, int))
+        }
+        used = result.proof.parameters
+        new = make_entry(
+            now, plain | {"cutoff": used.cutoff, "switch-penalty": used.switch_penalty}
+        )
+        if entry != new:
+            write_file(path, dump({ONLY_PAIR: new}), "--baseline")
+        outcome = updated_outcome(pair, entry, new, now)
     elif entry is None:
         outcome = PairOutcome.of(pair, Verdict.INCOMPARABLE, f"no such file: {path}")
     else:
-        verdict, findings, notes = compare(now, entry, rules)
-        outcome = replace(PairOutcome.of(pair, verdict, *notes), findings=findings)
+        outcome = judged_outcome(pair, now, entry, rules)
     outcome = replace(
         outcome,
         notes=tuple(in_python(note, reads=False) for note in outcome.notes),
@@ -183,22 +687,6 @@ def _rules(
         *(parse_rule(text, option="warn-on") for text in texts(warn_on)),
         *(parse_maximum(f"{name}={value!r}") for name, value in limits.items()),
     ]
-
-
-def _updated(path: str, pair: Pair, now: Measured, given: Mapping[str, object]) -> PairOutcome:
-    """Make the baseline anew, with the options that the command has names for."""
-    old = (load(path) or {}).get(ONLY_PAIR)
-    plain = {
-        key: given[name]
-        for key, name in INHERITED.items()
-        if isinstance(given.get(name), (str, float, int))
-    }
-    used = {name: now.parameters[name.replace("-", "_")] for name in ("cutoff", "switch-penalty")}
-    entry = make_entry(now, plain | used)
-    if old != entry:
-        write_file(path, dump({ONLY_PAIR: entry}), "--baseline")
-    outcome = PairOutcome.of(pair, Verdict.UPDATED, *update_notes(old, entry, now))
-    return replace(outcome, changes=change(old, entry))
 
 
 def _called(side: object, otherwise: str) -> str:

@@ -124,7 +124,7 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
         return
     name = names[0]
     yield _type(truth[name], estimate[name])
-    from tgospa_eval.batches.jobs import layout_of  # here: slow to import, for faults only
+    from tgospa_eval.campaign.pairs import layout_of  # here: slow to import, for faults only
 
     layout = layout_of(*paths) if len(names) > 1 else None
     if layout is not None:

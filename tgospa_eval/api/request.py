@@ -4,10 +4,14 @@ Imports nothing heavy: the command line needs it for its help.
 """
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any, Self
+from collections.abc import Callable, Mapping
+from typing import Any, Self, get_args
 
+from tgospa_eval.common import config
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import parsed, parsed_whole
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.text import quoted
 
 # Spelled out here, because importing the members costs numpy; tests hold them together.
 DISTANCES = (
@@ -626,9 +630,57 @@ SETTINGS: dict[str, Setting] = {
 }
 """Of the fields that have an option."""
 
+NAMES = {about.key: name for name, about in SETTINGS.items() if about.everywhere}
+"""Of those that all verbs have, by their names in a settings file."""
+
 DEFAULTS: dict[str, object] = {field.name: field.default for field in dataclasses.fields(Request)}
 
 TYPES: dict[str, Any] = {field.name: field.type for field in dataclasses.fields(Request)}
+
+FLAGS = {key: DEFAULTS[name] is False for key, name in NAMES.items()}
+"""Whether a setting that all verbs have is a flag."""
+
+PLAIN: dict[type, tuple[Callable[[str], float | None], str]] = {
+    int: (parsed_whole, "whole number; write it as 10"),
+    float: (parsed, "plain, finite number; write it as 2.5 or 1e-3"),
+}
+
+
+def typed(settings: Mapping[str, object], where: str) -> dict[str, Any]:
+    """Values of fields, of settings of a file by their names in it; `where` begins the messages.
+
+    Raises
+    ------
+    ConfigError
+        A setting is unknown, or its value has no meaning.
+    """
+    values = config.settings_of(settings, where, FLAGS)
+    return {NAMES[key]: _typed(NAMES[key], value, where, key) for key, value in values.items()}
+
+
+def _typed(name: str, value: str | float, where: str, key: str) -> Any:
+    about, fault = SETTINGS[name], ""
+    kinds = get_args(TYPES[name]) or (TYPES[name],)
+    kind = next((kind for kind in (bool, int, float) if kind in kinds), str)
+    made: Any = value
+    if kind in PLAIN:
+        parse, right = PLAIN[kind]
+        made = parse(value) if isinstance(value, str) else kind(value)
+        if made is None:
+            fault = f"{value!r} is no {right}"
+        elif (about.least is not None and made < about.least) or (
+            about.most is not None and made > about.most
+        ):
+            ends = f"{about.least}<=x<={about.most}" if about.most else f"x>={about.least}"
+            fault = f"{made} is not in the range {ends}."
+    elif kind is str:
+        made = str(value)
+        if about.choices and made not in about.choices:
+            fault = f"{made!r} is not one of {', '.join(map(repr, about.choices))}."
+    if fault:
+        raise ConfigError(f"{where}: {quoted(key)}: {fault}")
+    return (made,) if DEFAULTS[name] == () else made
+
 
 OF_THE_NUMBER: dict[str, object] = {
     name: default

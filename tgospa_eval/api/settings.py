@@ -110,6 +110,7 @@ class Settings:
         roles: tuple[str, ...] = ROLES,
         mapping: "Components | None" = None,
         advise: bool = True,
+        known: dict[str, Reading] | None = None,
     ) -> tuple[Reading, ...]:
         """The truth, and the estimate if there is one; or sides in other roles.
 
@@ -123,6 +124,8 @@ class Settings:
             Of tracks with state vectors the components to compare.
         advise : bool
             Whether a folder gets a message with what to type.
+        known : dict, optional
+            The last truth by its path, for several estimates of it: it is read once.
 
         Raises
         ------
@@ -144,12 +147,17 @@ class Settings:
             if is_empty(side):
                 sides.append(None)
                 continue
+            found = known.get(names[0]) if known and k == 0 else None
             try:
-                sides.append(self.read_side(side, k, role, paths, roles, components[k]))
+                found = found or self.read_side(side, k, role, paths, roles, components[k])
+                sides.append(found)
             except (InputError, ConfigError) as error:
                 faults.append(error)
         if faults:
             raise type(faults[0])(*dict.fromkeys(line for fault in faults for line in fault.args))
+        if known is not None and is_path(given[0]) and sides[0]:
+            known.clear()
+            known[names[0]] = sides[0]
         read = filled(sides, self.evaluation.distance)
         check_as_long(given, read)
         if len(read) == len(ROLES):

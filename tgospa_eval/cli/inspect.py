@@ -58,8 +58,7 @@ def command(
     from tgospa_eval.common.config import settings_field
     from tgospa_eval.common.progress import Stopwatch
     from tgospa_eval.inspection import inspect
-    from tgospa_eval.reports.inspection import Inspection, table
-    from tgospa_eval.results.records import json_text
+    from tgospa_eval.results.records import Json, json_text, table
 
     if ctx.get_parameter_source("on_duplicate") is ParameterSource.DEFAULT:
         options["on_duplicate"] = "first"
@@ -70,7 +69,7 @@ def command(
         _check_picture(plot, paths)
     settings, stopwatch = make_settings(request), Stopwatch()
 
-    def work() -> Inspection:
+    def work() -> Json:
         with stopwatch.span("read"):
             sides = settings.read(*paths)
         if len(sides) == 1:

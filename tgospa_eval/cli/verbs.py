@@ -8,9 +8,9 @@ VERBS = {
     "evaluate": ("evaluate.command", "Evaluate an estimate; the verb if none is given."),
     "inspect": ("inspect", "Show what is in the files, and what looks wrong."),
     "explain": ("explain", "Show which single repairs would save most, proven."),
-    "gate": ("gate.command", "Fail a CI job if the estimate got worse."),
+    "gate": ("gate", "Fail a CI job if the estimate got worse."),
     "compare": ("compare.command", "Rank several estimates, or compare solvers."),
-    "batch": ("batch.command", "Evaluate a whole benchmark or study."),
+    "batch": ("batch", "Evaluate a whole benchmark or study."),
     "verify": ("verify", "Check the proof of a value, in exact integers."),
     "simulate": ("simulate", "Make a ground truth and an estimate to try it on."),
     "associate": ("associate", "Associate the states of two sensors."),
@@ -20,9 +20,6 @@ VERBS = {
 
 CONFIG = "tgospa_eval.common.config"
 """Under this name the context keeps the configuration file in use."""
-
-TYPED = "tgospa_eval.typed"
-"""Under this name the context keeps the arguments as they were typed."""
 
 
 def load(verb: str) -> click.Command:

@@ -64,7 +64,7 @@ def _initialiser(fields: Fields, followed: bool) -> Callable[..., None]:
         if positional:
             given = dict(zip(places, positional, strict=False))
             if len(positional) > len(places) or not given.keys().isdisjoint(values):
-                _refuse(self, places, positional, values)
+                _standard(type(self))(*positional, **values)  # raises TypeError
             values = given | values
         if len(values) < size:
             values = constant | values
@@ -76,43 +76,19 @@ def _initialiser(fields: Fields, followed: bool) -> Callable[..., None]:
             for name in order:
                 kept[name] = values[name]
         except KeyError:
-            _refuse(self, places, (), values)
+            _standard(type(self))(**values)  # raises TypeError
         if len(values) > size:
-            _refuse(self, places, (), values)
+            _standard(type(self))(**values)  # raises TypeError
         if followed:
             self.__post_init__()
 
     return __init__
 
 
-def _refuse(
-    record: Any, places: tuple[str, ...], positional: tuple[Any, ...], values: dict[str, Any]
-) -> NoReturn:
-    """Say what is wrong with arguments, of which the first take these places.
-
-    Raises
-    ------
-    TypeError
-        Too many are given by position, one is given twice, is missing, or of no field.
-    """
-    call = f"{type(record).__qualname__}.__init__()"
-    if len(positional) > len(places):
-        raise TypeError(f"{call} takes {len(places)} positional arguments, not {len(positional)}")
-    if twice := values.keys() & set(places[: len(positional)]):
-        raise TypeError(f"{call} got twice: {_listed(twice)}")
-    names = {field.name for field in dataclasses.fields(record)}
-    if unknown := values.keys() - names:
-        raise TypeError(f"{call} does not know {_listed(unknown)}")
-    raise TypeError(f"{call} lacks {_listed(names - values.keys())}")
-
-
-def _default(field: "dataclasses.Field[Any]") -> Any:
-    made = field.default_factory
-    return field.default if made is dataclasses.MISSING else made()
-
-
-def _listed(names: set[str]) -> str:
-    return ", ".join(sorted(names))
+def _standard(cls: type) -> type:
+    """The same record by `dataclasses`, for what is seldom asked: messages, and a signature."""
+    fields = [(field.name, field.type, field) for field in dataclasses.fields(cls)]
+    return dataclasses.make_dataclass(cls.__qualname__, fields)
 
 
 def _refuse_to_set(_: object, name: str, __: object) -> NoReturn:
@@ -152,15 +128,8 @@ class _Signature:
     """What help() shows of the arguments of a class, made when it asks."""
 
     def __get__(self, record: object, cls: Any) -> Any:
-        from inspect import Parameter, Signature  # here: nearly nobody asks
+        from inspect import signature  # here: nearly nobody asks
 
         if record is not None:  # one that can be called has another
             raise AttributeError("__signature__")
-        parameters = []
-        for field in dataclasses.fields(cls):
-            kind = Parameter.KEYWORD_ONLY if field.kw_only else Parameter.POSITIONAL_OR_KEYWORD
-            default = _default(field)
-            if default is dataclasses.MISSING:
-                default = Parameter.empty
-            parameters.append(Parameter(field.name, kind, default=default, annotation=field.type))
-        return Signature(parameters)
+        return signature(_standard(cls))

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Literal
 
 from tgospa_eval.common.frozen import dataclass
 
@@ -45,6 +46,18 @@ def equal(first: Interval, second: Interval) -> bool:
     """Whether both values are proven to be the same, but for `EQUAL` of them."""
     most = max(first.upper - second.lower, second.upper - first.lower)
     return most <= EQUAL * max(first.upper, second.upper)
+
+
+def verdict(first: Interval, second: Interval) -> Literal["less", "equal", "not separated"]:
+    """What is proven of two values."""
+    if less(first, second):
+        return "less"
+    return "equal" if equal(first, second) else "not separated"
+
+
+def second_less_first(first: Interval, second: Interval) -> Interval:
+    """Bounds of the difference."""
+    return Interval(lower=second.lower - first.upper, upper=second.upper - first.lower)
 
 
 def narrowest(brackets: Sequence[Interval]) -> Interval:

@@ -251,12 +251,20 @@ class Stopwatch:
     def span(self, name: str) -> Iterator[None]:
         """Add the time until the end of the block to `name`, also when the block raises."""
         begin = self._clock()
-        outer, self.stage = self.stage, name
+        try:
+            with self.showing(name):
+                yield
+        finally:
+            self.add(name, self._clock() - begin)
+
+    @contextmanager
+    def showing(self, stage: str = "") -> Iterator[None]:
+        """Show another stage, or those that are named inside, until the end of the block."""
+        outer, self.stage = self.stage, stage or self.stage
         try:
             yield
         finally:
             self.stage = outer
-            self.add(name, self._clock() - begin)
 
     def add(self, name: str, seconds: float) -> None:
         """Add seconds that were measured elsewhere."""

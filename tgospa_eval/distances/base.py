@@ -12,6 +12,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 Floats = NDArray[np.float64]
@@ -97,11 +98,14 @@ class Distance(ABC):
         State columns that it needs, in order; None if any will do.
     defaults : tuple of float
         Cutoff and switch penalty, if the user names none.
+    limits : dict of str to tuple
+        Least and largest value of a column, and both in words.
     """
 
     name: str
     columns: ClassVar[tuple[str, ...] | None] = None
     defaults: ClassVar[tuple[float, float]] = (10.0, 2.0)
+    limits: ClassVar[dict[str, tuple[float, float, str]]] = {}
 
     def __call__(self, a: ArrayLike, b: ArrayLike) -> Floats:
         """Distance along the last axis of `a` and `b`, which broadcast."""
@@ -126,7 +130,6 @@ class Distance(ABC):
 
         Their squares add up to that of the distance; None if there are no such.
         """
-        del pairs, sides
         return None
 
     def slopes(self, pairs: Pairs, sides: Sides) -> Floats:
@@ -154,7 +157,6 @@ class Distance(ABC):
         ConfigError
             No derivative is known.
         """
-        del pairs, sides
         return None
 
     def slopes_between(self, a: Floats, b: Floats) -> Floats:
@@ -165,7 +167,6 @@ class Distance(ABC):
         ConfigError
             No derivative is known.
         """
-        del a, b
         raise ConfigError(f"no derivative is known of the distance {self.name} with these settings")
 
     @property
@@ -175,22 +176,18 @@ class Distance(ABC):
 
     def fitted(self, sides: Sides) -> "Distance":
         """With what settings leave to the data of the run."""
-        del sides
         return self
 
     def prepared(self, sides: Sides, effort: Effort) -> tuple[Sides, "Distance"]:
         """Both sides as they are compared, and the distance that compares those."""
-        del effort
         return sides, self
 
     def horizon(self, sides: Sides, cutoff: float) -> float:
         """The search is for pairs whose `between` is less than this."""
-        del sides
         return cutoff
 
     def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Effort) -> Pairs:
         """Near pairs among those that the search found, where `between` is a bound."""
-        del sides, cutoff, effort
         return pairs
 
     def error(self, dimension: int) -> float:
@@ -198,7 +195,6 @@ class Distance(ABC):
 
         0 where none is known: what is proven then is proven of the distances as they were computed.
         """
-        del dimension
         return 0.0
 
     def last_place(self, sides: Sides) -> float:
@@ -250,16 +246,21 @@ class Distance(ABC):
 
     def fault(self, axes: Floats) -> Fault | None:
         """Which states (d, R) are out of range in a column, the column, and what the first is."""
-        del axes
+        for name, (low, high, rule) in self.limits.items():
+            values = axes[(self.columns or ()).index(name)]
+            wrong = ~((values >= low) & (values <= high))
+            if wrong.any():
+                first = values[int(np.argmax(wrong))]
+                return wrong, name, f"{first:g}{more(int(np.count_nonzero(wrong)))} must be {rule}"
         return None
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
         """What changes the number beside the name, by the names of the options."""
-        del columns
         return {}
 
 
-def first_fault(wrong: NDArray[np.bool_], values: Floats, name: str, rule: str) -> Fault:
-    """The wrong values of a column, the first in words."""
-    first = values[int(np.argmax(wrong))]
-    return wrong, name, f"{first:g}{more(int(np.count_nonzero(wrong)))} {rule}"
+def pair_named(sides: Sides, i: int, j: int, *which: str) -> str:
+    """A row of the truth and one of the estimate, for messages, with what is said `which` it is."""
+    rows = zip(sides, (i, j), which or ("", ""), strict=True)
+    names = (f"id {quoted(side.ids[side.track[row]])}{what}" for side, row, what in rows)
+    return f"{' and '.join(names)} at t {sides[0].shown[sides[0].step[i]]}"

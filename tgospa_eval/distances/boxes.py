@@ -1,11 +1,12 @@
 """Distance of boxes in an image: what they do not share."""
 
 from collections.abc import Iterable
+from typing import ClassVar
 
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Fault, Floats, Sides, first_fault
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Floats, Sides
 
 SMALLEST_EDGE, LARGEST_EDGE = 1e-100, 1e150
 """Of widths and heights, so that areas are doubles."""
@@ -25,10 +26,13 @@ class IoU(Distance):
     name = "iou"
     columns = ("left", "top", "width", "height")
     defaults = (0.5, 0.5)
+    limits: ClassVar[dict[str, tuple[float, float, str]]] = dict.fromkeys(
+        columns[2:],
+        (SMALLEST_EDGE, LARGEST_EDGE, f"> 0 (from {SMALLEST_EDGE:g} to {LARGEST_EDGE:g})"),
+    )
 
     def last_place(self, sides: Sides) -> float:
         """Of a ratio near 1, taken from 1."""
-        del sides
         return 2.0**-50
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
@@ -74,15 +78,6 @@ class IoU(Distance):
         return np.concatenate(
             (near * (1 + REACH_ROUNDING) * sizes, np.full_like(sizes, ratio + REACH_ROUNDING))
         )
-
-    def fault(self, axes: Floats) -> Fault | None:
-        """Widths and heights are positive."""
-        for values, name in zip(axes[2:], self.columns[2:], strict=True):
-            wrong = ~((values >= SMALLEST_EDGE) & (values <= LARGEST_EDGE))
-            if wrong.any():
-                rule = f"must be > 0 (from {SMALLEST_EDGE:g} to {LARGEST_EDGE:g})"
-                return first_fault(wrong, values, name, rule)
-        return None
 
 
 # Differences of huge coordinates may overflow: infinitely far is right.

@@ -126,21 +126,9 @@ class SearchedSide:
     axes: Floats
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Candidates:
-    """For each truth, runs of the estimates in an order of their own.
-
-    Parameters
-    ----------
-    order : (E,) int array
-        Estimates in that order.
-    begin, count : (runs, R) int arrays
-        The runs of each truth.
-    """
-
-    order: Ints
-    begin: Ints
-    count: Ints
+Candidates = tuple[Ints, Ints, Ints]
+"""Estimates in an order of their own, and of each truth the begins and the lengths (runs, R) of the
+runs of that order."""
 
 
 def search(
@@ -161,31 +149,23 @@ def search(
     if not len(a.step) or not len(b.step):
         return
     reach = np.maximum(*(own.max(axis=1) for own in reaches))
-    candidates = _candidates(a, b, reach)
+    order, begin, count = _candidates(a, b, reach)
     rows = len(a.step) + len(b.step)
-    if len(reach) and candidates.count.sum() > max(MANY_CANDIDATES * rows, CANDIDATES_TOGETHER):
-        widest = _widest(reaches)
-        if widest:
-            del candidates
-            yield from _divided((a, b), reaches, power, *widest)
+    if len(reach) and count.sum() > max(MANY_CANDIDATES * rows, CANDIDATES_TOGETHER):
+        ratio = np.array([own.max(axis=1) / own.min(axis=1) for own in reaches])
+        which, axis = divmod(int(ratio.argmax()), ratio.shape[1])
+        if ratio[which, axis] > EQUAL_REACHES:  # of that side on that axis they differ the most
+            del order, begin, count
+            yield from _divided((a, b), reaches, power, which, axis)
             return
         some = np.arange(0, len(a.step), -(-len(a.step) // SAMPLED_TRUTHS))
-        sample = replace(
-            candidates, begin=candidates.begin[:, some], count=candidates.count[:, some]
-        )
+        sample = order, begin[:, some], count[:, some]
         near = sum(len(i) for i, _ in _compared(a.axes[:, some], b.axes, sample, reach))
-        if near * MANY_CANDIDATES < sample.count.sum():
+        if near * MANY_CANDIDATES < sample[2].sum():
             for step in np.flatnonzero(np.diff(a.at) * np.diff(b.at)).tolist():
                 yield _tree(a, b, step, reach, power)
             return
-    yield from _compared(a.axes, b.axes, candidates, reach)
-
-
-def _widest(reaches: tuple[Floats, Floats]) -> tuple[int, int] | None:
-    """The side and the axis on which reaches differ the most; None if they hardly do."""
-    ratio = np.array([own.max(axis=1) / own.min(axis=1) for own in reaches])
-    which, axis = divmod(int(ratio.argmax()), ratio.shape[1])
-    return (which, axis) if ratio[which, axis] > EQUAL_REACHES else None
+    yield from _compared(a.axes, b.axes, (order, begin, count), reach)
 
 
 def _divided(
@@ -203,7 +183,9 @@ def _divided(
     small = own[axis] < np.sqrt(own[axis].min()) * np.sqrt(own[axis].max())
     found = [np.zeros(0, np.int64)]
     for rows in (np.flatnonzero(small), np.flatnonzero(~small)):
-        part, reach = _taken(sides[which], rows), own[:, rows]
+        side, reach = sides[which], own[:, rows]
+        at = np.searchsorted(side.step[rows], np.arange(len(side.at)))
+        part = replace(side, step=side.step[rows], at=at, axes=side.axes[:, rows])
         if which == 0:
             pieces = search(part, sides[1], (reach, reaches[1]), power)
             found += [rows[i] << 32 | j for i, j in pieces]
@@ -217,38 +199,30 @@ def _divided(
         yield pair >> 32, pair & 0xFFFFFFFF
 
 
-def _taken(side: SearchedSide, rows: Ints) -> SearchedSide:
-    step = side.step[rows]
-    at = np.searchsorted(step, np.arange(len(side.at)))
-    return replace(side, step=step, at=at, axes=side.axes[:, rows])
-
-
-def _candidates(a: SearchedSide, b: SearchedSide, reach: Floats) -> _Candidates:
+def _candidates(a: SearchedSide, b: SearchedSide, reach: Floats) -> Candidates:
     """By the fewest axes that leave few, those with the largest spread in reaches first."""
     begin = b.at[a.step]
-    found = _Candidates(
-        order=np.arange(len(b.step)), begin=begin[None], count=(b.at[a.step + 1] - begin)[None]
-    )
+    found: Candidates = np.arange(len(b.step)), begin[None], (b.at[a.step + 1] - begin)[None]
     enough = FEW_CANDIDATES * (len(a.step) + len(b.step))
-    if found.count.sum() <= enough:
+    if found[2].sum() <= enough:
         return found
     least, most = ([of(side.axes, axis=1) for side in (a, b)] for of in (np.min, np.max))
     if np.any(np.maximum(*least) - np.minimum(*most) >= reach):
-        return replace(found, count=np.zeros_like(found.count))
+        return *found[:2], np.zeros_like(found[2])
     # Halves, whose differences do not overflow.
     low = 0.5 * np.minimum(*least)
     spread = 0.5 * np.maximum(*most) - low
     axes = np.argsort(-spread / reach, kind="stable")[:CELL_AXES]
     for used in range(1, len(axes) + 1):
         found = _by_cells(a, b, axes[:used], (low, spread), reach)
-        if found.count.sum() <= enough:
+        if found[2].sum() <= enough:
             break
     return found
 
 
 def _by_cells(
     a: SearchedSide, b: SearchedSide, axes: Ints, extent: tuple[Floats, Floats], reach: Floats
-) -> _Candidates:
+) -> Candidates:
     """Candidates by cells along all but the first of the axes, and by finer ones along that.
 
     A cell of width w has the number floor((x - low) / w) < 2^40, where the quotient is exact to
@@ -285,15 +259,15 @@ def _by_cells(
         low_end = np.searchsorted(key_b, key_a + (shift - cells))
         begin[run, asked] = low_end
         count[run, asked] = np.searchsorted(key_b, key_a + (shift + cells + 1)) - low_end
-    return _Candidates(order=order, begin=begin, count=count)
+    return order, begin, count
 
 
 def _compared(
-    truth: Floats, estimate: Floats, candidates: _Candidates, reach: Floats
+    truth: Floats, estimate: Floats, candidates: Candidates, reach: Floats
 ) -> Iterator[tuple[Ints, Ints]]:
     """The candidates that are near on every axis (d, R), in order, in pieces."""
-    ordered = [y.take(candidates.order) for y in estimate]
-    begin, count = candidates.begin, candidates.count
+    order, begin, count = candidates
+    ordered = [y.take(order) for y in estimate]
     total = count.sum(axis=0)
     done = np.cumsum(total)
     cuts = np.searchsorted(done, np.arange(0, done[-1], CANDIDATES_TOGETHER), side="right").tolist()
@@ -304,7 +278,7 @@ def _compared(
         for x, y, least in zip(truth, ordered, reach.tolist(), strict=True):
             near = np.flatnonzero(np.abs(x.take(i) - y.take(at)) < least)
             i, at = i.take(near), at.take(near)
-        pair = np.sort(i << 32 | candidates.order[at])
+        pair = np.sort(i << 32 | order[at])
         yield pair >> 32, pair & 0xFFFFFFFF
 
 

@@ -15,10 +15,10 @@ from tgospa_eval.distances.base import (
     Floats,
     Pairs,
     Sides,
+    pair_named,
 )
 from tgospa_eval.distances.vector import check_length, positive_numbers, shares
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import quoted
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
@@ -228,25 +228,20 @@ class PairMahalanobis(Distance):
         InputError
             The covariance of a pair is singular.
         """
-        del cutoff, effort
         truth, estimate = sides
         i, j = pairs.truth_row, pairs.estimate_row
         d = truth.state.shape[1]
         packed = 0.5 * (self.axes(truth, i)[d:] + self.axes(estimate, j)[d:])
         singular = np.flatnonzero((covariances.factor(packed)[_diagonal(d)] == 0).any(axis=0))
         if len(singular):
-            a, b = int(i[singular[0]]), int(j[singular[0]])
             raise InputError(
-                f"id {quoted(truth.ids[truth.track[a]])} and id "
-                f"{quoted(estimate.ids[estimate.track[b]])} at t "
-                f"{truth.shown[truth.step[a]]}: the covariance of the pair is singular; take "
-                "--covariance FILE, or another distance"
+                f"{pair_named(sides, i[singular[0]], j[singular[0]])}: the covariance of the pair "
+                "is singular; take --covariance FILE, or another distance"
             )
         return pairs
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
         """The word for it."""
-        del columns
         return {"covariance": "pair"}
 
 

@@ -1,11 +1,12 @@
 """Distance on the surface of the Earth."""
 
 from collections.abc import Iterable
+from typing import ClassVar
 
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Fault, Floats, Sides, first_fault
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Floats, Sides
 from tgospa_eval.distances.vector import shares
 
 RADIUS = 6371008.8
@@ -22,6 +23,10 @@ class Haversine(Distance):
 
     name = "haversine"
     columns = ("lat", "lon")
+    limits: ClassVar[dict[str, tuple[float, float, str]]] = {
+        "lat": (-90.0, 90.0, "from -90 to 90 degrees"),
+        "lon": (-360.0, 360.0, "from -360 to 360 degrees"),
+    }
 
     @property
     def tree_power(self) -> float:
@@ -30,7 +35,6 @@ class Haversine(Distance):
 
     def last_place(self, sides: Sides) -> float:
         """Of angles up to a half turn."""
-        del sides
         return 2.0**-50 * RADIUS
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
@@ -79,17 +83,7 @@ class Haversine(Distance):
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
         """The cutoff, and the rounding of the points: no chord is longer than its arc."""
-        del axes
         return np.full((3, 1), cutoff * (1 + REACH_ROUNDING) + 2.0**-46 * RADIUS)
-
-    def fault(self, axes: Floats) -> Fault | None:
-        """Latitudes are up to 90, longitudes up to 360, in either direction."""
-        for values, name, most in zip(axes, self.columns, (90.0, 360.0), strict=True):
-            wrong = np.abs(values) > most
-            if wrong.any():
-                rule = f"must be from -{most:g} to {most:g} degrees"
-                return first_fault(wrong, values, name, rule)
-        return None
 
 
 def _cosine(latitude: Floats) -> Floats:

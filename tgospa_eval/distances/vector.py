@@ -63,7 +63,6 @@ class Norm(Distance):
 
     def last_place(self, sides: Sides) -> float:
         """None: differences of doubles are right to their own last place, but round a circle."""
-        del sides
         if self.period is None:
             return 0.0
         return 2.0**-50 * min(self.period) * min(self.scale or (1.0,))

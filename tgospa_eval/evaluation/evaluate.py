@@ -17,7 +17,7 @@ from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.tgospa import Parameters, check_underflow
-from tgospa_eval.results.records import FileInfo, MetricSums, OtherMetrics, SolverRecord, Timings
+from tgospa_eval.results.records import FileInfo, Json, MetricSums, OtherMetrics
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers import Solver
 
@@ -132,6 +132,7 @@ def prove(
     with stopwatch.span("report"):
         split = split_localisation(prepared, proof)
     gap = solver.gap if solver.proves else GAP
+    problem = prepared.states.problem
     return Result(
         proof=proof,
         split=split,
@@ -144,6 +145,8 @@ def prove(
         timings=nested_timings(stopwatch),
         input=prepared.input,
         judged_on=prepared.judged,
+        sizes=prepared.sizes,
+        objects=(len(problem.truth_step), len(problem.estimate_step)),
         version=__version__,
         scene=prepared.scene,
         warnings=(*within_rounding(bounds, gap), *rounded_coordinates(prepared, proof)),
@@ -152,7 +155,7 @@ def prove(
 
 def _solver_record(
     solver: Solver, solution: Solution, parameters: Parameters, *, met: bool
-) -> SolverRecord:
+) -> Json:
     """The record of the solver for the result; the bracket of its history as costs."""
     finished, status = solution.finished, solution.sentence
     if met != finished and (met or solver.proves):
@@ -180,7 +183,7 @@ def solver_settings(solver: Solver) -> dict[str, object]:
     return {"solver": solver.name, **changing}
 
 
-def nested_timings(stopwatch: Stopwatch) -> Timings:
+def nested_timings(stopwatch: Stopwatch) -> Json:
     """Spans as a tree, with the names that are always there."""
     timings = {"read": 0.0, "distances": 0.0, "certify": 0.0, "report": 0.0}
     solve = {"preparation": 0.0, "sweeps": 0.0, "lp": 0.0}
@@ -192,4 +195,4 @@ def nested_timings(stopwatch: Stopwatch) -> Timings:
             timings[stage] = seconds
     if stopwatch.work:
         timings["nanoseconds_per_state"] = stopwatch.nanoseconds
-    return cast("Timings", {**timings, "solve": solve, "total": stopwatch.elapsed()})
+    return {**timings, "solve": solve, "total": stopwatch.elapsed()}

@@ -24,8 +24,8 @@ from tgospa_eval.problem.tgospa import (
     weight_existence,
     weight_steps,
 )
-from tgospa_eval.results.records import FileInfo, FileRecord, Labels
-from tgospa_eval.results.result import ComparedSides, DrawnScene, sizes_of
+from tgospa_eval.results.records import FileInfo, Json, Labels
+from tgospa_eval.results.result import ComparedSides, DrawnScene
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
 from tgospa_eval.tracks.judged import Judged, digest, judge, whole
@@ -109,7 +109,7 @@ class MeasuredSides:
     labels: Labels
     moments: Times
     settings: Mapping[str, object]
-    input: Mapping[str, FileRecord]
+    input: Mapping[str, Json]
     judged: Judged
     scene: DrawnScene
     step_weights: StepWeights | None = None
@@ -169,7 +169,15 @@ class Prepared(MeasuredSides):
     @property
     def sizes(self) -> dict[str, int]:
         """Numbers of trajectories, steps, near pairs, their steps, and components."""
-        return sizes_of(self.states)
+        problem = self.states.problem
+        return {
+            "truth": problem.truths,
+            "estimates": problem.estimates,
+            "steps": problem.steps,
+            "candidate_pairs": len(self.states.pair_row),
+            "pair_steps": len(problem.cost),
+            "components": len(self.states.block_begin),
+        }
 
     @property
     def compared(self) -> ComparedSides:

@@ -18,7 +18,7 @@ from tgospa_eval.distances.gating import starts_of_steps
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.options import Flags
-from tgospa_eval.formats.text.kitti import IGNORED
+from tgospa_eval.formats.text.table import IGNORED
 from tgospa_eval.tracks.alignment import TimeMatching, align
 
 PEDESTRIAN = "1"
@@ -127,11 +127,10 @@ def _left(reading: Reading, keep: Flags) -> Reading:
     count = int(np.count_nonzero(~keep))
     if not count:
         return reading
-    whole, rows = reading.trajectories, np.flatnonzero(keep)
-    part = whole.chosen(rows, whole.step[rows], whole.times)
+    rows = np.flatnonzero(keep)
     return replace(
         reading,
-        trajectories=replace(part, labels=whole.labels),
+        trajectories=reading.trajectories.chosen(rows),
         klass=None if reading.klass is None else reading.klass[rows],
         left_out={**reading.left_out, "preprocess": count},
         notices=(*reading.notices, f"{counted(count, 'row')} left out by --preprocess"),

@@ -358,7 +358,7 @@ def as_step_weights(given: "StepWeightsLike | None", decimal: str = ".") -> Weig
     if given is None:
         return None
     if is_path(given):
-        from tgospa_eval.formats.text.step_weights import read_step_weights
+        from tgospa_eval.formats.text.small import read_step_weights
 
         return read_step_weights(os.fspath(given), decimal)
     import pandas as pd  # here: files do without

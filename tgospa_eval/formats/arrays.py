@@ -6,27 +6,21 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import replace
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import BOX, coordinate_names
-from tgospa_eval.formats.columns.roles import find_roles
+from tgospa_eval.formats.columns.headers import BOX, coordinate_names, find_roles
 from tgospa_eval.formats.frames import frame_rows
 from tgospa_eval.formats.loading import TABLE, check_room, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 
-if TYPE_CHECKING:
-    pass
-
-
 AXES = 3
-NAMES_OF_TIMES, NAMES_OF_IDS = ("t", "times"), ("id", "ids")
-AXIS_ARRAYS = {"times": (NAMES_OF_TIMES, 0), "ids": (NAMES_OF_IDS, 1), "columns": (("columns",), 2)}
-"""Arrays that may be beside the states: their names, and the axis that they name."""
+AXIS_ARRAYS = (("t", "times"), ("id", "ids"), ("columns",))
+"""Names of the arrays that may be beside the states, by the axis that they name."""
 
 STATE_NAMES = {"x", "lat", "left"}
 """Columns by which states are found, as in tables."""
@@ -83,7 +77,7 @@ def array_rows(path: str, arrays: Mapping[str, Array], file: int, options: ReadO
     import pandas as pd
 
     deep = [name for name, array in arrays.items() if array.ndim == AXES]
-    known = [name for names, _ in AXIS_ARRAYS.values() for name in names]
+    known = [name for names in AXIS_ARRAYS for name in names]
     others = [name for name in arrays if name not in (*deep[:1], *known)]
     if others:
         shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
@@ -99,14 +93,20 @@ def array_rows(path: str, arrays: Mapping[str, Array], file: int, options: ReadO
         raise InputError(f"{path}: states of type {states.dtype}; they must be numbers")
     what = f"states of shape {states.shape}"
     check_room(path, TABLE * 8 * steps * objects * (size + 2), file, options.max_input, what)
-    times, ids, columns = (
-        _beside(path, arrays, names, states.shape[axis]) for names, axis in AXIS_ARRAYS.values()
-    )
+    beside: list[Array | None] = []
+    for names, length in zip(AXIS_ARRAYS, states.shape, strict=True):
+        name = next((name for name in names if name in arrays), None)
+        beside.append(None if name is None else arrays[name])
+        if name is not None and arrays[name].shape != (length,):
+            raise InputError(
+                f"{path}: {name} has the shape {arrays[name].shape}, the states need ({length},)"
+            )
+    times, ids, columns = beside
     if columns is None:
         is_box = options.boxes and size == len(BOX)
         columns = np.array(BOX if is_box else coordinate_names(size))
-    names = [str(name).strip() for name in columns]
-    taken = {"id", "t"} & set(names)
+    headers = [str(name).strip() for name in columns]
+    taken = {"id", "t"} & set(headers)
     if taken:
         raise InputError(f"{path}: a column of the states is named {min(taken)}; name it otherwise")
     table: dict[str, Array] = {
@@ -114,32 +114,13 @@ def array_rows(path: str, arrays: Mapping[str, Array], file: int, options: ReadO
         "t": np.repeat(np.arange(steps) if times is None else times, objects),
     }
     flat = states.reshape(steps * objects, size).astype(np.float64)
-    table |= {name: flat[:, k] for k, name in enumerate(names)}
+    table |= {name: flat[:, k] for k, name in enumerate(headers)}
     if len(table) < size + 2:
-        raise InputError(f"{path}: columns {', '.join(names)}: a name is there twice; rename one")
-    if options.columns is None and not options.boxes and not STATE_NAMES & set(names):
-        options = replace(options, columns=tuple(names))  # states of other names all the same
+        raise InputError(f"{path}: columns {', '.join(headers)}: a name is there twice; rename one")
+    if options.columns is None and not options.boxes and not STATE_NAMES & set(headers):
+        options = replace(options, columns=tuple(headers))  # states of other names all the same
     roles = find_roles(list(table), options, path)
     return frame_rows(pd.DataFrame(table), roles, path, options.decimal)
-
-
-def _beside(
-    path: str, arrays: Mapping[str, Array], names: tuple[str, ...], length: int
-) -> Array | None:
-    """The array of one of the names, None where there is none.
-
-    Raises
-    ------
-    InputError
-        It has another length.
-    """
-    name = next((name for name in names if name in arrays), None)
-    if name is None:
-        return None
-    found = arrays[name]
-    if found.shape != (length,):
-        raise InputError(f"{path}: {name} has the shape {found.shape}, the states need ({length},)")
-    return found
 
 
 def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001

@@ -1,14 +1,14 @@
 """Tables of Arrow, of Parquet and Feather files, with the columns of the CSV files."""
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import date
 from typing import TYPE_CHECKING
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import parse_columns
-from tgospa_eval.formats.columns.roles import Roles, find_roles
+from tgospa_eval.formats.columns.headers import Roles, find_roles, parse_columns
 from tgospa_eval.formats.frames import frame_rows
 from tgospa_eval.formats.loading import TABLE, check_parquet, check_room, unreadable
 from tgospa_eval.formats.options import ReadOptions
@@ -47,8 +47,6 @@ def arrow_rows(
     InputError
         The content is damaged, or see `formats.read`. Rows count from 0.
     """
-    import pyarrow as pa
-
     names = list(schema.names)
     roles = find_roles(names, options, path)
     used = {roles.id, roles.time, *roles.numbers, *roles.texts}
@@ -56,22 +54,31 @@ def arrow_rows(
         used.add(roles.klass)
     subset = [names[column] for column in sorted(used)]
     check_types(schema, roles, path)
-    try:
+    with readable(path, kind):
         table = read(subset).select(subset)
         table.validate(full=True)  # pandas looks at texts later, or never
         check_dates(table, where or f"{path}, row {{}}".format)
         table = _exact(table, names[roles.id], None if roles.klass is None else names[roles.klass])
         frame = table.to_pandas(split_blocks=True, self_destruct=True, ignore_metadata=True)
-    except (InputError, MemoryError):
-        raise
-    except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
-        raise unreadable(path, kind, error) from None
     del table
     # The same roles by position in the subset, where mapped headers without a use are missing.
     shared = replace(options, shared=tuple(parse_columns(options.columns)[0]))
     found = find_roles(subset, shared, path)
     whole = {name: getattr(roles, name) for name in ("unused", "passed", "lacking")}
     return frame_rows(frame, replace(found, **whole), path, options.decimal, where)
+
+
+@contextmanager
+def readable(path: str, kind: str) -> Iterator[None]:
+    """What Arrow and pandas raise of a damaged file as an error of the input."""
+    import pyarrow as pa
+
+    try:
+        yield
+    except (InputError, MemoryError):
+        raise
+    except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
+        raise unreadable(path, kind, error) from None
 
 
 def check_types(schema: "pa.Schema", roles: Roles, path: str) -> None:
@@ -160,11 +167,9 @@ def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, giv
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:
+    with readable(path, "Parquet"):
         file = pq.ParquetFile(pa.BufferReader(data))
         schema = file.schema_arrow
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise unreadable(path, "Parquet", error) from None
 
     def read(subset: Sequence[str]) -> "pa.Table":
         rows = file.metadata.num_rows
@@ -201,11 +206,9 @@ def read_feather(path: str, data: bytes, options: ReadOptions, role: str, *, giv
         raise InputError(f"{path}: Feather of version 1; write version 2, the default since 2020")
     # The messages in their order, not by the footer: what was measured is what is read.
     content = pa.py_buffer(data)[PREAMBLE:]
-    try:
+    with readable(path, "Feather"):
         schema = ipc.open_stream(content).schema
         names = schema.names
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise unreadable(path, "Feather", error) from None
 
     def read(subset: Sequence[str]) -> "pa.Table":
         rows, unpacked = _lengths(content)

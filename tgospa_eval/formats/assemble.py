@@ -1,7 +1,7 @@
 """Rows of a file to Trajectories: what is left out, duplicates, order."""
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import fraction, one_stamp
-from tgospa_eval.formats.fields import Coded, floats
+from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.options import Flags, ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import Rows
@@ -65,10 +65,10 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     choice.keep(filled, "blank")
     if roles.names[:2] == ("lat", "lon"):
         choice.keep((state[:, :2] != AIS_UNKNOWN).any(axis=1), "no place")
-    grid = _grid(rows, options, choice)
+    moments, step, labels = _grid(rows, options, choice)
     _keep_classes(rows, options, choice)
     track_ids, track = rows.ids
-    key = grid.step.astype(np.int64) * max(len(track_ids), 1) + track
+    key = step.astype(np.int64) * max(len(track_ids), 1) + track
     particles = None
     if roles.weight is not None:
         from tgospa_eval.formats.particles import gather  # here: most states are points
@@ -101,10 +101,10 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         state=state.take(taken, axis=0) if clouds is None else clouds.means,
         clouds=clouds,
         ids=track_ids[used],
-        times=grid.moments,
+        times=moments,
         columns=roles.names,
         clock=rows.times.clock,
-        labels=grid.labels,
+        labels=labels,
         covariance=covariance,
         attributes=attributes_of(rows, taken) if roles.attributes else {},
         offered=roles.headers if options.attributes else (),
@@ -183,16 +183,13 @@ class _Choice:
         return not self.left_out
 
 
-class _Grid(NamedTuple):
-    """Distinct times in order, the number of each row's, and the times as they were read."""
+def _grid(
+    rows: Rows, options: ReadOptions, choice: _Choice
+) -> tuple[TimeArray, Ints, NDArray[np.object_] | None]:
+    """Distinct times in order, the number of each row's, and the times as they were read.
 
-    moments: TimeArray
-    step: Ints
-    labels: NDArray[np.object_] | None
-
-
-def _grid(rows: Rows, options: ReadOptions, choice: _Choice) -> _Grid:
-    """The steps of the file within the range of time; rows outside it are left out."""
+    Those within the range of time; rows outside it are left out.
+    """
     times = rows.times
     moments, step = _number_times(times.value)
     labels = None
@@ -201,11 +198,11 @@ def _grid(rows: Rows, options: ReadOptions, choice: _Choice) -> _Grid:
         labels[step[::-1]] = np.array([text.strip() for text in times.text], dtype=object)[::-1]
     moments, labels = options.conversion.times(moments, times.clock, labels, rows.name)
     if options.moments is None:
-        return _Grid(moments, step, labels)
+        return moments, step, labels
     inside = options.moments.inside(moments, times.clock, rows.name)
     choice.keep(inside[step], "time")
     labels = None if labels is None else labels[inside]
-    return _Grid(moments[inside], (np.cumsum(inside) - 1)[step], labels)
+    return moments[inside], (np.cumsum(inside) - 1)[step], labels
 
 
 def _keep_classes(rows: Rows, options: ReadOptions, choice: _Choice) -> None:
@@ -246,15 +243,18 @@ def _check_states(
 ) -> None:
     """Refuse or leave out rows whose state is none, of those that take part.
 
+    Sizes of boxes, sums that are no doubles, what the distance cannot compare.
+
     Raises
     ------
     InputError
         There is one, and it is not to be left out.
     """
-    for wrong, say in _wrong_states(rows, state, options, choice):
+
+    def leave_out(wrong: Flags, say: Callable[[int, str], str]) -> None:
         at = np.flatnonzero(wrong & choice.mask)
         if not len(at):
-            continue
+            return
         text = rows.where(row := int(at[0])) + say(row, more(len(at)))
         if options.on_invalid == "error" or not droppable:
             remedy = "; --on-invalid drop leaves such rows out" if droppable else ""
@@ -262,38 +262,34 @@ def _check_states(
         text = text.removeprefix(f"{rows.name}, ")  # which begins every notice
         choice.keep(~wrong, "invalid", f"{RULES_SAID['invalid']}: {text}")
 
-
-def _wrong_states(
-    rows: Rows, state: Floats, options: ReadOptions, choice: _Choice
-) -> Iterator[tuple[Flags, Callable[[int, str], str]]]:
-    """Sizes of boxes, sums that are no doubles, what the distance cannot compare; and words."""
     if rows.roles.centres or options.boxes:
-        yield (
-            np.asarray(~np.isfinite(state).all(axis=1)),
+        infinite = np.asarray(~np.isfinite(state).all(axis=1))
+        leave_out(
+            infinite,
             lambda _, others: f": a box too large for a number{others}; use another unit",
         )
     least = "> 0 for --distance iou" if options.boxes else ">= 0"
     for name, size in zip(("width", "height"), rows.roles.sizes, strict=False):
         extent = rows.roles.mixed(rows.numbers, (size,))[:, 0]
 
-        def say(row: int, others: str, name: str = name, extent: Floats = extent) -> str:
+        def said(row: int, others: str, name: str = name, extent: Floats = extent) -> str:
             what = f"{extent[row]:g} is no {name} of a box{others}"
             return f", column {quoted(name)}: {what}; it must be {least}"
 
-        yield np.asarray(~(extent > 0 if options.boxes else extent >= 0)), say
+        leave_out(np.asarray(~(extent > 0 if options.boxes else extent >= 0)), said)
     while options.fault is not None:
         taking = state if choice.all() else state[choice.mask]
         fault = options.fault(rows.roles.names, taking.T)
         if fault is None:
             return
         wrong = np.zeros(len(state), bool)
-        wrong[choice.mask] = fault[0]
-        what = f", column {quoted(fault[1])}: {fault[2]}"
+        wrong[choice.mask], column, what = fault
+        message = f", column {quoted(column)}: {what}"
 
-        def told(_: int, __: str, what: str = what) -> str:
-            return what
+        def told(_: int, __: str, message: str = message) -> str:
+            return message
 
-        yield wrong, told
+        leave_out(wrong, told)
 
 
 def _repeats(
@@ -307,14 +303,22 @@ def _repeats(
         There are some, or every id is -1, and `which` is ``"error"``.
     """
     again = places_of(ordered[1:] == ordered[:-1])
-    detections = which == "error" and len(taken) > 1 and [*rows.ids[0][:2]] == ["-1"]
-    if not len(again) and not detections:
-        return None
     if not len(again):
-        raise InputError(only_detections(rows.name))
+        if which == "error" and len(taken) > 1 and [*rows.ids[0][:2]] == ["-1"]:
+            raise InputError(only_detections(rows.name))
+        return None
     if which == "error":
         raise InputError(refusal(taken, again, key, rows, format))
-    choice.warnings += most_repeat(taken, again, rows, which)
+    if 2 * len(again) > len(taken):
+        choice.warnings.append(
+            Notice(
+                code="duplicates",
+                text=f"{len(again):,} of {len(taken):,} rows repeat an (id, t), and the {which} "
+                "one was taken: the number says little about the tracker",
+                remedy=_cause(taken, again, rows)
+                or "name the columns of ids and times, --columns id=HEADER,t=HEADER",
+            )
+        )
     choice.notices.append(said_of("duplicate", len(again), which))
     choice.left_out["duplicate"] = len(again)
     return again + 1 if which == "first" else again
@@ -396,17 +400,6 @@ def _number_times(value: TimeArray) -> tuple[TimeArray, Ints]:
     return cast(TimeArray, moments), step
 
 
-def attribute_of(column: Coded, decimal: str = ".") -> Values:
-    """Numbers if every text that is not blank is one, NaN where blank; else the texts."""
-    texts = [text.strip() for text in column.distinct]
-    try:
-        return floats([text or "nan" for text in texts], decimal)[column.code]
-    except ValueError:
-        table = np.empty(len(texts), dtype=object)
-        table[:] = texts
-        return np.asarray(table[column.code])
-
-
 def attributes_of(rows: Rows, taken: Ints) -> dict[str, Values]:
     """What is asked for of some rows of a file, by name; of a cloud its first particle's."""
     roles = rows.roles
@@ -470,18 +463,6 @@ def refusal(taken: Ints, again: Ints, key: Ints, rows: Rows, format: str) -> str
     if format == "frame":
         remedy = f"drop_duplicates({[roles.headers[roles.id], roles.headers[roles.time]]!r})"
     return f"{message}one row per object and step, or {remedy}; {PARTICLES_HINT}"
-
-
-def most_repeat(taken: Ints, again: Ints, rows: Rows, which: str) -> Iterator[Notice]:
-    """A warning if most rows are left out; arguments as of `refusal`."""
-    if 2 * len(again) > len(taken):
-        yield Notice(
-            code="duplicates",
-            text=f"{len(again):,} of {len(taken):,} rows repeat an (id, t), and the {which} one "
-            "was taken: the number says little about the tracker",
-            remedy=_cause(taken, again, rows)
-            or "name the columns of ids and times, --columns id=HEADER,t=HEADER",
-        )
 
 
 def _cause(taken: Ints, again: Ints, rows: Rows) -> str:

@@ -5,7 +5,7 @@ the rows before anything is left out; `formats.assemble` makes a `Reading` of th
 """
 
 import os
-from dataclasses import replace
+from dataclasses import fields, replace
 from importlib import import_module
 
 from tgospa_eval.common.notices import spoken_in_python
@@ -19,9 +19,9 @@ FORMATS = {
     "csv": ("tgospa_eval.formats.text.table", "read_table"),
     "parquet": ("tgospa_eval.formats.arrow", "read_parquet"),
     "feather": ("tgospa_eval.formats.arrow", "read_feather"),
-    "motchallenge": ("tgospa_eval.formats.text.motchallenge", "read_motchallenge"),
-    "visdrone": ("tgospa_eval.formats.text.visdrone", "read_visdrone"),
-    "kitti": ("tgospa_eval.formats.text.kitti", "read_kitti"),
+    "motchallenge": ("tgospa_eval.formats.text.table", "read_motchallenge"),
+    "visdrone": ("tgospa_eval.formats.text.table", "read_visdrone"),
+    "kitti": ("tgospa_eval.formats.text.table", "read_kitti"),
     "npz": ("tgospa_eval.formats.arrays", "read_npz"),
     "npy": ("tgospa_eval.formats.arrays", "read_npy"),
     "mat": ("tgospa_eval.formats.matlab", "read_mat"),
@@ -176,24 +176,12 @@ def read_trajectories(
     ConfigError
         An option is none of those allowed, or the package that reads the format is missing.
     """
+    given = locals().copy()  # all arguments, those of `ReadOptions` by the same names
+    names = [each.name for each in fields(ReadOptions) if each.name in given]
     options = ReadOptions(
-        columns=columns,
-        decimal=decimal,
-        on_duplicate=on_duplicate,
-        on_invalid=on_invalid,
-        boxes=boxes,
-        time=time,
-        classes=classes,
-        region=region,
-        covariance=covariance,
-        fix_covariance=fix_covariance,
-        missing_covariance=missing_covariance,
-        clouds=clouds,
-        attributes=attributes,
+        **{name: given[name] for name in names},
         conversion=Conversion(
             time_offset=time_offset, time_scale=time_scale, unit_scale=unit_scale
         ),
-        max_input=max_input,
-        beside=beside,
     )
     return read(path, options, role, format).warn()

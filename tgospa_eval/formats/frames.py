@@ -1,7 +1,8 @@
 """pandas DataFrames in the long form of the CSV files."""
 
 import datetime
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from decimal import Decimal
 from numbers import Real
@@ -13,13 +14,13 @@ from pandas.errors import OutOfBoundsDatetime
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import assemble
-from tgospa_eval.formats.columns.roles import Roles, find_roles
+from tgospa_eval.formats.columns.headers import Roles, find_roles
 from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import Numbered, Rows, blanks, number_ids
 from tgospa_eval.formats.text.scan import numbers
-from tgospa_eval.formats.times import TimeError, Times, coded_times
+from tgospa_eval.formats.times import RowError, TimeError, Times, coded_times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.attributes import Values
 from tgospa_eval.tracks.trajectories import Floats
@@ -79,11 +80,8 @@ def frame_rows(
     where = where or f"{name}, row {{}}".format
 
     def named(column: int, wanted: str) -> Numbered:
-        header = f"column {quoted(frame.columns[column])}"
-        try:
-            return _numbered(frame.iloc[:, column], header, where, wanted)
-        except UNWRITTEN:
-            raise _unwritten(frame.iloc[:, column], header, where) from None
+        with _placed(frame.iloc[:, column], where):
+            return _numbered(frame.iloc[:, column], wanted)
 
     def attribute(column: int) -> Values:
         values = frame.iloc[:, column]
@@ -95,9 +93,9 @@ def frame_rows(
     weight_fault = None
     states = np.empty((len(frame), len(roles.numbers)), order="F")
     for k, column in enumerate(roles.numbers):
-        header = f"column {quoted(frame.columns[column])}"
         try:
-            states[:, k] = _numbers(frame.iloc[:, column], header, where, name, decimal)
+            with _placed(frame.iloc[:, column], where):
+                states[:, k] = _numbers(frame.iloc[:, column], name, decimal)
         except InputError as error:
             if column != roles.weight:
                 raise
@@ -124,31 +122,51 @@ def frame_rows(
     )
 
 
-def _numbers(
-    column: pd.Series, header: str, where: Callable[[int], str], name: str, decimal: str
-) -> Floats:
+@contextmanager
+def _placed(column: pd.Series, where: Callable[[int], str]) -> Iterator[None]:
+    """What is wrong with a row, and a timestamp that pandas cannot write out, with their place."""
+    try:
+        yield
+    except RowError as error:
+        row, message = error.row, str(error)
+    except UNWRITTEN:
+        for row in range(len(column)):
+            try:
+                str(column.iloc[row])
+            except UNWRITTEN:
+                break
+        message = (
+            "a timestamp out of range (the years 1 to 9999, in nanoseconds 1677 to 2262); write "
+            "texts or numbers"
+        )
+    else:
+        return
+    raise InputError(f"{where(row)}, column {quoted(column.name)}: {message}")
+
+
+def _numbers(column: pd.Series, name: str, decimal: str) -> Floats:
     """Finite numbers, NaN where there is none; texts by the rule of files of text."""
     kind = column.dtype.kind
     if kind not in "iufO":
-        raise InputError(f"{name}, {header}: {column.dtype}, not numbers; write a numeric column")
+        raise InputError(
+            f"{name}, column {quoted(column.name)}: {column.dtype}, not numbers; write a numeric "
+            "column"
+        )
     if kind == "O":
         missing = column.isna().tolist()
         texts = []
         for row, value in enumerate(column.tolist()):
             if not (missing[row] or isinstance(value, (str, Real, Decimal))):
-                raise InputError(f"{where(row)}, {header}: {_other(value, 'a number')}")
+                raise RowError(row, _other(value, "a number"))
             texts.append("" if missing[row] else _number_text(value, decimal))
         values, wrong = numbers(texts, decimal)
         if wrong:
-            row, message = wrong[0]
-            raise InputError(f"{where(row)}, {header}: {message}")
+            raise RowError(*wrong[0])
         return values
     values = column.to_numpy(dtype=np.float64, na_value=np.nan)
     infinite = np.flatnonzero(np.isinf(values))
     if len(infinite):
-        raise InputError(
-            f"{where(int(infinite[0]))}, {header}: infinite{more(len(infinite))}; use NaN if absent"
-        )
+        raise RowError(int(infinite[0]), f"infinite{more(len(infinite))}; use NaN if absent")
     return values
 
 
@@ -164,20 +182,7 @@ def _other(value: object, wanted: str) -> str:
     return f"a value of type {type(value).__name__}, not {wanted}; write numbers or texts"
 
 
-def _unwritten(column: pd.Series, header: str, where: Callable[[int], str]) -> InputError:
-    """Message about a column with a timestamp that pandas cannot write out."""
-    for row in range(len(column)):
-        try:
-            str(column.iloc[row])
-        except UNWRITTEN:
-            break
-    return InputError(
-        f"{where(row)}, {header}: a timestamp out of range (the years 1 to 9999, "
-        "in nanoseconds 1677 to 2262); write texts or numbers"
-    )
-
-
-def _numbered(column: pd.Series, header: str, where: Callable[[int], str], wanted: str) -> Numbered:
+def _numbered(column: pd.Series, wanted: str) -> Numbered:
     """Distinct texts and the number of each row's; blank where one is missing."""
     # Factorizing objects wants what can be hashed, and takes 1 for True.
     if column.dtype == object and pd.api.types.infer_dtype(column) != "string":
@@ -190,8 +195,7 @@ def _numbered(column: pd.Series, header: str, where: Callable[[int], str], wante
     names = []
     for k, value in enumerate(found):
         if not (missing[k] or isinstance(value, ID_TYPES)):
-            row = int(np.flatnonzero(code == k)[0])
-            raise InputError(f"{where(row)}, {header}: {_other(value, wanted)}")
+            raise RowError(int(np.flatnonzero(code == k)[0]), _other(value, wanted))
         names.append("" if missing[k] else _name(value))
     table, number = number_ids([*names, ""] if (code < 0).any() else names)
     return table, number[code]  # -1, missing, is the last: ""
@@ -201,11 +205,9 @@ def _name(value: object) -> str:
     """Text of an id or a class; 7 where a column of integers was made one of floats."""
     if isinstance(value, Decimal):  # of up to 76 digits: the remainder would not fit the context
         whole = value.is_finite() and value == value.to_integral_value()
-    elif isinstance(value, (float, np.floating)):
-        whole = value.is_integer()
     else:
-        return str(value).strip()
-    return str(int(value)) if whole else str(value).strip()
+        whole = isinstance(value, (float, np.floating)) and value.is_integer()
+    return str(int(value) if whole else value).strip()  # type: ignore[call-overload]
 
 
 def id_text(value: object, name: str) -> str:
@@ -234,17 +236,11 @@ def frame_times(
     InputError
         A value is no time.
     """
-    where = where or f"{name}, row {{}}".format
-    header = f"column {quoted(column.name)}"
-    try:
-        return _times(column, header, name, decimal)
-    except TimeError as error:
-        raise InputError(f"{where(error.row)}, {header}: {error}") from None
-    except UNWRITTEN:
-        raise _unwritten(column, header, where) from None
+    with _placed(column, where or f"{name}, row {{}}".format):
+        return _times(column, name, decimal)
 
 
-def _times(column: pd.Series, header: str, name: str, decimal: str) -> Times:
+def _times(column: pd.Series, name: str, decimal: str) -> Times:
     """Numbers, timestamps or texts."""
     missing = np.flatnonzero(column.isna())
     if len(missing):
@@ -267,8 +263,12 @@ def _times(column: pd.Series, header: str, name: str, decimal: str) -> Times:
         return coded_times(Coded([stamp.isoformat() for stamp in moments], code), decimal)
     if kind != "O":
         raise InputError(
-            f"{name}, {header}: {column.dtype}, not times; write numbers, timestamps or ISO texts"
+            f"{name}, column {quoted(column.name)}: {column.dtype}, not times; write numbers, "
+            "timestamps or ISO texts"
         )
+    if pd.api.types.infer_dtype(column) == "string":
+        code, texts = pd.factorize(column)
+        return coded_times(Coded(texts.tolist(), code), decimal)
     seen: dict[str, int] = {}
     codes = []
     for row, value in enumerate(column.tolist()):

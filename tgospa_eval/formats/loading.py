@@ -9,10 +9,10 @@ import os
 import stat
 import sys
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from tgospa_eval.common.files import CHUNK, SETTINGS, STDIN, named, read_bytes
 from tgospa_eval.common.machine import available_memory
@@ -103,8 +103,10 @@ def most_unpacked(limit: float | None, file: int) -> int:
 ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
 """Of the standard library, or the same for older versions."""
 
-PACKED_ENDINGS = (".gz", ".gzip", ".zst", ".zstd")
+GZIP_MAGIC, ZSTD_MAGIC = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
+"""How compressed files begin that are unpacked here."""
 
+PACKED_ENDINGS = (".gz", ".gzip", ".zst", ".zstd")
 
 PACKED_FROM = 8
 """Bytes that tell how a file is compressed."""
@@ -112,7 +114,7 @@ PACKED_FROM = 8
 
 def is_packed(data: bytes) -> bool:
     """Whether a file is compressed in a way that is unpacked here."""
-    return data.startswith(tuple(OPENERS))
+    return data.startswith((GZIP_MAGIC, ZSTD_MAGIC))
 
 
 def unpack(data: bytes, path: str, most: int = SETTINGS) -> bytes:
@@ -174,11 +176,18 @@ def _content(file: BinaryIO, path: str) -> Iterator[BinaryIO]:
     """The same of an open file."""
     head = file.read(PACKED_FROM)
     file.seek(0)
-    opened = next((opener for magic, opener in OPENERS.items() if head.startswith(magic)), None)
-    if opened is None:
-        yield file
-        return
-    stream, faults = opened(file, path)
+    stream: Any = file
+    faults: tuple[type[Exception], ...] = ()
+    if head.startswith(GZIP_MAGIC):
+        import gzip  # here, as below: few files need it
+
+        stream, faults = gzip.GzipFile(fileobj=file), (OSError, EOFError, zlib.error)
+    elif head.startswith(ZSTD_MAGIC):
+        try:
+            library = import_module(ZSTD)
+        except ModuleNotFoundError:
+            raise ConfigError(f"{path}: zstd needs the extra zstd: {install('zstd')}") from None
+        stream, faults = library.ZstdFile(file), (library.ZstdError, EOFError)
     try:
         yield stream
     except faults as error:
@@ -203,31 +212,6 @@ def plain_name(path: str) -> str:
     name = path.casefold()
     ending = next((ending for ending in PACKED_ENDINGS if name.endswith(ending)), "")
     return name.removesuffix(ending)
-
-
-Opened = tuple[BinaryIO, tuple[type[Exception], ...]]
-"""What reads the content, and the faults of a damaged file."""
-
-
-def _gzip(source: BinaryIO, path: str) -> Opened:  # noqa: ARG001
-    import gzip  # here, as below: few files need it
-
-    return gzip.GzipFile(fileobj=source), (OSError, EOFError, zlib.error)  # type: ignore[return-value]
-
-
-def _zstd(source: BinaryIO, path: str) -> Opened:
-    try:
-        library = import_module(ZSTD)
-    except ModuleNotFoundError:
-        raise ConfigError(f"{path}: zstd needs the extra zstd: {install('zstd')}") from None
-    return library.ZstdFile(source), (library.ZstdError, EOFError)
-
-
-OPENERS: dict[bytes, Callable[[BinaryIO, str], Opened]] = {
-    b"\x1f\x8b": _gzip,
-    b"\x28\xb5\x2f\xfd": _zstd,
-}
-"""How compressed files begin, and what opens them."""
 
 
 def load(path: str, most: int = SETTINGS) -> bytes:

@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.words import counted, install, more
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
-from tgospa_eval.formats.columns.headers import coordinate_names
-from tgospa_eval.formats.columns.roles import find_roles
+from tgospa_eval.formats.columns.headers import coordinate_names, find_roles
 from tgospa_eval.formats.guess import file_of
 from tgospa_eval.formats.loading import TABLE, check_room, unreadable
 from tgospa_eval.formats.options import ReadOptions
@@ -34,37 +33,8 @@ from tgospa_eval.tracks.trajectories import Ints
 Fields = dict[str, NDArray[np.generic]]
 """Fields of a structure; of what is no array of real numbers an array of objects."""
 
-MAT_5, MAT_73 = b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file"
-"""How files begin."""
-
-TEXT_HEADER = 128
-MATRIX, DEFLATED = 14, 15
-"""Types of elements: an array, and one that is compressed."""
-
-NUMBER_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8", "i8", "u8")
-ELEMENT_TYPES = dict(zip((1, 2, 3, 4, 5, 6, 7, 9, 12, 13), NUMBER_TYPES, strict=True))
-"""Types of elements that hold numbers."""
-
-CELL_ARRAY, STRUCTURE = 1, 2
-NUMERIC = range(6, 16)
-"""Classes of arrays."""
-
-COMPLEX = 0x800
-"""Flag of an array."""
-
-EMPTY = "MATLAB_empty"
-"""Attribute of HDF5."""
-
-BEGIN_BYTES = 1 << 12
-"""Bytes of a variable that mostly have its class, its name and those of its fields."""
-
-INFLATED_BYTES = 1 << 24
-"""Bytes that are unpacked at a time."""
-
-NO_NUMBERS = np.empty(1, dtype=object)
-
-DAMAGES = (ValueError, struct.error, IndexError, KeyError, OverflowError, zlib.error)
-"""In what reading a damaged file ends."""
+Room = Callable[[int, str], None]
+"""Raises if there is none for so many bytes, of what."""
 
 
 class Variable(NamedTuple):
@@ -86,81 +56,49 @@ class Variable(NamedTuple):
     read: Callable[[int], Fields]
 
 
-@contextmanager
-def variables(path: str, data: bytes, limit: float | None) -> Iterator[dict[str, Variable]]:
-    """Variables of a file by name, to be read while the context lasts.
+# -------------------------------------------------------------------------------------------------
+# Version 5 (-v6, -v7), by the published description of the format: SciPy's reader ends the process
+# (segmentation fault) with one damaged file in fifty, and unpacks whatever a file claims.
 
-    Version 5 (-v6, -v7) is read here, by the published description of the format: SciPy's reader
-    ends the process (segmentation fault) with one damaged file in fifty, and unpacks whatever a
-    file claims. Version 7.3 is HDF5 and needs h5py.
+MAT_5 = b"MATLAB 5.0 MAT-file"
+"""How files begin."""
 
-    Parameters
-    ----------
-    path : str
-        The file, for messages.
-    data : bytes
-        Its content.
-    limit : float, optional
-        GB that it may take, see `formats.loading.check_room`.
+TEXT_HEADER = 128
+MATRIX, DEFLATED = 14, 15
+"""Types of elements: an array, and one that is compressed."""
 
-    Raises
-    ------
-    InputError
-        It is no MAT file of these versions, damaged, or too large.
-    ConfigError
-        h5py is not installed, and the file needs it.
-    """
-    if data.startswith(MAT_73):
-        with _of_version_73(path, data, limit) as found:
-            yield found
-        return
-    if not data.startswith(MAT_5):
-        raise InputError(f"{path}: no MAT file of version 5 or 7.3; save with -v7 in MATLAB")
+NUMBER_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8", "i8", "u8")
+ELEMENT_TYPES = dict(zip((1, 2, 3, 4, 5, 6, 7, 9, 12, 13), NUMBER_TYPES, strict=True))
+"""Types of elements that hold numbers."""
 
-    def room(size: int) -> None:
-        check_room(path, TABLE * size, len(data), limit, f"arrays of {size:,} bytes")
+CELL_ARRAY, STRUCTURE = 1, 2
+NUMERIC = range(6, 16)
+"""Classes of arrays."""
 
-    room(len(data))
-    order = "<" if data[126:128] == b"IM" else ">"
-    try:
-        yield dict(_variables(data, order, room))
-    except TgospaError:
-        raise
-    except DAMAGES as error:
-        raise unreadable(path, "MAT", error) from None
+COMPLEX = 0x800
+"""Flag of an array."""
+
+BEGIN_BYTES = 1 << 12
+"""Bytes of a variable that mostly have its class, its name and those of its fields."""
+
+INFLATED_BYTES = 1 << 24
+"""Bytes that are unpacked at a time."""
 
 
-def _tag(data: bytes, at: int, order: str) -> tuple[int, int, int, int]:
-    """An element of which the data may have the beginning alone: type, begin, end, the next one."""
-    (word,) = struct.unpack_from(f"{order}I", data, at)
-    if word >> 16:  # a small one: type, size and content in eight bytes
-        return word & 0xFFFF, at + 4, at + 4 + (word >> 16), at + 8
-    (size,) = struct.unpack_from(f"{order}I", data, at + 4)
-    return word, at + 8, at + 8 + size, at + 8 + size + -size % 8
-
-
-def _whole_tag(data: bytes, at: int, order: str) -> tuple[int, int, int, int]:
-    """The same; ValueError if the data end before the element does."""
-    kind, begin, end, after = _tag(data, at, order)
-    if end > len(data) or (begin == at + 4 and not end <= after <= len(data)):
-        raise ValueError("it ends early")
-    return kind, begin, end, after
-
-
-def _variables(
-    data: bytes, order: str, room: Callable[[int], None]
-) -> Iterator[tuple[str, Variable]]:
+def _variables(data: bytes, room: Room) -> Iterator[tuple[str, Variable]]:
     """Variables one by one; what is compressed is unpacked as far as it is needed."""
+    room(len(data), "arrays")
+    order = "<" if data[126:128] == b"IM" else ">"
     at = TEXT_HEADER
     while at < len(data):
-        kind, begin, end, after = _whole_tag(data, at, order)
+        kind, begin, end, after = _tag(data, at, order)
         if kind == DEFLATED:
             head, whole = _inflated(data[begin:end], room)
-            after = end
+            at = end
         else:
             head = data[begin - 8 : end]
             whole = partial(bytes, head)
-        at = after
+            at = after
         try:
             name, cells, fields = _begin(head, order)
         except (ValueError, struct.error):
@@ -172,7 +110,7 @@ def _variables(
         yield name, Variable(cells, fields, read)
 
 
-def _inflated(data: bytes, room: Callable[[int], None]) -> tuple[bytes, Callable[[], bytes]]:
+def _inflated(data: bytes, room: Room) -> tuple[bytes, Callable[[], bytes]]:
     """The first bytes of what is compressed, and what gives all; `room` raises if there is none."""
     inflate = zlib.decompressobj()
     head = inflate.decompress(data, BEGIN_BYTES)
@@ -182,10 +120,28 @@ def _inflated(data: bytes, room: Callable[[int], None]) -> tuple[bytes, Callable
         found = bytearray(head)
         while inflate.unconsumed_tail:
             found += inflate.decompress(inflate.unconsumed_tail, INFLATED_BYTES)
-            room(len(found))
+            room(len(found), "arrays")
         return bytes(found)
 
     return head, whole
+
+
+def _tag(data: bytes, at: int, order: str, *, cut: bool = False) -> tuple[int, int, int, int]:
+    """Type, begin and end of an element, and where the next one is.
+
+    ValueError if the data end before the element does, unless they are `cut`.
+    """
+    (kind,) = struct.unpack_from(f"{order}I", data, at)
+    if kind >> 16:  # a small one: type, size and content in eight bytes
+        kind, begin, end, after = kind & 0xFFFF, at + 4, at + 4 + (kind >> 16), at + 8
+        early = not end <= after <= len(data)
+    else:
+        (size,) = struct.unpack_from(f"{order}I", data, at + 4)
+        begin, end, after = at + 8, at + 8 + size, at + 8 + size + -size % 8
+        early = end > len(data)
+    if early and not cut:
+        raise ValueError("it ends early")
+    return kind, begin, end, after
 
 
 class _Array(NamedTuple):
@@ -202,87 +158,86 @@ class _Array(NamedTuple):
     rest: int = 0
 
 
-def _array(data: bytes, begin: int, order: str) -> _Array:
-    """The first parts of an array: flags, dimensions, name, names of fields."""
-    _, at, _, after = _whole_tag(data, begin, order)
+def _array(data: bytes, at: int, order: str, *, cut: bool = False) -> tuple[_Array, int]:
+    """The first parts of an array, and where the next element is; data may be `cut` behind them."""
+    kind, begin, end, following = _tag(data, at, order, cut=cut)
+    if kind != MATRIX:
+        raise ValueError(f"an element of type {kind}, not an array")
+    if begin == end:
+        return _Array(NUMERIC[0], real=True, sizes=(0, 0)), following
+    _, at, _, after = _tag(data, begin, order)
     (flags,) = struct.unpack_from(f"{order}I", data, at)
     if flags & 0xFF > NUMERIC[-1]:
-        return _Array(flags & 0xFF)
-    _, at, end, after = _whole_tag(data, after, order)
+        return _Array(flags & 0xFF), following
+    _, at, end, after = _tag(data, after, order)
     sizes = struct.unpack_from(f"{order}{(end - at) // 4}i", data, at)
-    _, at, end, after = _whole_tag(data, after, order)
+    _, at, end, after = _tag(data, after, order)
     name = data[at:end].decode("ascii", "replace")
     fields: tuple[str, ...] = ()
     if flags & 0xFF == STRUCTURE and math.prod(sizes) == 1:
-        _, at, _, after = _whole_tag(data, after, order)
+        _, at, _, after = _tag(data, after, order)
         (width,) = struct.unpack_from(f"{order}i", data, at)
-        _, at, end, after = _whole_tag(data, after, order)
+        _, at, end, after = _tag(data, after, order)
         if width < 1 or (end - at) % width:
             raise ValueError("names of fields of odd lengths")
         texts = (data[k : k + width].partition(b"\0")[0] for k in range(at, end, width))
         fields = tuple(text.decode("ascii", "replace") for text in texts)
-    return _Array(flags & 0xFF, not flags & COMPLEX, sizes, name, fields, after)
-
-
-def _inside(kind: int, begin: int) -> int:
-    """Where the parts of an array begin."""
-    if kind != MATRIX:
-        raise ValueError(f"an element of type {kind}, not an array")
-    return begin
+    return _Array(flags & 0xFF, not flags & COMPLEX, sizes, name, fields, after), following
 
 
 def _begin(data: bytes, order: str) -> tuple[str, int | None, frozenset[str]]:
     """Name of a variable, elements of a cell, names of fields, from the beginning of its bytes."""
-    array = _array(data, _inside(*_tag(data, 0, order)[:2]), order)
+    array, _ = _array(data, 0, order, cut=True)
     if array.kind != CELL_ARRAY:
         return array.name, None, frozenset(array.fields)
     at, count = array.rest, max(math.prod(array.sizes), 0)
     for _ in range(count):
-        kind, begin, end, at = _tag(data, at, order)
-        if end > _inside(kind, begin):  # not empty in few bytes
-            inner = _array(data, begin, order)
-            if math.prod(inner.sizes):
-                return array.name, count, frozenset(inner.fields)
+        inner, at = _array(data, at, order, cut=True)
+        if math.prod(inner.sizes):
+            return array.name, count, frozenset(inner.fields)
     return array.name, count, frozenset()
 
 
 def _structure(data: bytes, order: str, place: int) -> Fields:
     """Fields of a structure, or of the one at a place in a cell."""
-    array = _array(data, _inside(*_whole_tag(data, 0, order)[:2]), order)
+    array, _ = _array(data, 0, order)
     if array.kind == CELL_ARRAY:
         at = array.rest
         for _ in range(place):
-            at = _whole_tag(data, at, order)[3]
-        kind, begin, end, _ = _whole_tag(data, at, order)
-        if _inside(kind, begin) == end:
-            return {}
-        array = _array(data, begin, order)
+            at = _tag(data, at, order)[3]
+        array, _ = _array(data, at, order)
     at = array.rest
     found: Fields = {}
     for name in array.fields:
-        found[name] = _numbers(data, at, order)
-        at = _whole_tag(data, at, order)[3]
+        found[name], at = _numbers(data, at, order)
     return found
 
 
-def _numbers(data: bytes, at: int, order: str) -> NDArray[np.generic]:
-    """An array of real numbers in the order of MATLAB."""
-    kind, begin, end, _ = _whole_tag(data, at, order)
-    if _inside(kind, begin) == end:
-        return np.zeros((0, 0))
-    array = _array(data, begin, order)
+def _numbers(data: bytes, at: int, order: str) -> tuple[NDArray[np.generic], int]:
+    """An array of real numbers in the order of MATLAB, and where the next element is."""
+    array, following = _array(data, at, order)
     if array.kind not in NUMERIC or not array.real:
-        return NO_NUMBERS
+        return np.empty(1, dtype=object), following
     if not math.prod(array.sizes):
-        return np.zeros(array.sizes)
-    kind, begin, end, _ = _whole_tag(data, array.rest, order)
+        return np.zeros(array.sizes), following
+    kind, begin, end, _ = _tag(data, array.rest, order)
     values = np.frombuffer(data[begin:end], f"{order}{ELEMENT_TYPES[kind]}")
-    return np.asarray(values.reshape(array.sizes, order="F"))
+    return np.asarray(values.reshape(array.sizes, order="F")), following
+
+
+# -------------------------------------------------------------------------------------------------
+# Version 7.3 is HDF5, whose dimensions are in reverse order. Only what is in this very file is
+# followed: no links, no external data.
+
+MAT_73 = b"MATLAB 7.3 MAT-file"
+
+EMPTY = "MATLAB_empty"
+"""Attribute of HDF5."""
 
 
 @contextmanager
-def _of_version_73(path: str, data: bytes, limit: float | None) -> Iterator[dict[str, Variable]]:
-    """The same of HDF5, whose dimensions are in reverse order."""
+def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[dict[str, Variable]]:
+    """Variables by name, to be read while the context lasts."""
     try:
         import h5py  # here: the extra may be missing, and other formats do without
     except ModuleNotFoundError:
@@ -290,78 +245,56 @@ def _of_version_73(path: str, data: bytes, limit: float | None) -> Iterator[dict
             f"{path}: MAT files of version 7.3 need the extra matlab: {install('matlab')}; or save "
             "with -v7 in MATLAB"
         ) from None
-    try:
-        # The bytes themselves: a file object of Python that HDF5 calls ends the process at times.
-        access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
-        access.set_fapl_core(backing_store=False)
-        access.set_file_image(data)
-        name = os.fsencode(os.path.join(path, "image"))  # must be no file, and none is below one
+    # The bytes themselves: a file object of Python that HDF5 calls ends the process at times.
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_fapl_core(backing_store=False)
+    access.set_file_image(data)
+    image = os.fsencode(os.path.join(path, "image"))  # must be no file, and none is below one
 
-        def room(size: int, what: str) -> None:
-            check_room(path, TABLE * size, len(data), limit, f"{what} of {size:,} bytes")
+    def held(group: Any, name: str) -> Any:
+        is_here = isinstance(group.get(name, getlink=True), h5py.HardLink)
+        return group[name] if is_here else None
 
-        with h5py.File(h5py.h5f.open(name, h5py.h5f.ACC_RDONLY, access)) as file:
-            names = [name for name in file if not name.startswith("#")]
-            yield {name: _of_group(_held(file, name), room, name) for name in names}
-    except (TgospaError, MemoryError):
-        raise
-    except Exception as error:  # damaged files end in errors of many kinds
-        raise unreadable(path, "MAT", error) from None
+    def names_in(item: Any) -> frozenset[str]:
+        return frozenset(item) if isinstance(item, h5py.Group) else frozenset()
 
+    def is_data(item: Any) -> bool:
+        return isinstance(item, h5py.Dataset) and not (item.external or item.is_virtual)
 
-Room = Callable[[int, str], None]
-"""Raises if there is none for so many bytes, of what."""
+    def fields(group: Any) -> Fields:
+        found: Fields = {}
+        for field in sorted(names_in(group)):
+            data = held(group, field)
+            if not is_data(data):
+                continue
+            room(data.nbytes, field)
+            values = np.asarray(data[()]).T
+            if data.attrs.get(EMPTY):  # which has its dimensions for values
+                sizes = [int(size) for size in values.ravel()]
+                if 0 not in sizes:
+                    raise ValueError(f"{field} is called empty, and is not")
+                values = np.zeros(sizes)
+            found[field] = values
+        return found
 
+    def variable(name: str) -> Variable:
+        """A group is a structure, references are the elements of a cell."""
+        item = held(file, name)
+        if not is_data(item) or h5py.check_ref_dtype(item.dtype) is not h5py.Reference:
+            return Variable(None, names_in(item), lambda _: fields(item))
+        room(item.nbytes, name)
+        elements = np.asarray(item[()]).T.ravel(order="F")
+        filled = (each for each in map(file.__getitem__, elements) if not each.attrs.get(EMPTY))
+        return Variable(
+            len(elements), names_in(next(filled, None)), lambda at: fields(file[elements[at]])
+        )
 
-def _held(group: Any, name: str) -> Any:
-    """What a group has by a name; nothing of what is not in this very file."""
-    import h5py
-
-    return group[name] if isinstance(group.get(name, getlink=True), h5py.HardLink) else None
-
-
-def _of_group(item: Any, room: Room, name: str) -> Variable:
-    """A variable of HDF5: a group is a structure, references are the elements of a cell."""
-    import h5py
-
-    is_cell = isinstance(item, h5py.Dataset) and h5py.check_ref_dtype(item.dtype) is h5py.Reference
-    if not is_cell or item.external or item.is_virtual:
-        return Variable(None, _fields_of_group(item), lambda _: _group_fields(item, room))
-    room(item.nbytes, name)
-    elements = np.asarray(item[()]).T.ravel(order="F")
-    filled = (
-        element for element in map(item.file.__getitem__, elements) if not element.attrs.get(EMPTY)
-    )
-    names = _fields_of_group(next(filled, None))
-    return Variable(len(elements), names, lambda at: _group_fields(item.file[elements[at]], room))
-
-
-def _fields_of_group(item: Any) -> frozenset[str]:
-    """Names of the fields of a structure, which is a group."""
-    import h5py
-
-    return frozenset(item) if isinstance(item, h5py.Group) else frozenset()
+    with h5py.File(h5py.h5f.open(image, h5py.h5f.ACC_RDONLY, access)) as file:
+        yield {name: variable(name) for name in file if not name.startswith("#")}
 
 
-def _group_fields(group: Any, room: Room) -> Fields:
-    """Fields of a structure; only what is in this very file is followed."""
-    import h5py
-
-    found: Fields = {}
-    for field in sorted(_fields_of_group(group)):
-        data = _held(group, field)
-        if not isinstance(data, h5py.Dataset) or data.external or data.is_virtual:
-            continue
-        room(data.nbytes, field)
-        values = np.asarray(data[()]).T
-        if data.attrs.get(EMPTY):  # which has its dimensions for values
-            sizes = [int(size) for size in values.ravel()]
-            if 0 not in sizes:
-                raise ValueError(f"{field} is called empty, and is not")
-            values = np.zeros(sizes)
-        found[field] = values
-    return found
-
+# -------------------------------------------------------------------------------------------------
+# Which of the variables are meant.
 
 TRAJECTORY_FIELDS = ("tVec", "iVec", "xState")
 NO_SET = "no structure with the fields tVec, iVec, xState"
@@ -407,11 +340,33 @@ def names_of_runs(path: str, data: bytes, limit: float | None) -> list[str]:
 
 @contextmanager
 def _sets(path: str, data: bytes, limit: float | None) -> "Iterator[_Sets]":
-    """The sets of trajectories of a file, to be read while the context lasts."""
+    """The sets of trajectories of a file, to be read while the context lasts.
+
+    Raises
+    ------
+    InputError
+        It is no MAT file of these versions, damaged, or too large.
+    ConfigError
+        h5py is not installed, and the file needs it.
+    """
     if not data:
         raise InputError(f"{path}: the file is empty; a set without objects has empty arrays")
-    with variables(path, data, limit) as found:
-        yield _Sets(file_of(path), found)
+    if not data.startswith((MAT_5, MAT_73)):
+        raise InputError(f"{path}: no MAT file of version 5 or 7.3; save with -v7 in MATLAB")
+
+    def room(size: int, what: str) -> None:
+        check_room(path, TABLE * size, len(data), limit, f"{what} of {size:,} bytes")
+
+    try:
+        if data.startswith(MAT_73):
+            with _variables_of_hdf5(path, data, room) as found:
+                yield _Sets(file_of(path), found)
+        else:
+            yield _Sets(file_of(path), dict(_variables(data, room)))
+    except (TgospaError, MemoryError):
+        raise
+    except Exception as error:  # damaged files end in errors of many kinds
+        raise unreadable(path, "MAT", error) from None
 
 
 def _run(name: str, place: int) -> str:

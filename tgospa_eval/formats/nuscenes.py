@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.roles import find_roles
+from tgospa_eval.formats.columns.headers import find_roles
 from tgospa_eval.formats.guess import SAMPLES, is_table_folder
 from tgospa_eval.formats.loading import check_room, load, most_bytes
 from tgospa_eval.formats.options import ReadOptions
@@ -210,8 +210,7 @@ def _tracks(
                 if "tracking_id" not in item and "detection_name" in item:
                     raise ValueError("a detection; TGOSPA compares tracks, with a tracking_id")
                 name, klass = _text(item, "tracking_id"), _text(item, "tracking_name")
-                score = _numbers(item, "tracking_score", [item.get("tracking_score", np.nan)])
-                numbers = (*_vectors(item), *score)
+                numbers = tuple(_numbers(item))
             except (ValueError, TypeError) as error:
                 place = _Object(token, k)
                 raise InputError(f"{_where(path, place)}: {error}") from None
@@ -242,7 +241,7 @@ def _annotations(path: str, samples: Samples, options: ReadOptions) -> Iterator[
                 raise ValueError(f"sample {quoted(sample)} is not in {os.path.join(path, SAMPLES)}")
             if name not in kinds:
                 raise ValueError(f"instance {quoted(name)} is not in instance.json")
-            numbers = (*_vectors(item), np.nan)
+            numbers = tuple(_numbers(item))
         except ValueError as error:
             raise InputError(f"{_where(path, _Object(sample, k))}: {error}") from None
         empty.pop(sample, None)
@@ -262,36 +261,36 @@ def _where(path: str, item: _Object) -> str:
     return f"{path}, sample {quoted(item.sample)}, object {item.number}"
 
 
+def _fault(item: Mapping[str, Any], key: str, rule: str) -> ValueError:
+    """What is wrong with a value, and what it must be."""
+    there = f"{key} is {quoted(item[key])}" if key in item else f"no {key}"
+    return ValueError(f"{there}; it must {rule}")
+
+
 def _text(item: Mapping[str, Any], key: str) -> str:
     """An id or a class, which some write as a number."""
     value = item.get(key)
     if type(value) not in (str, int) or not str(value).strip() or not is_unicode(str(value)):
-        raise ValueError(f"{_lack(item, key)}; it must be a text")
+        raise _fault(item, key, "be a text")
     return str(value).strip()
 
 
-def _lack(item: Mapping[str, Any], key: str) -> str:
-    return f"{key} is {quoted(item[key])}" if key in item else f"no {key}"
-
-
-UNKNOWN_SIZE = [np.nan] * 3
-
-
-def _vectors(item: Mapping[str, Any]) -> tuple[float, ...]:
-    """Place and size; NaN where a size is not said."""
-    place: Any = item.get("translation")
-    size: Any = item.get("size", UNKNOWN_SIZE)
-    for key, values in (("translation", place), ("size", size)):
+def _numbers(item: Mapping[str, Any]) -> Iterator[float]:
+    """Place, size and score; NaN where a size or a score is not said."""
+    unknown = {"translation": None, "size": [np.nan] * 3}
+    for key, value in unknown.items():
+        values = item.get(key, value)
         if type(values) is not list or len(values) != 3:
-            raise ValueError(f"{_lack(item, key)}; it must be three numbers")
-    return (*_numbers(item, "translation", place), *_numbers(item, "size", size))
+            raise _fault(item, key, "be three numbers")
+        yield from _finite(item, key, values)
+    yield from _finite(item, "tracking_score", [item.get("tracking_score", np.nan)])
 
 
-def _numbers(item: Mapping[str, Any], key: str, values: list[Any]) -> list[Any]:
+def _finite(item: Mapping[str, Any], key: str, values: list[Any]) -> list[float]:
     """The same numbers; NaN is one, of what is not known."""
     for value in values:
         if type(value) not in (float, int) or abs(value) > LARGEST_PLACE:
-            raise ValueError(f"{_lack(item, key)}; it must have finite numbers")
+            raise _fault(item, key, "have finite numbers")
     return values
 
 

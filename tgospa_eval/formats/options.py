@@ -1,8 +1,8 @@
 """How to read a file, and which rows of it. Knows no format."""
 
 import math
-import re
 from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
 from dataclasses import field, replace
 from itertools import combinations, pairwise
 
@@ -74,23 +74,20 @@ def parse_moments(text: str | None) -> TimeRange | None:
         return None
     found = []
     for halves in _splits(text, 2):
-        given = [half for half in halves if half]
-        try:
-            times = parse_times(given, floats) if given else None
-        except TimeError:
-            continue
-        ends = iter(times.value.tolist() if times else ())
-        low, high = (next(ends) if half else None for half in halves)
-        found.append((low, high, times.clock if times else None))
-    if len(found) != 1 or found[0][2] is None:
+        with suppress(TimeError):
+            times = parse_times([half for half in halves if half] or [""], floats)
+            ends = iter(times.value.tolist())
+            low, high = (next(ends) if half else None for half in halves)
+            found.append(TimeRange(low=low, high=high, clock=times.clock, text=text))
+    if len(found) != 1:
         raise ConfigError(
             f"--time {quoted(text)}: must be A:B, two numbers or two ISO times, of which one may "
             "be blank"
         )
-    low, high, clock = found[0]
+    low, high = found[0].low, found[0].high
     if low is not None and high is not None and low > high:
         raise ConfigError(f"--time {quoted(text)}: ends before it begins")
-    return TimeRange(low=low, high=high, clock=str(clock), text=text)
+    return found[0]
 
 
 def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | None:
@@ -107,13 +104,11 @@ def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | No
         return None
     found: list[Steps] = []
     for given in (*_splits(text, 2), *_splits(text, 3)):
-        try:
+        with suppress(TimeError, ConfigError):
             times = parse_times(given[:2], floats)
             every = Duration.of(given[2], "--steps") if given[2:] else None
-        except (TimeError, ConfigError):
-            continue
-        low, high = times.value.tolist()
-        found.append(Steps(first=low, last=high, every=every, clock=times.clock, text=text))
+            low, high = times.value.tolist()
+            found.append(Steps(first=low, last=high, every=every, clock=times.clock, text=text))
     if len(found) != 1:
         raise ConfigError(
             f"--steps {quoted(text)}: must be FIRST:LAST or FIRST:LAST:EVERY, two numbers or two "
@@ -127,15 +122,14 @@ def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | No
     ticks = ticks[within.inside(ticks, found[0].clock, f"--steps {text}")]
     if not len(ticks):
         raise ConfigError(f"--time {within.text}: is beyond all steps of --steps {text}")
-    first, last = ticks[[0, -1]].tolist()
-    return replace(found[0], first=first, last=last)
+    return replace(found[0], first=ticks[0].item(), last=ticks[-1].item())
 
 
 def _splits(text: str, count: int) -> Iterator[list[str]]:
     """The text split at colons into so many parts, in every way: times may have colons."""
-    colons = [match.start() for match in re.finditer(":", text)]
-    for at in combinations(colons, count - 1):
-        yield [text[a + 1 : b].strip() for a, b in pairwise((-1, *at, len(text)))]
+    pieces = text.split(":")
+    for at in combinations(range(1, len(pieces)), count - 1):
+        yield [":".join(pieces[a:b]).strip() for a, b in pairwise((0, *at, len(pieces)))]
 
 
 def class_named(name: str, there: Collection[str]) -> str | None:

@@ -1,7 +1,7 @@
 """What a file gave: its trajectories, and what the user should know about how they were read."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Protocol
 
 import numpy as np
@@ -153,5 +153,4 @@ class Reading:
             rows = np.zeros(0, np.int64)
         else:
             rows = np.flatnonzero(self.klass == self.classes.index(name))
-        part = whole.chosen(rows, whole.step[rows], whole.times)
-        return replace(part, labels=whole.labels)
+        return whole.chosen(rows)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
-from tgospa_eval.formats.columns.roles import Roles
+from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.options import Flags
 from tgospa_eval.formats.times import Times

@@ -39,12 +39,16 @@ class Times:
     text: Sequence[str] | None
 
 
-class TimeError(ValueError):
+class RowError(ValueError):
     """Row `row` is wrong; the message has what is wrong and what would be right."""
 
     def __init__(self, row: int, message: str) -> None:
         super().__init__(message)
         self.row = row
+
+
+class TimeError(RowError):
+    """A time is none."""
 
 
 def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> Times:
@@ -136,21 +140,19 @@ def places(series: Sequence[Sequence[int | float | str]]) -> list[NDArray[np.int
 def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> Times:
     """ISO-8601 times, each distinct text parsed once."""
     known = {text: _parse(text, to_floats) for text in dict.fromkeys(texts)}
-    wrong = [row for row, text in enumerate(texts) if known[text][1] == "none"]
-    if wrong:
+    for fault in ("none", "far"):
+        wrong = [row for row, text in enumerate(texts) if known[text][1] == fault]
+        if not wrong:
+            continue
         text = texts[wrong[0]]
-        what = f"not a time: {quoted(text)}" if text.strip() else "blank time"
-        remedy = "write a number or an ISO-8601 time"
-        if "," in text:
-            remedy += f"; {remedy_for(text)}"
+        if fault == "far":
+            what = f"a time beyond 64-bit nanoseconds: {quoted(text)}"
+            remedy = "write times from 1677-09-22 to 2262-04-11, or numbers"
+        else:
+            what = f"not a time: {quoted(text)}" if text.strip() else "blank time"
+            remedy = "write a number or an ISO-8601 time"
+            remedy += f"; {remedy_for(text)}" if "," in text else ""
         raise TimeError(wrong[0], f"{what}{more(len(wrong))}; {remedy}")
-    far = [row for row, text in enumerate(texts) if known[text][1] == "far"]
-    if far:
-        raise TimeError(
-            far[0],
-            f"a time beyond 64-bit nanoseconds: {quoted(texts[far[0]])}{more(len(far))}; "
-            "write times from 1677-09-22 to 2262-04-11, or numbers",
-        )
     clock = known[texts[0]][1]
     for row, text in enumerate(texts):
         if known[text][1] != clock:

@@ -1,5 +1,6 @@
 """From two paths to a result, of data that are larger than memory."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -19,26 +20,27 @@ from tgospa_eval.engines.processes import Processes, Standing
 from tgospa_eval.engines.spread import Engine
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import check_left
-from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices
+from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
 from tgospa_eval.evaluation.evaluate import nested_timings, solver_settings
 from tgospa_eval.evaluation.localisation import within_rounding
+from tgospa_eval.evaluation.prepare import fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.partitioned.input.digests import changed_file
-from tgospa_eval.partitioned.input.listing import stored
-from tgospa_eval.partitioned.resampling import Found, Resampling, clock_of, find_steps
-from tgospa_eval.partitioned.run import Evaluated, PartsPlan, evaluate_parts, rows_together
-from tgospa_eval.partitioned.sample import look
-from tgospa_eval.partitioned.scan import Read, Scanned
+from tgospa_eval.partitioned.input.listing import changed_file, stored
+from tgospa_eval.partitioned.run import Evaluated, PartsPlan, Stages, evaluate_parts, rows_together
+from tgospa_eval.partitioned.scan import Read, Scanned, placed
 from tgospa_eval.partitioned.sides import PartsSide, open_side
-from tgospa_eval.partitioned.tables import Naming, TrackSums, write_tables
-from tgospa_eval.partitioned.tasks import Stages, run_tasks
+from tgospa_eval.partitioned.steps import BlockPlan, Found, Resampling, clock_of, find_steps
+from tgospa_eval.partitioned.tables import Naming, write_tables
+from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.tgospa import check_underflow
-from tgospa_eval.results.partitioned import Extent, PartitionedResult
-from tgospa_eval.results.records import Costs, FileInfo, FileRecord, Labels, SolverRecord
+from tgospa_eval.results.partitioned import PartitionedResult
+from tgospa_eval.results.records import Costs, FileInfo, Json, Labels
 from tgospa_eval.solvers.certified import Certified
+from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.judged import digest_of_sums, judge
 
 SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
@@ -46,51 +48,15 @@ SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
 takes a second. Of more it would take memory of this process as well."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Means:
-    """Where an evaluation is done, and with what.
-
-    Parameters
-    ----------
-    work : Path
-        Folder for what is known on the way; the same evaluation goes on from what is there.
-    tables : Path
-        Folder for the tables of the result.
-    memory : int
-        Bytes, for all processes together.
-    jobs : int
-        How many processes share them.
-    engine : Engine, optional
-        Where they are; one job is done in this process.
-    assignments : bool
-        Whether the table of assigned pairs is wanted, which is as long as the data.
-    kept : bool
-        Whether what is known on the way outlives a run that is broken off.
-    """
-
-    work: Path
-    tables: Path
-    memory: int
-    jobs: int = 1
-    engine: Engine | None = None
-    assignments: bool = True
-    kept: bool = True
-
-    @property
-    def share(self) -> int:
-        """Bytes for each process."""
-        return self.memory // self.jobs
-
-    @contextmanager
-    def workers(self, data: int) -> Iterator[Engine | None]:
-        """The engine with workers that stay until the end, for so many bytes of files."""
-        if self.engine is None:
-            yield None
-            return
-        here = isinstance(self.engine, Processes) and data < SMALL_DATA
-        patience = BEFORE_WORKERS if here else 0.0
-        with Standing(self.engine, self.jobs, patience) as engine:
-            yield engine
+@contextmanager
+def _workers(engine: Engine | None, jobs: int, data: int) -> Iterator[Engine | None]:
+    """The engine with workers that stay until the end, for so many bytes of files."""
+    if engine is None:
+        yield None
+        return
+    here = isinstance(engine, Processes) and data < SMALL_DATA
+    with Standing(engine, jobs, BEFORE_WORKERS if here else 0.0) as standing:
+        yield standing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,19 +66,46 @@ class SideSummary:
     Parameters
     ----------
     lacking : dict of str to str
-        As `PartsSide.lacking`.
+        As `Roles.lacking`.
     left_out : dict of str to int
         How many rows take no part, by rule.
     named : set of str
         Classes of all rows, if they were asked for.
-    taken : int
-        Rows that take part.
+    off : int
+        Rows that are left out because their stamps are no steps.
+    sums : list of tuple of int
+        As of `Read`.
+    warnings : list of Notice
+        What was repaired.
     """
 
     lacking: dict[str, str]
     left_out: dict[str, int]
     named: frozenset[str]
-    taken: int
+    off: int
+    sums: list[tuple[int, ...]]
+    warnings: list[Notice]
+
+    @classmethod
+    def of(cls, side: PartsSide, blocks: Sequence[Read], cut: BlockPlan) -> "SideSummary":
+        """Of all blocks."""
+        left_out = Counter(side.left_out)
+        for block in blocks:
+            left_out.update(block.left_out)
+        repaired = {tuple(one.items()): one for block in blocks for one in block.warnings}
+        return cls(
+            lacking=side.roles.lacking,
+            left_out=dict(left_out),
+            named=frozenset(name for block in blocks for name in block.named),
+            off=0 if isinstance(cut, Resampling) else sum(block.off for block in blocks),
+            sums=[block.sums for block in blocks],
+            warnings=[Notice(**one).about(side.path) for one in repaired.values()],
+        )
+
+    @property
+    def taken(self) -> int:
+        """Rows that take part."""
+        return sum(one[0] for one in self.sums)
 
     def has_class(self, name: str) -> bool:
         """Whether there are rows of a class that is asked for; blocks do not know of all names."""
@@ -123,9 +116,14 @@ def evaluate_partitioned(
     paths: tuple[str, str],
     reading: tuple[ReadOptions, ReadOptions],
     request_of: Callable[[tuple[str, ...]], EvaluationRequest],
-    means: Means,
+    *,
+    work: Path,
+    memory: int,
+    jobs: int = 1,
+    engine: Engine | None = None,
+    kept: bool = True,
     stopwatch: Stopwatch,
-    check: Callable[[tuple[SideSummary, SideSummary], tuple[str, str]], None] | None = None,
+    check: Callable[[tuple[SideSummary, ...], tuple[str, str]], None] | None = None,
 ) -> PartitionedResult:
     """Evaluate two sides block by block and component by component.
 
@@ -137,8 +135,18 @@ def evaluate_partitioned(
         How to read them.
     request_of : callable
         What is asked, given the names of the state columns.
-    means : Means
-        Where, and with what.
+    work : Path
+        Folder for what is known on the way, and for the tables of the result; the same evaluation
+        goes on from what is there.
+    memory : int
+        Bytes, for all processes together.
+    jobs : int
+        How many processes share them.
+    engine : Engine, optional
+        Where they are; one job is done in this process.
+    kept : bool
+        Whether the folder outlives the run. Else there is no table of assigned pairs, which is as
+        long as the data.
     stopwatch : Stopwatch
         Gets the time of each stage.
     check : callable, optional
@@ -150,88 +158,58 @@ def evaluate_partitioned(
     TgospaError
         Something is wrong with the data, or asked for that needs them all at once.
     """
-    data = sum(found.st_size for path in paths for _, found in stored(path))
-    with means.workers(data) as engine:
-        return _evaluate(
-            paths, reading, request_of, replace(means, engine=engine), stopwatch, check
-        )
-
-
-def _evaluate(
-    paths: tuple[str, str],
-    reading: tuple[ReadOptions, ReadOptions],
-    request_of: Callable[[tuple[str, ...]], EvaluationRequest],
-    means: Means,
-    stopwatch: Stopwatch,
-    check: Callable[[tuple[SideSummary, SideSummary], tuple[str, str]], None] | None,
-) -> PartitionedResult:
-    run = partial(run_tasks, engine=means.engine)
-    with stopwatch.span("read"):
-        if means.kept:
-            files = [found for path in paths for found in stored(path)]
-            changed = changed_file(files, means.work, run)
+    files = [found for path in paths for found in stored(path)]
+    most = rows_together(memory // jobs)
+    with _workers(engine, jobs, sum(found.st_size for _, found in files)) as workers:
+        run = partial(run_tasks, engine=workers)
+        with stopwatch.span("read"):
+            changed = changed_file(files, work, run) if kept else None
             if changed is not None:
                 stopwatch.notify(f"{changed}: has another content than before: all is begun anew")
-        truth, estimate = (
-            open_side(
-                path,
-                options,
-                role,
-                work=means.work / "sides",
-                rows_together=rows_together(means.share),
-                run=run,
+            truth, estimate = (
+                open_side(path, options, role, work=work / "sides", rows_together=most, run=run)
+                for path, options, role in zip(paths, reading, ROLES, strict=True)
             )
-            for path, options, role in zip(paths, reading, ROLES, strict=True)
+            sides = truth, estimate
+            clocks = clock_of(truth), clock_of(estimate)
+            check_columns(*clocks, paths)
+            request = request_of(truth.columns)
+            _check_request(request)
+            steps = find_steps(sides, clocks, request, paths, most, work, run)
+
+        def summaries(blocks: Sequence[Scanned]) -> tuple[SideSummary, ...]:
+            return tuple(
+                SideSummary.of(side, [block.read[number] for block in blocks], steps.cut)
+                for number, side in enumerate(sides)
+            )
+
+        plan = PartsPlan(
+            cut=steps.cut,
+            times=steps.grid.truth.times,
+            request=request,
+            names=paths,
+            columns=len(truth.columns),
+            work=work,
+            memory=memory // jobs,
+            stages=Stages(stopwatch),
+            engine=workers,
+            look=lambda blocks: check(summaries(blocks), paths) if check else None,
         )
-        sides = truth, estimate
-        clocks = clock_of(truth), clock_of(estimate)
-        check_columns(*clocks, paths)
-        request = request_of(truth.columns)
-        _check_request(request)
-        most = rows_together(means.share)
-        steps = find_steps(sides, clocks, request, paths, most, means.work, run)
-
-    def checked(blocks: Sequence[Scanned]) -> None:
-        if check is not None:
-            check((_known(truth, 0, blocks), _known(estimate, 1, blocks)), paths)
-
-    plan = PartsPlan(
-        cut=steps.cut,
-        times=steps.grid.truth.times,
-        request=request,
-        names=paths,
-        columns=len(truth.columns),
-        work=means.work,
-        memory=means.share,
-        stages=Stages(stopwatch),
-        engine=means.engine,
-        look=checked,
-    )
-    looked = look(plan, steps.grid) if len(plan.times) else []
-    for notice in looked:
-        if not notice.code:
-            stopwatch.notify(str(notice))
-    found = evaluate_parts(plan, stopwatch)
-    with stopwatch.span("report"):
-        result = _result(sides, steps, plan, found, means)
-        warnings = (*(notice for notice in looked if notice.code), *result.warnings)
-        for notice in _said(sides, steps, plan, found):
-            stopwatch.notify(str(notice))
+        looked = look(plan, steps.grid) if len(plan.times) else []
+        for notice in looked:
+            if not notice.code:
+                stopwatch.notify(str(notice))
+        found = evaluate_parts(plan, stopwatch)
+        with stopwatch.span("report"):
+            known = summaries(found.blocks)
+            result = _result(sides, known, steps, plan, found, run, assignments=kept)
+            for notice in _notices(sides, known, steps, plan):
+                stopwatch.notify(str(notice))
     return replace(
         result,
-        warnings=warnings,
+        warnings=(*(notice for notice in looked if notice.code), *result.warnings),
         timings=nested_timings(stopwatch),
         files={"truth": paths[0], "estimate": paths[1]},
-    )
-
-
-def _known(side: PartsSide, number: int, blocks: Sequence[Scanned]) -> SideSummary:
-    read = [block.read[number] for block in blocks]
-    return SideSummary(
-        lacking=side.lacking,
-        left_out=_left_out(side, read),
-        named=frozenset(name for block in read for name in block.named),
-        taken=sum(one.sums[0] for one in read),
     )
 
 
@@ -257,10 +235,13 @@ def _check_request(request: EvaluationRequest) -> None:
 
 def _result(
     sides: tuple[PartsSide, PartsSide],
+    known: Sequence[SideSummary],
     steps: Found,
     plan: PartsPlan,
     found: Evaluated,
-    means: Means,
+    run: Run,
+    *,
+    assignments: bool,
 ) -> PartitionedResult:
     """The result, its tables written."""
     request, whole = plan.request, found.whole
@@ -274,21 +255,18 @@ def _result(
     truths, estimates = found.tracks
     naming = Naming(times=shown, truths=truths.ids, estimates=estimates.ids, parameters=parameters)
     tables = write_tables(
-        str(means.tables),
+        str(plan.work / "tables"),
         naming,
         whole.breakdown,
-        (
-            TrackSums(rows=truths.rows, parts=whole.tracks[0]),
-            TrackSums(rows=estimates.rows, parts=whole.tracks[1]),
-        ),
+        ((truths.rows, whole.tracks[0]), (estimates.rows, whole.tracks[1])),
         found.folders,
-        partial(run_tasks, engine=means.engine),
-        assignments=means.assignments,
+        run,
+        assignments=assignments,
     )
     met = whole.bounds.met(solver.gap)
     spent = plan.stages.stopwatch.spans.get("solve/sweeps", 0.0)
     late = solver.time_limit is not None and spent >= solver.time_limit
-    record: SolverRecord = {
+    record: Json = {
         "name": solver.name,
         "status": str(Status.SOLVED if met else Status.LATE if late else Status.NOT_SOLVED),
         "finished": met,
@@ -296,7 +274,7 @@ def _result(
         "kernel": KERNEL,
         "history": [],
     }
-    read = [_input(sides[k], k, plan, found) for k in (0, 1)]
+    rule = "grid" if request.time_matching.steps is None else "steps"
     counts = whole.objects[0]
     return PartitionedResult(
         proof=Costs(parameters=parameters, bounds=whole.bounds, breakdown=whole.breakdown),
@@ -314,7 +292,12 @@ def _result(
         },
         solver=record,
         timings={"read": 0, "distances": 0, "solve": {}, "certify": 0, "report": 0, "total": 0},
-        input={role: one for role, (one, _) in zip(ROLES, read, strict=True)},
+        input={
+            role: FileInfo(rows=side.rows, format=side.format, left_out=one.left_out).record(
+                digest_of_sums(side.columns, one.sums), {rule: one.off}
+            )
+            for role, side, one in zip(ROLES, sides, known, strict=True)
+        },
         judged_on=judge(
             steps.axis.horizon,
             steps.grid.truth,
@@ -324,62 +307,32 @@ def _result(
         ),
         version=__version__,
         warnings=(
-            *(notice for _, notices in read for notice in notices),
+            *(notice for one in known for notice in one.warnings),
             *within_rounding(whole.bounds, solver.gap),
         ),
-        extent=Extent(
-            sizes={
-                "truth": len(truths.ids),
-                "estimates": len(estimates.ids),
-                "steps": len(plan.times),
-                "candidate_pairs": found.shards.pairs,
-                "pair_steps": found.entries,
-                "components": found.shards.components,
-            },
-            objects=(int(counts.sum()), int(whole.objects[1].sum())),
-        ),
+        sizes={
+            "truth": len(truths.ids),
+            "estimates": len(estimates.ids),
+            "steps": len(plan.times),
+            "candidate_pairs": found.shards.pairs,
+            "pair_steps": found.entries,
+            "components": found.shards.components,
+        },
+        objects=(int(counts.sum()), int(whole.objects[1].sum())),
         tables=tables,
     )
 
 
-def _input(
-    side: PartsSide, number: int, plan: PartsPlan, found: Evaluated
-) -> tuple[FileRecord, list[Notice]]:
-    """The record of a side, and what was repaired in it."""
-    blocks = [block.read[number] for block in found.blocks]
-    info = FileInfo(rows=side.rows, format=side.format, left_out=_left_out(side, blocks))
-    digest = digest_of_sums(side.columns, [block.sums for block in blocks])
-    warnings = {tuple(one.items()): Notice(**one) for block in blocks for one in block.warnings}
-    rule = "grid" if plan.request.time_matching.steps is None else "steps"
-    record = info.record(digest, {rule: _off(plan, found, number)})
-    return record, [notice.about(plan.names[number]) for notice in warnings.values()]
-
-
-def _off(plan: PartsPlan, found: Evaluated, number: int) -> int:
-    """Rows of a side that are left out because their stamps are no steps."""
-    if isinstance(plan.cut, Resampling):
-        return 0
-    return sum(block.read[number].off for block in found.blocks)
-
-
-def _left_out(side: PartsSide, blocks: Sequence[Read]) -> dict[str, int]:
-    """Rows that take no part, by rule."""
-    left_out = dict(side.left_out)
-    for block in blocks:
-        for rule, count in block.left_out.items():
-            left_out[rule] = left_out.get(rule, 0) + count
-    return left_out
-
-
-def _said(
-    sides: tuple[PartsSide, PartsSide], steps: Found, plan: PartsPlan, found: Evaluated
+def _notices(
+    sides: tuple[PartsSide, PartsSide],
+    known: Sequence[SideSummary],
+    steps: Found,
+    plan: PartsPlan,
 ) -> Iterator[Notice]:
     """What the user should know of the two sides."""
-    for number, side in enumerate(sides):
-        blocks = [block.read[number] for block in found.blocks]
-        classes = sorted({name for block in blocks for name in block.named}, key=natural)
-        for text in side.said(_left_out(side, blocks), classes):
-            yield Notice(text=f"{plan.names[number]}: {text}")
+    for side, one in zip(sides, known, strict=True):
+        for text in side.said(one.left_out, sorted(one.named, key=natural)):
+            yield Notice(text=f"{side.path}: {text}")
     axis, matching = steps.axis, plan.request.time_matching
     made = axis.made
     if isinstance(plan.cut, Resampling):
@@ -393,10 +346,52 @@ def _said(
                 "what the estimate reports in them is false (its cost is not worked out of data "
                 "in parts)"
             )
-    off = (_off(plan, found, 0), _off(plan, found, 1))
+    off = (known[0].off, known[1].off)
     if any(off) and matching.steps is None:
         yield Notice(text=alignment_notices(replace(steps.grid, left_out=off), matching)[-1])
     axis = replace(axis, made=made, left_out=off)
-    if not any(block.read[number].sums[0] for block in found.blocks for number in (0, 1)):
+    if not any(one.taken for one in known):
         check_left(axis, matching)
     yield from axis_notices(axis, matching)
+
+
+LOOKED_AT = 50_000
+"""Rows of both sides together that are looked at: a diagnosis of so many takes a tenth of a
+second."""
+
+
+def look(plan: PartsPlan, grid: Alignment) -> list[Notice]:
+    """Notices about both sides, and warnings about the middle of the recording.
+
+    Parameters
+    ----------
+    plan : PartsPlan
+        What is evaluated.
+    grid : Alignment
+        The steps of both sides, without their rows.
+    """
+    request = plan.request
+    steps = replace(grid, left_out=(0, 0))  # whose rows are not counted yet
+    notices = [Notice(text=text) for text in alignment_notices(steps, request.time_matching)]
+    first, last = middle(plan.cut.rows, LOOKED_AT)
+    piece = plan.cut.piece(first, last + 1)
+    last = piece.high - 1
+    truth, estimate = (stretch.read().trajectories for stretch in piece.stretches)
+    # Of their own stamps what is wrong with clocks is seen.
+    at_steps = partial(placed, piece, plan.times[piece.low : piece.high])
+    decided = request.time_matching.decided
+    sides = fit(truth, estimate, request, plan.names, at_steps if decided else None)
+    found = diagnose(sides, request)
+    shown = grid.truth.shown
+    return notices + [
+        notice.about(f"from step {shown[first]} to {shown[last]}") for notice in found
+    ]
+
+
+def middle(rows: Ints, size: int) -> tuple[int, int]:
+    """First and last of the steps with so many rows around the middle one of all rows."""
+    after = np.cumsum(rows)
+    half = int(after[-1]) // 2
+    first = int(np.searchsorted(after, half - size // 2, side="right"))
+    last = int(np.searchsorted(after, half + size // 2, side="left"))
+    return min(first, len(rows) - 1), min(max(first, last), len(rows) - 1)

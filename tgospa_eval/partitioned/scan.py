@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,8 @@ from tgospa_eval.evaluation.axis import Axis, Sides
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
-from tgospa_eval.partitioned.share import ENTRY
-from tgospa_eval.partitioned.stretches import SideStretch
+from tgospa_eval.partitioned.shards import ENTRY
+from tgospa_eval.partitioned.steps import BlockPiece
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.problem import Ints, Problem
 from tgospa_eval.problem.tgospa import tgospa_problem
@@ -27,43 +28,12 @@ PAIR = np.dtype([("truth", "<i4"), ("estimate", "<i4"), ("entries", "<i8")])
 """Tracks that come near each other, by their numbers in a block, and at how many steps."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Block:
-    """The task to scan some steps.
-
-    Parameters
-    ----------
-    output : str
-        The folder that is written.
-    stretches : pair of SideStretch
-        What is read of truth and estimate.
-    times : (L,) array
-        The steps.
-    first : int
-        Number of the first of them.
-    told : bool
-        As of `BlockPiece`.
-    request : EvaluationRequest
-        What is asked.
-    names : pair of str
-        The sides, for messages.
-    """
-
-    output: str
-    stretches: tuple[SideStretch, SideStretch]
-    times: Times
-    first: int
-    told: bool
-    request: EvaluationRequest
-    names: tuple[str, str]
-
-    def placed(self, sides: Sides) -> Axis:
-        """Both sides at the steps of the block."""
-        truth, estimate = (
-            stretch.at(side, self.times)
-            for stretch, side in zip(self.stretches, sides, strict=True)
-        )
-        return Axis(sides=(truth, estimate), horizon=truth)
+def placed(piece: BlockPiece, times: Times, sides: Sides) -> Axis:
+    """Both sides at the steps of a piece."""
+    truth, estimate = (
+        stretch.at(side, times) for stretch, side in zip(piece.stretches, sides, strict=True)
+    )
+    return Axis(sides=(truth, estimate), horizon=truth)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,29 +143,43 @@ NOT_TOLD = Read(left_out={}, named=[], off=0, sums=NO_SUMS, warnings=[])
 """Of what another block tells."""
 
 
-def scan(block: Block) -> None:
+def scan(
+    output: str, piece: BlockPiece, times: Times, request: EvaluationRequest, names: tuple[str, str]
+) -> None:
     """Read a block and write what it has.
+
+    Parameters
+    ----------
+    output : str
+        The folder that is written.
+    piece : BlockPiece
+        Which steps, and what is read of truth and estimate.
+    times : (L,) array
+        The steps.
+    request : EvaluationRequest
+        What is asked.
+    names : pair of str
+        The sides, for messages.
 
     Raises
     ------
     TgospaError
         Something is wrong with the data.
     """
-    times, request = block.times, block.request
-    readings = [stretch.read() for stretch in block.stretches]
+    readings = [stretch.read() for stretch in piece.stretches]
     truth, estimate = (reading.trajectories for reading in readings)
-    sides = fit(truth, estimate, request, block.names, block.placed)
+    sides = fit(truth, estimate, request, names, partial(placed, piece, times))
     problem, blur = _problem(sides, request)
     aligned, kinds = (sides.alignment.truth, sides.alignment.estimate), sides.distance.kinds
     entry = np.empty(len(problem.cost), ENTRY)
     entry["step"] = problem.entry_step
-    entry["step"] += np.int32(block.first)
+    entry["step"] += np.int32(piece.low)
     entry["truth"] = problem.truth_track[problem.truth_row]
     entry["estimate"] = problem.estimate_track[problem.estimate_row]
     entry["cost"] = problem.cost
     pairs = _pairs(entry, len(aligned[1].ids))
     found: dict[str, object] = {
-        "first": block.first,
+        "first": piece.low,
         "near": len(pairs),
         "pairs": pairs,
         "slack": problem.cost_slack,
@@ -203,7 +187,7 @@ def scan(block: Block) -> None:
         "read": json.dumps(
             [
                 vars(Read.of(reading, len(reading.trajectories.step) - len(side.step), kinds))
-                if block.told
+                if piece.told
                 else vars(NOT_TOLD)
                 for reading, side in zip(readings, aligned, strict=True)
             ]
@@ -214,11 +198,10 @@ def scan(block: Block) -> None:
         found[f"{role}_objects"] = np.bincount(side.step, minlength=len(times))
         found[f"{role}_ids"] = side.ids.astype(np.str_)
         found[f"{role}_rows"] = np.bincount(side.track, minlength=len(side.ids))
-    with writing(block.output) as folder:
+    with writing(output) as folder:
         folder.mkdir()
         np.save(folder / "entries.npy", entry)
-        with (folder / "block.npz").open("wb") as file:
-            np.savez(file, **found)  # type: ignore[arg-type]
+        np.savez(folder / "block.npz", **found)  # type: ignore[arg-type]
 
 
 def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[Problem, float]:

@@ -1,6 +1,8 @@
 """A shard: some components as a problem of their own, solved, proven, and what it contributes."""
 
-from dataclasses import replace
+import math
+from collections.abc import Mapping
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,20 +11,82 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.partitioned.share import ENTRY, PartialSums
 from tgospa_eval.partitioned.tasks import left_until, writing
 from tgospa_eval.problem.certificate import prove, unpaired_prices
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.problem import Ints, Problem
+from tgospa_eval.problem.problem import Floats, Ints, Problem
 from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
+from tgospa_eval.problem.solution import Breakdown
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers.certified import Certified
 
+ENTRY = np.dtype([("step", "<i4"), ("truth", "<i4"), ("estimate", "<i4"), ("cost", "<f8")])
+"""A near pair: global numbers of step and tracks, and (d / c)^p."""
+
+HELD = np.dtype(
+    [("truth", "<i4"), ("estimate", "<i4"), ("begin", "<i4"), ("end", "<i4"), ("weight", "<i8")]
+)
+"""An assignment from one step to another, both included; weights in units of `weights.ONE`."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sort:
-    """The task to sort the entries of a block by shard.
+class PartialSums(Breakdown):
+    """What some components contribute from a step on: a breakdown, and what is proven.
+
+    Objects are the rows (track and step) that have a near pair in these components, no others.
+
+    Parameters
+    ----------
+    first : int
+        The first of the L steps.
+    truths, estimates : (L,) int arrays
+        Objects by step.
+    lower : (B,) float array
+        Their sum is a proven lower bound of the cost, rounded outward.
+    iterations : int
+        Of the solver.
+    solved : bool
+        Whether the solver came to its end.
+    """
+
+    first: int
+    truths: Ints
+    estimates: Ints
+    lower: Floats
+    iterations: int = 0
+    solved: bool = True
+
+    def save(self, path: Path) -> None:
+        """Write it."""
+        np.savez(path, **{field.name: getattr(self, field.name) for field in fields(self)})
+
+    @classmethod
+    def load(cls, path: Path) -> "PartialSums":
+        """Read what `save` wrote."""
+        with np.load(path) as found:
+            values = {name: found[name] for name in found.files}
+        return cls(**{k: v.item() if v.ndim == 0 else v for k, v in values.items()})
+
+    @property
+    def bracket(self) -> tuple[float, float]:
+        """Both bounds, rounded to the nearest, for those who watch."""
+        return math.fsum(self.lower), self.total
+
+
+PARTS_OF_TRACKS = ("localisation", "unassigned", "switch", "unassigned_count", "switch_count")
+"""What is known of each track, as `problem.readout.PerTrack` has it."""
+
+
+def sort_entries(
+    output: str,
+    *,
+    scanned: str,
+    numbers: tuple[Ints, Ints],
+    shard_of_truth: Ints,
+    long: NDArray[np.bool_],
+) -> None:
+    """Write the entries of a block with global numbers, by shard and then by time.
 
     Parameters
     ----------
@@ -32,35 +96,25 @@ class Sort:
         That of the block.
     numbers : pair of int arrays
         Global numbers of its truths and estimates.
-    shard : (k,) int array
+    shard_of_truth : (k,) int array
         Shard of each of its truths.
     long : (N,) bool array
         Which shards are a long component, with a file of its own; these are the first.
     """
-
-    output: str
-    scanned: str
-    numbers: tuple[Ints, Ints]
-    shard: Ints
-    long: NDArray[np.bool_]
-
-
-def sort_entries(task: Sort) -> None:
-    """Write the entries of a block with global numbers, by shard and then by time."""
-    entry = np.load(Path(task.scanned) / "entries.npy")
-    shard = task.shard[entry["truth"]]
-    entry["truth"] = task.numbers[0][entry["truth"]]
-    entry["estimate"] = task.numbers[1][entry["estimate"]]
+    entry = np.load(Path(scanned) / "entries.npy")
+    shard = shard_of_truth[entry["truth"]]
+    entry["truth"] = numbers[0][entry["truth"]]
+    entry["estimate"] = numbers[1][entry["estimate"]]
     # Blocks number their tracks in the order of the whole, so entries of a step stay sorted.
     order = np.argsort(shard, kind="stable")
-    first = np.zeros(len(task.long) + 1, np.int64)
-    np.cumsum(np.bincount(shard, minlength=len(task.long)), out=first[1:])
+    first = np.zeros(len(long) + 1, np.int64)
+    np.cumsum(np.bincount(shard, minlength=len(long)), out=first[1:])
     entry = entry[order]
-    others = int(first[np.count_nonzero(task.long)])  # long ones are the first
-    with writing(task.output) as folder:
+    others = int(first[np.count_nonzero(long)])  # long ones are the first
+    with writing(output) as folder:
         folder.mkdir()
         np.save(folder / "first.npy", first - others)
-        for number in np.flatnonzero(task.long).tolist():
+        for number in np.flatnonzero(long).tolist():
             np.save(folder / long_name(number), entry[first[number] : first[number + 1]])
         np.save(folder / "entries.npy", entry[others:])
 
@@ -100,15 +154,22 @@ NO_TIME = 1e-3
 """Seconds in which nothing but a bracket is found."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Shard:
-    """The task to solve a shard.
+def solve_shard(
+    output: str,
+    *,
+    folders: tuple[str, ...],
+    number: int,
+    parameters: Parameters,
+    solver: Certified,
+    end: float | None = None,
+) -> None:
+    """Solve and prove a shard, and write what it contributes.
 
     Parameters
     ----------
     output : str
         The folder that is written.
-    sorted : tuple of str
+    folders : tuple of str
         Folders of the entries of all blocks, in order of time.
     number : int
         Which shard.
@@ -119,47 +180,69 @@ class Shard:
     end : float, optional
         In `time.time()`: what is reached by then is written.
     """
-
-    output: str
-    sorted: tuple[str, ...]
-    number: int
-    parameters: Parameters
-    solver: Certified
-    end: float | None = None
-
-
-def solve_shard(task: Shard) -> None:
-    """Solve and prove a shard, and write what it contributes."""
-    entry = entries_of(task.sorted, task.number)
+    entry = entries_of(folders, number)
     numbers = np.unique(entry["truth"]), np.unique(entry["estimate"])
     first = int(entry["step"].min())
-    problem = problem_of(entry, first, numbers, task.parameters)
+    problem = problem_of(entry, first, numbers, parameters)
     del entry
     states = merge_runs(problem)
-    solution = within(task.solver, task.end)(states, Stopwatch())
+    solution = within(solver, end)(states, Stopwatch())
     weights, lower, breakdown = prove(states, solution, consume=True)
-    objects = (
-        np.bincount(problem.truth_step, minlength=problem.steps),
-        np.bincount(problem.estimate_step, minlength=problem.steps),
-    )
-    share = PartialSums.of(
-        breakdown,
-        objects,
-        np.concatenate((lower, unpaired_prices(states))),
+    share = PartialSums(
+        **vars(breakdown),
         first=first,
+        truths=np.bincount(problem.truth_step, minlength=problem.steps),
+        estimates=np.bincount(problem.estimate_step, minlength=problem.steps),
+        lower=np.concatenate((lower, unpaired_prices(states))),
         iterations=solution.iterations,
-        states=len(states.begin),
         solved=solution.finished,
     )
-    with writing(task.output) as folder:
+    tracks = [
+        {
+            "track": numbers[side],
+            "rows": np.bincount(problem.sides[side].track, minlength=len(numbers[side])),
+            **vars(read_tracks(states, weights, side)),
+        }
+        for side in (0, 1)
+    ]
+    with writing(output) as folder:
         folder.mkdir()
-        for name, table in tables_of(states, weights, first, numbers).items():
-            np.save(folder / f"{name}.npy", table)
-        for side, name in enumerate(("truths", "estimates")):
-            found = vars(read_tracks(states, weights, side))
-            rows = np.bincount(problem.sides[side].track, minlength=len(numbers[side]))
-            with (folder / f"{name}.npz").open("wb") as file:
-                np.savez(file, track=numbers[side], rows=rows, **found)
+        contribute(
+            folder,
+            tables=tables_of(states, weights, first, numbers),
+            truths=tracks[0],
+            estimates=tracks[1],
+            share=share,
+        )
+
+
+def contribute(
+    folder: Path,
+    *,
+    tables: Mapping[str, NDArray[np.void]] | None = None,
+    truths: Mapping[str, Any] | None = None,
+    estimates: Mapping[str, Any] | None = None,
+    share: PartialSums | None = None,
+) -> None:
+    """Write what of a component or a part of one is added up; what is not given is nothing.
+
+    Parameters
+    ----------
+    folder : Path
+        It is there.
+    tables : mapping, optional
+        ``assigned`` and ``switched``.
+    truths, estimates : mapping, optional
+        Parts of tracks, with ``track`` and ``rows``.
+    share : PartialSums, optional
+        Sums.
+    """
+    for name, table in (tables or {}).items():
+        np.save(folder / f"{name}.npy", table)
+    for name, parts in (("truths", truths), ("estimates", estimates)):
+        if parts is not None:
+            np.savez(folder / f"{name}.npz", **parts)
+    if share is not None:
         share.save(folder / "share.npz")
 
 

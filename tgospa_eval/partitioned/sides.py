@@ -5,12 +5,13 @@ whatever the files are, in which order and however their times overlap.
 """
 
 import hashlib
+import json
 import os
-import pickle
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,24 +28,299 @@ from tgospa_eval.formats.assemble import (
     only_detections,
     said_of,
 )
+from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import Times
-from tgospa_eval.partitioned.input.index import (
-    Index,
-    IndexSource,
-    Texts,
-    index_tables,
-    index_texts,
-    steps_of,
-    store_steps,
-)
 from tgospa_eval.partitioned.input.listing import File, check_options, files_of, state_of
-from tgospa_eval.partitioned.input.runs import merged_rows, run_rows
-from tgospa_eval.partitioned.input.tables import Chunk, Span, open_table, rows_of_chunks
-from tgospa_eval.partitioned.tasks import Run, writing
-from tgospa_eval.tracks.trajectories import Ints, TimeArray, Trajectories
+from tgospa_eval.partitioned.input.runs import (
+    Moments,
+    merged_moments,
+    merged_rows,
+    run_moments,
+    run_rows,
+    write_runs,
+)
+from tgospa_eval.partitioned.input.tables import FilePiece, open_table, read_head, size_of
+from tgospa_eval.partitioned.tasks import Run, Task, writing
+from tgospa_eval.text import listed
+from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray, Trajectories
+
+BYTES_OF_LINE = 32
+"""Of a text, about: less, and there are more runs; more, and they are larger."""
+
+LEAST_TEXT, MOST_TEXT = 1 << 12, 1 << 26
+"""Bytes of text that are read at once."""
+
+PACKED_TO = 8
+"""Times its size to which a compressed text unpacks, about."""
+
+
+def side_roles(format: str, file: File, options: ReadOptions) -> Roles:
+    """Which column is what in a file.
+
+    Raises
+    ------
+    InputError
+        It is damaged, or lacks columns.
+    """
+    return read_head(file, options).roles if format == "csv" else open_table(file, options)[2]
+
+
+def index_side(
+    format: str,
+    files: Sequence[File],
+    options: ReadOptions,
+    *,
+    store: Path,
+    rows_together: int,
+    name: str,
+    run: Run,
+) -> None:
+    """Sort the rows of all files into runs, and write which steps there are.
+
+    Parameters
+    ----------
+    format : {"csv", "parquet"}
+        Of the files.
+    files : sequence of File
+        In order.
+    options : ReadOptions
+        How to read them.
+    store : Path
+        The folder of the index.
+    rows_together : int
+        Rows of the blocks that will be read, about.
+    name : str
+        Of the side, for messages.
+    run : callable
+        Does tasks, as `partitioned.tasks.run_tasks`.
+
+    Raises
+    ------
+    InputError
+        A row is wrong, a file is damaged, or has other columns than the first.
+    ConfigError
+        Times cannot be converted, or are of another kind than --time.
+    """
+    pieces = (text_pieces if format == "csv" else table_pieces)(files, options, rows_together)
+    tasks: dict[str, Task] = {}
+    waiting: list[FilePiece] = []
+    rows = 0
+    for number, (piece, count) in enumerate(pieces, 1):
+        waiting.append(piece)
+        rows += count
+        if rows >= rows_together or number == len(pieces):
+            tasks[str(store / "runs" / f"{len(tasks):06}")] = partial(
+                write_runs, pieces=tuple(waiting), options=options, rows_together=rows_together
+            )
+            waiting, rows = [], 0
+    run(tasks)
+    runs = [
+        folder
+        for output in tasks
+        for folder in sorted(Path(output).iterdir(), key=lambda path: int(path.name))
+    ]
+    ends: list[tuple[int | float, int | float]] = []
+
+    def gathered() -> Iterator[Moments]:
+        for folder in runs:
+            found = run_moments(folder)
+            ends.append((found.value[0].item(), found.value[-1].item()))
+            yield found
+
+    moments = merged_moments(gathered())
+    with writing(str(store / "steps")) as folder:
+        folder.mkdir()
+        known = {
+            "runs": [str(run.relative_to(store)) for run in runs],
+            "ends": ends,
+            "clock": moments.clock,
+            "rows": int(moments.count.sum()),
+            **_save_steps(moments, options, folder, name),
+        }
+        (folder / "index.json").write_text(json.dumps(known), encoding="utf-8")
+
+
+def table_pieces(
+    files: Sequence[File],
+    options: ReadOptions,
+    rows_together: int,  # noqa: ARG001  (as `text_pieces`)
+) -> list[tuple[FilePiece, int]]:
+    """The row groups of Parquet files that have rows, and how many."""
+    pieces = []
+    first = side_roles("parquet", files[0], options)
+    for file in files:
+        content, _, roles = open_table(file, options)
+        check_alike(roles, first, file, files[0])
+        for group in range(content.metadata.num_row_groups):
+            if rows := content.metadata.row_group(group).num_rows:
+                piece = FilePiece(file=file, begin=group, end=group + 1, text=False)
+                pieces.append((piece, rows))
+    return pieces
+
+
+def text_pieces(
+    files: Sequence[File], options: ReadOptions, rows_together: int
+) -> list[tuple[FilePiece, int]]:
+    """Stretches of CSV files, and about how many rows each has."""
+    size = min(max(rows_together * BYTES_OF_LINE, LEAST_TEXT), MOST_TEXT)
+    pieces = []
+    first = side_roles("csv", files[0], options)
+    for file in files:
+        head = read_head(file, options)
+        check_alike(head.roles, first, file, files[0])
+        whole = size_of(file)
+        if head.packed:
+            piece = FilePiece(file=file, begin=0, end=size, text=True)
+            pieces.append((piece, PACKED_TO * whole // BYTES_OF_LINE))
+            continue
+        for begin in range(0, whole, size):
+            end = min(begin + size, whole)
+            piece = FilePiece(file=file, begin=begin, end=end, text=True)
+            pieces.append((piece, (end - begin) // BYTES_OF_LINE))
+    return pieces
+
+
+def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> None:
+    """Whether a file has the columns of the first.
+
+    Raises
+    ------
+    InputError
+        It has others.
+    """
+    if columns_in_use(roles) == columns_in_use(first):
+        return
+    raise InputError(
+        f"{file.path}: read by its columns {listed(columns_in_use(roles))}, and "
+        f"{first_file.path} by {listed(columns_in_use(first))}; write the same into all files, or "
+        "name them with --columns"
+    )
+
+
+def columns_in_use(roles: Roles) -> list[str]:
+    """Headers of ids, times, classes and numbers, in an order that is not that of the file."""
+    columns = [roles.id, roles.time, *([] if roles.klass is None else [roles.klass])]
+    return [roles.headers[column] for column in (*columns, *roles.numbers)]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SideSteps:
+    """Steps of a side within the range of time that is asked for, and what they are read of.
+
+    Parameters
+    ----------
+    raw, times : (T,) int64 or float64 arrays
+        Distinct times as the files have them, and on the clock of the evaluation.
+    counts : (T,) int64 array
+        Rows at each.
+    labels : (T,) array of bytes, optional
+        Times as they are shown, in UTF-8, where they are no numbers.
+    texts : (T,) array of bytes, optional
+        Likewise as they were read, if they are shown otherwise.
+    converted : bool
+        Whether `times` are others than `raw`.
+    clock : {"number", "local", "zoned"}
+        What the times are.
+    rows : int
+        Rows of all files.
+    outside : int
+        How many of them --time leaves out.
+    runs : list of str
+        Folders of the rows.
+    ends : (N, 2) array
+        First and last time of each, as the files have them.
+    """
+
+    raw: TimeArray
+    times: TimeArray
+    counts: Ints
+    labels: NDArray[np.bytes_] | None
+    texts: NDArray[np.bytes_] | None
+    converted: bool
+    clock: str
+    rows: int
+    outside: int
+    runs: list[str]
+    ends: Floats | Ints
+
+    @property
+    def shown(self) -> "Texts | TimeArray":
+        """Times as they are shown."""
+        return self.times if self.labels is None else Texts(self.labels)
+
+    def read_as(self, time: float) -> str | float:
+        """What the files have for a time."""
+        at = int(np.searchsorted(self.times, time))
+        texts = self.labels if self.texts is None else self.texts
+        if texts is not None:
+            return Texts(texts)[at]
+        found: float = self.raw[at].item()
+        return found
+
+
+class Texts(Sequence[str]):
+    """Texts in UTF-8, which are read where they are looked at."""
+
+    def __init__(self, content: NDArray[np.bytes_]) -> None:
+        self.content = content
+
+    def __len__(self) -> int:
+        return len(self.content)
+
+    @overload
+    def __getitem__(self, place: int) -> str: ...
+    @overload
+    def __getitem__(self, place: slice) -> "Texts": ...
+    def __getitem__(self, place: int | slice) -> "str | Texts":
+        if isinstance(place, slice):
+            return Texts(self.content[place])
+        text: bytes = self.content[place]
+        return text.decode()
+
+
+def _save_steps(
+    moments: Moments, options: ReadOptions, folder: Path, name: str
+) -> dict[str, int | bool]:
+    """Write the steps of a side into a folder; what else is to be known of them."""
+    labels = None
+    if moments.label is not None:
+        labels = np.empty(len(moments.label), dtype=object)
+        labels[:] = list(Texts(moments.label))
+    times, shown = options.conversion.times(moments.value, moments.clock, labels, name)
+    inside = np.ones(len(times), bool)
+    if options.moments is not None:
+        inside = options.moments.inside(times, moments.clock, name)
+    kept: dict[str, NDArray[np.generic]] = {
+        "raw": moments.value[inside],
+        "times": times[inside],
+        "counts": moments.count[inside],
+    }
+    if shown is not None and moments.label is not None:
+        texts = [text.encode() for text in shown[inside].tolist()]
+        kept["labels"] = np.array(texts, dtype=np.bytes_)
+        if times is not moments.value:
+            kept["texts"] = moments.label[inside]
+    for key, array in kept.items():
+        np.save(folder / f"{key}.npy", array)
+    return {"outside": int(moments.count[~inside].sum()), "converted": times is not moments.value}
+
+
+@lru_cache(maxsize=4)
+def steps_of(store: str) -> SideSteps:
+    """What `index_side` wrote; arrays stay in their files."""
+    folder = Path(store, "steps")
+    known = json.loads((folder / "index.json").read_text(encoding="utf-8"))
+    known["runs"] = [str(Path(store, run)) for run in known["runs"]]
+    known["ends"] = np.array(known["ends"]).reshape(-1, 2)
+    paths = {key: folder / f"{key}.npy" for key in ("raw", "times", "counts", "labels", "texts")}
+    arrays: dict[str, Any] = {
+        key: np.load(path, mmap_mode="r") if path.exists() else None for key, path in paths.items()
+    }
+    return SideSteps(**known, **arrays)
+
 
 KEY_DIGITS = 16
 """Of the digest of files and options that names the folder of a side's index."""
@@ -58,42 +334,42 @@ class PartsSide:
     ----------
     path : str
         The folder or file.
-    role : {"truth", "estimate"}
-        What it is.
     format : {"parquet", "csv"}
         Of its files.
     options : ReadOptions
         How to read it.
     store : str
         The folder of its index.
-    columns : tuple of str
-        Names of the state columns.
-    clock : {"number", "local", "zoned"}
-        What the times are.
-    rows : int
-        Rows of all files.
-    left_out : dict of str to int
-        How many of them are outside the range of time.
-    headers : dict of str to str
-        Headers of the columns whose names are others.
-    lacking : dict of str to str
-        See `formats.Reading`.
-    notices : tuple of str
-        What the user should know before a block is read.
+    roles : Roles
+        Of the columns of the first file.
     """
 
     path: str
-    role: str
     format: str
     options: ReadOptions
     store: str
-    columns: tuple[str, ...]
-    clock: str
-    rows: int
-    left_out: dict[str, int]
-    headers: dict[str, str]
-    lacking: dict[str, str]
-    notices: tuple[str, ...]
+    roles: Roles
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the state columns."""
+        return self.roles.names
+
+    @property
+    def clock(self) -> str:
+        """What the times are: "number", "local" or "zoned"."""
+        return steps_of(self.store).clock
+
+    @property
+    def rows(self) -> int:
+        """Rows of all files."""
+        return steps_of(self.store).rows
+
+    @property
+    def left_out(self) -> dict[str, int]:
+        """How many of them are outside the range of time."""
+        outside = steps_of(self.store).outside
+        return {"time": outside} if outside else {}
 
     @property
     def times(self) -> TimeArray:
@@ -130,8 +406,8 @@ class PartsSide:
         end = int(np.searchsorted(steps.times, last, side="right"))
         if begin >= end:
             return Reading(trajectories=self._nothing(), rows=0, format=self.format)
-        span = steps.raw[begin].item(), steps.raw[end - 1].item()
-        rows = merged_rows(self.path, list(self._parts(span)))
+        found_rows = self._parts(steps.raw[begin].item(), steps.raw[end - 1].item())
+        rows = merged_rows(self.path, list(found_rows))
         value = cast(TimeArray, rows.times.value.astype(steps.raw.dtype, copy=False))
         if steps.converted:
             value = steps.times[np.searchsorted(steps.raw, value)]
@@ -174,13 +450,15 @@ class PartsSide:
         """
         which = self.options.on_duplicate
         rules = (*RULES_SAID, "duplicate")
-        notices: list[str] = []
+        notices = [*self.roles.notices(clouds=False), *([CENTRES] if self.roles.centres else ())]
+        if self.options.classes is not None and self.roles.klass is None:
+            notices.append(NO_CLASSES)
         for rule in rules:
             if rule in left_out:
                 notices.append(said_of(rule, left_out[rule], which))
-            if rule == "class" and "class" not in self.lacking:
+            if rule == "class" and "class" not in self.roles.lacking:
                 notices += class_notices(self.options, classes, whole=False)
-        return (*self.notices, *notices)
+        return tuple(notices)
 
     def check_ids(self, ids: NDArray[np.str_]) -> None:
         """Whether the ids of all blocks are those of tracks.
@@ -194,21 +472,14 @@ class PartsSide:
         if only == "-1" and self.rows > 1 and self.options.on_duplicate == "error":
             raise InputError(only_detections(self.path))
 
-    def _parts(self, span: Span) -> Iterator[Rows]:
-        """Rows of the files in a range of time, in the order of the files."""
+    def _parts(self, low: int | float, high: int | float) -> Iterator[Rows]:
+        """Rows of the runs in a range of time, in the order of the files."""
         steps = steps_of(self.store)
-        low, high = span
-        chosen = np.flatnonzero((steps.lows <= high) & (steps.highs >= low)).tolist()
-        chunks: list[Chunk] = []
-        for unit in (steps.units[k] for k in chosen):
-            if unit.piece is None:
-                rows = run_rows(unit.folder, span, steps.roles, self.options)
-                if rows is not None:
-                    yield rows
-                continue
-            table = open_table(unit.piece.file, self.options)
-            chunks += table.chunks(unit.piece.begin, self.options, span)
-        yield from rows_of_chunks(chunks, self.options)
+        first, last = steps.ends.T
+        for k in np.flatnonzero((first <= high) & (last >= low)).tolist():
+            rows = run_rows(steps.runs[k], (low, high), self.roles, self.options)
+            if rows is not None:
+                yield rows
 
     def _nothing(self) -> Trajectories:
         return Trajectories(
@@ -229,7 +500,7 @@ def open_side(
     *,
     work: Path,
     rows_together: int,
-    run: Run[Any],
+    run: Run,
 ) -> PartsSide:
     """Find out what a side has, and put its rows in order of time where they are not.
 
@@ -259,15 +530,17 @@ def open_side(
     check_options(name, options)
     format, files = files_of(name)
     store = work.absolute() / f"{role}-{_key(format, files, options, rows_together)}"
-    opened = store / "side"
-    if not opened.exists():
-        source = IndexSource(files=files, options=options, store=store, rows_together=rows_together)
-        index = (index_texts if format == "csv" else index_tables)(source, run)
-        side = _stored(index, options, store, name, role, format)
-        with writing(str(opened)) as beside:
-            beside.write_bytes(pickle.dumps(side))
-    found: PartsSide = pickle.loads(opened.read_bytes())
-    return replace(found, path=name, options=options, store=str(store))
+    if not (store / "steps").exists():
+        index_side(
+            format, files, options, store=store, rows_together=rows_together, name=name, run=run
+        )
+    return PartsSide(
+        path=name,
+        format=format,
+        options=options,
+        store=str(store),
+        roles=side_roles(format, files[0], options),
+    )
 
 
 def _key(format: str, files: Sequence[File], options: ReadOptions, rows_together: int) -> str:
@@ -279,31 +552,6 @@ def _key(format: str, files: Sequence[File], options: ReadOptions, rows_together
     asked = {key: vars(options)[key] for key in vars(options) if key not in ("fault", "beside")}
     sha.update(repr(asked).encode("utf-8", "surrogateescape"))
     return sha.hexdigest()[:KEY_DIGITS]
-
-
-def _stored(
-    index: Index, options: ReadOptions, store: Path, name: str, role: str, format: str
-) -> PartsSide:
-    """The side of an index, which is written."""
-    roles = index.roles
-    outside = store_steps(index, options, store, name)
-    notices = [*roles.notices(clouds=False), *([CENTRES] if roles.centres else ())]
-    if options.classes is not None and roles.klass is None:
-        notices.append(NO_CLASSES)
-    return PartsSide(
-        path=name,
-        role=role,
-        format=format,
-        options=options,
-        store=str(store),
-        columns=roles.names,
-        clock=index.moments.clock,
-        rows=int(index.moments.count.sum()),
-        left_out={"time": outside} if outside else {},
-        headers=roles.called,
-        lacking=roles.lacking,
-        notices=tuple(notices),
-    )
 
 
 def _settled(options: ReadOptions) -> ReadOptions:

@@ -8,9 +8,10 @@ units and names of the user.
 import itertools
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,8 @@ from tgospa_eval.common.files import named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.partitioned.tasks import run_tasks, writing
+from tgospa_eval.partitioned.shards import ASSIGNED_PAIR, SWITCHED
+from tgospa_eval.partitioned.tasks import Run, Task, run_tasks, writing
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Breakdown
 from tgospa_eval.problem.tgospa import Parameters
@@ -36,6 +38,10 @@ ROW_GROUP = 1 << 17
 REPEATED = ("t", "weight", "mass")
 """Columns of doubles with few values; others are smaller, and faster to write, without a dictionary
 of their values."""
+
+
+TrackParts: TypeAlias = Mapping[str, Floats]
+"""What the tracks of a side contribute in units of c^p, by the names of `readout.PerTrack`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,21 +89,14 @@ class Naming:
 
 def write_per_step(path: str, split: Breakdown, naming: Naming) -> None:
     """Write the cost of each of the T steps: ``per_step.parquet``."""
-    _check_arrow()
-    import pyarrow as pa
-
-    parts: dict[str, Floats] = {name: naming.scale * getattr(split, name) for name in PARTS}
-    total = sum(parts.values(), np.zeros(len(naming.times)))
-    table = pa.table({"t": _array(naming.times), **parts, "total": total})
-    write_table(path, table.to_batches(ROW_GROUP), table.schema)
+    columns = {"t": naming.times}
+    columns |= {name: naming.scale * getattr(split, name) for name in PARTS}
+    columns["total"] = sum((columns[name] for name in PARTS), np.zeros(len(naming.times)))
+    _write_slices(path, columns)
 
 
 def write_tracks(
-    path: str,
-    kind: Literal["missed", "false"],
-    rows: Ints,
-    parts: Mapping[str, Floats],
-    naming: Naming,
+    path: str, kind: Literal["missed", "false"], rows: Ints, parts: TrackParts, naming: Naming
 ) -> None:
     """Write what each track costs: ``per_truth.parquet`` of missed, ``per_estimate`` of false.
 
@@ -109,125 +108,92 @@ def write_tracks(
         What a step without an assignment is.
     rows : (k,) int array
         At how many steps each track exists.
-    parts : mapping of str to (k,) float array
-        What each contributes in units of c^p, by the names of `problem.readout.PerTrack`.
+    parts : TrackParts
+        What each contributes.
     naming : Naming
         Ids and units.
     """
-    _check_arrow()
-    import pyarrow as pa
-
-    ids = naming.truths if kind == "missed" else naming.estimates
-    costs = {
-        "localisation": (naming.scale, parts["localisation"]),
-        kind: (naming.scale, parts["unassigned"]),
-        "switch": (naming.scale, parts["switch"]),
-        f"{kind}_count": (1.0, parts["unassigned_count"]),
-        "switch_count": (1.0, parts["switch_count"]),
+    columns = {
+        "id": naming.truths if kind == "missed" else naming.estimates,
+        "steps": rows.astype(np.int64),
+        "localisation": naming.scale * parts["localisation"],
+        kind: naming.scale * parts["unassigned"],
+        "switch": naming.scale * parts["switch"],
+        f"{kind}_count": parts["unassigned_count"],
+        "switch_count": parts["switch_count"],
     }
-
-    def chunks() -> "Iterator[pa.RecordBatch]":
-        for first in range(0, len(rows), ROW_GROUP):
-            own = slice(first, first + ROW_GROUP)
-            columns = {name: factor * cost[own] for name, (factor, cost) in costs.items()}
-            yield pa.RecordBatch.from_pydict(
-                {"id": _array(ids[own]), "steps": rows[own].astype(np.int64), **columns}
-            )
-
-    fields = [("id", pa.string()), ("steps", pa.int64())]
-    fields += [(name, pa.float64()) for name in costs]
-    write_table(path, chunks(), pa.schema(fields))
+    _write_slices(path, columns)
 
 
-def write_assignments(path: str, chunks: Iterable[NDArray[np.void]], naming: Naming) -> None:
-    """Write a part of the assigned pairs: ``assignments/part-*.parquet``.
+def _write_slices(path: str, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write columns that are in memory."""
 
-    Chunks have the numbers ``step``, ``truth``, ``estimate``, the ``cost`` in units of c^p, which
-    is (d / c)^p, and the ``weight``.
+    def own(rows: slice) -> dict[str, NDArray[Any]]:
+        return {name: column[rows] for name, column in columns.items()}
+
+    size = len(next(iter(columns.values())))
+    slices = (slice(first, first + ROW_GROUP) for first in range(0, size, ROW_GROUP))
+    write_table(path, own, slices, slice(0))
+
+
+def write_switches(path: str, pieces: Sequence[Path], naming: Naming) -> None:
+    """Write the switches of all shards in the order of time: ``switches.parquet``.
+
+    Pieces have SWITCHED, whose estimates are -1 for none.
     """
-    _check_arrow()
-    import pyarrow as pa
 
-    cutoff, p, scale = naming.parameters.cutoff, naming.parameters.order, naming.scale
-    # Once for all chunks: of each row it would take three times as long.
-    truths, estimates = _array(naming.truths), _array(naming.estimates)
+    def columns(chunk: NDArray[np.void]) -> dict[str, Any]:
+        def named(track: Ints) -> "pa.Array":
+            names = np.full(len(track), "", naming.estimates.dtype)
+            names[track >= 0] = naming.estimates[track[track >= 0]]
+            return _array(names, track < 0)
 
-    def batches() -> "Iterator[pa.RecordBatch]":
-        for chunk in chunks:
-            weight, cost = chunk["weight"], chunk["cost"]
-            yield pa.RecordBatch.from_pydict(
-                {
-                    "t": _array(naming.times[chunk["step"]]),
-                    "truth": truths.take(_array(chunk["truth"])),
-                    "estimate": estimates.take(_array(chunk["estimate"])),
-                    "weight": np.ascontiguousarray(weight),
-                    "distance": cutoff * cost ** (1 / p),
-                    "cost": scale * cost * weight,
-                }
-            )
+        return {
+            "t": naming.times[chunk["step"]],
+            "truth": naming.truths[chunk["truth"]],
+            "from": named(chunk["before"]),
+            "to": named(chunk["after"]),
+            "mass": 0.5 * chunk["variation"],
+            "cost": naming.scale * naming.parameters.switch_price * chunk["variation"],
+        }
 
-    fields = [("t", _array(naming.times[:0]).type), ("truth", pa.string())]
-    fields += [("estimate", pa.string())]
-    fields += [(name, pa.float64()) for name in ("weight", "distance", "cost")]
-    write_table(path, batches(), pa.schema(fields))
+    paths = tuple(map(str, pieces))
+    edges = _edges(_rows_by_step(paths, len(naming.times)), ROWS_AT_ONCE)
+    write_table(path, columns, in_order(paths, edges), np.zeros(0, SWITCHED))
 
 
-def write_switches(path: str, chunks: Iterable[NDArray[np.void]], naming: Naming) -> None:
-    """Write the switches: ``switches.parquet``.
-
-    Chunks have the numbers ``step``, ``truth``, ``before`` and ``after``, -1 for none, and the
-    ``variation``, as `problem.readout.Switches`.
-    """
-    _check_arrow()
-    import pyarrow as pa
-
-    price = naming.parameters.switch_price
-
-    def largest(track: Ints) -> "pa.Array":
-        names = np.full(len(track), "", naming.estimates.dtype)
-        names[track >= 0] = naming.estimates[track[track >= 0]]
-        return _array(names, track < 0)
-
-    def batches() -> "Iterator[pa.RecordBatch]":
-        for chunk in chunks:
-            yield pa.RecordBatch.from_pydict(
-                {
-                    "t": _array(naming.times[chunk["step"]]),
-                    "truth": _array(naming.truths[chunk["truth"]]),
-                    "from": largest(chunk["before"]),
-                    "to": largest(chunk["after"]),
-                    "mass": 0.5 * chunk["variation"],
-                    "cost": naming.scale * price * chunk["variation"],
-                }
-            )
-
-    fields = [("t", _array(naming.times[:0]).type)]
-    fields += [(name, pa.string()) for name in ("truth", "from", "to")]
-    fields += [(name, pa.float64()) for name in ("mass", "cost")]
-    write_table(path, batches(), pa.schema(fields))
-
-
-def write_table(path: str, chunks: "Iterable[pa.RecordBatch]", schema: "pa.Schema") -> None:
+def write_table(
+    path: str, columns_of: Callable[[Any], dict[str, Any]], chunks: Iterable[Any], none: Any
+) -> None:
     """Write a table beside its place in row groups, and rename it: the same bytes each time.
 
     Parameters
     ----------
     path : str
         The file; its folder is made.
-    chunks : iterable of RecordBatch
+    columns_of : callable
+        The columns of a chunk by their names.
+    chunks : iterable
         Rows in order, in pieces of any size; they are joined to row groups of `ROW_GROUP`, so
         that the file does not depend on how they were cut.
-    schema : Schema
-        Columns, in order.
+    none
+        A chunk without rows, which says what the columns are.
 
     Raises
     ------
     ConfigError
-        It cannot be written, or pyarrow is not installed.
+        It cannot be written.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    def batch(chunk: Any) -> "pa.RecordBatch":
+        columns = columns_of(chunk).items()
+        return pa.RecordBatch.from_pydict(
+            {k: _array(v) if isinstance(v, np.ndarray) else v for k, v in columns}
+        )
+
+    schema = batch(none).schema
     with (
         named(path, ConfigError, "cannot be written"),
         writing(path) as beside,
@@ -242,7 +208,7 @@ def write_table(path: str, chunks: "Iterable[pa.RecordBatch]", schema: "pa.Schem
             ],
         ) as writer,
     ):
-        for group in _row_groups(chunks, schema):
+        for group in _row_groups(map(batch, chunks), schema):
             writer.write_table(group, ROW_GROUP)
 
 
@@ -273,20 +239,6 @@ def _array(names: NDArray[Any], absent: NDArray[np.bool_] | None = None) -> "pa.
     return pa.array(np.ascontiguousarray(names), kind, mask=absent)
 
 
-def _check_arrow() -> None:
-    """Whether Arrow is there.
-
-    Raises
-    ------
-    ConfigError
-        It is not installed.
-    """
-    if find_spec("pyarrow") is None:
-        raise ConfigError(
-            f"tables of partitioned data need the extra parquet: {install('parquet')}"
-        )
-
-
 # -------------------------------------------------------------------------------------------------
 # Assigned pairs and switches of all shards as tables in the order of time.
 
@@ -299,16 +251,17 @@ ROWS_AT_ONCE = 1 << 18
 ORDER = ("step", "truth", "estimate")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Part:
-    """The task to write the assigned pairs of some steps.
+def write_part(
+    output: str, pieces: Sequence[str], edges: Ints, names: str, parameters: Parameters
+) -> None:
+    """Write the assigned pairs of some steps: ``assignments/part-*.parquet``.
 
     Parameters
     ----------
     output : str
         The file.
-    pieces : tuple of str
-        Files of assigned pairs, each by time.
+    pieces : sequence of str
+        Files of ASSIGNED_PAIR, each by time.
     edges : (n + 1,) int array
         The steps, cut into n stretches of `ROWS_AT_ONCE`.
     names : str
@@ -316,23 +269,27 @@ class Part:
     parameters : Parameters
         Of the metric.
     """
+    naming = Naming.load(names, parameters)
+    # Once for all chunks: of each row it would take three times as long.
+    truths, estimates = _array(naming.truths), _array(naming.estimates)
 
-    output: str
-    pieces: tuple[str, ...]
-    edges: Ints
-    names: str
-    parameters: Parameters
+    def columns(chunk: NDArray[np.void]) -> dict[str, Any]:
+        weight, cost = chunk["weight"], chunk["cost"]
+        return {
+            "t": naming.times[chunk["step"]],
+            "truth": truths.take(_array(chunk["truth"])),
+            "estimate": estimates.take(_array(chunk["estimate"])),
+            "weight": weight,
+            "distance": parameters.cutoff * cost ** (1 / parameters.order),
+            "cost": naming.scale * cost * weight,
+        }
 
-
-def write_part(task: Part) -> None:
-    """Write the assigned pairs of some steps."""
-    naming = Naming.load(task.names, task.parameters)
-    write_assignments(task.output, in_order(task.pieces, task.edges), naming)
+    write_table(output, columns, in_order(pieces, edges), np.zeros(0, ASSIGNED_PAIR))
 
 
 def parts_of(
     folder: str, pieces: Sequence[Path], steps: int, names: str, parameters: Parameters
-) -> list[Part]:
+) -> dict[str, Task]:
     """The tasks to write all assigned pairs; one without rows where there are none.
 
     Parameters
@@ -351,23 +308,16 @@ def parts_of(
     paths = tuple(map(str, pieces))
     rows = _rows_by_step(paths, steps)
     parts = _edges(rows, ROWS_A_PART)
-    return [
-        Part(
-            output=str(Path(folder, f"part-{number:05d}.parquet")),
+    return {
+        str(Path(folder, f"part-{number:05d}.parquet")): partial(
+            write_part,
             pieces=paths,
             edges=low + _edges(rows[low:high], ROWS_AT_ONCE),
             names=names,
             parameters=parameters,
         )
         for number, (low, high) in enumerate(itertools.pairwise(parts))
-    ]
-
-
-def write_all_switches(path: str, pieces: Sequence[Path], naming: Naming) -> None:
-    """Write the switches of all shards in the order of time."""
-    paths = tuple(map(str, pieces))
-    edges = _edges(_rows_by_step(paths, len(naming.times)), ROWS_AT_ONCE)
-    write_switches(path, in_order(paths, edges), naming)
+    }
 
 
 def in_order(pieces: Sequence[str], edges: Ints) -> Iterator[NDArray[np.void]]:
@@ -414,29 +364,13 @@ def _edges(rows: Ints, most: int) -> Ints:
 # What the shards found, as the tables of a result.
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TrackSums:
-    """What the k tracks of one side contribute.
-
-    Parameters
-    ----------
-    rows : (k,) int array
-        At how many steps each exists.
-    parts : mapping of str to (k,) float array
-        In units of c^p, by the names of `problem.readout.PerTrack`.
-    """
-
-    rows: Ints
-    parts: Mapping[str, Floats]
-
-
 def write_tables(
     folder: str,
     naming: Naming,
     split: Breakdown,
-    tracks: tuple[TrackSums, TrackSums],
+    tracks: Sequence[tuple[Ints, TrackParts]],
     shards: Sequence[Path],
-    run: Callable[[Callable[[Part], None], Sequence[Part]], None] = run_tasks,
+    run: Run = run_tasks,
     *,
     assignments: bool = True,
 ) -> StoredTables:
@@ -450,8 +384,8 @@ def write_tables(
         Times and ids.
     split : Breakdown
         Of the whole.
-    tracks : pair of TrackSums
-        Of truths and estimates.
+    tracks : pair of pairs
+        Of truths and estimates: at how many steps each exists, and what it contributes.
     shards : sequence of Path
         Folders with ``assigned.npy`` and ``switched.npy``, each by time.
     run : callable
@@ -465,6 +399,10 @@ def write_tables(
     ConfigError
         They cannot be written, or pyarrow is not installed.
     """
+    if find_spec("pyarrow") is None:
+        raise ConfigError(
+            f"tables of partitioned data need the extra parquet: {install('parquet')}"
+        )
     place = Path(folder)
     names = str(place.parent / "names")
     if not Path(names).exists():
@@ -474,15 +412,18 @@ def write_tables(
         path = place / name_of(table)
         return None if path.exists() else str(path)
 
+    def found(name: str) -> list[Path]:
+        return [shard / name for shard in shards if (shard / name).exists()]
+
     if path := missing("per_step"):
         write_per_step(path, split, naming)
     if path := missing("per_truth"):
-        write_tracks(path, "missed", tracks[0].rows, tracks[0].parts, naming)
+        write_tracks(path, "missed", *tracks[0], naming)
     if path := missing("per_estimate"):
-        write_tracks(path, "false", tracks[1].rows, tracks[1].parts, naming)
+        write_tracks(path, "false", *tracks[1], naming)
     if path := missing("switches"):
-        write_all_switches(path, [shard / "switched.npy" for shard in shards], naming)
-    pieces = [shard / "assigned.npy" for shard in shards if assignments]
+        write_switches(path, found("switched.npy"), naming)
+    pieces = found("assigned.npy") if assignments else []
     parts = str(place / name_of(IN_PARTS))
-    run(write_part, parts_of(parts, pieces, len(naming.times), names, naming.parameters))
+    run(parts_of(parts, pieces, len(naming.times), names, naming.parameters))
     return StoredTables(folder)

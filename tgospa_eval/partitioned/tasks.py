@@ -1,22 +1,16 @@
 """Tasks that write one output each, are skipped where it is there, and go on after a kill."""
 
 import errno
-import math
 import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol, TypeVar
 
-from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.engines.spread import Engine, spread
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.partitioned.share import PartialSums
-from tgospa_eval.problem.tgospa import Parameters
 
 UNFINISHED = ".unfinished"
 """Ends the names of outputs that are being written."""
@@ -25,50 +19,27 @@ REMOVED = ".removed-"
 """Begins the names of folders with what is being removed."""
 
 
-class PartsTask(Protocol):
-    """One piece of work; it travels to whoever does it."""
+Task = Callable[[str], None]
+"""Writes one output, a file or folder of this path; a function of a module, as it travels."""
 
-    @property
-    def output(self) -> str:
-        """The file or folder that it writes."""
-
-
-T = TypeVar("T", bound=PartsTask)
-Run = Callable[[Callable[[T], None], Sequence[T]], None]
-"""Does tasks by a function, in no order; those that are done are not done again."""
+Run = Callable[[Mapping[str, Task]], None]
+"""Does tasks, by their outputs, in no order; those that are done are not done again."""
 
 
-@dataclass(frozen=True)
-class Ended:
-    """A task has ended.
-
-    Parameters
-    ----------
-    output : str
-        Of which task.
-    lost : bool
-        Whether the process that worked on it died whenever it tried.
-    """
-
-    output: str
-    lost: bool = False
+def do_task(job: tuple[str, Task]) -> tuple[str, bool]:
+    """Do one; its output, and that no process died of it."""
+    output, task = job
+    if not os.path.exists(output):
+        task(output)
+    return output, False
 
 
-@dataclass(frozen=True)
-class _Work:
-    """The function of some tasks, as it travels."""
-
-    function: Callable[..., None]
-
-    def __call__(self, task: PartsTask) -> Ended:
-        if not os.path.exists(task.output):
-            self.function(task)
-        return Ended(task.output)
+def _lost(job: tuple[str, Task]) -> tuple[str, bool]:
+    return job[0], True
 
 
 def run_tasks(
-    function: Callable[[T], None],
-    tasks: Sequence[T],
+    tasks: Mapping[str, Task],
     engine: Engine | None = None,
     done: Callable[[str], None] | None = None,
 ) -> None:
@@ -76,10 +47,8 @@ def run_tasks(
 
     Parameters
     ----------
-    function : callable
-        Does one, by `writing` its output; defined in a module, as it travels.
-    tasks : sequence of PartsTask
-        In the order in which to begin.
+    tasks : mapping of str to Task
+        By their outputs, which they write by `writing`, in the order in which to begin.
     engine : Engine, optional
         Where; in this process by default.
     done : callable, optional
@@ -91,21 +60,20 @@ def run_tasks(
         A process died of a task, most likely for want of memory.
     """
     left = []
-    for task in tasks:
-        if not os.path.exists(task.output):
-            left.append(task)
+    for output, task in tasks.items():
+        if not os.path.exists(output):
+            left.append((output, task))
         elif done is not None:
-            done(task.output)
-    work = _Work(function)
-    ended = map(work, left) if engine is None else spread(work, left, _lost, engine)
-    for end in ended:
-        if end.lost:
+            done(output)
+    ended = map(do_task, left) if engine is None else spread(do_task, left, _lost, engine)
+    for output, lost in ended:
+        if lost:
             raise SolverError(
-                f"a process died of {os.path.basename(end.output)}, most likely for want of "
+                f"a process died of {os.path.basename(output)}, most likely for want of "
                 "memory: allow less with --memory, or fewer processes with --jobs"
             )
         if done is not None:
-            done(end.output)
+            done(output)
 
 
 def left_until(end: float | None) -> float | None:
@@ -114,10 +82,6 @@ def left_until(end: float | None) -> float | None:
     On a cluster clocks have to agree about as well as the limit is to be kept.
     """
     return None if end is None else max(end - time.time(), 0.0)
-
-
-def _lost(task: PartsTask) -> Ended:
-    return Ended(task.output, lost=True)
 
 
 @contextmanager
@@ -177,125 +141,3 @@ def _remove(path: Path) -> None:
         shutil.rmtree(path, ignore_errors=True)
     else:
         path.unlink(missing_ok=True)
-
-
-# -------------------------------------------------------------------------------------------------
-# What the stages of a partitioned evaluation say of themselves while they go on.
-
-OUTWARD = 1e-12
-"""Relative, by which bounds that are shown are wider: sums of sums are off by less."""
-
-
-TOLD_FROM = 0.01
-"""Of the work has to be done before anyone says how long the rest takes."""
-
-
-class Stages:
-    """The stage, how much of it is done, the time that is left, and what is proven so far.
-
-    Who watches reads it from the stopwatch and its `progress`.
-
-    Parameters
-    ----------
-    stopwatch : Stopwatch
-        Of the work.
-    """
-
-    def __init__(self, stopwatch: Stopwatch) -> None:
-        self.stopwatch = stopwatch
-        self._outer = stopwatch.stage
-        self._name = ""
-        self._work: dict[str, float] = {}
-        self._before = self._done = self._begin = 0.0
-        self._left: set[str] = set()
-        self._prices = (0.0, 0.0)
-        self._proven: dict[str, tuple[float, float]] = {}
-
-    def stage(self, name: str, tasks: Mapping[str, float]) -> None:
-        """Begin a stage, which ends the one before.
-
-        Parameters
-        ----------
-        name : str
-            What is done, in a word: ``"solving"``.
-        tasks : mapping of str to float
-            Outputs of its tasks, and how much work each is in any unit. What is there already is
-            known to be done.
-        """
-        self._name, self._work, self._left = name, dict(tasks), set(tasks)
-        there = [task for task in tasks if os.path.exists(task)]
-        self._before = self._done = sum(tasks[task] for task in there)
-        self._left.difference_update(there)
-        self._begin = time.monotonic()
-        self.stopwatch.progress.share, self.stopwatch.progress.left = 0.0, None
-        self._show()
-
-    def end(self) -> None:
-        """All stages are done."""
-        self.stopwatch.stage, self.stopwatch.progress.left = self._outer, None
-
-    def done(self, task: str, share: PartialSums | None = None) -> None:
-        """A task has ended, or was found done.
-
-        Parameters
-        ----------
-        task : str
-            Its output.
-        share : PartialSums, optional
-            What it proves.
-        """
-        if task in self._left:
-            self._left.remove(task)
-            self._done += self._work[task]
-        if share is not None:
-            self.prove(share, task)
-        self._show()
-
-    def expect(self, parameters: Parameters, objects: tuple[int, int]) -> None:
-        """Say what would be paid if nothing were assigned, before shares come.
-
-        Parameters
-        ----------
-        parameters : Parameters
-            Of the metric.
-        objects : pair of int
-            All states of truth and of estimate.
-        """
-        self._prices = parameters.unassigned_prices
-        self._proven = {"": (0.0, self._unassigned(*objects))}
-        self.stopwatch.progress.scale = parameters.root
-        self._bracket()
-
-    def _unassigned(self, truths: float, estimates: float) -> float:
-        return self._prices[0] * truths + self._prices[1] * estimates
-
-    def prove(self, share: PartialSums, name: str) -> None:
-        """Below, shares that are known; above, them and all other objects unassigned.
-
-        Parameters
-        ----------
-        share : PartialSums
-            What is proven.
-        name : str
-            Of what: it takes the place of what was proven of it before.
-        """
-        free = self._unassigned(float(share.truths.sum()), float(share.estimates.sum()))
-        self._proven[name] = share.bracket[0], share.upper - free
-        self._bracket()
-
-    def _bracket(self) -> None:
-        lower, upper = map(math.fsum, zip(*self._proven.values(), strict=True))
-        self.stopwatch.progress.prove(lower * (1 - OUTWARD), upper * (1 + OUTWARD))
-
-    def _show(self) -> None:
-        progress, whole = self.stopwatch.progress, sum(self._work.values())
-        count = len(self._work)
-        done = f", {count - len(self._left):,} of {count:,}" if count else ""
-        self.stopwatch.stage = self._name + done
-        if not whole > 0:
-            return
-        progress.done(self._done / whole)
-        fresh = self._done - self._before
-        if fresh > TOLD_FROM * whole:
-            seconds = time.monotonic() - self._begin
-            progress.left = seconds / fresh * (whole - self._done)

@@ -117,6 +117,26 @@ def pictures(draw: Draw, formats: Sequence[str] = ("png",)) -> dict[str, bytes]:
         }
 
 
+def files_of(
+    draw: "Mapping[str, Callable[[], Figure]]",
+    formats: Sequence[str],
+    dots: int,
+    notify: Callable[[str, float], None],
+) -> dict[str, bytes]:
+    """Files by name, each in all formats; `notify` takes the name of the next and what is done.
+
+    One figure after the other: they hold memory.
+    """
+    files: dict[str, bytes] = {}
+    for name, make in draw.items():
+        made = None
+        for kind in formats:
+            notify(f"{name}.{kind}", len(files) / (len(draw) * len(formats)))
+            made = make() if made is None else made
+            files[f"{name}.{kind}"] = written(made, kind, dots)
+    return files
+
+
 def written(made: "Figure", kind: str = "png", dots: int = DOTS) -> bytes:
     """The picture as a file of one of `FILES`; to be called under `styled`.
 

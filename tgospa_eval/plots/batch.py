@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval.common.palette import LIGHT, TRACK_COLOURS, heat_shades
-from tgospa_eval.plots import figure, written
+from tgospa_eval.plots import figure, files_of
 from tgospa_eval.plots.overtime import name_times
 from tgospa_eval.plots.style import FILLS, SOFT, Style, legend, literal, power, styled, titled
 from tgospa_eval.problem.problem import Floats
@@ -209,7 +209,6 @@ def batch_pictures(
 
     `notify` takes the name of each before it is drawn, and the share that is done.
     """
-    files: dict[str, bytes] = {}
     with styled(wanted.style) as style:
         draw: dict[str, Callable[[], Figure]] = {}
         if view.groups:
@@ -225,10 +224,4 @@ def batch_pictures(
             draw["curve-parts"] = lambda: draw_curves(
                 view.drawn_curves, style, view.unit, parts=True
             )
-        for name, make in draw.items():
-            made = None
-            for kind in wanted.formats:
-                notify(f"{name}.{kind}", len(files) / (len(draw) * len(wanted.formats)))
-                made = make() if made is None else made
-                files[f"{name}.{kind}"] = written(made, kind, style.dots)
-    return files
+        return files_of(draw, wanted.formats, style.dots, notify)

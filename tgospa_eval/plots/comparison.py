@@ -4,23 +4,14 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.common.words import number
 from tgospa_eval.plots import COLOURS, MARKERS, figure, label
 from tgospa_eval.plots.overtime import name_times
 from tgospa_eval.reports.clock import Clock, edges, moments, placed, words
-from tgospa_eval.reports.records import (
-    Ends,
-    SizeRecord,
-    SolverRun,
-    SolversRecord,
-    SolverSummary,
-    Spread,
-    StudyRecord,
-)
-from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Time
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Json, Time
 from tgospa_eval.results.sweep import Point, Sweep
 
 if TYPE_CHECKING:
@@ -32,15 +23,14 @@ if TYPE_CHECKING:
 FLOOR = 1e-9
 """Errors below count as none; they are drawn here."""
 
-Size = Literal["targets", "steps"]
-SIZES: tuple[Size, ...] = ("targets", "steps")
+SIZES = ("targets", "steps")
 
 SPENT, ERROR = "seconds, solving and proof", "relative error, at most"
 TEMPERATURE = "temperature ε, fraction of $c^p$"
 AT_FLOOR = f"errors below {FLOOR:g} are drawn at {FLOOR:g}"
 
 
-def solver_pictures(document: SolversRecord) -> "dict[str, Figure]":
+def solver_pictures(document: Json) -> "dict[str, Figure]":
     """By file name, those pictures that have something to show; none if there is no true value."""
     if document["referee"] is None:
         return {}
@@ -60,7 +50,7 @@ def _seen(errors: Iterable[float | None]) -> bool:
     return any(error is not None and error > FLOOR for error in errors)
 
 
-def error_over_epsilon(document: SolversRecord) -> "Figure":
+def error_over_epsilon(document: Json) -> "Figure":
     """How far the bounds of `sinkhorn` are from what all runs prove, by temperature."""
     made, ((axis,),) = figure(5.2, 3.6)
     runs = sorted(_temperatures(document), key=_epsilon)
@@ -78,7 +68,7 @@ def error_over_epsilon(document: SolversRecord) -> "Figure":
     return made
 
 
-def time_over_error(document: SolversRecord) -> "Figure":
+def time_over_error(document: Json) -> "Figure":
     """What an accuracy costs: solving and proof; bars of the time where nobody errs."""
     runs = [run for run in document["runs"] if run["seconds"] is not None]
     if not _seen(run["error"] for run in runs):
@@ -96,7 +86,7 @@ def time_over_error(document: SolversRecord) -> "Figure":
     return made
 
 
-def _times(runs: Sequence[SolverRun]) -> "Figure":
+def _times(runs: Sequence[Json]) -> "Figure":
     made, ((axis,),) = figure(6.2, 0.9 + 0.3 * len(runs))
     place, spent = range(len(runs)), [_spent(run) for run in runs]
     axis.barh(place, spent, 0.6, color=COLOURS[0])
@@ -113,16 +103,16 @@ def _times(runs: Sequence[SolverRun]) -> "Figure":
     return made
 
 
-def _spent(run: SolverRun) -> float:
+def _spent(run: Json) -> float:
     seconds = run["seconds"]
     return 0.0 if seconds is None else seconds["solve"] + seconds["certify"]
 
 
-def _epsilon(run: SolverRun | SolverSummary) -> float:
+def _epsilon(run: Json) -> float:
     return run["epsilon"] or 0.0
 
 
-def convergence(document: SolversRecord) -> "Figure":
+def convergence(document: Json) -> "Figure":
     """Bounds of `sinkhorn` while it sweeps, against what all runs prove."""
     made, ((axis,),) = figure(5.2, 3.6)
     assert document["referee"] is not None
@@ -180,11 +170,11 @@ def floored(error: float | None) -> float:
     return float("nan") if error is None else max(error, FLOOR)
 
 
-def _relative(difference: float, referee: Ends) -> float:
+def _relative(difference: float, referee: Json) -> float:
     return max(difference / referee["upper"], FLOOR) if referee["upper"] > 0 else FLOOR
 
 
-def _temperatures(document: SolversRecord) -> Sequence[SolverRun]:
+def _temperatures(document: Json) -> Sequence[Json]:
     return [
         run for run in document["runs"] if run["epsilon"] is not None and run["seconds"] is not None
     ]
@@ -193,7 +183,7 @@ def _temperatures(document: SolversRecord) -> Sequence[SolverRun]:
 # --- study ----------------------------------------------------------------------------------------
 
 
-def study_pictures(document: StudyRecord) -> "dict[str, Figure]":
+def study_pictures(document: Json) -> "dict[str, Figure]":
     """By file name, those pictures that have something to show."""
     sizes = document["sizes"]
     made = {}
@@ -210,7 +200,7 @@ def study_pictures(document: StudyRecord) -> "dict[str, Figure]":
     return made
 
 
-def study_errors(document: StudyRecord) -> "Figure":
+def study_errors(document: Json) -> "Figure":
     """Error over temperature, a line for each number of targets, at the largest number of steps."""
     made, ((axis,),) = figure(5.2, 3.6)
     longest = max(size["steps"] for size in document["sizes"])
@@ -228,7 +218,7 @@ def study_errors(document: StudyRecord) -> "Figure":
     return made
 
 
-def scaling(document: StudyRecord) -> "Figure":
+def scaling(document: Json) -> "Figure":
     """Time and error over targets at the most steps, and over steps at the most targets."""
     sizes = document["sizes"]
     most = {name: max(size[name] for size in sizes) for name in SIZES}
@@ -271,7 +261,7 @@ def scaling(document: StudyRecord) -> "Figure":
     return made
 
 
-def _errors(axis: "Axes", varied: Size, chosen: Sequence[SizeRecord]) -> list[str]:
+def _errors(axis: "Axes", varied: str, chosen: Sequence[Json]) -> list[str]:
     """Lines of the errors of those that have any; returns the names of the others."""
     exact = []
     for k, run in enumerate(chosen[0]["solvers"]):
@@ -301,7 +291,7 @@ def _ticks(axis: "Axes", x: Sequence[float], form: str = "g") -> None:
 
 
 def _line(
-    axis: "Axes", x: Sequence[float], values: Sequence[Spread], k: int, name: str, least: float
+    axis: "Axes", x: Sequence[float], values: Sequence[Json], k: int, name: str, least: float
 ) -> None:
     """Means with a band of one standard deviation, at least `least`; nothing where all failed."""
     kept = [

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.plots import FILES, available, written
+from tgospa_eval.plots import FILES, available, files_of
 from tgospa_eval.plots.style import STYLES, styled
 from tgospa_eval.plots.views import is_box, parts_of, plane_columns, view
 from tgospa_eval.reports.drawn import Drawn
@@ -93,7 +93,6 @@ def result_pictures(
     from tgospa_eval.plots.plane import draw_plane
 
     seen, parts = view(result, drawn), parts_of(wanted.components)
-    files: dict[str, bytes] = {}
     with styled(wanted.style) as style:
         draw: dict[str, Callable[[], Figure]] = {
             "costs": lambda: draw_costs(seen, style, parts),
@@ -106,13 +105,7 @@ def result_pictures(
             draw = {name: draw[name] for name in OVER_TIME}
         if result.slid is not None:
             draw["windows"] = lambda: draw_windows(seen, style, parts)
-        for name, make in draw.items():  # one after the other: a figure holds memory
-            made = None
-            for kind in wanted.formats:
-                notify(f"{name}.{kind}", len(files) / (len(draw) * len(wanted.formats)))
-                made = make() if made is None else made
-                files[f"{name}.{kind}"] = written(made, kind, style.dots)
-    return files
+        return files_of(draw, wanted.formats, style.dots, notify)
 
 
 def save(result: Summary, folder: "str | os.PathLike[str]", *, force: bool) -> None:

@@ -15,9 +15,9 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.clock import Clock, edges, placed, words
-from tgospa_eval.reports.drawn import Drawn, PageData
+from tgospa_eval.reports.drawn import Drawn
 from tgospa_eval.reports.page_data import NONE, document, is_map
-from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
 
@@ -71,7 +71,7 @@ class View:
 
     Parameters
     ----------
-    data : PageData
+    data : Json
         The document of the HTML report.
     truth, estimate : DrawnSide
         The tracks.
@@ -79,7 +79,7 @@ class View:
         Value and parameters in words.
     """
 
-    data: PageData
+    data: Json
     truth: DrawnSide
     estimate: DrawnSide
     about: str
@@ -183,7 +183,7 @@ def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
     return first, first + padded.reshape(len(first), together).argmax(axis=1)
 
 
-def _side(name: str, data: PageData, arrays: dict[str, Ints]) -> DrawnSide:
+def _side(name: str, data: Json, arrays: dict[str, Ints]) -> DrawnSide:
     table = data["tracks"][name]
     run = {field: arrays[f"{name}/run/{field}"] for field in ("track", "begin", "end", "other")}
     row: dict[str, Any] = {field: arrays[f"{name}/row/{field}"] for field in ("track", "step")}
@@ -211,7 +211,7 @@ def _side(name: str, data: PageData, arrays: dict[str, Ints]) -> DrawnSide:
     )
 
 
-def _axes(name: str, data: PageData, arrays: dict[str, Ints], step: Ints) -> dict[str, Floats]:
+def _axes(name: str, data: Json, arrays: dict[str, Ints], step: Ints) -> dict[str, Floats]:
     """The columns, the centres of boxes, and the time."""
     with np.errstate(over="ignore"):  # pictures end before the doubles do
         found: dict[str, Floats] = {

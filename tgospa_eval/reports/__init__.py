@@ -10,7 +10,7 @@ def per_step_csv(result: Summary) -> str:
     """The table of costs by step."""
     from tgospa_eval.reports.files import csv_text
 
-    return csv_text(result.per_step_table())
+    return csv_text(result.table("per_step"))
 
 
 def markdown(result: Summary) -> str:

@@ -20,7 +20,7 @@ from tgospa_eval.reports.phrases import (
     place_in_words,
 )
 from tgospa_eval.reports.slices import about_slices, group_tables
-from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
+from tgospa_eval.reports.tables import WRITERS, Document, Table
 from tgospa_eval.results.records import PARTS, Columns, json_text, records
 from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.text import listed
@@ -196,12 +196,11 @@ def _sums_table(tables: BatchTables) -> Table:
     if "mean_of_roots" in groups:
         values["mean_of_roots"] = "mean of roots"
     shown, rows = [], groups.to_dict("records")
-    columns = [[_ends(row, name) for row in rows] for name in values]
+    columns = [[interval(row, name) for row in rows] for name in values]
     for row, ends in zip(rows, zip(*columns, strict=True), strict=True):
         cells = list(map(_between, ends))
         if with_intervals:
-            interval = Interval(lower=row["confidence_lower"], upper=row["confidence_upper"])
-            cells.insert(1, _interval(interval))
+            cells.insert(1, _interval(interval(row, "confidence")))
         jobs = of_expected(int(row["jobs"]), int(row["expected"]))
         shown.append((*(value_in_words(row[name]) for name in heads), jobs, *cells))
     titles = list(values.values())
@@ -229,7 +228,7 @@ def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list
 
 def _parts_table(tables: BatchTables) -> Table:
     heads, rows = tables.heads, tables.groups.to_dict("records")
-    totals = [_ends(row, "combined") for row in rows]  # in the same order
+    totals = [interval(row, "combined") for row in rows]  # in the same order
     return Table(
         head=(*heads.values(), "total", "local.", "missed", "false", "switch"),
         rows=[
@@ -424,8 +423,9 @@ def parameters_in_words(parameters: Mapping[str, float | str]) -> str:
     return ", ".join(f"{name} {value_in_words(value)}" for name, value in parameters.items())
 
 
-def _ends(row: Mapping[Hashable, float], name: str) -> Interval:
-    return Interval(lower=row[f"{name}_lower"], upper=row[f"{name}_upper"])
+def interval(row: "Mapping[Hashable, Any] | pd.Series[Any]", name: str) -> Interval:
+    """The bracket of a value of a group."""
+    return Interval(lower=float(row[f"{name}_lower"]), upper=float(row[f"{name}_upper"]))
 
 
 def _value(value: float, digits: int, sign: str = "") -> str:
@@ -448,16 +448,17 @@ def _interval(bounds: Interval, sign: str = "") -> str:
     return f"{_value(bounds.lower, 4, sign)} to {_value(bounds.upper, 4, sign)}"
 
 
-def _as(write: Callable[[Document], str]) -> "Report":
-    return lambda tables: write(document(tables))
-
-
 Report = Callable[[BatchTables], str]
 
+
+def _written(format: str) -> Report:
+    return lambda tables: WRITERS[format](document(tables))
+
+
 BATCH_REPORTS: dict[str, Report] = {
-    "table": _as(as_text),
+    "table": _written("table"),
     "json": batch_json,
     "csv": batch_csv,
-    "markdown": _as(as_markdown),
-    "latex": _as(as_latex),
+    "markdown": _written("markdown"),
+    "latex": _written("latex"),
 }

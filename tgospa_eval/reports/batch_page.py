@@ -8,7 +8,6 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, TRACK_COLOURS, heat_shades
 from tgospa_eval.common.words import counted, number
@@ -24,7 +23,7 @@ from tgospa_eval.reports.batch import (
 )
 from tgospa_eval.reports.batch_records import Comparison, Ranking
 from tgospa_eval.reports.batch_view import METRIC_COLUMNS, BatchView, GroupCosts
-from tgospa_eval.reports.clock import ROOM, Tick, round_steps
+from tgospa_eval.reports.clock import ROOM, upward
 from tgospa_eval.reports.curves import (
     BANDS,
     CURVE_KINDS,
@@ -34,8 +33,8 @@ from tgospa_eval.reports.curves import (
     on_one_axis,
 )
 from tgospa_eval.reports.html import environment, inlined, page_colours
-from tgospa_eval.reports.phrases import order_in_words, place_in_words
-from tgospa_eval.results.records import PARTS
+from tgospa_eval.reports.phrases import ORDERS, order_in_words, place_in_words
+from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.text import as_unicode
 
 if TYPE_CHECKING:
@@ -49,63 +48,9 @@ ROOM_FOR_TIMES = 60
 """Room for the names of times."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Line:
-    """A line of a chart.
-
-    Parameters
-    ----------
-    name : str
-        Whose it is.
-    track : int
-        Number of its colour and of its dashes.
-    path : str
-        Of SVG.
-    band : str
-        The same of what is around it; nothing without.
-    last : str
-        Its last value in words, if that is of several steps.
-    """
-
-    name: str
-    track: int
-    path: str
-    band: str
-    last: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Chart:
-    """Lines with axes.
-
-    Parameters
-    ----------
-    title : str
-        What is to be seen.
-    lines : sequence of Line
-        In order.
-    up, across : sequence of Tick
-        Of the two axes.
-    stride : int
-        Of how many times one is drawn.
-    runs : str
-        How many runs there are, in words.
-    across_name : str
-        What is across.
-    """
-
-    title: str
-    lines: Sequence[Line]
-    up: Sequence[Tick]
-    across: Sequence[Tick]
-    stride: int
-    runs: str
-    across_name: str
-
-
 def curve_charts(
     curves: Sequence[tuple[int, RmsCurve]], unit: str
-) -> list[tuple[Chart, list[Chart]]]:
+) -> list[tuple[Json, list[Json]]]:
     """A chart of each kind of curves, with one for each of its parts.
 
     Parameters
@@ -115,14 +60,14 @@ def curve_charts(
     unit : str
         Of the values.
     """
-    found: list[tuple[Chart, list[Chart]]] = []
+    found: list[tuple[Json, list[Json]]] = []
     if not curves:
         return found
     clock, places, (first, last) = on_one_axis([curve for _, curve in curves])
     percent = 100.0 / (last - first)
     marks, names, about_time = clock.ticks(first, last, ROOM_FOR_TIMES)
     across = [
-        Tick(at=percent * (at - first), text=name) for at, name in zip(marks, names, strict=True)
+        {"at": percent * (at - first), "text": name} for at, name in zip(marks, names, strict=True)
     ]
     for kind, about in CURVE_KINDS.items():
         lines: dict[str, list[_Drawn]] = {}
@@ -142,22 +87,24 @@ _Drawn = tuple[int, RmsCurve, RmsLine, Floats]
 """The number of a colour, the curve, what is drawn of it, and where its times are, in percent."""
 
 
-def _chart(title: str, drawn: Sequence[_Drawn], unit: str, across: tuple[list[Tick], str]) -> Chart:
+def _chart(title: str, drawn: Sequence[_Drawn], unit: str, across: tuple[list[Json], str]) -> Json:
+    """Lines with axes; of many times one in `stride` is drawn."""
     top = ROOM * max(line.top for _, _, line, _ in drawn) or 1.0
     stride = -(-max(len(at) for *_, at in drawn) // MOST_POINTS)
     runs = sorted({curve.runs for _, curve, _, _ in drawn})
-    return Chart(
-        title=title,
-        lines=[_line(each, top, stride, unit) for each in drawn],
-        up=[Tick(at=_percent(y, top), text=number(y, 4)) for y in round_steps(0.0, top)],
-        across=across[0],
-        stride=stride,
-        runs=(f"{runs[0]:,} to " if len(runs) > 1 else "") + counted(runs[-1], "run"),
-        across_name=across[1],
-    )
+    return {
+        "title": title,
+        "lines": [_line(each, top, stride, unit) for each in drawn],
+        "up": upward(top, 5),
+        "across": across[0],
+        "stride": stride,
+        "runs": (f"{runs[0]:,} to " if len(runs) > 1 else "") + counted(runs[-1], "run"),
+        "across_name": across[1],
+    }
 
 
-def _line(drawn: _Drawn, top: float, stride: int, unit: str) -> Line:
+def _line(drawn: _Drawn, top: float, stride: int, unit: str) -> Json:
+    """Paths of SVG of a line and of what is around it, and its last value if of several steps."""
     track, curve, line, at = drawn
     size = len(at)
     chosen = sorted({*range(0, size, stride), size - 1})
@@ -166,7 +113,7 @@ def _line(drawn: _Drawn, top: float, stride: int, unit: str) -> Line:
         chosen, x = [0, 0], [0.0, 100.0]
 
     def path(values: Sequence[float]) -> str:
-        places = zip(x, (_percent(values[k], top) for k in chosen), strict=True)
+        places = zip(x, (100.0 * (1.0 - values[k] / top) for k in chosen), strict=True)
         return "L".join(f"{across:.2f} {up:.2f}" for across, up in places)
 
     around = ""
@@ -174,18 +121,13 @@ def _line(drawn: _Drawn, top: float, stride: int, unit: str) -> Line:
         low, high = map(path, line.band)
         around = f"M{high}L{'L'.join(reversed(low.split('L')))}Z"
     last = number(line.rms[-1], 4)
-    return Line(
-        name=curve.name,
-        track=track,
-        path=f"M{path(line.rms)}",
-        band=around,
-        last=f"{last} {unit}".strip() if curve.kind != "step" else "",
-    )
-
-
-def _percent(value: float, top: float) -> float:
-    """Of a value, in percent from the top."""
-    return 100.0 * (1.0 - value / top)
+    return {
+        "name": curve.name,
+        "track": track,
+        "path": f"M{path(line.rms)}",
+        "band": around,
+        "last": f"{last} {unit}".strip() if curve.kind != "step" else "",
+    }
 
 
 MOST_GROUPS = 40
@@ -353,12 +295,11 @@ def _pairs(ranking: Ranking) -> list[Comparison]:
 
 def _pair(view: BatchView, pair: Comparison) -> dict[str, str]:
     """A comparison in words."""
-    proven = {"less": "proven", "equal": "equal", "not separated": "open"}
     found = {
         "first": pair.first,
         "second": pair.second,
         "difference": view.between(pair.difference),
-        "proven": proven[pair.verdict],
+        "proven": ORDERS[pair.verdict],
     }
     if pair.inference is None:
         return found

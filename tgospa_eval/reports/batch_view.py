@@ -12,7 +12,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.palette import HEAT_LEVELS
 from tgospa_eval.common.words import THOUSANDS, natural, number
-from tgospa_eval.reports.batch import NARROW
+from tgospa_eval.reports.batch import NARROW, interval
 from tgospa_eval.reports.batch_records import BatchTables, value_in_words
 from tgospa_eval.reports.curves import RmsCurve
 from tgospa_eval.results.records import PARTS, Part
@@ -391,8 +391,3 @@ class BatchView:
             for curve in self.tables.curves
             if curve.name == name
         ]
-
-
-def interval(row: "pd.Series[Any]", name: str) -> Interval:
-    """The bracket of a value of a group."""
-    return Interval(lower=float(row[f"{name}_lower"]), upper=float(row[f"{name}_upper"]))

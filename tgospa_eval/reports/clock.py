@@ -4,13 +4,13 @@ import math
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from functools import cached_property
-from typing import TypedDict
 
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import number
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.results.records import Time
+from tgospa_eval.results.records import Json, Time
 
 UNEVEN = 5.0
 """How much longer than its steps a recording may be to be drawn to scale."""
@@ -23,15 +23,7 @@ WHOLE = 2.0**53
 """Below this whole numbers differ in a browser."""
 
 
-class TimeAxis(TypedDict):
-    """How times are drawn: a kind, where it begins, and places where they are not the times."""
-
-    kind: str
-    origin: str
-    values: list[float] | None
-
-
-def moments(times: Sequence[Time]) -> TimeAxis:
+def moments(times: Sequence[Time]) -> Json:
     """How times are drawn, as a part of the document of the page.
 
     Parameters
@@ -60,7 +52,7 @@ def readable(times: Sequence[Time]) -> list[Time]:
     return [t if isinstance(t, int | float) and abs(t) < WHOLE else str(t) for t in times]
 
 
-def placed(times: Sequence[Time], axis: TimeAxis) -> Floats:
+def placed(times: Sequence[Time], axis: Json) -> Floats:
     """Where each step is on the axis that `moments` describes."""
     if axis["kind"] == "step":
         return np.arange(len(times), dtype=float)
@@ -121,31 +113,9 @@ ROOM = 1.05
 """Height of a chart, as a multiple of what is in it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Tick:
-    """A place on an axis.
-
-    Parameters
-    ----------
-    at : float
-        In percent.
-    text : str
-        What it says.
-    """
-
-    at: float
-    text: str
-
-
-def round_steps(low: float, high: float, most: int = 6) -> list[float]:
-    """Round numbers from `low` to `high`, at most so many."""
-    if not high > low:
-        return [low]
-    raw = (high - low) / (most - 1)
-    unit = 10.0 ** math.floor(math.log10(raw))
-    each = next(unit * factor for factor in (1, 2, 5, 10) if unit * factor >= raw * (1 - 1e-9))
-    first = math.ceil(low / each - 1e-9)
-    return [k * each for k in range(first, math.floor(high / each + 1e-9) + 1)]
+def upward(top: float, count: int) -> list[dict[str, object]]:
+    """Ticks at about so many round numbers from 0 to the top: places in percent, and texts."""
+    return [{"at": 100.0 * (1.0 - y / top), "text": number(y, 4)} for y in nice(0.0, top, count)]
 
 
 CLOCK = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200)
@@ -161,13 +131,13 @@ class Clock:
 
     Parameters
     ----------
-    axis : TimeAxis
-        Of `TimeAxis`.
+    axis : dict
+        How times are drawn, by `moments`.
     labels : sequence of str
         The times of all steps in words.
     """
 
-    axis: TimeAxis
+    axis: Json
     labels: Sequence[str]
 
     @cached_property

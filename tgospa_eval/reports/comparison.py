@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Literal, get_args
 
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.interval import Interval
@@ -28,20 +27,9 @@ from tgospa_eval.reports.phrases import (
     size_of,
     unit_of,
 )
-from tgospa_eval.reports.records import (
-    RULES,
-    Comparison,
-    EstimateRecord,
-    PairRecord,
-    RankingRecord,
-    Seconds,
-    SolverRun,
-    SolversRecord,
-    Spread,
-    StudyRecord,
-)
-from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
-from tgospa_eval.results.records import PARTS, Columns, json_text
+from tgospa_eval.reports.records import RULES
+from tgospa_eval.reports.tables import WRITERS, Document, Table, as_markdown
+from tgospa_eval.results.records import PARTS, Columns, Json, json_text
 
 TIES = (
     "where assignments of a step cost the same, SciPy's is taken, with the objects in the order of "
@@ -49,7 +37,7 @@ TIES = (
 )
 
 
-def estimates_document(document: RankingRecord) -> Document:
+def estimates_document(document: Json) -> Document:
     """Several estimates of one truth, or one with per-step GOSPA beside it."""
     return Document(
         kind=_what(document),
@@ -67,13 +55,7 @@ def estimates_document(document: RankingRecord) -> Document:
     )
 
 
-def estimates_paper(document: RankingRecord) -> Document:
-    """What goes into a paper: roots per step, RMS over runs."""
-    page = estimates_document(document)
-    return replace(page, tables=[_normalised_table(document), *_other_tables(document)], notes=())
-
-
-def estimates_columns(document: RankingRecord) -> Columns:
+def estimates_columns(document: Json) -> Columns:
     """A row for each estimate, plain numbers."""
     items = document["estimates"]
     table = columns(items, ["name"])
@@ -92,7 +74,7 @@ def estimates_columns(document: RankingRecord) -> Columns:
     return table | other_columns([item.get("with", {}) for item in items])
 
 
-def pairs_columns(document: RankingRecord) -> Columns:
+def pairs_columns(document: Json) -> Columns:
     """A row for each pair of estimates: the second less the first, costs per step."""
     pairs = document["pairs"]
     table = columns(pairs, ("first", "second", "verdict", "opposed"))
@@ -104,7 +86,7 @@ def pairs_columns(document: RankingRecord) -> Columns:
     return table | columns([pair["per_run"] for pair in pairs], names, "per_run_")
 
 
-def _order(document: RankingRecord) -> str:
+def _order(document: Json) -> str:
     estimates, unit = document["estimates"], unit_of(document["parameters"])
     if len(estimates) == 1:
         item = estimates[0]
@@ -119,7 +101,7 @@ def _order(document: RankingRecord) -> str:
     )
 
 
-def _what(document: RankingRecord) -> str:
+def _what(document: Json) -> str:
     """What this is, and what to type for what it is not."""
     count = len(document["estimates"])
     if count > 1:
@@ -131,7 +113,7 @@ def _what(document: RankingRecord) -> str:
     return f"Mean over the runs of one estimate; {TO_RANK}"
 
 
-def _runs(document: RankingRecord) -> str:
+def _runs(document: Json) -> str:
     steps = sorted(set(document["steps"]))
     length = (
         counted(steps[0], "step")
@@ -148,7 +130,7 @@ def _runs(document: RankingRecord) -> str:
     )
 
 
-def _normalised_table(document: RankingRecord, *, places: bool = False) -> Table:
+def _normalised_table(document: Json, *, places: bool = False) -> Table:
     """What is ranked, and its parts; with places where there are several."""
     runs, order = document["runs"], document["parameters"]["order"]
     places = places and len(document["estimates"]) > 1
@@ -172,7 +154,7 @@ def _normalised_table(document: RankingRecord, *, places: bool = False) -> Table
     )
 
 
-def _costs_table(estimates: list[EstimateRecord]) -> Table:
+def _costs_table(estimates: list[Json]) -> Table:
     """Value, total and its parts, each in its own unit."""
     roots = [Interval(lower=item["lower_bound"], upper=item["tgospa"]) for item in estimates]
     totals = [Interval(lower=item["total_lower"], upper=item["total"]) for item in estimates]
@@ -191,7 +173,7 @@ def _costs_table(estimates: list[EstimateRecord]) -> Table:
     )
 
 
-def _pair_tables(document: RankingRecord) -> Iterator[Table]:
+def _pair_tables(document: Json) -> Iterator[Table]:
     """Differences to the first estimate, costs per step."""
     first = document["estimates"][0]["name"]
     pairs = [pair for pair in document["pairs"] if pair["first"] == first]
@@ -214,7 +196,7 @@ def _pair_tables(document: RankingRecord) -> Iterator[Table]:
     yield Table(head=(f"vs {first}", *head)[:columns], rows=rows)
 
 
-def opposed(document: RankingRecord) -> Iterator[str]:
+def opposed(document: Json) -> Iterator[str]:
     """Warnings: pairs whose mean totals are the other way round, for runs differ in length."""
     for pair in document["pairs"]:
         if pair["opposed"]:
@@ -225,7 +207,7 @@ def opposed(document: RankingRecord) -> Iterator[str]:
             )
 
 
-def _against_tables(document: RankingRecord) -> Iterator[Table]:
+def _against_tables(document: Json) -> Iterator[Table]:
     """TGOSPA, per-step GOSPA, and the two rules, for each estimate."""
     order = document["parameters"]["order"]
     rows: list[tuple[str, float, float | None, float | None]] = []
@@ -254,14 +236,14 @@ def _against_tables(document: RankingRecord) -> Iterator[Table]:
     )
 
 
-def _other_tables(document: RankingRecord) -> Iterator[Table]:
+def _other_tables(document: Json) -> Iterator[Table]:
     items = document["estimates"]
     return compared_table(
         [item["name"] for item in items], [item.get("with", {}) for item in items]
     )
 
 
-def _ranking_notes(document: RankingRecord) -> Iterator[str]:
+def _ranking_notes(document: Json) -> Iterator[str]:
     estimates = document["estimates"]
     for item in estimates:
         for which, made in enumerate(item["runs"], start=1):
@@ -292,7 +274,7 @@ def _between(low: float, high: float, sign: str = "") -> str:
     return texts[1] if texts[0] == texts[1] else " to ".join(texts)
 
 
-def _place(item: EstimateRecord, pairs: list[PairRecord]) -> str:
+def _place(item: Json, pairs: list[Json]) -> str:
     best, worst = item["place"]
     shared = any(
         pair["verdict"] == "equal" and item["name"] in (pair["first"], pair["second"])
@@ -304,10 +286,10 @@ def _place(item: EstimateRecord, pairs: list[PairRecord]) -> str:
 # -------------------------------------------------------------------------------------------------
 # Solvers compared on one estimate, as a document and as a table.
 
-MEMORY: tuple[Literal["before", "peak"], ...] = ("before", "peak")
+MEMORY = ("before", "peak")
 
 
-def solvers_document(document: SolversRecord) -> Document:
+def solvers_document(document: Json) -> Document:
     """One problem through several solvers."""
     runs = document["runs"]
     return Document(
@@ -346,7 +328,7 @@ def solvers_document(document: SolversRecord) -> Document:
     )
 
 
-def solvers_columns(document: SolversRecord) -> Columns:
+def solvers_columns(document: Json) -> Columns:
     """A row for each run, plain numbers."""
     runs = document["runs"]
     names = (
@@ -362,7 +344,7 @@ def solvers_columns(document: SolversRecord) -> Columns:
     return table
 
 
-def _agreement(document: SolversRecord) -> str:
+def _agreement(document: Json) -> str:
     referee, unit = document["referee"], unit_of(document["parameters"])
     if not document["agree"]:
         pairs = "; ".join(f"{a} and {b}" for a, b in document["contradictions"])
@@ -382,7 +364,7 @@ def _agreement(document: SolversRecord) -> str:
     return f"{subject} {verb}: TGOSPA is between {low} and {high}{unit}"
 
 
-def _solver_notes(document: SolversRecord) -> Iterator[str]:
+def _solver_notes(document: Json) -> Iterator[str]:
     once = document["seconds"]
     yield "once for all: " + ", ".join(f"{name} {value:.4f}" for name, value in once.items())
     for run in document["runs"]:
@@ -392,7 +374,7 @@ def _solver_notes(document: SolversRecord) -> Iterator[str]:
         yield f"{name} left out: {reason}"
 
 
-def _split(seconds: Seconds | None) -> tuple[float | None, ...]:
+def _split(seconds: Json | None) -> tuple[float | None, ...]:
     """Solving and proof together, and what they consist of."""
     if seconds is None:
         return (None,) * 6
@@ -406,7 +388,7 @@ def _split(seconds: Seconds | None) -> tuple[float | None, ...]:
     return seconds["solve"] + seconds["certify"], *named, rest, seconds["certify"]
 
 
-def _memory(run: SolverRun) -> str:
+def _memory(run: Json) -> str:
     memory = run["memory"]
     return "-" if memory is None else f"{(memory['peak'] - memory['before']) / 1e6:.1f}"
 
@@ -415,7 +397,7 @@ def _memory(run: SolverRun) -> str:
 # A scaling study, as a document, a report and a table.
 
 
-def study_document(document: StudyRecord) -> Document:
+def study_document(document: Json) -> Document:
     """Solvers on synthetic scenes of many sizes."""
     return Document(
         kind="Scaling study on simulated scenes; on your files: tgospa-eval compare TRUTH A",
@@ -426,7 +408,7 @@ def study_document(document: StudyRecord) -> Document:
     )
 
 
-def study_report(document: StudyRecord, pictures: list[str]) -> str:
+def study_report(document: Json, pictures: list[str]) -> str:
     """The report as Markdown, with its pictures."""
     shown = "\n\n".join(f"![{CAPTIONS[name]}]({name}.png)" for name in pictures)
     return f"# Scaling study\n\n{as_markdown(study_document(document))}" + (
@@ -434,13 +416,10 @@ def study_report(document: StudyRecord, pictures: list[str]) -> str:
     )
 
 
-Statistic = Literal["mean", "deviation", "max"]
-STATISTICS: tuple[Statistic, ...] = get_args(Statistic)
-Measured = Literal["seconds", "error", "lower_error", "iterations"]
-SPREADS: tuple[Measured, ...] = get_args(Measured)
-Fault = Literal["infinite_errors", "failed", "unfinished"]
-FAULTS: tuple[Fault, ...] = get_args(Fault)
-FACTS: dict[Fault, str] = {
+STATISTICS = ("mean", "deviation", "max")
+SPREADS = ("seconds", "error", "lower_error", "iterations")
+FAULTS = ("infinite_errors", "failed", "unfinished")
+FACTS = {
     "failed": "failed",
     "unfinished": "not finished",
     "infinite_errors": "error without bound, not in its mean,",
@@ -453,7 +432,7 @@ CAPTIONS = {
 """What the pictures of a study show, by name."""
 
 
-def study_columns(document: StudyRecord) -> Columns:
+def study_columns(document: Json) -> Columns:
     """A row for each size and solver, plain numbers."""
     rows = [(size, made) for size in document["sizes"] for made in size["solvers"]]
     table: Columns = {
@@ -472,7 +451,7 @@ def study_columns(document: StudyRecord) -> Columns:
     return table | {"left_out": [size["left_out"] for size, _ in rows]}
 
 
-def _study_title(document: StudyRecord) -> str:
+def _study_title(document: Json) -> str:
     sizes, runs = document["sizes"], document["runs"]
     if document["contradictions"]:
         targets, steps, run, a, b = document["contradictions"][0]
@@ -490,7 +469,7 @@ def _study_title(document: StudyRecord) -> str:
     return f"{done}: all brackets overlap" if len(sizes[0]["solvers"]) > 1 else done
 
 
-def _study_lines(document: StudyRecord) -> Iterator[str]:
+def _study_lines(document: Json) -> Iterator[str]:
     scene, tracker = document["scene"], document["tracker"]
     yield (
         f"scenario {scene['scenario']}, area {scene['area']:g}; noise {tracker['noise']:g}, "
@@ -502,7 +481,7 @@ def _study_lines(document: StudyRecord) -> Iterator[str]:
     yield document["machine"]
 
 
-def _times_table(document: StudyRecord) -> Table:
+def _times_table(document: Json) -> Table:
     """Time and error; mean and standard deviation over the runs."""
     rows = []
     for size in document["sizes"]:
@@ -518,7 +497,7 @@ def _times_table(document: StudyRecord) -> Table:
     )
 
 
-def _rms_table(document: StudyRecord) -> Table:
+def _rms_table(document: Json) -> Table:
     """The metric itself: roots per step, RMS over runs."""
     mean = "RMS" if document["parameters"]["order"] == 2 else "mean"
     return Table(
@@ -533,7 +512,7 @@ def _rms_table(document: StudyRecord) -> Table:
     )
 
 
-def _study_notes(document: StudyRecord) -> Iterator[str]:
+def _study_notes(document: Json) -> Iterator[str]:
     yield (
         "m targets, T steps; seconds of solving and proof; error: the total is at most so much "
         "above the true one, relative; bound's: the lower bound is at most so much below it; "
@@ -554,36 +533,38 @@ def _study_notes(document: StudyRecord) -> Iterator[str]:
                     yield f"{made['name']}, {where}: {fact} in {counted(made[name], 'run')}"
 
 
-def _deviation(values: Spread, form: str) -> str:
+def _deviation(values: Json, form: str) -> str:
     value = values["deviation"]
     return "-" if value is None else ("0" if value < EXACT else f"{value:{form}}")
 
 
-def render(document: Comparison, format: str) -> str:
+COLUMNS = {
+    "estimates": estimates_columns,
+    "solvers": solvers_columns,
+    "study": study_columns,
+}
+"""Of each kind of document the main table."""
+
+DOCUMENTS = {
+    "estimates": estimates_document,
+    "solvers": solvers_document,
+    "study": study_document,
+}
+"""Of each kind what people read."""
+
+
+def render(document: Json, format: str) -> str:
     """What ``--format`` prints."""
+    kind = document["kind"]
     if format == "json":
         return json_text(document)
     if format == "csv":
-        return csv_text(_columns(document))
-    write = {"table": as_text, "markdown": as_markdown, "latex": as_latex}[format]
-    page = _document(document, paper=format == "latex")
+        return csv_text(COLUMNS[kind](document))
+    page = DOCUMENTS[kind](document)
+    if (kind, format) == ("estimates", "latex"):  # what goes into a paper: roots, RMS over runs
+        tables = [_normalised_table(document), *_other_tables(document)]
+        page = replace(page, tables=tables, notes=())
     if "settings_file" in document:
         used = str(SettingsFile(**document["settings_file"]))
         page = replace(page, warnings=[used, *page.warnings])
-    return write(page)
-
-
-def _columns(record: Comparison) -> Columns:
-    """The main table."""
-    if record["kind"] == "solvers":
-        return solvers_columns(record)
-    return estimates_columns(record) if record["kind"] == "estimates" else study_columns(record)
-
-
-def _document(record: Comparison, *, paper: bool = False) -> Document:
-    """What people read, or what goes into a paper."""
-    if record["kind"] == "solvers":
-        return solvers_document(record)
-    if record["kind"] == "study":
-        return study_document(record)
-    return estimates_paper(record) if paper else estimates_document(record)
+    return WRITERS[format](page)

@@ -216,7 +216,7 @@ def _parts(result: Summary) -> Iterator[str]:
 
 
 def _classes(result: Summary) -> Iterator[str]:
-    classes = result.per_class_table()
+    classes = result.table("per_class")
     if not classes:
         return
     head = ("class", "TGOSPA", "total", "local.", "missed", "false", "switch")
@@ -256,7 +256,7 @@ def similarity_in_words(result: Summary) -> str:
 
 def _curve(result: Summary) -> Iterator[str]:
     """The normalised curve at a few steps, the last one included."""
-    table, traced = result.curve_table(), result.traced
+    table, traced = result.table("curve"), result.traced
     if traced is None or not table["t"]:
         return
     met, size = traced.met(result.gap), len(table["t"])
@@ -283,7 +283,7 @@ def _curve(result: Summary) -> Iterator[str]:
 
 def _windows(result: Summary) -> Iterator[str]:
     """How many windows there are, and the worst of them."""
-    table, slid = result.windows_table(), result.slid
+    table, slid = result.table("windows"), result.slid
     if slid is None or not table["t_first"]:
         return
     met, size = slid.met(result.gap), len(table["t_first"])

@@ -1,13 +1,13 @@
 """What the page and the pictures of a result draw, as records; of many steps, thinned."""
 
-from typing import NotRequired, TypeAlias, TypedDict
+from typing import TypeAlias
 
 import numpy as np
 
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.reports.clock import TimeAxis, moments, readable
+from tgospa_eval.reports.clock import moments, readable
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Time
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Json
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.tracks.covariances import size_of
 
@@ -24,17 +24,16 @@ ANGLE = 64
 """Levels of an angle for a radian."""
 
 
-class Encoding(TypedDict, total=False):
-    """How the numbers of ellipses are to be read; empty where there are none."""
+Drawn: TypeAlias = tuple[Json, dict[str, Ints]]
+"""What page and pictures draw, by `page_data.document`: a document, and whole numbers by name.
 
-    stride: int
-    largest: list[float]
-    fine: int
-    faint: int
-    angle: int
+Where the document has `together`, each of its `times` begins a stretch of so many steps, of which
+`costs` and `counts` are means, and `curve` is that of its last step. `stretch` is that of a map.
+`spread` says how the numbers of ellipses are to be read; it is empty where there are none.
+"""
 
 
-def described(spreads: list[Floats], stride: int) -> Encoding:
+def described(spreads: list[Floats], stride: int) -> Json:
     """How the numbers of both sides are to be read; nothing where there are no ellipses.
 
     Parameters
@@ -59,7 +58,7 @@ def described(spreads: list[Floats], stride: int) -> Encoding:
     }
 
 
-def encoded(track: Ints, step: Ints, spread: Floats, how: Encoding) -> dict[str, Ints]:
+def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Ints]:
     """Arrays by name: which of these rows, sorted by track, are encoded, and each of the entries.
 
     Those of every so many steps, and the first and the last of each track.
@@ -111,53 +110,6 @@ MOST_STRETCHES = 600
 """Stretches of steps that are drawn of a recording of any length."""
 
 
-class WindowsData(TypedDict):
-    """Sliding windows: length, first and last steps, values, and roots of costs per step."""
-
-    size: str
-    first: list[int]
-    last: list[int]
-    tgospa: list[float]
-    lines: dict[str, list[float]]
-
-
-class PageData(TypedDict):
-    """What the page and the pictures draw, but for the arrays.
-
-    Where `together` is there, each of `times` begins a stretch of so many steps, of which `costs`
-    and `counts` are means, and `curve` is that of its last step. `stretch` is that of a map.
-    """
-
-    times: list[Time]
-    axis: TimeAxis
-    together: NotRequired[int]
-    costs: dict[str, list[float]]
-    counts: dict[str, list[float]]
-    curve: dict[str, list[float]]
-    windows: NotRequired[WindowsData]
-    tracks: dict[str, Columns]
-    switches: Columns
-    repairs: Columns
-    columns: list[str]
-    boxes: bool
-    stretch: NotRequired[float]
-    low: list[float]
-    quantum: list[float]
-    spread: Encoding
-    cutoff: float
-    order: float
-    unit: str
-    errors: int
-    stride: int
-    shared: int
-    rows: dict[str, list[int]]
-    arrays: list[tuple[str, int]]
-
-
-Drawn: TypeAlias = tuple[PageData, dict[str, Ints]]
-"""What page and pictures draw, by `page_data.document`."""
-
-
 def curves(result: Summary) -> dict[str, list[float]]:
     """Normalised cumulative cost: at step k the root of the mean cost of the steps up to it.
 
@@ -190,49 +142,45 @@ def rounded(values: list[float]) -> list[float]:
     return shortest
 
 
-def thinned(result: PartitionedResult) -> Drawn:
-    """What is drawn of a result of data in parts: its costs over time, and no tracks."""
+def over_time(result: Summary, together: int = 1) -> Json:
+    """What is drawn over time, of so many steps at a time: means, and the curve at the last."""
     steps = len(result.labels.times)
-    together = max(1, -(-steps // MOST_STRETCHES))
     first = np.arange(0, steps, together)
     last = np.minimum(first + together, steps) - 1
     times = readable([result.labels.times[k] for k in first.tolist()])
-    split, none = result.proof.breakdown, np.zeros(0, np.int64)
+    split, parameters = result.proof.breakdown, result.proof.parameters
 
     def mean(values: Floats) -> list[float]:
         sums = np.add.reduceat(values, first) if steps else values
         return rounded((sums / (last - first + 1)).tolist())
 
-    arrays: dict[str, Ints] = {
-        f"{side}/{name}": none
-        for side in ("truth", "estimate")
-        for name in ("run/track", "run/begin", "run/end", "run/other", "row/track", "row/step")
-    }
-    data: PageData = {
+    return {
         "times": times,
         "axis": moments(times),
-        "together": together,
         "costs": {name: mean(result.scale * getattr(split, name)) for name in PARTS},
         "counts": {name: mean(getattr(split, f"{name}_count")) for name in COUNTED_PARTS},
         "curve": {
             name: rounded([values[k] for k in last.tolist()])
             for name, values in curves(result).items()
         },
+        "cutoff": parameters.cutoff,
+        "order": parameters.order,
+        "unit": result.labels.unit or "",
+    }
+
+
+def thinned(result: PartitionedResult) -> Drawn:
+    """What is drawn of a result of data in parts: its costs over time, and no tracks."""
+    together = max(1, -(-len(result.labels.times) // MOST_STRETCHES))
+    names = ("run/track", "run/begin", "run/end", "run/other", "row/track", "row/step", "row/error")
+    data = over_time(result, together) | {
+        "together": together,
         "tracks": {"truth": {"id": []}, "estimate": {"id": []}},
         "switches": {},
-        "repairs": {},
         "columns": [],
         "boxes": False,
-        "low": [],
-        "quantum": [],
         "spread": {},
-        "cutoff": result.proof.parameters.cutoff,
-        "order": result.proof.parameters.order,
-        "unit": result.labels.unit or "",
         "errors": 1,
-        "stride": 1,
-        "shared": 0,
-        "rows": {"truth": [0, 0], "estimate": [0, 0]},
-        "arrays": [],
     }
-    return data, arrays | {"truth/row/error": none}
+    none = np.zeros(0, np.int64)
+    return data, {f"{side}/{name}": none for side in ("truth", "estimate") for name in names}

@@ -469,33 +469,21 @@ def result_texts(
     texts: dict[str, str | Path] = {
         "result.json": result.to_json(),
         "timings.csv": csv_text(_timings(result)),
-        **_tables(result),
     }
-    if result.traced is not None:
-        texts["curve.csv"] = csv_text(result.curve_table())
-    if result.slid is not None:
-        texts["windows.csv"] = csv_text(result.windows_table())
+    tables = ["curve", "windows", "per_class"]
+    if isinstance(result, PartitionedResult):
+        texts |= result.tables.names()
+    else:
+        tables += ["per_step", "assignments", "switches", "per_truth", "per_estimate"]
+    for name, table in ((name, result.table(name)) for name in tables):
+        if table:
+            texts[f"{name}.csv"] = csv_text(table)
     if result.sliced:
         texts["slices.csv"] = csv_text(slices_columns(result.sliced))
-    if result.per_class_table():
-        texts["per_class.csv"] = csv_text(result.per_class_table())
     if isinstance(result.explained, Explanation):
         texts["explanation.json"] = result.explained.to_json()
         texts["explanation.csv"] = csv_text(result.explained.columns())
     return texts | {"report.html": page(result, names, drawn)}
-
-
-def _tables(result: Summary) -> dict[str, str | Path]:
-    """The tables that every result has."""
-    if isinstance(result, PartitionedResult):
-        return {**result.tables.names()}
-    return {
-        "per_step.csv": csv_text(result.per_step_table()),
-        "assignments.csv": csv_text(result.assignments_table()),
-        "switches.csv": csv_text(result.switches_table()),
-        "per_truth.csv": csv_text(result.per_truth_table()),
-        "per_estimate.csv": csv_text(result.per_estimate_table()),
-    }
 
 
 def check_file(path: str, *, force: bool, option: str) -> None:

@@ -13,11 +13,10 @@ from functools import cache
 import jinja2
 import numpy as np
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
-from tgospa_eval.common.words import counted, number
+from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.reports.clock import ROOM, Tick, round_steps
+from tgospa_eval.reports.clock import ROOM, upward
 from tgospa_eval.reports.console import (
     SPLIT_WORDS,
     meaning,
@@ -26,56 +25,20 @@ from tgospa_eval.reports.console import (
     repair_rows,
     similarity_in_words,
 )
-from tgospa_eval.reports.drawn import Drawn, PageData, thinned
+from tgospa_eval.reports.drawn import Drawn, thinned
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.page_data import document
 from tgospa_eval.reports.slices import about_slices, slices_of_page
 from tgospa_eval.reports.tables import Table
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import PARTS, Columns, Time
+from tgospa_eval.results.records import PARTS, Columns, Json, Time
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import as_unicode
 
 SHOWN_ROWS = 20
 """Steps, truths, estimates and switches that are listed."""
 
-TICKS_ACROSS = 5
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A part of a chart.
-
-    Parameters
-    ----------
-    name : str
-        Which part of the cost, or the total.
-    looks : str
-        ``"area"`` or ``"line"``.
-    path : str
-        Of SVG, in percent of the width and from the top.
-    """
-
-    name: str
-    looks: str
-    path: str
-
-
-@dataclass(frozen=True)
-class TimeChart:
-    """Something over time, with ticks.
-
-    Parameters
-    ----------
-    shapes : sequence of Shape
-        Drawn one over the other.
-    up, across : sequence of Tick
-        Of the two axes.
-    """
-
-    shapes: Sequence[Shape]
-    up: Sequence[Tick]
-    across: Sequence[Tick]
+TICKS_UP, TICKS_ACROSS = 4, 5
 
 
 def partitioned_values(result: PartitionedResult, drawn: Drawn | None) -> dict[str, object]:
@@ -94,20 +57,20 @@ def partitioned_values(result: PartitionedResult, drawn: Drawn | None) -> dict[s
     }
 
 
-def _stacked(data: PageData) -> TimeChart:
+def _stacked(data: Json) -> Json:
     """Costs as bars without gaps, one part on the other."""
     tops = np.cumsum([data["costs"][name] for name in PARTS], axis=0).reshape(len(PARTS), -1)
     high = ROOM * float(tops.max(initial=0.0)) or 1.0
     bases = np.vstack([np.zeros(tops.shape[1]), tops[:-1]])
     shapes = [
-        Shape(name, "area", _between(top, base, high))
+        {"name": name, "looks": "area", "path": _between(top, base, high)}
         for name, top, base in zip(PARTS, tops, bases, strict=True)
         if (top > base).any()
     ]
-    return TimeChart(shapes, _up(high), _across(data["times"]))
+    return _chart(shapes, high, data["times"])
 
 
-def _lines(data: PageData) -> TimeChart:
+def _lines(data: Json) -> Json:
     """The cumulative cost, a line for each part and for the total."""
     names = ("total", *PARTS)
     curve = {name: np.asarray(data["curve"][name], float) for name in names}
@@ -117,8 +80,9 @@ def _lines(data: PageData) -> TimeChart:
         across = 100 * (np.arange(len(values)) + 1) / max(len(values), 1)
         points = [f"{x:.2f} {y:.2f}" for x, y in zip(across, _down(values, high), strict=True)]
         if points:
-            shapes.append(Shape(name, "line", f"M0 {points[0].split()[1]}L" + "L".join(points)))
-    return TimeChart(shapes, _up(high), _across(data["times"]))
+            path = f"M0 {points[0].split()[1]}L" + "L".join(points)
+            shapes.append({"name": name, "looks": "line", "path": path})
+    return _chart(shapes, high, data["times"])
 
 
 def _between(top: Floats, base: Floats, high: float) -> str:
@@ -142,14 +106,11 @@ def _down(values: Floats, high: float) -> Floats:
     return 100 * (1 - values / high)
 
 
-def _up(high: float) -> list[Tick]:
-    return [Tick(at=100 * (1 - y / high), text=number(y, 4)) for y in round_steps(0.0, high, 5)]
-
-
-def _across(times: Sequence[Time]) -> list[Tick]:
-    """Times at some of the stretches, each where it begins."""
+def _chart(shapes: list[Json], high: float, times: Sequence[Time]) -> Json:
+    """Shapes one over the other, with ticks: times at some of the stretches, where they begin."""
     chosen = np.unique(np.linspace(0, len(times) - 1, TICKS_ACROSS).round().astype(int))
-    return [Tick(at=100 * k / len(times), text=str(times[k])) for k in chosen.tolist() if times]
+    across = [{"at": 100 * k / len(times), "text": str(times[k])} for k in chosen.tolist() if times]
+    return {"shapes": shapes, "up": upward(high, TICKS_UP), "across": across}
 
 
 def _steps(result: PartitionedResult) -> Table:
@@ -352,12 +313,12 @@ def _parts(result: Summary) -> list[dict[str, str]]:
 
 
 def _worst_window(result: Summary) -> str:
-    found = result.windows_table().get("normalised")
+    found = result.table("windows").get("normalised")
     return result.quantity(max(found)) if found else ""
 
 
 def _classes(result: Summary) -> list[list[str]]:
-    table: Columns = result.per_class_table()
+    table: Columns = result.table("per_class")
     rows = zip(*table.values(), strict=True)
     return [[str(name), *map(number, values)] for name, *values in rows]
 
@@ -385,3 +346,59 @@ def _flat(record: Mapping[str, object], before: str = "") -> dict[str, str]:
         elif value is not None:
             lines[before + name] = str(value)
     return lines
+
+
+BARS = 140
+"""Bars of the chart of a notebook, at most; of more steps the costliest of several are shown."""
+
+CHART_WIDTH, CHART_HEIGHT = 560, 56
+
+
+def card(result: Summary) -> str:
+    """What a notebook shows: a headline, the four parts, and the cost of each step."""
+    per_step = result.table("per_step")
+    cost = {name: getattr(result, name) for name in PARTS} | {"total": result.total}
+    rows = [
+        (name, number(value), result.share(value), number(result.counts[name]))
+        if name in result.counts
+        else (name, number(value), result.share(value), "")
+        for name, value in cost.items()
+    ]
+    notes = [
+        *result.told,
+        sizes_in_words(result.sizes),
+        result.parameters_in_words(result.labels.unit),
+    ]
+    template = environment().get_template("card.html.j2")
+    return template.render(result=result, notes=notes, rows=rows, colours=LIGHT, **_bars(per_step))
+
+
+def _bars(per_step: Columns) -> Json:
+    """Stacked bars as paths; where there are many steps the costliest of several stands for them.
+
+    They stand on white, for a notebook does not say whether its paper is light or dark.
+    """
+    totals = [sum(values) for values in zip(*(per_step[name] for name in PARTS), strict=True)]
+    high = max(totals, default=0.0)
+    paths = dict.fromkeys(PARTS, "")
+    if not high > 0:
+        return {"label": "", "paths": paths}
+    together = -(-len(totals) // BARS)
+    chosen = [
+        max(range(first, min(first + together, len(totals))), key=totals.__getitem__)
+        for first in range(0, len(totals), together)
+    ]
+    wide = CHART_WIDTH / len(chosen)
+    below = [0.0] * len(chosen)
+    for name in PARTS:
+        for bar, step in enumerate(chosen):
+            tall = per_step[name][step] / high * CHART_HEIGHT
+            if tall > 0:
+                below[bar] += tall
+                x, y = bar * wide, CHART_HEIGHT - below[bar]
+                paths[name] += f"M{x:.1f} {y:.1f}h{wide * 0.85:.1f}v{tall:.1f}h{-wide * 0.85:.1f}z"
+    times = per_step["t"]
+    label = f"cost of each step from {times[0]} to {times[-1]}, at most {number(high)}"
+    if together > 1:
+        label += f"; each bar is the dearest of {together}"
+    return {"label": label, "paths": paths, "width": CHART_WIDTH, "height": CHART_HEIGHT}

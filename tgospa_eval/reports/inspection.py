@@ -4,109 +4,17 @@ import math
 import textwrap
 from collections.abc import Iterator
 from itertools import zip_longest
-from typing import NotRequired, TypedDict
 
-from tgospa_eval.common.config import WithSettings
 from tgospa_eval.common.notices import Notice, as_option
 from tgospa_eval.common.words import counted, in_both, number, plain, shortest
-from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines
-from tgospa_eval.results.records import Time
-from tgospa_eval.text import ending, visible
+from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines, wrap
+from tgospa_eval.results.records import Json, Time
+from tgospa_eval.text import ending
 
 Extent = dict[str, float]
 """From where to where, as min and max; with a median too."""
 
 Row = tuple[str, list[str]]
-
-
-class TimeSpan(TypedDict):
-    """First and last as read, and how far they are apart."""
-
-    kind: str
-    first: Time | None
-    last: Time | None
-    step: Extent | None
-
-
-class FileDocument(TypedDict):
-    """One file."""
-
-    path: str
-    format: str
-    rows: int
-    used: int
-    left_out: dict[str, int]
-    trajectories: int
-    steps: int
-    columns: list[str]
-    headers: dict[str, str]
-    time: TimeSpan
-    length: Extent | None
-    holes: dict[str, int]
-    classes: dict[str, dict[str, int]]
-    objects: Extent | None
-    particles: NotRequired[Extent | None]
-    extent: dict[str, Extent]
-    deviation: NotRequired[dict[str, Extent | None]]
-    notices: list[str]
-
-
-class Overlap(TypedDict):
-    """First and last stamp that both files cover."""
-
-    first: Time
-    last: Time
-    steps: int
-
-
-class ClockRecord(TypedDict):
-    """Another clock of the estimate that fits better, and how much."""
-
-    time_scale: float
-    time_offset: float
-    uncertainty: float
-    saving: float
-    steps: int
-
-
-class Suggested(TypedDict):
-    """A cutoff to begin with, and why."""
-
-    cutoff: float
-    reason: str
-
-
-class NearestRecord(TypedDict):
-    """Distances from truths to the nearest estimate."""
-
-    cutoff: float
-    truths: int
-    quantiles: dict[str, float | None]
-    within_cutoff: float
-    suggested: Suggested | None
-
-
-class PairDocument(TypedDict):
-    """How two files fit."""
-
-    steps: dict[str, int]
-    left_out: dict[str, int]
-    time: Overlap | None
-    clock: ClockRecord | None
-    extent: dict[str, Extent | None]
-    nearest: NearestRecord | None
-
-
-class Inspection(WithSettings):
-    """What was read, and what looks wrong with it."""
-
-    schema: str
-    version: str
-    parameters: dict[str, object]
-    truth: FileDocument
-    estimate: NotRequired[FileDocument]
-    both: NotRequired[PairDocument]
-    warnings: list[dict[str, str]]
 
 
 NAME_WIDTH = 18
@@ -125,7 +33,7 @@ LEFT_OUT = {
 """Why rows are left out, where the JSON's word for it is not enough."""
 
 
-def table(document: Inspection) -> str:
+def table(document: Json) -> str:
     """The document in words, for someone who sees it for the first time."""
     files = [document["truth"], *([document["estimate"]] if "estimate" in document else [])]
     blocks = [_columns(list(_files(files)))]
@@ -133,9 +41,9 @@ def table(document: Inspection) -> str:
         warned = any(warning["code"] == "clock-shift" for warning in document["warnings"])
         blocks.append(list(_both(document["both"], document["parameters"], warned=warned)))
     lines = [(file["path"], text) for file in files for text in file["notices"]]
-    blocks.append([line for path, text in lines for line in _wrap(f"{path}: {text}")])
+    blocks.append([line for path, text in lines for line in wrap(f"{path}: {text}")])
     warnings = (str(Notice(**record)) for record in document["warnings"])
-    blocks.append([line for text in warnings for line in _wrap(text)])
+    blocks.append([line for text in warnings for line in wrap(text)])
     return "\n\n".join("\n".join(map(clip, block)) for block in blocks if block) + "\n"
 
 
@@ -159,7 +67,7 @@ def _columns(rows: list[Row]) -> list[str]:
     )
 
 
-def _files(files: list[FileDocument]) -> Iterator[Row]:
+def _files(files: list[Json]) -> Iterator[Row]:
     """A row for each property, a cell for each file."""
     yield "", ["truth", "estimate"][: len(files)]
     yield "file", [ending(file["path"], CELL) for file in files]
@@ -205,7 +113,7 @@ def _holes(holes: dict[str, int]) -> str:
     return f"{holes['trajectories']}, {counted(holes['steps'], 'step')}, longest {holes['longest']}"
 
 
-def _both(both: PairDocument, parameters: dict[str, object], *, warned: bool) -> Iterator[str]:
+def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterator[str]:
     """How the files fit; `warned` is whether a warning has the other clock."""
     steps = both["steps"]
     yield in_both(steps["common"], steps["union"]) + (
@@ -214,9 +122,9 @@ def _both(both: PairDocument, parameters: dict[str, object], *, warned: bool) ->
     for side, rows in both["left_out"].items():
         if rows:
             yield f"{counted(rows, 'row')} of the {side} left out (--grid {parameters['grid']})"
-    yield from _wrap(_stretch(both["time"]))
+    yield from wrap(_stretch(both["time"]))
     if both["clock"] is not None and not warned:
-        yield from _wrap(f"  {_clock(both['clock'])}")
+        yield from wrap(f"  {_clock(both['clock'])}")
     for column, extent in both["extent"].items():
         yield f"  {clip(column, NAME_WIDTH):<{NAME_WIDTH}}" + (
             f"{_interval(extent)} in both" if extent else "the ranges do not overlap"
@@ -239,10 +147,10 @@ def _both(both: PairDocument, parameters: dict[str, object], *, warned: bool) ->
     if nearest["suggested"] is not None:
         value = f"{nearest['suggested']['cutoff']:g} {unit}".strip()
         text = f"  cutoff to begin with, c = {value}: {nearest['suggested']['reason']}"
-        yield from textwrap.wrap(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+        yield from wrap(text)
 
 
-def _stretch(time: Overlap | None) -> str:
+def _stretch(time: Json | None) -> str:
     """The time that both files cover."""
     if time is None:
         return "no stretch of time is in both files"
@@ -252,7 +160,7 @@ def _stretch(time: Overlap | None) -> str:
     return f"both have rows from t = {ends}, {counted(time['steps'], 'step')}"
 
 
-def _clock(clock: ClockRecord) -> str:
+def _clock(clock: Json) -> str:
     """The stamps of the estimate that fit better."""
     values = {name: clock[name] for name in ("time_scale", "time_offset")}
     settings = " ".join(
@@ -275,7 +183,7 @@ def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6
     return f"{text} {one if text == '1' else many}".strip()
 
 
-def _steps(time: TimeSpan, unit: str) -> str:
+def _steps(time: Json, unit: str) -> str:
     """From how long to how long a step takes, without what rounding the stamps adds to it."""
     ends = [t for t in (time["first"], time["last"]) if isinstance(t, float)]
     noise = 2 * math.ulp(max(map(abs, ends), default=0.0))
@@ -306,7 +214,3 @@ def _moment(value: Time | None) -> str:
         return "-" if value is None else str(value)
     exact, short = repr(value), f"{value:.14g}"
     return short if len(short) < len(exact) - 3 else exact
-
-
-def _wrap(text: str) -> list[str]:
-    return textwrap.wrap(visible(text), WIDTH, subsequent_indent="  ", break_on_hyphens=False)

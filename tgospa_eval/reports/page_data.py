@@ -16,11 +16,10 @@ from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports import drawn as spreads
-from tgospa_eval.reports.clock import moments, readable
-from tgospa_eval.reports.drawn import Drawn, PageData, WindowsData, curves, rounded, thinned
+from tgospa_eval.reports.drawn import Drawn, over_time, rounded, thinned
 from tgospa_eval.results.by_class import ByClass
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Time
+from tgospa_eval.results.records import PARTS, Columns, Json, Time
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
 
@@ -107,20 +106,10 @@ def document(result: Summary) -> Drawn:
             arrays |= {f"{name}/spread/{key}": values for key, values in entries.items()}
         if name == "truth":
             arrays["truth/row/error"] = np.rint(side.error[keep] * ERRORS).astype(np.int64)
-    per_step = result.per_step_table()
-    times = readable(per_step["t"])
-    data: PageData = {
-        "times": times,
-        "axis": moments(times),
-        "costs": {name: rounded(per_step[name]) for name in PARTS},
-        "counts": {
-            name: rounded(getattr(result.proof.breakdown, f"{name}_count").tolist())
-            for name in COUNTED_PARTS
-        },
-        "curve": {name: rounded(values) for name, values in curves(result).items()},
+    data = over_time(result) | {
         "tracks": {
-            "truth": _tracks(result.per_truth_table(), "missed"),
-            "estimate": _tracks(result.per_estimate_table(), "false"),
+            "truth": _tracks(result.table("per_truth"), "missed"),
+            "estimate": _tracks(result.table("per_estimate"), "false"),
         },
         "switches": _switches(parts),
         "repairs": _repairs(result),
@@ -129,9 +118,6 @@ def document(result: Summary) -> Drawn:
         "low": low,
         "quantum": quantum,
         "spread": spread,
-        "cutoff": result.proof.parameters.cutoff,
-        "order": result.proof.parameters.order,
-        "unit": result.labels.unit or "",
         "errors": ERRORS,
         "stride": stride,
         "shared": sides["truth"].shared,
@@ -157,9 +143,9 @@ def map_stretch(latitudes: Floats) -> float:
     return 1 / math.cos(math.radians(mean)) if abs(mean) <= FARTHEST_NORTH else 1.0
 
 
-def _windows(result: Summary, slid: Windows) -> WindowsData:
+def _windows(result: Summary, slid: Windows) -> Json:
     """Of each window (cost / n) ^ (1/p) of each part, n its steps of the horizon."""
-    table = result.windows_table()
+    table = result.table("windows")
     each = np.maximum(np.array(table["steps"]), 1)
     costs = dict(zip(PARTS, slid.parts, strict=True)) | {"total": slid.parts.sum(axis=0)}
     parameters = result.proof.parameters
@@ -300,7 +286,7 @@ def _switches(parts: list[Result]) -> Columns:
     found: Columns = {name: [] for name in names}
     truths = estimates = 0
     for part in parts:
-        labels, table = part.labels, part.switches_table()
+        labels, table = part.labels, part.table("switches")
         step = {t: k for k, t in enumerate(labels.times)}
         truth = {name: truths + k for k, name in enumerate(labels.truths)}
         estimate: dict[str | None, int] = {

@@ -2,10 +2,10 @@
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from tgospa_eval.common.interval import Interval, places
 from tgospa_eval.common.words import counted, sizes_in_words
-from tgospa_eval.reports.records import Metric
 from tgospa_eval.results.numbers import PROBABILITIES
 from tgospa_eval.results.records import Columns
 
@@ -41,7 +41,7 @@ def columns(
     return {f"{before}{name}": [row[name] for row in rows] for name in names}
 
 
-def unit_of(parameters: Metric) -> str:
+def unit_of(parameters: Mapping[str, Any]) -> str:
     """The unit behind a number, if there is one."""
     unit = parameters.get("unit")
     return f" {unit}" if unit else ""
@@ -55,16 +55,21 @@ def size_of(sizes: Mapping[str, int]) -> str:
     )
 
 
-def parameters_of(parameters: Metric) -> str:
-    """Parameters of the metric, and the distance."""
+LETTERS = {"cutoff": "c", "order": "p", "switch_penalty": "gamma", "rho": "rho"}
+"""What parameters of the metric are called."""
+
+
+def parameters_of(parameters: Mapping[str, Any], end: str = ", ") -> str:
+    """Parameters of the metric, those that there are, and the distance."""
     unit = unit_of(parameters)
-    rho = f", rho = {parameters['rho']:g}" if "rho" in parameters else ""
-    weighted = ", weighted steps" if "step_weights" in parameters else ""
-    weighted += f", {PROBABILITIES}" if "existence" in parameters else ""
-    return (
-        f"c = {parameters['cutoff']:g}{unit}, p = {parameters['order']:g}, "
-        f"gamma = {parameters['switch_penalty']:g}{unit}{rho}{weighted}, {parameters['distance']}"
+    known = ", ".join(
+        f"{letter} = {parameters[name]:g}{unit if name in ('cutoff', 'switch_penalty') else ''}"
+        for name, letter in LETTERS.items()
+        if name in parameters
     )
+    known += ", weighted steps" if "step_weights" in parameters else ""
+    known += f", {PROBABILITIES}" if "existence" in parameters else ""
+    return f"{known}{end}{parameters['distance']}"
 
 
 # -------------------------------------------------------------------------------------------------

@@ -4,12 +4,10 @@ from collections.abc import Iterator
 
 from tgospa_eval.common.words import number, sizes_in_words
 from tgospa_eval.reports.files import csv_text
-from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
-from tgospa_eval.results.numbers import PROBABILITIES
+from tgospa_eval.reports.phrases import LETTERS, parameters_of
+from tgospa_eval.reports.tables import WRITERS, Document, Table
 from tgospa_eval.results.records import COUNTED_PARTS
 from tgospa_eval.results.sweep import Point, Sweep
-
-LETTERS = {"cutoff": "c", "order": "p", "switch_penalty": "gamma", "rho": "rho"}
 
 
 def render(found: Sweep, format: str) -> str:
@@ -18,8 +16,7 @@ def render(found: Sweep, format: str) -> str:
         return found.to_json()
     if format == "csv":
         return csv_text(found.columns())
-    page = sweep_document(found)
-    return {"table": as_text, "markdown": as_markdown, "latex": as_latex}[format](page)
+    return WRITERS[format](sweep_document(found))
 
 
 def sweep_document(found: Sweep) -> Document:
@@ -28,7 +25,10 @@ def sweep_document(found: Sweep) -> Document:
     lower = () if exact else ("lower bound",)
     return Document(
         title=_title(found),
-        lines=[_parameters(found), "costs, and in brackets how many of each:"],
+        lines=[
+            f"{parameters_of(found.settings, '; ')}; {sizes_in_words(found.sizes)}",
+            "costs, and in brackets how many of each:",
+        ],
         tables=[
             Table(
                 head=(letter, *lower, "TGOSPA", "localisation", *COUNTED_PARTS),
@@ -77,19 +77,6 @@ def _title(found: Sweep) -> str:
 def _quantity(found: Sweep, k: int) -> str:
     """The value at a point, with its unit if it has one."""
     return number(found.points[k].value) + (f" {found.unit}" if found.unit else "")
-
-
-def _parameters(found: Sweep) -> str:
-    used = found.settings
-    fixed = ", ".join(
-        f"{letter} = {used[name]:g}"
-        + (f" {used['unit']}" if used["unit"] and name not in ("order", "rho") else "")
-        for name, letter in LETTERS.items()
-        if name in used
-    )
-    weighted = ", weighted steps" if "step_weights" in used else ""
-    weighted += f", {PROBABILITIES}" if "existence" in used else ""
-    return f"{fixed}{weighted}; {used['distance']}; {sizes_in_words(found.sizes)}"
 
 
 def _notes(found: Sweep) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 import re
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import PLAIN_DECIMAL
@@ -200,6 +200,14 @@ def as_latex(document: Document) -> str:
     lines = list(map(latex_comment, [document.kind, *words] if document.kind else words))
     lines += [line for table in document.tables for line in latex_lines(table)]
     return "\n".join(lines) + "\n"
+
+
+WRITERS: Mapping[str, Callable[[Document], str]] = {
+    "table": as_text,
+    "markdown": as_markdown,
+    "latex": as_latex,
+}
+"""Of each format for people what writes a document."""
 
 
 def text_lines(table: Table, indent: str = INDENT) -> list[str]:

@@ -60,7 +60,7 @@ def sparkline(values: list[float], high: float, ramp: str = BLOCKS, width: int =
 
 def _graph(result: Summary, ramp: str) -> Iterator[Text]:
     """A row for the whole cost and each part, all to one scale, over the times."""
-    table = result.per_step_table()
+    table = result.table("per_step")
     high = max(table["total"], default=0.0)
     if not high > 0:
         return
@@ -101,7 +101,7 @@ def _worst(result: Summary, _: list[str]) -> Iterator[Text]:
 
 
 def _worst_steps(result: Summary) -> Iterator[str]:
-    table, counts = result.per_step_table(), result.proof.breakdown
+    table, counts = result.table("per_step"), result.proof.breakdown
     costliest = sorted(range(len(table["t"])), key=lambda k: (-table["total"][k], k))[:SHOWN]
     costliest = [k for k in costliest if table["total"][k] > 0]
     if not costliest:

@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from importlib import import_module
-from typing import TypeVar, cast
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,10 +17,8 @@ from tgospa_eval.results.records import (
     Columns,
     Costs,
     FileInfo,
-    FileRecord,
     Json,
     Labels,
-    Timings,
 )
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.slices import Slicing, added_up
@@ -41,20 +39,6 @@ class ByClass(Summary):
 
     results: dict[str, Result]
 
-    @property
-    def sizes(self) -> dict[str, int]:
-        """Sums of those of the classes; the steps are the same in all."""
-        parts = [part.sizes for part in self.results.values()]
-        return {name: sum(part[name] for part in parts) for name in parts[0]} | {
-            "steps": parts[0]["steps"]
-        }
-
-    @property
-    def objects(self) -> tuple[int, int]:
-        """States of the truth and of the estimate."""
-        truths, estimates = zip(*(part.objects for part in self.results.values()), strict=True)
-        return sum(truths), sum(estimates)
-
     def slices(self, *by: str) -> tuple[Slicing, ...]:  # noqa: D102  (as of Summary)
         if not by:
             return self.sliced
@@ -63,23 +47,19 @@ class ByClass(Summary):
             parts = [split.slices_of(part, by, summed=True) for part in self.results.values()]
         return tuple(added_up(parts))
 
-    def assignments_table(self) -> Columns:
-        """Assigned pairs, class by class."""
-        return self._joined({name: part.assignments_table() for name, part in self._items()})
+    def _of_tracks(self, name: str) -> Columns:
+        """Class by class, with the class in front."""
+        tables = {part: made.table(name) for part, made in self.results.items()}
+        columns = next(iter(tables.values()))
+        joined: Columns = {
+            "class": [part for part, table in tables.items() for _ in next(iter(table.values()))]
+        }
+        return joined | {
+            column: [value for table in tables.values() for value in table[column]]
+            for column in columns
+        }
 
-    def switches_table(self) -> Columns:
-        """Switches, class by class."""
-        return self._joined({name: part.switches_table() for name, part in self._items()})
-
-    def per_truth_table(self) -> Columns:
-        """Truths, class by class."""
-        return self._joined({name: part.per_truth_table() for name, part in self._items()})
-
-    def per_estimate_table(self) -> Columns:
-        """Estimates, class by class."""
-        return self._joined({name: part.per_estimate_table() for name, part in self._items()})
-
-    def per_class_table(self) -> Columns:
+    def _per_class(self) -> Columns:
         """Value and costs of each class; the costs add up, the values do not."""
         names = ("tgospa", "total", *PARTS)
         parts = self.results.values()
@@ -90,22 +70,7 @@ class ByClass(Summary):
     def to_dict(self) -> Json:
         """The document of the sum, with those of the classes."""
         return super().to_dict() | {
-            "by_class": {name: part.to_dict() for name, part in self._items()}
-        }
-
-    def _items(self) -> list[tuple[str, Result]]:
-        return list(self.results.items())
-
-    @staticmethod
-    def _joined(tables: dict[str, Columns]) -> Columns:
-        """One table below the other, with the class in front."""
-        columns = next(iter(tables.values()))
-        joined: Columns = {
-            "class": [name for name, table in tables.items() for _ in next(iter(table.values()))]
-        }
-        return joined | {
-            column: [value for table in tables.values() for value in table[column]]
-            for column in columns
+            "by_class": {name: part.to_dict() for name, part in self.results.items()}
         }
 
 
@@ -153,6 +118,9 @@ def add_up(results: dict[str, Result], files: tuple[FileInfo, FileInfo], read: f
             unit=first.labels.unit,
         ),
         gap=first.gap,
+        sizes={name: sum(part.sizes[name] for part in parts) for name in first.sizes}
+        | {"steps": first.sizes["steps"]},
+        objects=(sum(part.objects[0] for part in parts), sum(part.objects[1] for part in parts)),
         settings=first.settings,
         solver={
             **(unfinished or [first.solver])[0],
@@ -198,7 +166,7 @@ def _sum_of_brackets(found: list[B | None]) -> B | None:
     return replace(asked[0], **sums)
 
 
-def _joined_input(info: FileInfo, inputs: dict[str, FileRecord]) -> FileRecord:
+def _joined_input(info: FileInfo, inputs: dict[str, Json]) -> Json:
     """The record of a file, with the rows that the grid left out and a digest of its classes."""
     # Those of the other file are left out: the truth has a digest of its own.
     sha256 = _joined_digest((name, one["sha256"]) for name, one in inputs.items() if one["rows"])
@@ -220,16 +188,16 @@ def _sum_of_splits(splits: list[Mapping[str, float] | None]) -> dict[str, float]
     return {name: sum(split[name] for split in found) for name in found[0]}
 
 
-def _sum_of_times(parts: list[Timings], read: float) -> Timings:
+def _sum_of_times(parts: list[Json], read: float) -> Json:
     """Sums of seconds by name; the time per state is no sum and left out."""
     names = dict.fromkeys(name for part in parts for name in part)
     stages = dict.fromkeys(name for part in parts for name in part["solve"])
     total: dict[str, float] = {
-        name: math.fsum(cast("dict[str, float]", part).get(name, 0.0) for part in parts)
+        name: math.fsum(part.get(name, 0.0) for part in parts)
         for name in names
         if name not in ("solve", "nanoseconds_per_state")
     }
     total["read"] += read
     total["total"] += read
     solve = {name: math.fsum(part["solve"].get(name, 0.0) for part in parts) for name in stages}
-    return cast("Timings", {**total, "solve": solve})
+    return {**total, "solve": solve}

@@ -1,11 +1,10 @@
 """The result of an evaluation of partitioned data: sums in memory, tables as files."""
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -154,46 +153,17 @@ MOST_RECORDS = 100_000
 OF_TRACKS = ("plot_lanes", "plot_plane", "plot_windows")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Extent:
-    """How much was evaluated.
-
-    Parameters
-    ----------
-    sizes : mapping of str to int
-        ``truth``, ``estimates``, ``steps``, ``candidate_pairs``, ``pair_steps``, ``components``.
-    objects : pair of int
-        States of the truth and of the estimate.
-    """
-
-    sizes: Mapping[str, int]
-    objects: tuple[int, int]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PartitionedResult(Summary):
     """One evaluation of data larger than memory; ids are in the tables, not in `labels`.
 
     Parameters
     ----------
-    extent : Extent
-        Sizes, numbers of states.
     tables : StoredTables
         Where the tables are.
     """
 
-    extent: Extent
     tables: StoredTables
-
-    @property
-    def sizes(self) -> dict[str, int]:
-        """Numbers of trajectories, steps, near pairs, their steps, and components."""
-        return dict(self.extent.sizes)
-
-    @property
-    def objects(self) -> tuple[int, int]:
-        """States of the truth and of the estimate."""
-        return self.extent.objects
 
     def slices(self, *by: str) -> tuple[Slicing, ...]:  # noqa: D102  (as of Summary)
         if by:
@@ -203,25 +173,12 @@ class PartitionedResult(Summary):
             )
         return self.sliced
 
-    def assignments_table(self) -> Columns:
-        """Pairs that both exist, are nearer than the cutoff, and are assigned."""
-        return self.tables.columns("assignments")
-
-    def switches_table(self) -> Columns:
-        """Changes of each truth's assignment, from its largest loss to its largest gain."""
-        return self.tables.columns("switches")
+    def _of_tracks(self, name: str) -> Columns:
+        return self.tables.columns(name)
 
     def first_switches(self, most: int) -> tuple[Columns, int]:
-        """The first rows of `switches_table`, so many at most, and how many it has."""
+        """The first rows of the table of switches, so many at most, and how many it has."""
         return self.tables.columns("switches", most), self.tables.rows("switches")
-
-    def per_truth_table(self) -> Columns:
-        """Steps, costs and counts of each truth."""
-        return self.tables.columns("per_truth")
-
-    def per_estimate_table(self) -> Columns:
-        """Steps, costs and counts of each estimate."""
-        return self.tables.columns("per_estimate")
 
     def costliest_tracks(self, kind: str, count: int) -> list[Json]:
         """Rows of the costliest truths, of kind ``"missed"``, or estimates, of ``"false"``."""
@@ -235,34 +192,19 @@ class PartitionedResult(Summary):
         """The tables by their names in the result folder, and those records that are not many."""
         found: Json = {"tables": {name: name_of(name) for name in STORED_TABLES}}
         if len(self.labels.times) <= MOST_RECORDS:
-            found["per_step"] = records(self.per_step_table())
+            found["per_step"] = records(self.table("per_step"))
         if self.tables.rows("switches") <= MOST_RECORDS:
-            found["switches"] = records(self.switches_table())
+            found["switches"] = records(self.table("switches"))
         return found
 
-    @cached_property
-    def switches(self) -> "pd.DataFrame":
-        """`switches_table` as a DataFrame."""
-        return self.tables.frame("switches")
+    def frame(self, name: str) -> "pd.DataFrame":  # noqa: D102  (as of Summary)
+        in_file = name in STORED_TABLES and name != "per_step"
+        return self.tables.frame(name) if in_file else super().frame(name)
 
-    @cached_property
-    def assignments(self) -> "pd.DataFrame":
-        """`assignments_table` as a DataFrame."""
-        return self.tables.frame("assignments")
-
-    @cached_property
-    def per_truth(self) -> "pd.DataFrame":
-        """`per_truth_table` as a DataFrame."""
-        return self.tables.frame("per_truth")
-
-    @cached_property
-    def per_estimate(self) -> "pd.DataFrame":
-        """`per_estimate_table` as a DataFrame."""
-        return self.tables.frame("per_estimate")
-
-    def _check_drawn(self, name: str) -> None:
+    def _plot(self, name: str, **options: object) -> Any:
         if name in OF_TRACKS:
             raise ConfigError(
                 f"{name}: an evaluation of partitioned data has no such picture, as its states are "
                 "not in memory; evaluate a part of it that is, by time or region"
             )
+        return super()._plot(name, **options)

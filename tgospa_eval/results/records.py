@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import field
-from typing import Any, Literal, NotRequired, TypeAlias, TypedDict
+from typing import Any, Literal, TypeAlias
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.solution import Bounds, Breakdown
@@ -64,29 +64,9 @@ class Costs:
     breakdown: Breakdown
 
 
-class SolverRecord(TypedDict):
-    """The solver of a result, and how it ended."""
-
-    name: str
-    status: str
-    finished: bool
-    iterations: int
-    kernel: str
-    history: list[dict[str, float]]
-
-
 OtherMetrics = Mapping[str, Mapping[str, float]]
 MetricSums = Mapping[str, float | list[float]]
 """Numbers of other metrics, by metric and name; with the similarity that they compare."""
-
-
-class FileRecord(TypedDict):
-    """The file of a side in the document of a result."""
-
-    rows: int
-    left_out: dict[str, int]
-    sha256: str
-    format: NotRequired[str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,9 +87,9 @@ class FileInfo:
     format: str | None = None
     left_out: Mapping[str, int] = field(default_factory=dict)
 
-    def record(self, sha256: str, off: Mapping[str, int]) -> FileRecord:
+    def record(self, sha256: str, off: Mapping[str, int]) -> Json:
         """The record of the JSON; `off` has rows at steps that do not count, by option."""
-        found: FileRecord = {
+        found: Json = {
             "rows": self.rows,
             "left_out": {**self.left_out, **{name: rows for name, rows in off.items() if rows}},
             "sha256": sha256,
@@ -117,22 +97,6 @@ class FileInfo:
         if self.format is not None:
             found["format"] = self.format
         return found
-
-
-class Timings(TypedDict):
-    """Seconds by stage; those of solving by part."""
-
-    read: float
-    distances: float
-    solve: dict[str, float]
-    certify: float
-    report: float
-    total: float
-    curve: NotRequired[float]
-    slices: NotRequired[float]
-    explain: NotRequired[float]
-    other_metrics: NotRequired[float]
-    nanoseconds_per_state: NotRequired[float]
 
 
 def json_text(document: Mapping[str, object]) -> str:

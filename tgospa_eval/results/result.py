@@ -154,17 +154,6 @@ class Result(Summary):
         explained: Explanation = import_module("tgospa_eval.explain.explain").explain(self, top)
         return explained
 
-    @property
-    def sizes(self) -> dict[str, int]:
-        """Numbers of trajectories, steps, near pairs, their steps, and components."""
-        return sizes_of(self.proof.states)
-
-    @property
-    def objects(self) -> tuple[int, int]:
-        """States of the truth and of the estimate."""
-        problem = self.proof.states.problem
-        return len(problem.truth_step), len(problem.estimate_step)
-
     def gradient(self) -> "Gradient":
         """How the cost changes with every state of the estimate, with cutoff and switch penalty.
 
@@ -193,7 +182,15 @@ class Result(Summary):
             found: tuple[Slicing, ...] = split.slices_of(self, by)
         return found
 
-    def assignments_table(self) -> Columns:
+    def _of_tracks(self, name: str) -> Columns:
+        if name == "assignments":
+            return self._assignments()
+        if name == "switches":
+            return self._switches()
+        k = ("per_truth", "per_estimate").index(name)
+        return self._per_track(k, (self.labels.truths, self.labels.estimates)[k])
+
+    def _assignments(self) -> Columns:
         """Pairs that both exist, are nearer than the cutoff, and are assigned."""
         problem = self.proof.states.problem
         found = read_assigned(self.proof.states, self.proof.weights)
@@ -207,7 +204,7 @@ class Result(Summary):
             "cost": (self.scale * problem.cost[found.entry] * found.weight).tolist(),
         }
 
-    def switches_table(self) -> Columns:
+    def _switches(self) -> Columns:
         """Changes of each truth's assignment, from its largest loss to its largest gain."""
         found = read_switches(self.proof.states, self.proof.weights)
         named = [*self.labels.estimates, None]  # the last is that of -1
@@ -220,14 +217,6 @@ class Result(Summary):
             "mass": (0.5 * found.variation).tolist(),
             "cost": (self.scale * price * found.variation).tolist(),
         }
-
-    def per_truth_table(self) -> Columns:
-        """Steps, costs and counts of each truth."""
-        return self._per_track(0, self.labels.truths)
-
-    def per_estimate_table(self) -> Columns:
-        """Steps, costs and counts of each estimate."""
-        return self._per_track(1, self.labels.estimates)
 
     def _per_track(self, k: int, ids: list[str]) -> Columns:
         found = read_tracks(self.proof.states, self.proof.weights, k)
@@ -243,15 +232,3 @@ class Result(Summary):
         return {"id": list(ids), "steps": steps} | {
             name: column.tolist() for name, column in columns.items()
         }
-
-
-def sizes_of(states: States) -> dict[str, int]:
-    """Numbers of trajectories, steps, near pairs, their steps, and components."""
-    return {
-        "truth": states.problem.truths,
-        "estimates": states.problem.estimates,
-        "steps": states.problem.steps,
-        "candidate_pairs": len(states.pair_row),
-        "pair_steps": len(states.problem.cost),
-        "components": len(states.block_begin),
-    }

@@ -6,18 +6,44 @@ What draws and writes is imported when it is asked for.
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import field
 from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from tgospa_eval.common.config import settings_field
+import numpy as np
+
+from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import number, sizes_in_words
+from tgospa_eval.common.notices import Notice, told
+from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.results.numbers import SPLIT_PARTS, USUAL_SCORE, Calibration, Numbers, Similarity
-from tgospa_eval.results.records import PARTS, Columns, Json, json_text, records
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.solution import Brackets, Curve, Windows
+from tgospa_eval.problem.tgospa import POWER
+from tgospa_eval.results.numbers import (
+    PROBABILITIES,
+    SPLIT_PARTS,
+    USUAL_SCORE,
+    Calibration,
+    Similarity,
+    costliest,
+    outward,
+)
+from tgospa_eval.results.records import (
+    PARTS,
+    Columns,
+    Costs,
+    Json,
+    Labels,
+    MetricSums,
+    OtherMetrics,
+    json_text,
+    records,
+)
 from tgospa_eval.results.repairs import Repairs
 from tgospa_eval.results.slices import Slicing
+from tgospa_eval.tracks.judged import Judged
 
 if TYPE_CHECKING:
     import os
@@ -31,10 +57,14 @@ BRACKET = ("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "cer
 LOGGED = (*BRACKET, *PARTS)
 """What every result has one number of."""
 
+DOCUMENTED = (
+    *(*LOGGED, "within_rounding", "metric", "counts", "normalised", "parameters", "sizes"),
+    *("judged", "solver", "timings", "input", "version", "files"),
+)
+"""What the JSON has as it stands."""
+
 PUBLIC = (
-    *(*LOGGED, *SPLIT_PARTS, "within_rounding"),
-    *("metric", "counts", "normalised", "parameters", "sizes", "judged", "worst", "solver"),
-    *("timings", "input", "version", "warnings", "files", "results"),
+    *(*DOCUMENTED, *SPLIT_PARTS, "worst", "warnings", "results"),
     *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
     *("windows", "with_", "slices"),
     *("metrics", "similarity", "gradient", "proof", "explain"),
@@ -45,16 +75,90 @@ PUBLIC = (
 """What ``dir`` lists: the names of the JSON, the tables, and what can be made of them."""
 
 
+def _frame(name: str, about: str) -> "cached_property[pd.DataFrame]":
+    """An attribute that is a table as a DataFrame, made when it is read."""
+
+    def made(result: "Summary") -> "pd.DataFrame":
+        return result.frame(name)
+
+    made.__doc__ = about
+    return cached_property(made)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Summary(Numbers, ABC):
+class Summary(ABC):
     """The numbers with all that can be made of them; attributes bear the names of the JSON.
 
     Parameters
     ----------
+    proof : Costs
+        Bounds and breakdown.
+    labels : Labels
+        Times and ids.
+    gap : float
+        Relative gap of the total that counts as exact.
+    settings : dict
+        Every option that changes the number.
+    solver : dict
+        Name, status, iterations, kernel, convergence history.
+    timings : dict
+        Seconds by stage.
+    input : dict
+        Rows and digest of either side.
+    judged_on : Judged
+        What it was judged on: the horizon, and the truth that counts.
+    sizes : dict of str to int
+        Numbers of trajectories, steps, near pairs, their steps, and components.
+    objects : pair of int
+        States of the truth and of the estimate.
+    version : str
+        Version of the package that made it.
+    split : mapping of str to float, optional
+        Parts of the cost of localisation by name, of `SPLIT_PARTS`, if it has any; they sum to it.
+    traced : Curve, optional
+        Costs of the steps up to each step, if they were asked for.
+    slid : Windows, optional
+        Costs of sliding windows, if they were asked for.
+    warnings : tuple of Notice
+        What looks wrong, with `code`, `text` and `remedy`.
+    files : dict
+        Paths of truth and estimate as they were given; None of what was no file.
+    with_ : dict
+        Other metrics, those that were asked for: numbers by metric and name.
+    sliced : tuple of Slicing
+        Costs and counts split by attributes, those that were asked for.
+    sums : dict
+        Of these what those of several recordings are joined from, by metric and name with a dot
+        between; lists over the thresholds of HOTA.
+    calibration : Calibration, optional
+        Of `similarity`, if every output is to show it.
+    settings_file : SettingsFile, optional
+        The configuration file that set options of it.
     explained : Repairs, optional
         Single repairs that would save most, if they were asked for.
     """
 
+    proof: Costs
+    labels: Labels
+    gap: float
+    settings: Mapping[str, object]
+    solver: Json
+    timings: Json
+    input: Mapping[str, Json]
+    judged_on: Judged
+    sizes: dict[str, int]
+    objects: tuple[int, int]
+    version: str
+    split: Mapping[str, float] | None = None
+    traced: Curve | None = None
+    slid: Windows | None = None
+    warnings: tuple[Notice, ...] = ()
+    files: dict[str, str | None] = field(default_factory=lambda: {"truth": None, "estimate": None})
+    with_: OtherMetrics = field(default_factory=dict)
+    sliced: tuple[Slicing, ...] = ()
+    sums: MetricSums = field(default_factory=dict)
+    calibration: Calibration | None = None
+    settings_file: SettingsFile | None = None
     explained: Repairs | None = None
 
     def __repr__(self) -> str:
@@ -66,11 +170,265 @@ class Summary(Numbers, ABC):
     def __dir__(self) -> list[str]:
         return [name for name in PUBLIC if name in self.__dict__ or hasattr(type(self), name)]
 
+    @property
+    def told(self) -> list[str]:
+        """What is said beside the number: where settings come from, and what looks wrong."""
+        return told(self.settings_file, self.warnings)
+
+    @cached_property
+    def scale(self) -> float:
+        """c^p: costs of one unit of the dimensionless problem."""
+        return float(self.proof.parameters.cutoff**self.proof.parameters.order)
+
+    def _root(self, cost: float) -> float:
+        return self.proof.parameters.root(cost)
+
+    def _root_error(self, cost: Floats | float) -> Floats:
+        """How wrong a root is because 1/p is no double, relative."""
+        digits: Floats = np.abs(np.log(np.maximum(cost, 1e-300)))
+        return 2.0**-52 * digits / self.proof.parameters.order
+
+    def outward_root(self, cost: float, sign: int) -> float:
+        """The metric of a cost in units of c^p, rounded down (-1) or up (1)."""
+        return outward(self._root(cost), sign, float(self._root_error(cost)))
+
+    @property
+    def total_bounds(self) -> tuple[float, float]:
+        """Proven bounds of the cost, rounded outward."""
+        bounds = self.proof.bounds
+        return outward(self.scale * bounds.lower, -1), outward(self.scale * bounds.upper, 1)
+
+    @property
+    def tgospa(self) -> float:
+        """The metric, in state units: of a feasible assignment, `upper_bound` but for rounding."""
+        return self._root(self.proof.breakdown.total)
+
+    @property
+    def total(self) -> float:
+        """``tgospa ** order``, the cost of that assignment."""
+        return self.scale * self.proof.breakdown.total
+
+    @property
+    def lower_bound(self) -> float:
+        """Proven lower bound of the metric, rounded down."""
+        return self.outward_root(self.proof.bounds.lower, -1)
+
+    @property
+    def upper_bound(self) -> float:
+        """Proven upper bound of the metric, rounded up."""
+        return self.outward_root(self.proof.bounds.upper, 1)
+
+    @property
+    def relative_gap(self) -> float:
+        """(upper - lower) / upper of the totals."""
+        return self.proof.bounds.relative_gap
+
+    @property
+    def certified(self) -> bool:
+        """Whether the value is exact: the bracket is met."""
+        return self.proof.bounds.met(self.gap)
+
+    @property
+    def within_rounding(self) -> bool:
+        """Whether the bracket is wider, but the value itself is one of the last places."""
+        return self.proof.bounds.within_rounding(self.gap)
+
+    @property
+    def finished(self) -> bool:
+        """Whether what was asked for is reached, at each step of the curve and window as well."""
+        if self.solver["name"] != "certified":
+            return bool(self.solver["finished"])
+        asked = (part for part in (self.traced, self.slid) if part is not None)
+        return self.certified and all(bool(part.met(self.gap).all()) for part in asked)
+
+    @property
+    def localisation(self) -> float:
+        """Cost of localisation errors."""
+        return self.scale * float(self.proof.breakdown.localisation.sum())
+
+    @property
+    def localisation_mean(self) -> float | None:
+        """Its part by errors of means; None if the distance has no such part, or p is not 2."""
+        return (self.split or {}).get("localisation_mean")
+
+    @property
+    def localisation_spread(self) -> float | None:
+        """Its part by differences of covariances; None as for means."""
+        return (self.split or {}).get("localisation_spread")
+
+    @property
+    def existence_mismatch(self) -> float | None:
+        """Its part by different probabilities of existence; None if these are not compared."""
+        return (self.split or {}).get("existence_mismatch")
+
+    @property
+    def expected_localisation(self) -> float | None:
+        """Its part by errors of states that are expected to exist; None as for the mismatch."""
+        mismatch = self.existence_mismatch
+        if mismatch is None:
+            return None
+        return (self.split or {}).get("expected_localisation", self.localisation - mismatch)
+
+    @property
+    def missed(self) -> float:
+        """Cost of missed targets."""
+        return self.scale * float(self.proof.breakdown.missed.sum())
+
+    @property
+    def false(self) -> float:
+        """Cost of false targets."""
+        return self.scale * float(self.proof.breakdown.false.sum())
+
+    @property
+    def switch(self) -> float:
+        """Cost of track switches."""
+        return self.scale * float(self.proof.breakdown.switch.sum())
+
+    @property
+    def counts(self) -> dict[str, float]:
+        """Missed and false object-steps, and switches (halves and fractions are possible)."""
+        split = self.proof.breakdown
+        return {
+            "missed": float(split.missed_count.sum()),
+            "false": float(split.false_count.sum()),
+            "switch": float(split.switch_count.sum()),
+        }
+
+    @property
+    def normalised(self) -> dict[str, float]:
+        """``(total / T) ** (1 / order)`` over the T steps of the horizon."""
+        return {"tgospa": self._root(self.proof.breakdown.total / self.judged_on.each)}
+
+    @property
+    def parameters(self) -> Mapping[str, object]:
+        """Every option that changes the number."""
+        return self.settings
+
+    @property
+    def metric(self) -> str:
+        """Which member of the metric family it is (docs/theory/family.md)."""
+        quasi = "" if self.proof.parameters.rho == 0.5 else "quasi-"
+        weighted = "time-weighted-" if "step_weights" in self.settings else ""
+        return f"{weighted}{'probabilistic-' if self.probabilistic else ''}{quasi}tgospa"
+
+    @property
+    def probabilistic(self) -> bool:
+        """Whether objects exist with probabilities."""
+        return "existence" in self.settings
+
+    def parameters_in_words(self, unit: str | None = None) -> str:
+        """Cutoff, order, switch penalty, and what makes it another metric of the family."""
+        weighted = ", weighted steps" if "step_weights" in self.settings else ""
+        uncertain = f", {PROBABILITIES}" if self.probabilistic else ""
+        return self.proof.parameters.in_words(unit) + weighted + uncertain
+
+    @property
+    def judged(self) -> dict[str, object]:
+        """What the value was judged on: the horizon, and the truth that counts."""
+        return self.judged_on.record()
+
+    def table(self, name: str) -> Columns:
+        """A table by the name of its DataFrame, or ``"per_class"``, as plain columns.
+
+        Those that were not asked for have no columns.
+        """
+        if name in ("per_step", "curve", "windows", "per_class"):
+            made: Columns = getattr(self, f"_{name}")()
+            return made
+        return self._of_tracks(name)
+
+    @abstractmethod
+    def _of_tracks(self, name: str) -> Columns:
+        """``assignments``, ``switches``, ``per_truth`` or ``per_estimate``."""
+
+    def _per_step(self) -> Columns:
+        """Cost of each step by kind."""
+        split = self.proof.breakdown
+        parts = {name: self.scale * getattr(split, name) for name in PARTS}
+        table: Columns = {"t": list(self.labels.times)}
+        table.update({name: part.tolist() for name, part in parts.items()})
+        table["total"] = sum(parts.values(), np.zeros(len(self.labels.times))).tolist()
+        return table
+
+    def _curve(self) -> Columns:
+        """The normalised curve (docs/theory/solvers.md): no columns if it was not asked for.
+
+        At each step the metric of the steps up to it with its bounds, and the parts of its cost:
+        (cost / steps) ** (1 / order) and cost / steps, with the `steps` of the horizon up to it.
+        """
+        traced = self.traced
+        if traced is None:
+            return {}
+        steps = self.judged_on.so_far
+        each = np.maximum(steps, 1)
+        table: Columns = {"t": list(self.labels.times), "steps": steps.tolist()}
+        table |= self._rooted(traced, each)
+        for name, cost in zip(PARTS, traced.parts, strict=True):
+            table[name] = (self.scale * cost / each).tolist()
+        return table
+
+    def _windows(self) -> Columns:
+        """The sliding windows: no columns if they were not asked for.
+
+        Of each window the metric by itself with its bounds and the parts of its cost, and
+        ``normalised``, (cost / steps) ** (1 / order), over its `steps` of the horizon.
+        """
+        slid = self.slid
+        if slid is None:
+            return {}
+        times = self.labels.times
+        steps = self.judged_on.so_far[slid.last] - self.judged_on.before[slid.first]
+        table: Columns = {
+            "t_first": [times[k] for k in slid.first.tolist()],
+            "t_last": [times[k] for k in slid.last.tolist()],
+            "steps": steps.tolist(),
+        }
+        table |= self._rooted(slid, np.ones(len(steps)))
+        table["normalised"] = self._rooted(slid, np.maximum(steps, 1))["tgospa"]
+        for name, cost in zip(PARTS, slid.parts, strict=True):
+            table[name] = (self.scale * cost).tolist()
+        return table
+
+    def _rooted(self, found: Brackets, each: Floats | Ints) -> Columns:
+        """The metric of costs that are divided by `each`, and its bounds."""
+        power = 1 / self.proof.parameters.order
+        table: Columns = {}
+        for name, cost, sign in (
+            ("tgospa", found.parts.sum(axis=0), 0),
+            ("lower_bound", found.lower, -1),
+            ("upper_bound", found.upper, 1),
+        ):
+            value = self.proof.parameters.cutoff * (cost / each) ** power
+            table[name] = (value * (1 + sign * (2 * POWER + self._root_error(cost)))).tolist()
+        return table
+
+    def first_switches(self, most: int) -> tuple[Columns, int]:
+        """The first rows of the table of switches, so many at most, and how many it has."""
+        table = self.table("switches")
+        return {name: column[:most] for name, column in table.items()}, len(table["t"])
+
+    def _per_class(self) -> Columns:
+        """Value and costs of each class, where they were evaluated apart; else no columns."""
+        return {}
+
+    def worst(self, count: int = 5) -> Columns:
+        """The `count` costliest steps, truths and estimates, in order, free ones left out."""
+        per_step = self.table("per_step")
+        answer = {"steps": costliest(per_step["t"], np.array(per_step["total"]), count)}
+        for name, kind in (("truth", "missed"), ("estimates", "false")):
+            answer[name] = self._worst_tracks(kind, count)
+        return answer
+
+    def _worst_tracks(self, kind: str, count: int) -> list[str]:
+        table = self.table("per_truth" if kind == "missed" else "per_estimate")
+        cost = sum(np.array(table[part]) for part in ("localisation", kind, "switch"))
+        return costliest(table["id"], np.asarray(cost), count)
+
     def to_dict(self) -> Json:
         """The JSON document as plain Python values."""
-        curve = {} if self.traced is None else {"curve": records(self.curve_table())}
+        curve = {} if self.traced is None else {"curve": records(self.table("curve"))}
         if self.slid is not None:
-            curve["windows"] = records(self.windows_table())
+            curve["windows"] = records(self.table("windows"))
         return {
             **self.split_parts,
             **curve,
@@ -79,39 +437,18 @@ class Summary(Numbers, ABC):
             **({"slices": [one.record() for one in self.sliced]} if self.sliced else {}),
             **({} if self.explained is None else {"explanation": self.explained.record()}),
             "schema": RESULT_SCHEMA,
-            "metric": self.metric,
-            "tgospa": self.tgospa,
-            "total": self.total,
-            "lower_bound": self.lower_bound,
-            "upper_bound": self.upper_bound,
-            "relative_gap": self.relative_gap,
-            "certified": self.certified,
-            "within_rounding": self.within_rounding,
-            "localisation": self.localisation,
-            "missed": self.missed,
-            "false": self.false,
-            "switch": self.switch,
-            "counts": self.counts,
-            "normalised": self.normalised,
-            "parameters": self.parameters,
-            "sizes": self.sizes,
-            "judged": self.judged,
+            **{name: getattr(self, name) for name in DOCUMENTED},
             **self._records(),
             "worst": self.worst(),
-            "solver": self.solver,
-            "timings": self.timings,
-            "input": self.input,
-            "version": self.version,
             "warnings": [notice.record() for notice in self.warnings],
-            "files": self.files,
             **settings_field(self.settings_file),
         }
 
     def _records(self) -> Json:
         """What has a record for each step, and for each switch."""
         return {
-            "per_step": records(self.per_step_table()),
-            "switches": records(self.switches_table()),
+            "per_step": records(self.table("per_step")),
+            "switches": records(self.table("switches")),
         }
 
     @property
@@ -246,61 +583,21 @@ class Summary(Numbers, ABC):
         return f"TGOSPA is between {self.quantity(self.lower_bound)} and {value}"
 
     def _repr_html_(self) -> str:
-        from tgospa_eval.results.notebook import card
+        return str(import_module("tgospa_eval.reports.html").card(self))
 
-        per_step = self.per_step_table()
-        cost = {name: getattr(self, name) for name in PARTS} | {"total": self.total}
-        times = per_step["t"] or [""]
-        return card(
-            title=self.claim,
-            proof=self.proven,
-            notes=(
-                *self.told,
-                sizes_in_words(self.sizes),
-                self.parameters_in_words(self.labels.unit),
-            ),
-            parts=[
-                (name, number(value), self.share(value), _count(self.counts.get(name)))
-                for name, value in cost.items()
-            ],
-            costs={name: per_step[name] for name in PARTS},
-            ends=(str(times[0]), str(times[-1])),
-        )
+    per_step = _frame("per_step", "Cost of each step by kind.")
+    curve = _frame("curve", "TGOSPA of the steps up to each, and its parts, if it was asked for.")
+    windows = _frame("windows", "Sliding windows, if they were asked for.")
+    switches = _frame("switches", "Changes of each truth's assignment.")
+    assignments = _frame("assignments", "Pairs that both exist, are near, and are assigned.")
+    per_truth = _frame("per_truth", "Steps, costs and counts of each truth.")
+    per_estimate = _frame("per_estimate", "Steps, costs and counts of each estimate.")
 
-    @cached_property
-    def per_step(self) -> "pd.DataFrame":
-        """`per_step_table` as a DataFrame."""
-        return _frame(self.per_step_table())
+    def frame(self, name: str) -> "pd.DataFrame":
+        """A table as a DataFrame."""
+        import pandas as pd  # here: importing it takes longer than most evaluations
 
-    @cached_property
-    def curve(self) -> "pd.DataFrame":
-        """`curve_table` as a DataFrame."""
-        return _frame(self.curve_table())
-
-    @cached_property
-    def windows(self) -> "pd.DataFrame":
-        """`windows_table` as a DataFrame."""
-        return _frame(self.windows_table())
-
-    @cached_property
-    def switches(self) -> "pd.DataFrame":
-        """`switches_table` as a DataFrame."""
-        return _frame(self.switches_table())
-
-    @cached_property
-    def assignments(self) -> "pd.DataFrame":
-        """`assignments_table` as a DataFrame."""
-        return _frame(self.assignments_table())
-
-    @cached_property
-    def per_truth(self) -> "pd.DataFrame":
-        """`per_truth_table` as a DataFrame."""
-        return _frame(self.per_truth_table())
-
-    @cached_property
-    def per_estimate(self) -> "pd.DataFrame":
-        """`per_estimate_table` as a DataFrame."""
-        return _frame(self.per_estimate_table())
+        return pd.DataFrame(self.table(name))
 
     def plot_costs(
         self, *, style: str = "screen", components: Sequence[str] | None = None
@@ -337,12 +634,8 @@ class Summary(Numbers, ABC):
         return self._plot("plot_worst", style=style, components=components)
 
     def _plot(self, name: str, **options: object) -> "Figure":
-        self._check_drawn(name)
         made: Figure = getattr(import_module("tgospa_eval.plots"), name)(self, **options)
         return made
-
-    def _check_drawn(self, name: str) -> None:
-        """Whether there is such a picture, as there is of most results; else ConfigError."""
 
     def to_html(self) -> str:
         """The report as one page that loads nothing."""
@@ -373,13 +666,3 @@ def _dotted(groups: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
     return {
         f"{group}.{name}": float(x) for group, found in groups.items() for name, x in found.items()
     }
-
-
-def _count(amount: float | None) -> str:
-    return "" if amount is None else number(amount)
-
-
-def _frame(table: Columns) -> "pd.DataFrame":
-    import pandas as pd  # here: importing it takes longer than most evaluations
-
-    return pd.DataFrame(table)

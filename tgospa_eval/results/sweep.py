@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
-from tgospa_eval.results.records import Columns, FileRecord, Json, json_text
+from tgospa_eval.results.records import Columns, Json, json_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,7 +86,7 @@ class Sweep:
     points: tuple[Point, ...]
     settings: Mapping[str, object]
     sizes: dict[str, int]
-    input: Mapping[str, FileRecord]
+    input: Mapping[str, Json]
     timings: dict[str, float]
     version: str
     warnings: tuple[Notice, ...] = ()

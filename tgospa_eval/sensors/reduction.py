@@ -8,8 +8,7 @@ import numpy as np
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Effort, Reduction, cloud_wasserstein
 from tgospa_eval.distances.base import Floats
-from tgospa_eval.distances.clouds.distance import reduced
-from tgospa_eval.distances.clouds.pairs import announce
+from tgospa_eval.distances.clouds.distance import announce, reduced
 from tgospa_eval.distances.clouds.reduction import sliced_wasserstein, spread_directions
 from tgospa_eval.distances.clouds.transport import MOST_PARTICLES, POT_NEEDED, can_transport
 from tgospa_eval.results.records import Columns
@@ -78,12 +77,9 @@ def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[CloudChange]
         announce(effort, count, what, lambda: change(largest))
         if not is_exact:
             effort.stopwatch.notify(f"no exact distances from the clouds before: {POT_NEEDED}")
-    outer, effort.stopwatch.stage = effort.stopwatch.stage, "comparing clouds with those before"
-    try:
-        with ThreadPoolExecutor(effort.jobs) as pool:
-            return list(pool.map(change, range(len(before))))
-    finally:
-        effort.stopwatch.stage = outer
+    stage = "comparing clouds with those before"
+    with effort.stopwatch.showing(stage), ThreadPoolExecutor(effort.jobs) as pool:
+        return list(pool.map(change, range(len(before))))
 
 
 def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool) -> CloudChange:

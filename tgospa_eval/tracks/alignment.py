@@ -212,26 +212,6 @@ class Alignment:
     left_out: tuple[int, int]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class NearestTimes:
-    """Pairs of stamps of which each is the nearest of the other side, ties to the earlier.
-
-    The nearest stamp does not decrease from one stamp to the next, so pairs do not cross, and no
-    stamp is in two. Between two paired stamps lies no other of either side: it would be nearer.
-
-    Parameters
-    ----------
-    first, second : (N,) int arrays
-        Positions in the two sides, increasing.
-    apart : (N,) uint64 or float array
-        Distance in the unit in which the times are held.
-    """
-
-    first: Ints
-    second: Ints
-    apart: Times
-
-
 def align(
     truth: Trajectories,
     estimate: Trajectories,
@@ -255,11 +235,8 @@ def align(
         )
     joined = 0
     if matching.near and len(first) and len(second):
-        pairs = nearest(first, second)
-        close = (pairs.apart > 0) & within(pairs.apart, matching.near, (first, second), clock)
+        second, close = joined_to(second, first, matching.near, clock)
         joined = int(np.count_nonzero(close))
-        second = second.astype(np.result_type(first, second))
-        second[pairs.second[close]] = first[pairs.first[close]]
     times = _union(first, second)
     on = np.searchsorted(times, first), np.searchsorted(times, second)
     labels = None
@@ -288,12 +265,31 @@ def align(
     )
 
 
-def nearest(first: Times, second: Times) -> NearestTimes:
-    """Pairs of stamps that are each other's nearest; both sides must have some."""
+def nearest(first: Times, second: Times) -> tuple[Ints, Ints, Times]:
+    """Pairs of stamps of which each is the nearest of the other side, ties to the earlier.
+
+    Positions in the two sides, increasing, and the distances, uint64 or float; both sides must have
+    some. The nearest stamp does not decrease from one stamp to the next, so pairs do not cross, and
+    no stamp is in two. Between two paired stamps lies no other of either side: it would be nearer.
+    """
     there, back = _nearest(first, second), _nearest(second, first)
     mine = np.flatnonzero(back[there] == np.arange(len(first)))
     other = there[mine]
-    return NearestTimes(first=mine, second=other, apart=_apart(first[mine], second[other]))
+    return mine, other, apart_of(first[mine], second[other])
+
+
+def joined_to(
+    mine: Times, theirs: Times, tolerance: float, clock: str
+) -> tuple[Times, NDArray[np.bool_]]:
+    """Own stamps, those of the other side where they are the same but for the tolerance.
+
+    And which of the pairs of nearest stamps those are.
+    """
+    first, second, apart = nearest(mine, theirs)
+    close = (apart > 0) & within(apart, tolerance, (mine, theirs), clock)
+    joined = mine.astype(np.result_type(mine, theirs))
+    joined[first[close]] = theirs[second[close]]
+    return joined, close
 
 
 def within(
@@ -349,13 +345,13 @@ def _nearest(own: Times, other: Times) -> Ints:
     """Position of the nearest of the others for each, ties to the earlier."""
     after = np.searchsorted(other, own).clip(max=len(other) - 1)
     before = (after - 1).clip(min=0)
-    left, right = _apart(own, other[before]), _apart(own, other[after])
+    left, right = apart_of(own, other[before]), apart_of(own, other[after])
     if left.dtype.kind == "f":  # decimals that tie do so but for the rounding of the stamps
         left = left - 2 * _spacing(own, other)
     return np.where(left <= right, before, after)
 
 
-def _apart(a: Times, b: Times) -> Times:
+def apart_of(a: Times, b: Times) -> Times:
     """Distances; of integers as uint64, which holds any, by arithmetic modulo 2^64."""
     if a.dtype.kind == b.dtype.kind == "i":
         return np.asarray(np.maximum(a, b).view(np.uint64) - np.minimum(a, b).view(np.uint64))
@@ -391,5 +387,5 @@ def _on(
         return replace(side, step=step, times=times, clock=clock, labels=labels)
     rows = np.flatnonzero(counted[step])
     step = (np.cumsum(counted) - 1)[step[rows]]
-    kept = side.chosen(rows, step, times[counted])
-    return replace(kept, clock=clock, labels=None if labels is None else labels[counted])
+    kept = None if labels is None else labels[counted]
+    return side.chosen(rows, step, times[counted], kept, clock)

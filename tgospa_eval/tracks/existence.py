@@ -1,7 +1,5 @@
 """Probabilities of existence: an attribute of the rows, 1 where a side has none."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from tgospa_eval.common.words import more, parsed
@@ -60,7 +58,4 @@ def _possible(side: Trajectories, name: str) -> Trajectories:
             "to 1"
         )
     kept = np.flatnonzero(likely > 0)
-    if len(kept) == len(given):
-        return side
-    part = side.chosen(kept, side.step[kept], side.times)
-    return replace(part, labels=side.labels)
+    return side if len(kept) == len(given) else side.chosen(kept)

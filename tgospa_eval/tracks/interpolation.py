@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.tracks.alignment import Times, comparable, nearest, within
+from tgospa_eval.tracks.alignment import Times, apart_of, comparable, joined_to, within
 from tgospa_eval.tracks.attributes import chosen
 from tgospa_eval.tracks.trajectories import Floats, Ints, Trajectories
 
@@ -83,7 +83,7 @@ def interpolated(
             f"--interpolate: {names[0]} has clouds of particles, which are not interpolated; leave "
             "it out, or compare means with another --distance"
         )
-    mine = _joined(mine, theirs, tolerance, side.clock)
+    mine, _ = joined_to(mine, theirs, tolerance, side.clock)
     at, there = found_at(mine, theirs)
     own = np.flatnonzero(there[side.step])
     before, after, step, share = _between(side, mine, theirs, max_gap)
@@ -106,9 +106,8 @@ def interpolated(
         times=theirs,
         labels=other.labels,
     )
-    kept = found.chosen(np.arange(len(order)), found.step, theirs)
     return Interpolated(
-        side=replace(kept, labels=other.labels),
+        side=found.chosen(np.arange(len(order))),
         between=len(step),
         own=len(own),
         unused=rows - len(own),
@@ -127,11 +126,10 @@ def at_ticks(
     """
     mine, theirs = comparable(side, ticks, names)
     if len(mine) and len(theirs):
-        mine = _joined(mine, theirs, tolerance, side.clock)
+        mine, _ = joined_to(mine, theirs, tolerance, side.clock)
     at, there = found_at(mine, theirs)
     rows = np.flatnonzero(there[side.step])
-    kept = side.chosen(rows, at[side.step[rows]], theirs)
-    return replace(kept, clock=ticks.clock, labels=ticks.labels)
+    return side.chosen(rows, at[side.step[rows]], theirs, ticks.labels, ticks.clock)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -165,17 +163,14 @@ def forecast(
     size = len(theirs)
     if not len(side.step) or not size:
         return Forecast(own=np.zeros(size, int), between=np.zeros(size, int), narrow=0)
-    mine = _joined(mine, theirs, 0.0, side.clock)
+    mine, _ = joined_to(mine, theirs, 0.0, side.clock)
     at, there = found_at(mine, theirs)
-    stretches = _stretches(side, mine, theirs, max_gap)
-    begun, ended = (
-        np.bincount(places, minlength=size + 1)
-        for places in (stretches.begin, stretches.begin + stretches.count)
-    )
+    _, first, _, begin, count = _stretches(side, mine, theirs, max_gap)
+    begun, ended = (np.bincount(at, minlength=size + 1) for at in (begin, begin + count))
     return Forecast(
         own=np.bincount(at[side.step[there[side.step]]], minlength=size),
         between=np.cumsum(begun - ended)[:size],
-        narrow=len(stretches.first),
+        narrow=len(first),
     )
 
 
@@ -187,67 +182,34 @@ def found_at(mine: Times, theirs: Times) -> tuple[Ints, NDArray[np.bool_]]:
     return at, theirs[at] == mine
 
 
-def _joined(mine: Times, theirs: Times, tolerance: float, clock: str) -> Times:
-    """Own stamps, those of the other where they are the same but for the tolerance or rounding."""
-    pairs = nearest(mine, theirs)
-    same = (pairs.apart > 0) & within(pairs.apart, tolerance, (mine, theirs), clock)
-    joined = mine.astype(np.result_type(mine, theirs))
-    joined[pairs.first[same]] = theirs[pairs.second[same]]
-    return joined
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _TrackSegments:
+def _stretches(
+    side: Trajectories, mine: Times, theirs: Times, max_gap: float
+) -> tuple[Ints, Ints, Times, Ints, Ints]:
     """Pairs of consecutive states of a track that are not too far apart.
 
-    Parameters
-    ----------
-    order : (R,) int array
-        Rows by track, then by time.
-    first : (N,) int array
-        Place of the earlier state in it.
-    gap : (N,) array
-        From one to the other.
-    begin, count : (N,) int arrays
-        First of the stamps between them, and how many there are.
+    Rows by track, then by time; of each pair the place of the earlier state among these, how far
+    the later one is, the first of the stamps between them, and how many of these there are.
     """
-
-    order: Ints
-    first: Ints
-    gap: Times
-    begin: Ints
-    count: Ints
-
-
-def _stretches(side: Trajectories, mine: Times, theirs: Times, max_gap: float) -> _TrackSegments:
     order = np.argsort(side.track, kind="stable")  # rows are in the order of time
     track, time = side.track[order], mine[side.step[order]]
-    gap = _apart(time[1:], time[:-1])
+    gap = apart_of(time[1:], time[:-1])
     narrow = (track[1:] == track[:-1]) & within(gap, max_gap, (mine, theirs), side.clock)
     first = np.flatnonzero(narrow)
     begin = np.searchsorted(theirs, time[first], side="right")
     count = np.searchsorted(theirs, time[first + 1], side="left") - begin
-    return _TrackSegments(order=order, first=first, gap=gap[first], begin=begin, count=count)
+    return order, first, gap[first], begin, count
 
 
 def _between(
     side: Trajectories, mine: Times, theirs: Times, max_gap: float
 ) -> tuple[Ints, Ints, Ints, Floats]:
     """Rows before and after, the stamp between them, and its share of the way, for each new row."""
-    found = _stretches(side, mine, theirs, max_gap)
-    order, count = found.order, found.count
-    step = concatenated(found.begin, count)
-    first, gap = np.repeat(found.first, count), np.repeat(found.gap, count)
+    order, first, gap, begin, count = _stretches(side, mine, theirs, max_gap)
+    step = concatenated(begin, count)
+    first, gap = np.repeat(first, count), np.repeat(gap, count)
     begun = mine[side.step[order[first]]]
-    share = _apart(theirs[step], begun).astype(np.float64) / gap.astype(np.float64)
+    share = apart_of(theirs[step], begun).astype(np.float64) / gap.astype(np.float64)
     return order[first], order[first + 1], step, share
-
-
-def _apart(later: Times, earlier: Times) -> Times:
-    """Distances of stamps; of integers exactly, as uint64."""
-    if later.dtype.kind == earlier.dtype.kind == "i":
-        return np.asarray(later.view(np.uint64) - earlier.view(np.uint64))
-    return np.asarray(np.subtract(later, earlier, dtype=np.float64))
 
 
 def on_lines(

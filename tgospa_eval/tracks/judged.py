@@ -86,15 +86,8 @@ class Judged:
     def record(self) -> dict[str, object]:
         """As it stands in the JSON document."""
         first, last = (self.ends[0], self.ends[-1]) if self.ends else (None, None)
-        return {
-            "steps": self.steps,
-            "first": first,
-            "last": last,
-            "steps_sha256": self.steps_sha256,
-            "truth_states": self.truth_states,
-            "truth_steps": self.truth_steps,
-            "truth_sha256": self.truth_sha256,
-        }
+        steps, *others = ((name, getattr(self, name)) for name in JUDGED_FIELDS)
+        return dict([steps, ("first", first), ("last", last), *others])
 
 
 def judge(

@@ -188,8 +188,20 @@ class Trajectories:
         """The times as they were read (T,)."""
         return self.times if self.labels is None else self.labels
 
-    def chosen(self, rows: Ints, step: Ints, times: TimeArray) -> "Trajectories":
-        """Some of the rows, in order, at new steps, with the tracks that still have any."""
+    def chosen(
+        self,
+        rows: Ints,
+        step: Ints | None = None,
+        times: TimeArray | None = None,
+        labels: NDArray[np.object_] | None = None,
+        clock: str | None = None,
+    ) -> "Trajectories":
+        """Some of the rows, in order, with the tracks that still have any.
+
+        At new steps of other times; by default at their own.
+        """
+        if step is None or times is None:
+            step, times, labels = self.step[rows], self.times, self.labels
         track = self.track[rows]
         has_rows = np.zeros(len(self.ids), bool)
         has_rows[track] = True
@@ -204,7 +216,8 @@ class Trajectories:
             state=self.state[rows],
             ids=ids,
             times=times,
-            labels=None,
+            labels=labels,
+            clock=clock or self.clock,
             covariance=None if self.covariance is None else self.covariance[rows],
             clouds=None if self.clouds is None else self.clouds.chosen(rows),
             attributes=chosen(self.attributes, rows),

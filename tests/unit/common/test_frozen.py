@@ -91,11 +91,11 @@ def test_records_are_as_those_of_the_library(
 @pytest.mark.parametrize(
     ("which", "positional", "values", "message"),
     [
-        (0, (), {"b": 1.0}, "lacks a"),
-        (0, (), {"a": 1, "d": 1}, "does not know d"),
-        (0, (1,), {}, "takes 0 positional arguments"),
-        (1, (1, "x", 2), {}, "takes 2 positional arguments"),
-        (1, (1,), {"a": 1}, "got twice: a"),
+        (0, (), {"b": 1.0}, "missing 1 required keyword-only argument: 'a'"),
+        (0, (), {"a": 1, "d": 1}, "unexpected keyword argument 'd'"),
+        (0, (1,), {}, "takes 1 positional argument but 2 were given"),
+        (1, (1, "x", 2), {}, "takes from 2 to 3 positional arguments but 4 were given"),
+        (1, (1,), {"a": 1}, "multiple values for argument 'a'"),
     ],
 )
 def test_wrong_arguments(

@@ -251,7 +251,7 @@ def compared(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     plain = search._compared
 
     def counted(truth: Any, estimate: Any, candidates: Any, reach: Any) -> Any:
-        found.append(int(candidates.count.sum()))
+        found.append(int(candidates[2].sum()))
         return plain(truth, estimate, candidates, reach)
 
     monkeypatch.setattr(search, "_compared", counted)

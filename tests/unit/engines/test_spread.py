@@ -15,7 +15,7 @@ from browser import PATIENCE
 from checkout import ROOT
 from faults import FATAL, FATAL_ONCE, double, greedy
 
-from tgospa_eval.batches.store import locked
+from tgospa_eval.campaign.store import locked
 from tgospa_eval.common import files
 from tgospa_eval.engines import processes
 from tgospa_eval.engines import spread as engine

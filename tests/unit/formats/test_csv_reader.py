@@ -15,8 +15,6 @@ from hypothesis import strategies as st
 
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ReadOptions, read, read_trajectories
-from tgospa_eval.formats.columns import roles
-from tgospa_eval.formats.columns.roles import find_roles
 from tgospa_eval.formats.text import scan
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -694,27 +692,6 @@ def test_columns_map_headers(write: Write) -> None:
     trajectories = read_trajectories(path, columns=("py", "px", "id=trk", "t=time_s"))
     assert trajectories.columns == ("py", "px")
     assert rows_of(trajectories) == {("a", 1): (3.0, 2.0)}
-
-
-def test_the_header_of_a_study_is_understood_once(
-    write: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """What other files there are changes nothing of it; other options do."""
-    seen = []
-
-    def counted(header: list[str], options: ReadOptions, *rest: Any, **more: Any) -> Any:
-        seen.append(header)
-        return find_roles(header, options, *rest, **more)
-
-    monkeypatch.setattr(roles, "find_roles", counted)
-    monkeypatch.setattr(roles, "_known", {})
-    for k in range(3):
-        path = write(f"{k}.csv", "seen_once_id,t,x,y\na,1,2,3\n")
-        options = ReadOptions(columns=("id=seen_once_id",)).beside_others((path,))
-        assert read(path, options).trajectories.columns == ("x", "y")
-    assert len(seen) == 1
-    assert read(path, ReadOptions(columns=("y", "id=seen_once_id"))).trajectories.columns == ("y",)
-    assert len(seen) == 2
 
 
 def test_mapping_of_ids_alone_leaves_the_default_state(write: Write) -> None:

@@ -11,7 +11,7 @@ from checkout import SAMPLES
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.text import scan
-from tgospa_eval.formats.text.visdrone import CATEGORIES, VISDRONE_FIELDS
+from tgospa_eval.formats.text.table import CATEGORIES, VISDRONE_FIELDS
 
 Run = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]

@@ -5,8 +5,7 @@ import pytest
 
 from tgospa_eval.partitioned.long.holding import WindowFindings, hold_runs
 from tgospa_eval.partitioned.long.tables import BUSY
-from tgospa_eval.partitioned.shards import problem_of
-from tgospa_eval.partitioned.share import ENTRY, HELD
+from tgospa_eval.partitioned.shards import ENTRY, HELD, problem_of
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE

@@ -1,7 +1,6 @@
 """Evaluations in parts: blocks, shards and processes change no bit of the result."""
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -128,17 +127,17 @@ def test_processes_and_interruptions_change_nothing(
     same(alone, together)
     # A run that stops after each task in turn goes on where it was.
     begun = 0
-    original = tasks._Work.__call__
+    original = tasks.do_task
 
-    def stops(work: tasks._Work, task: tasks.PartsTask) -> object:
+    def stops(job: tuple[str, tasks.Task]) -> tuple[str, bool]:
         nonlocal begun
         if begun == 2:
             begun = 0
             raise KeyboardInterrupt
         begun += 1
-        return original(work, task)
+        return original(job)
 
-    monkeypatch.setattr(tasks._Work, "__call__", stops)
+    monkeypatch.setattr(tasks, "do_task", stops)
     interrupted = 0
     while True:
         try:
@@ -151,12 +150,7 @@ def test_processes_and_interruptions_change_nothing(
     assert not list(tmp_path.rglob(f"*{tasks.UNFINISHED}"))
 
 
-@dataclass(frozen=True)
-class Fatal:
-    output: str
-
-
-def kill(task: Fatal) -> None:
+def kill(output: str) -> None:
     import os
 
     os._exit(1)
@@ -164,7 +158,7 @@ def kill(task: Fatal) -> None:
 
 def test_a_task_of_which_processes_die_is_named(tmp_path: Path) -> None:
     with pytest.raises(SolverError, match="a process died of 000007, most likely for want of"):
-        tasks.run_tasks(kill, [Fatal(str(tmp_path / "000007"))], Processes(1))
+        tasks.run_tasks({str(tmp_path / "000007"): kill}, Processes(1))
 
 
 def test_shards_are_filled_in_order_and_long_components_stand_alone() -> None:

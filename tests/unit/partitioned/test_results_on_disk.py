@@ -48,11 +48,11 @@ def test_numbers_tables_and_texts_are_those_of_the_result_in_memory(
     assert len(document["switches"]) > 5
     assert all(document["worst"].values())
     for name in TABLES:
-        assert getattr(stored, f"{name}_table")() == getattr(known, f"{name}_table")()
+        assert stored.table(name) == known.table(name)
         pd.testing.assert_frame_equal(
             getattr(stored, name), getattr(known, name), check_dtype=False
         )
-    assert stored.tables.columns("per_step") == known.per_step_table()
+    assert stored.tables.columns("per_step") == known.table("per_step")
     for form, report in REPORTS.items():
         if form != "json":
             assert report(stored) == report(known)
@@ -88,7 +88,7 @@ def test_files_do_not_depend_on_shards_nor_on_what_is_in_memory(
         found = {(tmp_path / run / "tables" / name).read_bytes() for run in "abc"}
         assert len(found) == 1, name
     assert stored.worst(3) == known.worst(3)
-    assert stored.assignments_table() == known.assignments_table()
+    assert stored.table("assignments") == known.table("assignments")
     assert stored.first_switches(3) == known.first_switches(3)
 
 
@@ -97,7 +97,7 @@ def test_tables_that_are_gone_or_damaged_are_said_to_be(known: Result, tmp_path:
     folder = Path(stored.tables.folder)
     (folder / "per_truth.parquet").unlink()
     with pytest.raises(InputError, match=r"per_truth.parquet: is not there any more"):
-        stored.per_truth_table()
+        stored.table("per_truth")
     (folder / "switches.parquet").write_bytes(b"PAR1")
     with pytest.raises(InputError, match=r"switches.parquet: cannot be read: "):
         StoredTables(str(folder)).rows("switches")
@@ -114,7 +114,7 @@ def test_page_and_pictures_show_means_over_stretches_of_steps(
     data, arrays = document(stored)
     assert data["together"] == 8
     assert data["times"] == stored.labels.times[::8]
-    per_step, curve = stored.per_step_table(), drawn.curves(stored)
+    per_step, curve = stored.table("per_step"), drawn.curves(stored)
     means_of = ("localisation", "missed", "false", "switch")
     for name in means_of:
         ends = [*range(0, 60, 8), 60]

@@ -7,8 +7,8 @@ import numpy as np
 
 from tgospa_eval.cli.shared.progress import line
 from tgospa_eval.common.progress import Progress, Stopwatch
-from tgospa_eval.partitioned.share import PartialSums
-from tgospa_eval.partitioned.tasks import Stages
+from tgospa_eval.partitioned.run import Stages
+from tgospa_eval.partitioned.shards import PartialSums
 from tgospa_eval.problem.tgospa import Parameters
 
 NOTHING = np.zeros(1)
@@ -27,7 +27,7 @@ def share(objects: tuple[int, int], lower: float, upper: float) -> PartialSums:
         truths=np.array([objects[0]]),
         estimates=np.array([objects[1]]),
         lower=np.array([lower / 2, lower / 2]),
-        upper=upper,
+        total=upper,
     )
 
 

@@ -92,7 +92,7 @@ def test_rows_and_files_are_named(
         "end": f"row {end}" if ending == "parquet" else f"line {end + 2}",
         "header": b if ending == "parquet" else f"{b}, line 1",
     }
-    for rows_together in (3, 1000):  # in runs, and from the files
+    for rows_together in (3, 1000):
         with pytest.raises(InputError) as raised:
             read_all(folder, rows_together)
         assert str(raised.value).startswith(message.format(**known))

@@ -162,12 +162,12 @@ def test_lanes_that_have_no_room_share_one() -> None:
     result = crowd()
     made = plot_lanes(result)
     ticks = [text.get_text() for text in made.axes[0].get_yticklabels()]
-    false = sum(count > 0 for count in result.per_estimate_table()["false_count"])
+    false = sum(count > 0 for count in result.table("per_estimate")["false_count"])
     assert "31 others" in ticks
     assert f"{false - 29} others" in ticks
     assert len(ticks) == 60 + 30
     shown = [text for text in ticks[:59] if "others" not in text]
-    table = result.per_truth_table()
+    table = result.table("per_truth")
     rest = [n for k, n in zip(table["id"], table["missed_count"], strict=True) if k not in shown]
     stairs = artist(made, "truth/others").get_data()
     height = stairs.baseline - stairs.values
@@ -197,7 +197,7 @@ def test_of_switches_that_lie_on_each_other_one_is_drawn() -> None:
         estimate[begin : begin + 8 : 2] = truth[begin : begin + 8 : 2, ::-1]
     result = evaluate(truth, estimate, cutoff=10.0, switch_penalty=0.01)
     marks = artist(plot_lanes(result), "switch").get_offsets()
-    assert len(result.switches_table()["t"]) == 32
+    assert len(result.table("switches")["t"]) == 32
     lanes = sorted({float(place) for place in marks[:, 1]})
     assert len(lanes) == 2
     steps = [np.round(marks[marks[:, 1] == lane, 0] + 0.5).astype(int) for lane in lanes]

@@ -9,7 +9,7 @@ import pytest
 from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, heat_shades
 from tgospa_eval.reports.batch_page import curve_charts
 from tgospa_eval.reports.batch_view import MOST_SQUARES, Heat, heat_of
-from tgospa_eval.reports.clock import round_steps
+from tgospa_eval.reports.clock import nice
 from tgospa_eval.reports.curves import RmsCurve, RmsLine
 from tgospa_eval.reports.phrases import first_names, order_in_words
 from tgospa_eval.results.records import Time
@@ -122,9 +122,9 @@ def test_of_many_rows_those_that_lose_most_are_shown() -> None:
 
 
 def test_axes_have_round_numbers() -> None:
-    assert round_steps(0, 9.3) == [0, 2, 4, 6, 8]
-    assert round_steps(3, 59) == [20, 40]
-    assert round_steps(1, 1) == [1]
+    assert nice(0, 9.3, 5) == [0, 2, 4, 6, 8]
+    assert nice(3, 59, 5) == [20, 40]
+    assert nice(1, 1, 5) == [1]
 
 
 def curve(times: list[Time], rms: list[float], group: str = "a") -> RmsCurve:
@@ -142,33 +142,35 @@ def curve(times: list[Time], rms: list[float], group: str = "a") -> RmsCurve:
 
 def test_a_chart_is_in_percent() -> None:
     ((chart, (part,)),) = curve_charts([(0, curve([0, 10, 20], [1.0, 2.0, 1.0]))], "m")
-    (line,) = chart.lines
-    assert line.path == "M0.00 76.19L50.00 52.38L100.00 76.19"
-    assert line.band.startswith("M0.00 52.38L50.00 4.76L100.00 52.38L100.00 100.00")
-    assert {(0.0, "0"), (50.0, "10"), (100.0, "20")} <= {(t.at, t.text) for t in chart.across}
-    assert (chart.title, chart.across_name) == ("RMS-TGOSPA per time step", "time")
-    assert part.title == "RMS missed target error per time step"
-    assert part.lines == chart.lines
+    (line,) = chart["lines"]
+    assert line["path"] == "M0.00 76.19L50.00 52.38L100.00 76.19"
+    assert line["band"].startswith("M0.00 52.38L50.00 4.76L100.00 52.38L100.00 100.00")
+    assert {(0.0, "0"), (50.0, "10"), (100.0, "20")} <= {
+        (t["at"], t["text"]) for t in chart["across"]
+    }
+    assert (chart["title"], chart["across_name"]) == ("RMS-TGOSPA per time step", "time")
+    assert part["title"] == "RMS missed target error per time step"
+    assert part["lines"] == chart["lines"]
     assert curve_charts([], "m") == []
 
 
 def test_curves_of_other_times_share_an_axis() -> None:
     both = [(0, curve([0, 8], [1.0, 2.0])), (1, curve([2, 4.0], [1.0, 2.0], "b"))]
     ((chart, _),) = curve_charts(both, "")
-    first, second = (re.findall(r"[ML]([\d.]+) ", line.path) for line in chart.lines)
+    first, second = (re.findall(r"[ML]([\d.]+) ", line["path"]) for line in chart["lines"])
     assert first == ["0.00", "100.00"]
     assert second == ["25.00", "50.00"]
     # Of one time there is a dash that can be seen; times of several kinds are steps.
     both = [(0, curve(["2026-01-01T00:00:00"], [1.0])), (1, curve([2, 3], [1.0, 2.0], "b"))]
     ((chart, _),) = curve_charts(both, "")
-    first, second = (re.findall(r"[ML]([\d.]+) ", line.path) for line in chart.lines)
+    first, second = (re.findall(r"[ML]([\d.]+) ", line["path"]) for line in chart["lines"])
     assert first == second == ["0.00", "100.00"]
 
 
 def test_a_long_chart_is_thinned() -> None:
     ((chart, _),) = curve_charts([(0, curve(list(range(1000)), [1.0] * 1000))], "")
-    assert chart.stride == 3
-    assert chart.lines[0].path.count(" ") == 334
+    assert chart["stride"] == 3
+    assert chart["lines"][0]["path"].count(" ") == 334
 
 
 def test_sentences_name_few_of_many() -> None:

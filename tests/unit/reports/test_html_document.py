@@ -40,7 +40,7 @@ def test_costs_and_tracks_are_those_of_the_result() -> None:
     data, _ = document(result)
     assert data["times"] == [0, 1, 2, 3]
     for name, costs in data["costs"].items():
-        assert costs == pytest.approx(result.per_step_table()[name])
+        assert costs == pytest.approx(result.table("per_step")[name])
     assert data["costs"]["switch"] == [0, 0, 2, 0]
     assert data["counts"]["missed"] == [0, 0, 0, 1]
     assert data["counts"]["false"] == [0, 1, 0, 0]

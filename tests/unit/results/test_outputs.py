@@ -325,7 +325,7 @@ def test_csv_quotes_ids(write: Write) -> None:
     path = write("a.csv", 'id,t,x\n"a,""b""\nc",1,2\n')
     result = evaluate(read_trajectories(path), read_trajectories(path))
 
-    (row,) = read_csv(csv_text(result.assignments_table()))
+    (row,) = read_csv(csv_text(result.table("assignments")))
     assert (row["truth"], row["estimate"]) == (name, name)
 
 

@@ -46,14 +46,14 @@ def test_joining_is_one_to_one_and_in_order(
     """Against the definition: each the nearest of the other, ties to the earlier."""
     scale = 0.25 if decimal else 1  # exact in doubles
     a, b = (np.array(values) * scale for values in (first, second))
-    pairs = nearest(a, b)
+    mine, other, _ = nearest(a, b)
     expected = []
     for i, x in enumerate(a):
         j = int(np.argmin(np.abs(b - x)))  # the first of the nearest
         if int(np.argmin(np.abs(a - b[j]))) == i:
             expected.append((i, j))
-    assert list(zip(pairs.first.tolist(), pairs.second.tolist(), strict=True)) == expected
-    assert (np.diff(pairs.second) > 0).all()
+    assert list(zip(mine.tolist(), other.tolist(), strict=True)) == expected
+    assert (np.diff(other) > 0).all()
     done = align(side(a.tolist()), side(b.tolist()), TimeMatching(tolerance=tolerance * scale))
     close = [(i, j) for i, j in expected if abs(a[i] - b[j]) <= tolerance * scale]
     assert done.common == len(close)

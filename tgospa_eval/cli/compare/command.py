@@ -1,7 +1,7 @@
 """``tgospa-eval compare TRUTH ESTIMATE...``: solvers, or estimates, side by side."""
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Any
 
 import click
 from click.core import ParameterSource
@@ -9,11 +9,9 @@ from click.core import ParameterSource
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
 from tgospa_eval.cli.shared.options import CONFIG_FILE, EVALUATION, QUIET, REPORT_FORMATS, WITH
+from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.simulate import SCENARIOS
 from tgospa_eval.errors import ExitStatus
-
-if TYPE_CHECKING:
-    from tgospa_eval.cli.compare.run import CompareOptions
 
 ELSEWHERE = {
     "solver",
@@ -156,35 +154,42 @@ def command(
             "files are missing; type tgospa-eval compare TRUTH A B to rank estimates, "
             "TRUTH ESTIMATE to compare solvers, or --simulate for a scaling study"
         )
-    from tgospa_eval.cli.compare.run import CompareOptions, StudyOptions
+    from tgospa_eval.api.request import Request
+    from tgospa_eval.campaign.pairs import is_pattern
+    from tgospa_eval.cli.compare import run
+    from tgospa_eval.cli.shared.values import OutputOptions
 
-    if "epsilon" not in given:
-        options["epsilon"] = None  # which depends on what is compared
+    # Temperatures, --seed and --steps of a study are of other kinds than those of an evaluation.
+    apart = ("epsilon", "seed", *(("steps",) if simulate else ()))
+    request = Request.of({name: value for name, value in options.items() if name not in apart})
+    output: Any = OutputOptions.of(options)
+    solvers: Any = options["solvers"]
+    # The default depends on what is compared.
+    epsilon: Any = options["epsilon"] if "epsilon" in given else None
     if simulate:
-        options |= {"numbers": options["steps"] or "50,100", "steps": None}
-    chosen = CompareOptions.of(options)
-    if simulate:
-        from tgospa_eval.cli.compare.run import study_sizes
-
-        fine = study_sizes(chosen, StudyOptions.of(options))
+        sizes: Any = {name: options[name] for name in OF_STUDIES}
+        sizes["steps"] = options["steps"] or "50,100"
+        fine = run.study_sizes(request, output, solvers, epsilon, **sizes)
     elif is_saved:
-        from tgospa_eval.cli.compare.run import compare_saved
-
-        fine = compare_saved(files, chosen)
+        fine = run.compare_saved(files, output)
     else:
-        if by and not chosen.output.quiet:
-            from tgospa_eval.cli.shared.streams import print_notice
-
+        if by and not output.quiet:
             print_notice(
                 "by = class of the settings is left aside: compare takes all rows together"
             )
-        fine = _compare(files, chosen)
+        per_step = options["against"] is not None
+        if len(files) > 2 or per_step or request.with_ is not None or any(map(is_pattern, files)):
+            fine = run.compare_estimates(
+                files, request, output, solvers, epsilon, per_step=per_step
+            )
+        else:
+            fine = run.compare_files(files, request, output, solvers, epsilon)
     ctx.exit(ExitStatus.DONE if fine else ExitStatus.NOT_REACHED)
 
 
 def _are_saved(files: tuple[str, ...], typed: set[str]) -> bool:
     """Whether saved results are to be ranked, with options that mean something there."""
-    from tgospa_eval.cli.compare.run import are_saved
+    from tgospa_eval.api.compare import are_saved
 
     if not files or not are_saved(files):
         return False
@@ -196,16 +201,3 @@ def _are_saved(files: tuple[str, ...], typed: set[str]) -> bool:
             "name the files of truth and estimates instead"
         )
     return True
-
-
-def _compare(files: tuple[str, ...], options: "CompareOptions") -> bool:
-    """A ranking, or solvers on one pair; whether all did what was asked, and agree."""
-    from tgospa_eval.cli.compare.run import is_pattern
-
-    if len(files) > 2 or options.beside or any(map(is_pattern, files)):
-        from tgospa_eval.cli.compare.run import compare_estimates
-
-        return compare_estimates(files[0], files[1:], options)
-    from tgospa_eval.cli.compare.run import compare_files
-
-    return compare_files(files[0], files[1], options)

@@ -2,7 +2,6 @@
 
 import os
 from dataclasses import replace
-from pathlib import Path
 
 from tgospa_eval.api.notices import about_defaults
 from tgospa_eval.api.request import DEFAULTS, FITTING, SETTINGS, Request
@@ -19,7 +18,7 @@ from tgospa_eval.common.progress import Progress, Stopwatch
 from tgospa_eval.engines.cluster import Cluster
 from tgospa_eval.engines.processes import Processes
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.partitioned.evaluate import Means, evaluate_partitioned
+from tgospa_eval.partitioned.evaluate import evaluate_partitioned
 from tgospa_eval.reports.files import WORK_FOLDER
 from tgospa_eval.results.partitioned import IN_PARTS, STORED_TABLES, name_of
 
@@ -92,6 +91,8 @@ def evaluate_parts(
         for text in about_defaults(options, boxes=False):
             print_notice(text)
         stopwatch.notify = print_notice
+    jobs = 1 if options.scheduler else options.jobs or cores()
+    processes = Processes(jobs) if jobs > 1 else None
     with work_folder(output, identity_of(paths, options)) as work:
         try:
             with shown(stopwatch, show=not output.quiet):
@@ -99,9 +100,13 @@ def evaluate_parts(
                     paths,
                     settings.each,
                     settings.request,
-                    _means(work, options, output),
-                    stopwatch,
-                    settings.check,
+                    work=work,
+                    memory=memory_of(options.memory) or UNKNOWN_MEMORY,
+                    jobs=jobs,
+                    engine=Cluster(options.scheduler) if options.scheduler else processes,
+                    kept=output.output is not None,
+                    stopwatch=stopwatch,
+                    check=settings.check,
                 )
         except KeyboardInterrupt:
             print_notice(_interrupted(stopwatch.progress, output))
@@ -118,22 +123,6 @@ def evaluate_parts(
                 print_notice(text)
         show(result, options, output, paths)
         return result.finished
-
-
-def _means(work: Path, options: Request, output: OutputOptions) -> Means:
-    """With what it is done: processes that share the memory, or a cluster."""
-    memory = memory_of(options.memory) or UNKNOWN_MEMORY
-    jobs = 1 if options.scheduler else options.jobs or cores()
-    processes = Processes(jobs) if jobs > 1 else None
-    return Means(
-        work=work,
-        tables=work / "tables",
-        memory=memory,
-        jobs=jobs,
-        engine=Cluster(options.scheduler) if options.scheduler else processes,
-        assignments=output.output is not None,
-        kept=output.output is not None,
-    )
 
 
 def _interrupted(progress: Progress, output: OutputOptions) -> str:

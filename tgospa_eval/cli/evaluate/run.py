@@ -22,7 +22,6 @@ from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     from tgospa_eval.results.explanation import Explanation
-    from tgospa_eval.results.records import Timings
 
 NARROWEST = 1e-12
 """Relative gap below which the outward rounding of the bounds may keep them apart."""
@@ -162,7 +161,7 @@ def with_repairs(result: Summary, options: Request, output: OutputOptions) -> Su
     """The result with its repairs, for every output; the time that they took counts."""
     found = explained(result, options, output)
     total = result.timings["total"] + found.seconds
-    timings: Timings = {**result.timings, "explain": found.seconds, "total": total}
+    timings: Json = {**result.timings, "explain": found.seconds, "total": total}
     return replace(result, explained=found, timings=timings)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tgospa_eval._version import __version__
 from tgospa_eval.api.request import Request
-from tgospa_eval.batches.store import locked
+from tgospa_eval.campaign.store import locked
 from tgospa_eval.cli.shared.in_parts import memory_of
 from tgospa_eval.cli.shared.streams import heard, print_notice
 from tgospa_eval.cli.shared.values import OutputOptions

@@ -4,18 +4,19 @@ import csv
 import itertools
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TypeAlias
 
 from tgospa_eval.api.request import Request
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.machine import machine_memory
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats.columns.headers import Headers
+from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.guess import is_table_folder
 from tgospa_eval.formats.loading import TABLE, TEXT
-
-PARQUET, TEXTS = (".parquet", ".pq"), (".csv", ".tsv")
-LEFT_BEHIND = ("_", ".")
-"""How names begin of what writers of datasets leave beside the data."""
+from tgospa_eval.formats.times import parse_times
+from tgospa_eval.partitioned.input.listing import CSV_ENDINGS, PARQUET_ENDINGS, stored
 
 FITS_ANYWHERE = 10**6
 """Bytes of files that fit anywhere."""
@@ -26,10 +27,8 @@ COLUMNS_READ = 6
 TIP = 1 << 16
 """Bytes at the begin and the end of a file that tell its header and times."""
 
-TIME_HEADERS = ("t", "time", "timestamp", "frame", "step")
-
-Moment: TypeAlias = tuple[int, float, str]
-"""A time as it compares."""
+Moment: TypeAlias = tuple[str, float]
+"""A time and of which clock."""
 
 
 def memory_of(asked: int | None) -> int | None:
@@ -71,46 +70,42 @@ def is_recording(folder: str, columns: str) -> bool:
     """
     if is_table_folder(folder):
         return False
-    files = list(_files(folder))
-    if not files:
-        return False
-    if all(name.endswith(PARQUET) for name in files):
+    files = [file.path for file, _ in stored(folder)]
+    if files and all(name.endswith(PARQUET_ENDINGS) for name in files):
         return True
     return (
-        len(files) > 1 and all(name.endswith(TEXTS) for name in files) and _in_turn(files, columns)
+        len(files) > 1
+        and all(name.endswith(CSV_ENDINGS) for name in files)
+        and _in_turn(files, re.findall(r"(?:^|,)\s*t=([^,]*)", columns))
     )
 
 
-def _files(folder: str) -> Iterator[str]:
-    """Files below a folder, but for hidden ones."""
-    for place, folders, names in os.walk(folder):
-        folders[:] = sorted(name for name in folders if not name.startswith(LEFT_BEHIND))
-        yield from (os.path.join(place, name) for name in names if name[:1] not in LEFT_BEHIND)
+def _in_turn(files: Sequence[str], asked: Sequence[str]) -> bool:
+    """Whether CSV files have one header, and times of which each has its own stretch.
 
-
-def _in_turn(files: Sequence[str], columns: str) -> bool:
-    """Whether CSV files have one header, and times of which each has its own stretch."""
-    first: list[str] = []
-    spans: list[tuple[Moment, Moment]] = []
+    `asked` are headers of times.
+    """
+    headers, spans = set(), []
     for path in files:
         try:
-            header, span = _header_and_span(path, columns)
-        except (OSError, ValueError, LookupError, csv.Error):
+            header, span = _header_and_span(path, asked)
+        except (OSError, ValueError, LookupError, InputError, csv.Error):
             return False
-        first = first or header
-        if header != first:
-            return False
+        headers.add(header)
         spans += [] if span is None else [span]
-    return all(one[1] < other[0] for one, other in itertools.pairwise(sorted(spans)))
+    ends = itertools.pairwise(sorted(spans))
+    return len(headers) == 1 and all(one[1] < other[0] for one, other in ends)
 
 
-def _header_and_span(path: str, columns: str) -> tuple[list[str], tuple[Moment, Moment] | None]:
+def _header_and_span(
+    path: str, asked: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[Moment, Moment] | None]:
     """The header of a CSV file, and the times of its first and last row; None without rows.
 
     Raises
     ------
-    ValueError, LookupError
-        There is no header, or no column of time, or a row is too short.
+    ValueError, LookupError, InputError
+        There is no header, or no column of time, or a row is too short or has no time.
     """
     with open(path, "rb") as file:
         begin = file.read(TIP)
@@ -118,29 +113,20 @@ def _header_and_span(path: str, columns: str) -> tuple[list[str], tuple[Moment, 
         end = file.read()
     head = begin.decode("utf-8-sig").splitlines()
     last = [line for line in end.decode("utf-8", "replace").splitlines() if line.strip()]
-    if not head:
-        raise ValueError("no header")
-    delimiter = max(",;\t", key=head[0].count)
-    header = [name.strip() for name in next(csv.reader([head[0]], delimiter=delimiter))]
-    asked = re.findall(r"(?:^|,)\s*t=([^,]*)", columns)
-    at = header.index(
-        next(filter(lambda name: name in asked or name.lower() in TIME_HEADERS, header), "")
-    )
-    rows = [line for line in head[1:2] if line.strip()]
-    if not rows:
+    rows = [*head[:1], *([head[1], last[-1]] if head[1:2] and head[1].strip() else [])]
+    delimiter = max(",;\t", key=rows[0].count)
+    fields = list(csv.reader(rows, delimiter=delimiter))
+    header = tuple(name.strip() for name in fields[0])
+    known = [header.index(name) for name in asked if name in header]
+    at = known[0] if known else Headers(header, {}, "", path).find("t")
+    if at is None:
+        raise LookupError
+    texts = [row[at].replace(",", ".") for row in fields[1:]]
+    if not texts:
         return header, None
-    ends = [
-        _moment(next(csv.reader([line], delimiter=delimiter))[at]) for line in (rows[0], last[-1])
-    ]
-    return header, (min(ends), max(ends))
-
-
-def _moment(text: str) -> Moment:
-    """A time as it compares: a number, or the text of an ISO time after all numbers."""
-    try:
-        return 0, float(text.strip().replace(",", ".")), ""
-    except ValueError:
-        return 1, 0.0, text.strip()
+    times = parse_times(texts, lambda texts: floats(texts, "."))
+    low, high = sorted(times.value.tolist())
+    return header, ((times.clock, low), (times.clock, high))
 
 
 def _needed(path: str) -> float:
@@ -152,7 +138,7 @@ def _needed(path: str) -> float:
         return 0.0
     if re.search(r"\.(csv|tsv)$", path.lower()):
         return float(TEXT * size)
-    if not path.lower().endswith(PARQUET):
+    if not path.lower().endswith(PARQUET_ENDINGS):
         return 0.0
     try:
         import pyarrow.parquet as pq  # here: for large files only

@@ -1,7 +1,7 @@
 """The options of everything that evaluates, made from the fields of `Request`."""
 
 import re
-from collections.abc import Container, Mapping
+from collections.abc import Container
 from functools import partial
 from types import UnionType
 from typing import Any, get_args
@@ -10,9 +10,6 @@ import click
 
 from tgospa_eval.api.request import DEFAULTS, SETTINGS, TYPES, Setting
 from tgospa_eval.cli.shared.option import PATH, Option, load_config, option
-from tgospa_eval.common import config
-from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import quoted
 
 REPORT_FORMATS = ("table", "json", "csv", "markdown", "latex")
 
@@ -81,8 +78,6 @@ OPTIONS = {about.key: _made(name, about) for name, about in SETTINGS.items()}
 
 EVALUATION = tuple(OPTIONS[about.key] for about in SETTINGS.values() if about.everywhere)
 BY_KEY = {item.key: item for item in EVALUATION}
-KNOWN = {key: item.is_flag for key, item in BY_KEY.items()}
-"""Options of an evaluation by their names in a settings file, and whether they are flags."""
 
 IN_PARTS_OPTIONS = (OPTIONS["memory"], OPTIONS["scheduler"])
 WITH, SLICE, UNIT = OPTIONS["with"], OPTIONS["slice"], OPTIONS["unit"]
@@ -219,31 +214,3 @@ def format_option(*names: str) -> Option:
         type=click.Choice(names),
         default="table",
     )
-
-
-# -------------------------------------------------------------------------------------------------
-# Settings of files as click would have made them of the same options.
-
-
-def typed_options(
-    context: click.Context, settings: Mapping[str, object], where: str
-) -> dict[str, object]:
-    """Values of options of an evaluation, by parameter; `where` begins the messages.
-
-    Raises
-    ------
-    ConfigError
-        An option is unknown, or its value has no meaning.
-    """
-    values: dict[str, object] = {}
-    for key, value in config.settings_of(settings, where, KNOWN).items():
-        item = BY_KEY[key]
-        try:
-            values[str(item.name)] = item.type_cast_value(
-                context, (value,) if item.multiple else value
-            )
-        except click.BadParameter as error:
-            raise ConfigError(f"{where}: {quoted(key)}: {error.message}") from None
-        except (ValueError, OverflowError) as error:
-            raise ConfigError(f"{where}: {quoted(key)}: {error}") from None
-    return values

@@ -1,25 +1,258 @@
-"""Wasserstein distance of particle clouds as base distance: settings, and clouds made ready.
+"""Wasserstein distance of particle clouds as base distance: settings, near pairs.
 
-Which pairs of them are near is found in `tgospa_eval.distances.clouds.pairs`.
+Clouds are made ready once, so that they are Euclidean. Of their near pairs two bounds cost next to
+nothing: the distance of the means, ``|m_a - m_b| <= W_q`` for every q, and of order 2 the Gelbrich
+bound, the Wasserstein distance of the Gaussians with the same moments,
+
+    |m_a - m_b|^2 + B(P_a, P_b)^2  <=  W_2^2,
+
+with the Bures distance B of their covariances; it is attained where one cloud is a point. A pair at
+the cutoff or beyond it gains nothing, so that only pairs whose bounds are below it are solved.
 """
 
-from collections.abc import Iterable, Sequence
+import time
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.machine import cores
 from tgospa_eval.common.words import counted
-from tgospa_eval.distances.base import Distance, DistanceSettings, Effort, Floats, Pairs, Sides
-from tgospa_eval.distances.clouds.pairs import CloudPairs, OwnCovariance, announce
+from tgospa_eval.distances.base import (
+    Distance,
+    DistanceSettings,
+    Effort,
+    Floats,
+    Pairs,
+    Sides,
+    pair_named,
+)
 from tgospa_eval.distances.clouds.reduction import Reduction
-from tgospa_eval.distances.clouds.transport import check_order, plan, whitened, whitened_points
+from tgospa_eval.distances.clouds.transport import (
+    MOST_PARTICLES,
+    TOO_LARGE,
+    check_order,
+    distance,
+    plan,
+    whitened,
+    whitened_points,
+)
+from tgospa_eval.distances.gaussian import bures
 from tgospa_eval.distances.mahalanobis import Mahalanobis, cholesky
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.clouds import Clouds, single
+from tgospa_eval.tracks.trajectories import Ints, Trajectories
+
+SLACK = 1e-12
+"""Of the cutoff: a bound that is above it by rounding alone decides nothing."""
+
+UNSURE = 1e-11
+"""Of the variances: what rounding may add to the Gelbrich bound, and far more."""
+
+BOUNDS_TOGETHER = 1 << 16
+"""Pairs whose bounds are computed at a time."""
+
+ANNOUNCED_FROM = 2.0
+"""Seconds of work from which on the user is notified how long it will take."""
+
+SECONDS_TOGETHER = 0.25
+"""Seconds of work that a thread does at a time, about."""
+
+MANY_PARTICLES = 300
+"""Particles from which on there is a hint to reduce them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CloudPairs(Distance):
+    """Of clouds of distinct particles, Euclidean."""
+
+    order: int
+    gating: bool
+    name = "cloud-wasserstein"
+
+    @property
+    def tree_power(self) -> float:
+        """Euclidean."""
+        return 2.0
+
+    def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
+        """Distance of the means."""
+        return _EUCLIDEAN.between(components)
+
+    def reach(self, cutoff: float, axes: Floats) -> Floats:
+        """Of the means."""
+        return _EUCLIDEAN.reach(cutoff, axes)
+
+    def horizon(self, sides: Sides, cutoff: float) -> float:
+        """The cutoff and what rounding of the means may add."""
+        if not self.gating:
+            return np.inf
+        largest = max(float(np.abs(side.state).max(initial=0)) for side in sides)
+        return cutoff * (1 + SLACK) + 2.0**-46 * largest
+
+    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Effort) -> Pairs:
+        """Near pairs with their distances: closed forms first, then what bounds leave open."""
+        a, b = (side.clouds for side in sides)
+        if a is None or b is None:
+            return pairs
+        i, j, value = pairs.truth_row, pairs.estimate_row, pairs.distance.copy()
+        are_points = a.counts[i] == 1, b.counts[j] == 1
+        is_open = ~(are_points[0] & are_points[1])
+        if self.order == 2:
+            moments = [_moments(clouds) for clouds in (a, b)]
+            unsolved = np.flatnonzero(is_open)
+            for begin in range(0, len(unsolved), BOUNDS_TOGETHER):
+                part = unsolved[begin : begin + BOUNDS_TOGETHER]
+                value[part] = np.sqrt(value[part] ** 2 + _spread(moments, i[part], j[part]))
+            # With a point the bound is the distance itself.
+            is_open &= ~(are_points[0] | are_points[1])
+        if self.gating:
+            is_open &= value < self.horizon(sides, cutoff)
+        rows = np.flatnonzero(is_open)
+        value[rows] = _solved((a, b), (i[rows], j[rows]), self.order, sides, effort)
+        near = np.flatnonzero(value < cutoff)
+        return Pairs(truth_row=i[near], estimate_row=j[near], distance=value[near])
+
+    def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
+        """Of order 2: distances of the means, and of the clouds moved onto one mean."""
+        if self.order != 2:
+            return None
+        a, b = self.axes(sides[0], pairs.truth_row), self.axes(sides[1], pairs.estimate_row)
+        means = np.minimum(self.between(zip(a, b, strict=True)), pairs.distance)
+        # As a product: a difference of squares would lose what is left of nearly equal ones.
+        spreads = np.sqrt((pairs.distance - means) * (pairs.distance + means))
+        return means, spreads
+
+
+@dataclass(frozen=True, kw_only=True)
+class OwnCovariance(CloudPairs):
+    """With the mean covariance of the pair."""
+
+    def horizon(self, sides: Sides, cutoff: float) -> float:
+        """Any pair of a step: the distance of means bounds nothing here."""
+        return np.inf
+
+    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Effort) -> Pairs:
+        """Near pairs, bounded by the Mahalanobis distances of their means."""
+        truth, estimate = sides
+        a, b = truth.clouds, estimate.clouds
+        if a is None or b is None or not len(pairs.distance):
+            return pairs
+        i, j = pairs.truth_row, pairs.estimate_row
+        covariance = 0.5 * (a.covariances[i] + b.covariances[j])
+        value = np.full(len(i), np.inf)
+        _check_sizes([a.counts[i], b.counts[j]], (i, j), sides)
+        for k, matrix in enumerate(covariance):
+            try:
+                factor = cholesky(matrix)
+            except ConfigError:
+                raise InputError(
+                    f"{pair_named(sides, i[k], j[k])}: the covariance of the pair is singular, too "
+                    "few distinct particles; take --inner-cov global or a file"
+                ) from None
+            apart = whitened_points(truth.state[i[k]][None], factor, estimate.state[j[k]])
+            if not self.gating or np.linalg.norm(apart) < cutoff * (1 + SLACK):
+                pair = whitened((a[int(i[k])], b[int(j[k])]), factor)
+                value[k] = distance(pair[0], pair[1], self.order)
+        near = np.flatnonzero(value < cutoff)
+        return Pairs(truth_row=i[near], estimate_row=j[near], distance=value[near])
+
+
+_EUCLIDEAN = Norm(name="euclidean", power=2.0)
+
+
+def _moments(clouds: Clouds) -> tuple[Floats, Floats]:
+    """Traces (R,) and lower factors (d (d + 1) / 2, R) of the covariances."""
+    matrices = clouds.covariances
+    traces = np.trace(matrices, axis1=1, axis2=2)
+    return traces, covariances.factor(covariances.pack(matrices))
+
+
+def _spread(moments: list[tuple[Floats, Floats]], i: Ints, j: Ints) -> Floats:
+    """What covariances add to the squared distance of the means of pairs, at least."""
+    (trace_a, factor_a), (trace_b, factor_b) = moments
+    apart = bures(list(zip(factor_a[:, i], factor_b[:, j], strict=True)))
+    total = trace_a[i] + trace_b[j]
+    is_point = (trace_a[i] == 0) | (trace_b[j] == 0)  # of which the value is exact
+    return np.where(is_point, total, (apart * apart - UNSURE * total).clip(min=0))
+
+
+def _solved(
+    clouds: tuple[Clouds, Clouds], rows: tuple[Ints, Ints], order: int, sides: Sides, effort: Effort
+) -> Floats:
+    """Distances (N,) of pairs of clouds, in threads: POT lets go of the interpreter."""
+    count = len(rows[0])
+    if not count:
+        return np.zeros(0)
+    sizes = [part.counts[at] for part, at in zip(clouds, rows, strict=True)]
+    _check_sizes(sizes, rows, sides)
+    jobs = min(effort.jobs or cores(), count)
+    seconds = estimated_seconds(*sizes, is_line=len(sides[0].columns) == 1) / jobs
+    if seconds > ANNOUNCED_FROM:
+        most = int(max(size.max() for size in sizes))
+        hint = "; --reduce 50 makes them small" if most > MANY_PARTICLES else ""
+        effort.stopwatch.notify(
+            f"{counted(count, 'transport')} of up to {most} particles to solve, about "
+            f"{_time(seconds)}{hint}"
+        )
+    answer = np.zeros(count)
+    # Small enough that an interrupt is heeded soon.
+    soon = int(SECONDS_TOGETHER * count / (seconds * jobs))
+    step = max(1, min(64, count // (8 * jobs), soon))
+
+    def solve(begin: int) -> int:
+        for k in range(begin, min(begin + step, count)):
+            first, second = (part[int(at[k])] for part, at in zip(clouds, rows, strict=True))
+            answer[k] = distance(first, second, order)
+        return begin + step
+
+    solve(0)  # what cannot be imported says so before threads are made
+    from concurrent.futures import ThreadPoolExecutor  # here: most runs do without
+
+    with ThreadPoolExecutor(jobs) as pool, effort.stopwatch.showing():
+        for done in pool.map(solve, range(step, count, step)):
+            effort.stopwatch.stage = f"transports, {min(done, count):,} of {count:,}"
+    return answer
+
+
+def estimated_seconds(first: Ints, second: Ints, *, is_line: bool = False) -> float:
+    """Of transports between clouds of so many particles: about 2 ms for 100, and N^2.1.
+
+    On a line they are sorted by their place.
+    """
+    if is_line:
+        return float(np.sum(1e-4 + 2e-7 * (first + second)))
+    scale = np.sqrt(first.astype(np.float64) * second) / 100
+    return float(np.sum(2e-3 * scale**2.1 + 1e-4))
+
+
+def announce(effort: Effort, count: int, what: str, one: Callable[[], object]) -> None:
+    """Notify the user if so many pieces of work like this one take long."""
+    for _ in range(2):  # imports are what may take long the first time
+        begin = time.perf_counter()
+        one()
+        seconds = count * (time.perf_counter() - begin)
+        if seconds <= ANNOUNCED_FROM:
+            return
+    effort.stopwatch.notify(f"{what}, at most about {_time(seconds)}")
+
+
+def _check_sizes(sizes: list[Ints], rows: tuple[Ints, Ints], sides: Sides) -> None:
+    """Whether costs of all pairs fit; of points on a line there are none."""
+    wrong = np.flatnonzero(sizes[0].astype(np.int64) * sizes[1] > MOST_PARTICLES**2)
+    if len(wrong) and len(sides[0].columns) > 1:
+        k = int(wrong[0])
+        which = [f" with {size[k]} particles" for size in sizes]
+        raise InputError(f"{pair_named(sides, rows[0][k], rows[1][k], *which)}: {TOO_LARGE}")
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"
 
 
 def slopes_of_particles(
@@ -50,20 +283,20 @@ def slopes_of_particles(
     near = zip(
         pairs.truth_row.tolist(), pairs.estimate_row.tolist(), pairs.distance.tolist(), strict=True
     )
-    for i, j, distance in near:
+    for i, j, apart in near:
         pair = clouds[0][i], clouds[1][j]
-        if distance == 0:
+        if apart == 0:
             found.append(np.zeros_like(pair[1][0]))
             continue
         a, b = pair if factor is None else whitened(pair, factor)
         share = plan(a, b, order)
         if order == 1:
-            apart = np.linalg.norm(a[0][:, None] - b[0], axis=2)
-            share = np.divide(share, apart, out=np.zeros_like(share), where=apart > 0)
+            lengths = np.linalg.norm(a[0][:, None] - b[0], axis=2)
+            share = np.divide(share, lengths, out=np.zeros_like(share), where=lengths > 0)
         # sum_i share_ij (y_j - x_i), from differences to one place
         centre = b[0][0]
         moved = share.sum(axis=0)[:, None] * (b[0] - centre) - share.T @ (a[0] - centre)
-        moved *= distance ** (1 - order)
+        moved *= apart ** (1 - order)
         found.append(moved if factor is None else np.linalg.solve(factor.T, moved.T).T)
     return np.concatenate(found)
 
@@ -184,9 +417,7 @@ class CloudWasserstein(Distance):
         factor = None if self.covariance is None else cholesky(self.covariance)
         found = []
         for side in sides:
-            clouds = single(side.state) if side.clouds is None else side.clouds
-            if self.scale is not None:
-                clouds = clouds.moved(clouds.points * np.asarray(self.scale))
+            clouds = self._scaled(side)
             if self.reduction is not None:
                 clouds = reduced(clouds, self.reduction, effort)
             clouds = clouds.merged()
@@ -210,11 +441,12 @@ class CloudWasserstein(Distance):
             )
         scale = np.ones(sides[1].state.shape[1]) if self.scale is None else np.asarray(self.scale)
         factor = None if self.covariance is None else cholesky(self.covariance)
-        clouds = []
-        for side in sides:
-            own = single(side.state) if side.clouds is None else side.clouds
-            clouds.append(own.moved(own.points * scale))
-        return slopes_of_particles((clouds[0], clouds[1]), pairs, self.order, factor) * scale
+        clouds = self._scaled(sides[0]), self._scaled(sides[1])
+        return slopes_of_particles(clouds, pairs, self.order, factor) * scale
+
+    def _scaled(self, side: Trajectories) -> Clouds:
+        clouds = single(side.state) if side.clouds is None else side.clouds
+        return clouds if self.scale is None else clouds.moved(clouds.points * self.scale)
 
     def _measure(self) -> Distance:
         """Of clouds as they are prepared."""
@@ -232,7 +464,6 @@ class PairCloudWasserstein(CloudWasserstein):
 
     def fitted(self, sides: Sides) -> "PairCloudWasserstein":
         """As it is: every pair has its own."""
-        del sides
         return self
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
@@ -251,8 +482,5 @@ def reduced(clouds: Clouds, reduction: Reduction, effort: Effort) -> Clouds:
     what = counted(large, "cloud")
     longest = clouds[int(clouds.counts.argmax())]
     announce(effort, large, f"{what} to reduce", lambda: reduction(longest))
-    outer, effort.stopwatch.stage = effort.stopwatch.stage, f"reducing {what}"
-    try:
+    with effort.stopwatch.showing(f"reducing {what}"):
         return clouds.changed(reduction, effort.jobs)
-    finally:
-        effort.stopwatch.stage = outer

@@ -128,7 +128,7 @@ class Reduction:
             return points[chosen], np.full(self.size, 1 / self.size)
         centre = weights @ points  # sums of small numbers keep their digits
         whole = points - centre, weights
-        improve = _METHODS[self.method](self, whole, rng)
+        step = _METHODS[self.method](self, whole, rng)
         found = []
         for k in range(self.restarts):
             if k:
@@ -137,11 +137,23 @@ class Reduction:
                 first = start - centre
             else:
                 first = whole[0][drawn(weights, self.size, "systematic", 0.5)]
-            found.append(improve(first))
+            found.append(self._improved(whole, first, step))
         best = found[0]
         if len(found) > 1:
             best = min(found, key=lambda each: distance(merged(each), whole, 2))
         return best[0] + centre, best[1]
+
+    def _improved(self, cloud: Cloud, x: Floats, step: "Step") -> Cloud:
+        """Positions after so many steps, or where they stay; then polished."""
+        for _ in range(self.iterations):
+            before = x
+            x, weights = step(x)
+            if np.array_equal(before, x):
+                break
+        if self.method in ("sliced", "recursive"):
+            for _ in range(self.polish):
+                x = _relocated(cloud, x)
+        return x, weights
 
 
 def reduce_cloud(
@@ -244,9 +256,9 @@ def slot_means(values: Floats, weights: Floats, size: int) -> Floats:
     return size * np.diff(np.interp(np.arange(size + 1) / size, mass / mass[-1], moment))
 
 
-# --- methods: from a cloud to a function that improves positions ----------------------------------
+# --- methods: from a cloud to a step that improves positions --------------------------------------
 
-Improve = Callable[[Floats], Cloud]
+Step = Callable[[Floats], Cloud]
 
 
 def _projections(
@@ -280,21 +292,13 @@ def _matched(v: Floats, b: Floats, x: Floats) -> Floats:
     return matched
 
 
-def _sliced(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Improve:
+def _sliced(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Step:
     v, b = _projections(reduction, cloud, rng)
     solve = np.linalg.solve(v.T @ v, v.T)
-
-    def improve(x: Floats) -> Cloud:
-        for _ in range(reduction.iterations):
-            before, x = x, (solve @ _matched(v, b, x)).T
-            if np.array_equal(before, x):
-                break
-        return _polished(reduction, cloud, x)
-
-    return improve
+    return lambda x: _even((solve @ _matched(v, b, x)).T)
 
 
-def _recursive(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Improve:
+def _recursive(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Step:
     """``x <- x + K (b - v'x)``, ``K = C v / (1 + v'C v)``, ``C <- C - K v'C`` for each direction v.
 
     [Prossel] equations 19 to 24, with the gain in equation 20: least squares with a weak pull to
@@ -302,71 +306,53 @@ def _recursive(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -
     """
     v, b = _projections(reduction, cloud, rng)
 
-    def improve(x: Floats) -> Cloud:
-        for _ in range(reduction.iterations):
-            before, matched = x, _matched(v, b, x)
-            covariance = PRIOR * np.eye(v.shape[1])
-            for each, targets in zip(v, matched, strict=True):
-                gain = covariance @ each / (1 + each @ covariance @ each)
-                x = x + np.outer(targets - x @ each, gain)
-                covariance = covariance - np.outer(gain, each @ covariance)
-            if np.array_equal(before, x):
-                break
-        return _polished(reduction, cloud, x)
+    def step(x: Floats) -> Cloud:
+        matched = _matched(v, b, x)
+        covariance = PRIOR * np.eye(v.shape[1])
+        for each, targets in zip(v, matched, strict=True):
+            gain = covariance @ each / (1 + each @ covariance @ each)
+            x = x + np.outer(targets - x @ each, gain)
+            covariance = covariance - np.outer(gain, each @ covariance)
+        return _even(x)
 
-    return improve
+    return step
 
 
-def _polished(reduction: Reduction, cloud: Cloud, x: Floats) -> Cloud:
-    for _ in range(reduction.polish):
-        x = _relocated(cloud, x)
+def _atl(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Step:  # noqa: ARG001
+    return lambda x: _even(_relocated(cloud, x))
+
+
+def _even(x: Floats) -> Cloud:
     return x, np.full(len(x), 1 / len(x))
 
 
 def _relocated(cloud: Cloud, x: Floats) -> Floats:
     """Each particle to the mean of what an optimal plan brings it, [Prossel] equation 7."""
-    own = x, np.full(len(x), 1 / len(x))
-    return np.asarray(len(x) * (plan(own, cloud, 2) @ cloud[0]))
+    return np.asarray(len(x) * (plan(_even(x), cloud, 2) @ cloud[0]))
 
 
-def _atl(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Improve:  # noqa: ARG001
-    def improve(x: Floats) -> Cloud:
-        for _ in range(reduction.iterations):
-            before, x = x, _relocated(cloud, x)
-            if np.array_equal(before, x):
-                break
-        return x, np.full(len(x), 1 / len(x))
-
-    return improve
-
-
-def _kmeans(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Improve:  # noqa: ARG001
+def _kmeans(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Step:  # noqa: ARG001
     """Lloyd's iteration; a centre without particles goes to the one that costs most."""
     from scipy.spatial.distance import cdist
 
     points, weights = cloud
 
-    def improve(x: Floats) -> Cloud:
-        for _ in range(reduction.iterations):
-            before = x
-            apart = cdist(points, x, "sqeuclidean")
-            nearest = apart.argmin(axis=1)
-            cost = weights * apart[np.arange(len(points)), nearest]
-            for empty in np.flatnonzero(np.bincount(nearest, minlength=len(x)) == 0):
-                only_one = np.bincount(nearest, minlength=len(x))[nearest] == 1
-                worst = int(np.argmax(np.where(only_one, -1.0, cost)))
-                nearest[worst], cost[worst] = empty, 0.0
-            mass = np.bincount(nearest, weights, len(x))
-            sums = [np.bincount(nearest, weights * each, len(x)) for each in points.T]
-            x = np.column_stack(sums) / mass[:, None]
-            if np.array_equal(before, x):
-                break
-        return x, np.asarray(mass, np.float64)
+    def step(x: Floats) -> Cloud:
+        apart = cdist(points, x, "sqeuclidean")
+        nearest = apart.argmin(axis=1)
+        cost = weights * apart[np.arange(len(points)), nearest]
+        for empty in np.flatnonzero(np.bincount(nearest, minlength=len(x)) == 0):
+            only_one = np.bincount(nearest, minlength=len(x))[nearest] == 1
+            worst = int(np.argmax(np.where(only_one, -1.0, cost)))
+            nearest[worst], cost[worst] = empty, 0.0
+        mass = np.asarray(np.bincount(nearest, weights, len(x)), np.float64)
+        sums = [np.bincount(nearest, weights * each, len(x)) for each in points.T]
+        return np.column_stack(sums) / mass[:, None], mass
 
-    return improve
+    return step
 
 
-_METHODS: "dict[str, Callable[[Reduction, Cloud, np.random.Generator], Improve]]" = {
+_METHODS: "dict[str, Callable[[Reduction, Cloud, np.random.Generator], Step]]" = {
     "sliced": _sliced,
     "recursive": _recursive,
     "atl": _atl,

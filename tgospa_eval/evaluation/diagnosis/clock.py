@@ -105,7 +105,7 @@ def _near_misses(
     if not steps:
         return None
     clock = aligned.truth.clock
-    apart = nearest(*times).apart
+    _, _, apart = nearest(*times)
     is_close = (apart < NEARLY * min(steps)) & ~within(apart, matching.near, times, clock)
     close = apart[is_close & (apart > 0)]
     if not len(close):

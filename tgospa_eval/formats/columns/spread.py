@@ -54,11 +54,8 @@ class SpreadColumns:
     @property
     def absent(self) -> list[str]:
         """Names of the entries without a column; they are 0."""
-        return [
-            label
-            for (_, _, label), entry in zip(self.labels(), self.entries, strict=True)
-            if not entry
-        ]
+        named = zip(self.labels(), self.entries, strict=True)
+        return [label for (_, _, label), entry in named if not entry]
 
 
 First = Callable[[NDArray[np.bool_]], tuple[int, str, str]]
@@ -91,12 +88,11 @@ def find_spread(
         There are some columns, and that of a variance is missing.
     """
     for deviations in (False, True):
-        found = SpreadColumns(names=tuple(names), entries=(), deviations=deviations)
         entries = []
-        for i, j, _ in found.labels():
-            spellings = spelt(names[j], names[i], deviations=deviations)
-            places = (find(spelling) for spelling in spellings)
-            entries.append(tuple(dict.fromkeys(k for k in places if k is not None)))
+        for k, second in enumerate(names):
+            for first in names[: k + 1]:
+                places = map(find, spelt(first, second, deviations=deviations))
+                entries.append(tuple(dict.fromkeys(at for at in places if at is not None)))
         if not any(entries):
             continue
         found = SpreadColumns(names=tuple(names), entries=tuple(entries), deviations=deviations)
@@ -160,11 +156,9 @@ def covariances_of(
                 f"{place}: no covariance{others}; add it, or --missing-cov zero makes such states "
                 "points"
             )
-        count = int(np.count_nonzero(without))
-        states = counted(count, "state has", "states have")
-        notices.append(
-            Notice(text=f"{states} no covariance: compared as points (--missing-cov zero)")
-        )
+        states = counted(int(np.count_nonzero(without)), "state has", "states have")
+        text = f"{states} no covariance: compared as points (--missing-cov zero)"
+        notices.append(Notice(text=text))
     packed = np.zeros((len(spread.entries), len(without)))
     for k in range(len(packed)):
         if spread.entries[k]:
@@ -219,7 +213,10 @@ def _entry(
     i, j, label = list(spread.labels())[k]
     first, *mirrored = (np.where(without, 0.0, values[c]) for c in spread.entries[k])
     for other in mirrored:
-        scale = np.ones(len(without)) if spread.deviations else _scale(values, spread, i, j)
+        scale = np.ones(len(without))
+        if not spread.deviations:
+            one, two = (values[spread.entries[k * (k + 3) // 2][0]] for k in (i, j))
+            scale = np.sqrt(np.abs(one)) * np.sqrt(np.abs(two))
         mean, wrong = symmetric(first, other, np.where(without, 0.0, scale))
         if len(wrong):
             at, place, others = first_of(np.isin(np.arange(len(without)), wrong))
@@ -229,12 +226,6 @@ def _entry(
             )
         first = mean
     return np.asarray(first, np.float64)
-
-
-def _scale(values: Mapping[int, Floats], spread: SpreadColumns, i: int, j: int) -> Floats:
-    """Root of the product of two variances."""
-    first, second = (values[spread.entries[k * (k + 3) // 2][0]] for k in (i, j))
-    return np.sqrt(np.abs(first)) * np.sqrt(np.abs(second))
 
 
 def _products(packed: Floats, spread: SpreadColumns, first: First, *, fix: bool) -> Floats:

@@ -16,8 +16,8 @@ from tgospa_eval.common.compiled import compiled
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.roles import Roles
-from tgospa_eval.formats.fields import Coded, attribute_of, floats
+from tgospa_eval.formats.columns.headers import Roles
+from tgospa_eval.formats.fields import Coded, attribute_of, floats, is_number
 from tgospa_eval.formats.rows import Rows, blanks, numbered
 from tgospa_eval.formats.times import TimeError, coded_times, remedy_for
 from tgospa_eval.text import quoted
@@ -47,6 +47,10 @@ COMPRESSED = {
 
 Block = tuple[Ints, Sequence[Sequence[str]]]
 """Some rows of a file: the line of each, and the fields as texts, column by column."""
+
+
+Wrong = dict[str, tuple[int, str, int]]
+"""First row and text of each kind of mistake in a column, and how many there are."""
 
 
 def check_text(data: bytes, path: str) -> None:
@@ -190,8 +194,10 @@ def gather(
     wanted = text_columns(roles, texts)
     seen: dict[int, dict[str, int]] = {column: {} for column in wanted}
     codes: dict[int, list[Ints]] = {column: [np.zeros(0, np.int64)] for column in wanted}
-    readers = {column: ScannedNumbers(decimal) for column in roles.numbers}
+    read: dict[int, list[Floats]] = {column: [np.zeros(0)] for column in roles.numbers}
+    wrong: dict[int, Wrong] = {column: {} for column in roles.numbers}
     lines: list[Ints] = [np.zeros(0, np.int64)]
+    count = 0
     for numbers_of_lines, columns in blocks:
         lines.append(numbers_of_lines)
         for column, known in seen.items():
@@ -199,71 +205,55 @@ def gather(
                 known.setdefault(text, len(known))
             code = map(known.__getitem__, columns[column])
             codes[column].append(np.fromiter(code, np.int64, len(columns[column])))
-        for column, reader in readers.items():
-            reader.add(columns[column])
+        for column, blocks_of in read.items():
+            blocks_of.append(_values(columns[column], decimal, count, wrong[column]))
+        count += len(numbers_of_lines)
     coded = {
         column: Coded(list(known), np.concatenate(codes.pop(column)))
         for column, known in seen.items()
     }
     whole = np.concatenate(lines)
     values = np.empty((len(whole), len(roles.numbers)), order="F")
-    mistakes: list[tuple[int, int, str]] = []
     for k, column in enumerate(roles.numbers):
-        reader = readers.pop(column)
-        values[:, k] = reader.values()
-        mistakes += [(column, row, message) for row, message in reader.mistakes]
+        values[:, k] = np.concatenate(read.pop(column))
+    mistakes = [(column, *each) for column in roles.numbers for each in _mistakes(wrong[column])]
     return Fields(lines=whole, coded=coded, values=values, mistakes=mistakes)
 
 
-class ScannedNumbers:
-    """A column of numbers, NaN where blank, block by block; and the mistakes in it."""
+def _values(texts: Sequence[str], decimal: str, row: int, wrong: Wrong) -> Floats:
+    """Numbers of texts from a row on, NaN where blank; what is none is noted as `wrong`."""
 
-    def __init__(self, decimal: str) -> None:
-        self.decimal = decimal
-        self.blocks: list[Floats] = [np.zeros(0)]
-        self.rows = 0
-        self.wrong: dict[str, tuple[int, str, int]] = {}
+    def note(what: str, k: int) -> None:
+        first, text, count = wrong.get(what, (row + k, texts[k], 0))
+        wrong[what] = first, text, count + 1
 
-    def add(self, texts: Sequence[str]) -> None:
-        """The next rows."""
-        try:
-            values = floats(texts, self.decimal)
-        except ValueError:
-            values = np.full(len(texts), np.nan)
-            for row, text in enumerate(texts):
-                try:
-                    values[row] = floats([text], self.decimal)[0]
-                except ValueError:
-                    if text.strip():
-                        self._count("not a number", row, text)
-        for row in np.flatnonzero(np.isinf(values)).tolist():
-            self._count("infinite", row, texts[row])
-        self.blocks.append(values)
-        self.rows += len(values)
+    try:
+        values = floats(texts, decimal)
+    except ValueError:
+        values = np.full(len(texts), np.nan)
+        for k, text in enumerate(texts):
+            if is_number(text, decimal):
+                values[k] = floats([text], decimal)[0]
+            elif text.strip():
+                note("not a number", k)
+    for k in np.flatnonzero(np.isinf(values)).tolist():
+        note("infinite", k)
+    return values
 
-    def _count(self, what: str, row: int, text: str) -> None:
-        first, text, count = self.wrong.get(what, (self.rows + row, text, 0))
-        self.wrong[what] = first, text, count + 1
 
-    def values(self) -> Floats:
-        """All rows."""
-        return np.concatenate(self.blocks)
-
-    @property
-    def mistakes(self) -> Iterator[tuple[int, str]]:
-        """The first row of each kind of mistake, and its message."""
-        for what in ("not a number", "infinite"):
-            if what in self.wrong:
-                row, text, count = self.wrong[what]
-                remedy = remedy_for(text if what == "not a number" else "")
-                yield row, f"{what}: {quoted(text)}{more(count)}; {remedy}"
+def _mistakes(wrong: Wrong) -> Iterator[tuple[int, str]]:
+    """The first row of each kind of mistake, and its message."""
+    for what in ("not a number", "infinite"):
+        if what in wrong:
+            row, text, count = wrong[what]
+            remedy = remedy_for(text if what == "not a number" else "")
+            yield row, f"{what}: {quoted(text)}{more(count)}; {remedy}"
 
 
 def numbers(texts: Sequence[str], decimal: str) -> tuple[Floats, list[tuple[int, str]]]:
     """A column of numbers, NaN where blank; and the first row of each kind of mistake."""
-    column = ScannedNumbers(decimal)
-    column.add(texts)
-    return column.values(), list(column.mistakes)
+    wrong: Wrong = {}
+    return _values(texts, decimal, 0, wrong), list(_mistakes(wrong))
 
 
 def convert(

@@ -1,15 +1,30 @@
-"""CSV tables: ``id,t,x[,y[,z]]`` and other columns, one row per object and step.
+"""Tables of text, one row per object and step: CSV, MOTChallenge, VisDrone and KITTI.
 
-Parsed here and not by pandas, for exact floats, exact integers, messages that name the line, and a
-start without importing pandas. What the compiled loop leaves is split here: text without quotes in
-one call a piece, after the delimiters of every line were counted; the rest by the csv module.
+CSV is ``id,t,x[,y[,z]]`` and other columns, with a header. It is parsed here and not by pandas, for
+exact floats, exact integers, messages that name the line, and a start without importing pandas.
+What the compiled loop leaves is split here: text without quotes in one call a piece, after the
+delimiters of every line were counted; the rest by the csv module.
+
+The others have no header: the names of the columns follow from their number.
+
+MOTChallenge: ``frame,id,left,top,width,height[,conf[,...]]``. Column 7 is a flag in truth, 0 for
+what is not to be considered, and a score in results. What follows depends on the number of fields:
+class and visibility (8 or 9), or a place in space (10).
+
+VisDrone: ``frame,id,left,top,width,height,score,class,truncation,occlusion``. In truth the score is
+a flag, 0 for what is not to be considered; in results truncation and occlusion are -1. Classes are
+numbers, read by their names.
+
+KITTI: 17 fields separated by blanks, 18 with a score. The image box is given by its edges; sizes
+and places in space are in metres, in the coordinates of the camera. Truth and results are read
+alike.
 """
 
 import csv
 import io
 import itertools
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -17,11 +32,12 @@ import numpy as np
 
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.roles import Roles, known_roles
-from tgospa_eval.formats.fields import is_number
+from tgospa_eval.formats.columns.headers import BOX, Roles, find_roles
+from tgospa_eval.formats.fields import Coded, attribute_of, is_number
 from tgospa_eval.formats.guess import COMMENTS, foreign
+from tgospa_eval.formats.guess import split as split_line
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.formats.rows import Rows
+from tgospa_eval.formats.rows import Rows, numbered
 from tgospa_eval.formats.text.scan import (
     Block,
     beginning,
@@ -30,10 +46,12 @@ from tgospa_eval.formats.text.scan import (
     convert,
     decode,
     gather,
+    numbers,
     plain_id,
     scanned,
     with_comments,
 )
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Ints
 
 DELIMITERS = ",;\t"
@@ -78,7 +96,9 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
             tabs, comments = rows_by_tabs(text[start:])
             text, delimiter = text[:start] + tabs, "\t"
             roles = with_comments(roles, comments)
-        odd = _Oddities(path, len(names), marked=any(mark in text for mark in COMMENTS))
+        rule = "the header has {}; give every row one field per column"
+        marked = any(mark in text for mark in COMMENTS)
+        odd = _Oddities(path, len(names), rule, marked=marked)
         fields = gather(tokenise(text, start, delimiter, first, odd), roles, decimal)
         roles = odd.settled(roles)
     return convert(fields, roles, decimal, path, names, name_id)
@@ -91,8 +111,9 @@ def header_of(text: str, path: str, options: ReadOptions) -> tuple[list[str], Ro
     header if it is understood as one.
     """
     fault, passed = None, 0
-    for number, given, start in _lines_of(text):
-        line = given
+    for number, found in enumerate(re.finditer(r".*\n?", text), start=1):
+        given = line = found[0].removesuffix("\n")
+        start = found.end()
         if not line.strip():
             continue
         where = f"{path}, line {number}"
@@ -106,7 +127,7 @@ def header_of(text: str, path: str, options: ReadOptions) -> tuple[list[str], Ro
         try:
             reader = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
             names = [name.strip() for name in next(reader)]
-            roles = known_roles(names, options, where)
+            roles = find_roles(names, options, where)
         except (InputError, csv.Error) as error:
             fault = fault or _explained(error, given, where)
             if not given.lstrip().startswith(COMMENTS):
@@ -121,16 +142,6 @@ def header_of(text: str, path: str, options: ReadOptions) -> tuple[list[str], Ro
         return names, roles, BLANKS if spaced else delimiter, number + 1, start
     blank = InputError(f"{path}: blank lines only; a set without objects is a header alone")
     raise fault or blank
-
-
-def _lines_of(text: str) -> Iterator[tuple[int, str, int]]:
-    """Number and text of each line, and where the next one begins."""
-    number, start = 0, 0
-    while start < len(text):
-        stop = text.find("\n", start)
-        stop = len(text) if stop < 0 else stop
-        number, line, start = number + 1, text[start:stop], stop + 1
-        yield number, line, start
 
 
 def _explained(error: InputError | csv.Error, line: str, where: str) -> InputError:
@@ -223,12 +234,14 @@ class _Oddities:
         The file, for messages.
     width : int
         Number of columns.
+    rule : str
+        What is said of lines of other lengths, with a place for how many more there are.
     marked : bool
         Whether there are marks of comments in the file.
     """
 
-    def __init__(self, path: str, width: int, *, marked: bool) -> None:
-        self.path, self.width, self.is_marked = path, width, marked
+    def __init__(self, path: str, width: int, rule: str, *, marked: bool) -> None:
+        self.path, self.width, self.rule, self.is_marked = path, width, rule, marked
         self.wrong: list[tuple[int, int]] = []
         self.comments: list[tuple[int, int]] = []
         self.marked: int | None = None
@@ -236,7 +249,7 @@ class _Oddities:
 
     def add(self, line: int, fields: list[str]) -> None:
         """A line of another length."""
-        is_comment = fields[0].lstrip().startswith(COMMENTS)
+        is_comment = "".join(fields[:1]).lstrip().startswith(COMMENTS)
         (self.comments if is_comment else self.wrong).append((line, len(fields)))
 
     def watched(self, lines: Ints, columns: Sequence[Sequence[str]]) -> Block:
@@ -262,8 +275,8 @@ class _Oddities:
         if wrong:
             line, found = wrong[0]
             raise InputError(
-                f"{self.path}, line {line}: {counted(found, 'field')}, the header has "
-                f"{self.width}{more(len(wrong))}; give every row one field per column"
+                f"{self.path}, line {line}: {counted(found, 'field')}, "
+                f"{self.rule.format(f'{self.width}{more(len(wrong))}')}"
             )
         if self.marked is None:
             return with_comments(roles, len(self.comments))
@@ -280,7 +293,8 @@ def tokenise(
 ) -> Iterator[Block]:
     """The rows of the table from letter `start` on; lines that are none are told to `odd`."""
     if text.find('"', start) >= 0:
-        yield from _tokenise_slowly(chunks(text, start), delimiter, first_line, odd)
+        rows = _rows_of_csv(chunks(text, start), delimiter, first_line, odd.path)
+        yield from _in_blocks(rows, odd)
         return
     line, width = first_line, odd.width
     others = bytes(set(range(256)) - {ord(delimiter), ord("\n")})
@@ -292,39 +306,305 @@ def tokenise(
             columns = [fields[k::width] for k in range(width)]
             yield odd.watched(np.arange(line, line + count), columns)
         else:
-            yield from _tokenise_slowly([chunk], delimiter, line, odd)
+            yield from _in_blocks(_rows_of_csv([chunk], delimiter, line, odd.path), odd)
         line += count
 
 
-def _tokenise_slowly(
-    parts: Iterable[str], delimiter: str, first_line: int, odd: _Oddities
-) -> Iterator[Block]:
-    """Quotes, blank lines and rows of the wrong length, through the csv module."""
+def _in_blocks(rows: Iterable[tuple[int, list[str]]], odd: _Oddities) -> Iterator[Block]:
+    """Lines with their fields in blocks; those of other lengths are told to `odd`."""
     lines: list[int] = []
-    rows: list[list[str]] = []
+    kept: list[list[str]] = []
+    for line, fields in rows:
+        if len(fields) != odd.width:
+            odd.add(line, fields)
+            continue
+        lines.append(line)
+        kept.append(fields)
+        if len(kept) == ROWS_OF_BLOCK:
+            yield odd.watched(np.array(lines), list(zip(*kept, strict=True)))
+            lines, kept = [], []
+    if kept:
+        yield odd.watched(np.array(lines), list(zip(*kept, strict=True)))
+
+
+def _rows_of_csv(
+    parts: Iterable[str], delimiter: str, first_line: int, path: str
+) -> Iterator[tuple[int, list[str]]]:
+    """Line and fields of each row, quotes and blank lines through the csv module."""
     begin = first_line
     reader = csv.reader(_lines(parts), delimiter=delimiter, strict=True, skipinitialspace=True)
     try:
         for row in reader:
             if row and (len(row) > 1 or row[0].strip()):
-                if len(row) == odd.width:
-                    rows.append(row)
-                    lines.append(begin)
-                else:
-                    odd.add(begin, row)
+                yield begin, row
             begin = first_line + reader.line_num
-            if len(rows) == ROWS_OF_BLOCK:
-                yield odd.watched(np.array(lines), list(zip(*rows, strict=True)))
-                lines, rows = [], []
     except csv.Error as error:
         raise InputError(
-            f"{odd.path}, line {begin}: {error}; close quotes, and double those inside a field"
+            f"{path}, line {begin}: {error}; close quotes, and double those inside a field"
         ) from None
-    if rows:
-        yield odd.watched(np.array(lines), list(zip(*rows, strict=True)))
 
 
 def _lines(parts: Iterable[str]) -> Iterator[str]:
     """The lines of the parts, with their ends; no others than line feeds are left."""
     for part in parts:
         yield from io.StringIO(part + "\n", newline="\n")
+
+
+# -------------------------------------------------------------------------------------------------
+# Formats without a header.
+
+Layouts = Mapping[int, tuple[str, ...]]
+"""Names of the columns by the number of fields, first those that an empty file does not have."""
+
+MOT_FIELDS = ("frame", "id", *BOX, "conf", "class", "visibility")
+MOT_LAYOUTS = {width: MOT_FIELDS[:width] for width in (7, 6, 8, 9)}
+MOT_LAYOUTS[10] = (*MOT_FIELDS[:7], "loc_x", "loc_y", "loc_z")
+MOT_RULE = "MOTChallenge text has 6 to 10: frame,id,left,top,width,height,conf,..."
+MOT_UNKNOWN = -1.0
+"""Each coordinate of a place in space that is not known."""
+
+VISDRONE_FIELDS = ("frame", "id", *BOX, "score", "class", "truncation", "occlusion")
+VISDRONE_RULE = f"VisDrone tracks have 10: {','.join(VISDRONE_FIELDS)}"
+CATEGORIES = (
+    *("ignored regions", "pedestrian", "people", "bicycle", "car", "van", "truck"),
+    *("tricycle", "awning-tricycle", "bus", "motor", "others"),
+)
+"""Names of the classes 0 to 11."""
+NOT_EVALUATED = ("ignored regions", "others")
+"""Classes that are no objects to be tracked."""
+UNCLASSED = "-1"
+"""Class of trackers that tell none apart."""
+
+KITTI_FIELDS = (
+    *("frame", "id", "class", "truncated", "occluded", "alpha"),
+    *("left", "top", "right", "bottom"),
+    *("size_height", "size_width", "size_length"),
+    *("loc_x", "loc_y", "loc_z", "rotation_y", "score"),
+)
+KITTI_RULE = (
+    "KITTI tracking labels have 17, or 18 with a score: frame track_id type truncated occluded "
+    "alpha left top right bottom ..."
+)
+KITTI_UNKNOWN = -1000.0
+IGNORED = "DontCare"
+
+
+def read_motchallenge(
+    path: str, data: bytes, options: ReadOptions, role: str, *, given: bool
+) -> Rows:
+    """The rows of a MOTChallenge file.
+
+    Raises
+    ------
+    InputError
+        See `formats.read`.
+    """
+    flagged = ("conf",) if role == "truth" else ()
+    rows, texts = _read(path, data, options, MOT_LAYOUTS, MOT_RULE, flagged, given=given)
+    _refuse_detections(rows)
+    _leave_out_unknown(rows, MOT_UNKNOWN)
+    if rows.classes is not None and list(rows.classes[0]) == ["-1"] and "class" in options.shared:
+        # Results of some trackers fill the columns with -1.
+        lacking = {**rows.roles.lacking, "class": f"{path}: every class is -1, not known"}
+        rows = replace(rows, classes=None, roles=replace(rows.roles, lacking=lacking))
+    _leave_out_flagged(rows, texts, "conf", "0 in column 7")
+    return rows
+
+
+def read_visdrone(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:
+    """The rows of a VisDrone file.
+
+    Raises
+    ------
+    InputError
+        See `formats.read`; or a class is none of VisDrone.
+    """
+    texts_of = ("class", "score") if role == "truth" else ("class",)
+    layouts = {len(VISDRONE_FIELDS): VISDRONE_FIELDS}
+    rows, texts = _read(path, data, options, layouts, VISDRONE_RULE, texts_of, given=given)
+    _refuse_detections(rows)
+    category = _category(texts["class"], rows)
+    for name in NOT_EVALUATED:
+        there = np.array([text == name for text in category.distinct], bool)
+        if there.any():
+            number = CATEGORIES.index(name)
+            rows.apart[name] = there[category.code], f"left out: {name}, class {number}"
+    _leave_out_flagged(rows, texts, "score", "score 0")
+    attributes, column = dict(rows.attributes), VISDRONE_FIELDS.index("class")
+    if column in attributes:
+        attributes[column] = attribute_of(category)
+    classes = None if rows.classes is None else numbered(category)
+    return replace(rows, classes=classes, attributes=attributes)
+
+
+def read_kitti(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
+    """The rows of a KITTI file, the same in either role.
+
+    Raises
+    ------
+    InputError
+        See `formats.read`.
+    """
+    layouts = {width: KITTI_FIELDS[:width] for width in (17, 18)}
+    rows, texts = _read(
+        path, data, options, layouts, KITTI_RULE, ("class",), given=given, commas=False
+    )
+    kind = texts["class"]
+    ignored = np.array([text == IGNORED for text in kind.distinct], bool)
+    rows.apart[IGNORED] = ignored[kind.code], f"of type {IGNORED} left out"
+    _leave_out_unknown(rows, KITTI_UNKNOWN)
+    return rows
+
+
+def _read(
+    path: str,
+    data: bytes,
+    options: ReadOptions,
+    layouts: Layouts,
+    rule: str,
+    texts: tuple[str, ...],
+    *,
+    given: bool,
+    commas: bool = True,
+) -> tuple[Rows, dict[str, Coded]]:
+    """The rows, and some columns as texts by name.
+
+    Parameters
+    ----------
+    path, data
+        The file.
+    options : ReadOptions
+        Decimal marks are points whatever the options are.
+    layouts, rule
+        Names of the columns, and what is said where the number of fields is none of these.
+    texts : tuple of str
+        Names of the columns to be returned as texts, as far as they are there.
+    given : bool
+        Whether the user named the format: then a file without content is an empty set. There is
+        no other way to write one without a header.
+    commas : bool
+        Whether fields may be separated by commas instead of blanks.
+
+    Raises
+    ------
+    InputError
+        The text is wrong.
+    """
+    blank = given and not data.strip()
+    if not blank:
+        check_text(data, path)
+    text, whole = ("", True) if blank else beginning(data, path)
+    first, line = _first_line(text)
+    if not line and not whole:
+        text, whole = decode(data, path), True
+        first, line = _first_line(text)
+    if not line and not given:
+        raise InputError(f"{path}: blank lines only; name the format if the set is empty")
+    split = split_line if commas else str.split
+    place = f"{path}, line {first}"
+    count = len(split(line)) if line else next(iter(layouts))
+    if count not in layouts:
+        raise InputError(f"{place}: {counted(count, 'field')}; {rule}")
+    names = layouts[count]
+    roles = replace(find_roles(names, options, place, fixed=True), unused=())
+    wanted = {name: names.index(name) for name in texts if name in names}
+    fields = None
+    delimiter = "," if commas and "," in line else " "
+    if first == 1 and data.isascii() and not (commas and delimiter == " " and b"," in data):
+        columns = tuple(wanted.values())
+        fields = scanned(data, 1, len(names), delimiter, roles, texts=columns, quotes=False)
+    if fields is None:
+        lines = _lines(chunks(text if whole else decode(data, path)))
+        each = (
+            (number, [line] if line.lstrip().startswith(COMMENTS) else split(line))
+            for number, line in enumerate(lines, start=1)
+            if line.strip()
+        )
+        rule = f"line {first} has {{}}; give every row as many"
+        odd = _Oddities(path, len(names), rule, marked=False)
+        fields = gather(_in_blocks(each, odd), roles, ".", tuple(wanted.values()))
+        roles = odd.settled(roles)
+    rows = convert(fields, roles, ".", path, names, plain_id)
+    return rows, {name: fields.coded[column] for name, column in wanted.items()}
+
+
+def _first_line(text: str) -> tuple[int, str]:
+    """The first line that is not blank, and its number."""
+    for number, line in enumerate(_lines(chunks(text)), start=1):
+        if line.strip() and not line.lstrip().startswith(COMMENTS):
+            return number, line
+    return 1, ""
+
+
+def _refuse_detections(rows: Rows) -> None:
+    """Refuse boxes of which none has an id.
+
+    Raises
+    ------
+    InputError
+        So it is.
+    """
+    if list(rows.ids[0]) == ["-1"]:
+        raise InputError(
+            f"{rows.where(0)}: every id is -1: these are detections; TGOSPA compares tracks"
+        )
+
+
+def _leave_out_flagged(rows: Rows, texts: Mapping[str, Coded], name: str, flag: str) -> None:
+    """Set rows apart whose number in a column is 0, if it is among the texts."""
+    if name not in texts:
+        return
+    column = texts[name]
+    values, wrong = numbers([text.strip() for text in column.distinct], ".")
+    if wrong:
+        _, wrong = numbers([text.strip() for text in column], ".")  # with the row, and how many
+        row, message = wrong[0]
+        raise InputError(f"{rows.where(row)}, column {quoted(name)}: {message}")
+    apart = values[column.code] == 0
+    rows.apart["not considered"] = apart, f"left out: {flag}, not to be considered"
+
+
+def _leave_out_unknown(rows: Rows, unknown: float) -> None:
+    """Set rows apart whose place in space is not known, if the states are places.
+
+    Raises
+    ------
+    InputError
+        None is known.
+    """
+    place = [
+        k
+        for k, mix in enumerate(rows.roles.state)
+        if len(mix) == 1 and rows.roles.headers[mix[0][0]].startswith("loc_")
+    ]
+    if not place:
+        return
+    state = rows.roles.mixed(rows.numbers, rows.roles.state)[:, place]
+    apart = np.asarray((state == unknown).all(axis=1), bool)
+    if len(apart) and apart.all():
+        raise InputError(
+            f"{rows.name}: no row has a place in space, all are {unknown:g}; without --columns the "
+            "centres of the boxes are compared, with --distance iou the boxes"
+        )
+    rows.apart["no place"] = apart, f"without a place in space ({unknown:g}): absent at that step"
+
+
+def _category(texts: Coded, rows: Rows) -> Coded:
+    """The names of classes that are numbers; blank where no class is known.
+
+    Raises
+    ------
+    InputError
+        One is no class.
+    """
+    known = {str(number): name for number, name in enumerate(CATEGORIES)} | {UNCLASSED: ""}
+    names = [known.get(plain_id(text)) for text in texts.distinct]
+    wrong = np.array([name is None for name in names], bool)
+    if wrong.any():
+        at = np.flatnonzero(wrong[texts.code])
+        row = int(at[0])
+        raise InputError(
+            f'{rows.where(row)}, column "class": {quoted(texts[row].strip())} is no class of '
+            f"VisDrone{more(len(at))}; these are 0 to {len(CATEGORIES) - 1}, or -1 for none"
+        )
+    return Coded([name or "" for name in names], texts.code)

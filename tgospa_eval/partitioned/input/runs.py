@@ -1,15 +1,15 @@
 """Rows of a side in order of time: runs of bounded size, each sorted, from which blocks are read.
 
-A side whose files are not in order of time is read once. As many rows as are worked on together
-are sorted by time and written as a run; a block takes its share of each run, which is one range.
+The files of a side are read once. As many rows as are worked on together are sorted by time and
+written as a run; a block takes its share of each run, which is one range.
 """
 
 import json
 import math
-import pickle
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import accumulate
+from operator import itemgetter
 from pathlib import Path
 from typing import cast
 
@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.roles import Roles
+from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Numbered, Rows, number_ids
 from tgospa_eval.formats.times import EXACT_BELOW, Times
 from tgospa_eval.partitioned.input.listing import File
-from tgospa_eval.partitioned.input.tables import Chunk, Span, open_table, rows_of_chunks, text_rows
+from tgospa_eval.partitioned.input.tables import FilePiece
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.tracks.trajectories import CLOCKS, Ints, TimeArray
 
@@ -193,124 +193,40 @@ def merged_names(parts: Sequence[Numbered]) -> Numbered:
     return table, np.concatenate(numbers)
 
 
-@dataclass(frozen=True, kw_only=True)
-class FilePiece:
-    """What of a file is read at once: row groups, or the lines of a text that begin in some bytes.
-
-    Parameters
-    ----------
-    file : File
-        The file.
-    begin, end : int
-        Row groups, or bytes.
-    text : bool
-        Whether it is a text.
-    """
-
-    file: File
-    begin: int
-    end: int
-    text: bool = False
-
-    def where(self, row: int, options: ReadOptions) -> str:
-        """Where a row is, for messages: of a table by its place there, of a text in the piece."""
-        if not self.text:
-            return f"{self.file.path}, row {row}"
-        for rows, first in text_rows(self.file, self.begin, self.end, options):
-            if row < first + len(rows.times.value):
-                return rows.where(row - first)
-        return self.file.path  # it has changed meanwhile
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunsTask:
-    """Write the rows of some pieces as runs.
-
-    Parameters
-    ----------
-    pieces : tuple of FilePiece
-        In the order of the files.
-    options : ReadOptions
-        How to read them.
-    rows : int
-        Rows of a run, as soon as there are as many.
-    output : str
-        The folder.
-    """
-
-    pieces: tuple[FilePiece, ...]
-    options: ReadOptions
-    rows: int
-    output: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class RowOrigin:
-    """Where consecutive rows of a run are from.
-
-    Parameters
-    ----------
-    begin : int
-        The first of them, as the run was before it was sorted.
-    piece : FilePiece
-        Where they are.
-    first : int
-        The place of the first: its row in a table, or in the piece of a text.
-    """
-
-    begin: int
-    piece: FilePiece
-    first: int
-
-
-def write_runs(task: RunsTask) -> None:
-    """Do a task."""
-    with writing(task.output) as folder:
+def write_runs(
+    output: str, pieces: Sequence[FilePiece], options: ReadOptions, rows_together: int
+) -> None:
+    """Write the rows of pieces, in the order of the files, as runs of at least so many rows."""
+    with writing(output) as folder:
         folder.mkdir()
-        parts: list[Chunk | Rows] = []
-        origins: list[RowOrigin] = []
-        moments: list[Moments] = []
-        count = 0
-        for part, piece, first in _parts(task):
-            size = len(part.place) if isinstance(part, Chunk) else len(part.times.value)
-            if not size:
-                continue
-            origins.append(RowOrigin(begin=count, piece=piece, first=first))
-            parts.append(part)
-            count += size
-            if count >= task.rows:
-                moments.append(_write(folder / str(len(moments)), parts, origins, task.options))
-                parts, origins, count = [], [], 0
+        parts: list[Rows] = []
+        origins: list[tuple[int, int, FilePiece]] = []
+        count = runs = 0
+        for piece in pieces:
+            for rows, first in piece.rows(options):
+                size = len(rows.times.value)
+                if not size:
+                    continue
+                origins.append((count, first, piece))
+                parts.append(rows)
+                count += size
+                if count >= rows_together:
+                    _write(folder / str(runs), parts, origins)
+                    parts, origins, count, runs = [], [], 0, runs + 1
         if parts:
-            moments.append(_write(folder / str(len(moments)), parts, origins, task.options))
-        (folder / "moments").write_bytes(pickle.dumps(moments))
-
-
-def _parts(task: RunsTask) -> Iterator[tuple[Chunk | Rows, FilePiece, int]]:
-    """What the pieces have, and the piece and the place in it that each part begins at."""
-    for piece in task.pieces:
-        if piece.text:
-            for rows, first in text_rows(piece.file, piece.begin, piece.end, task.options):
-                yield rows, piece, first
-            continue
-        table = open_table(piece.file, task.options)
-        for group in range(piece.begin, piece.end):
-            for chunk in table.chunks(group, task.options):
-                yield chunk, piece, int(chunk.place[0])
+            _write(folder / str(runs), parts, origins)
 
 
 def _write(
-    folder: Path, given: Sequence[Chunk | Rows], origins: Sequence[RowOrigin], options: ReadOptions
-) -> Moments:
-    """Write a run, and say which times it has."""
+    folder: Path, parts: Sequence[Rows], origins: Sequence[tuple[int, int, FilePiece]]
+) -> None:
+    """Write a run and which times it has.
+
+    Consecutive rows, as the run was before it was sorted, have an origin: the number of the first,
+    its place in a piece, and the piece.
+    """
     folder.mkdir()
-    chunks = [part for part in given if isinstance(part, Chunk)]
-    parts = [part for part in given if isinstance(part, Rows)]  # one of both is empty
-    parts += rows_of_chunks(chunks, options)
-    found = merged_moments(
-        moments_of(part.times, part.path if isinstance(part, Chunk) else part.name)
-        for part in given
-    )
+    found = merged_moments(moments_of(part.times, part.name) for part in parts)
     rows = merged_rows(parts[0].name, parts)
     order = np.argsort(rows.times.value, kind="stable")
     columns = {"time": rows.times.value, "id": rows.ids[1].astype(np.int32), "place": None}
@@ -319,15 +235,34 @@ def _write(
     for name, column in columns.items():
         np.save(folder / f"{name}.npy", order if column is None else column[order])
     np.save(folder / "numbers.npy", np.asfortranarray(rows.numbers[order]))
-    names = {"id": rows.ids[0].tolist()}
-    if rows.classes is not None:
-        names["class"] = rows.classes[0].tolist()
-    (folder / "names.json").write_text(json.dumps(names), encoding="utf-8")
-    (folder / "origins").write_bytes(pickle.dumps((list(origins), found.clock)))
-    return found
+    known = {
+        "id": rows.ids[0].tolist(),
+        "class": None if rows.classes is None else rows.classes[0].tolist(),
+        "clock": found.clock,
+        "origins": [
+            (begin, first, [vars(piece.file), piece.begin, piece.end, piece.text])
+            for begin, first, piece in origins
+        ],
+    }
+    (folder / "run.json").write_text(json.dumps(known), encoding="utf-8")
+    np.savez(folder / "moments.npz", **{k: v for k, v in vars(found).items() if v is not None})
 
 
-def run_rows(folder: str, span: Span, roles: Roles, options: ReadOptions) -> Rows | None:
+def run_moments(folder: Path) -> Moments:
+    """Which times a run has."""
+    with np.load(folder / "moments.npz") as found:
+        return Moments(
+            value=found["value"],
+            count=found["count"],
+            clock=str(found["clock"]),
+            label=found.get("label"),
+            source=str(found["source"]),
+        )
+
+
+def run_rows(
+    folder: str, span: tuple[int | float, int | float], roles: Roles, options: ReadOptions
+) -> Rows | None:
     """Rows of a run in a range of time, or None of none.
 
     Parameters
@@ -355,27 +290,30 @@ def run_rows(folder: str, span: Span, roles: Roles, options: ReadOptions) -> Row
     end = int(np.searchsorted(times, high, side="right"))
     if begin >= end:
         return None
-    origins: list[RowOrigin]
-    origins, clock = pickle.loads((path / "origins").read_bytes())
-    names = json.loads((path / "names.json").read_text(encoding="utf-8"))
+    known = json.loads((path / "run.json").read_text(encoding="utf-8"))
+    origins = known["origins"]
     place = column("place")
 
     def where(row: int) -> str:
         at = int(place[begin + row])
-        origin = origins[bisect_right(origins, at, key=lambda origin: origin.begin) - 1]
-        return origin.piece.where(origin.first + at - origin.begin, options)
+        start, first, (file, *ends) = origins[bisect_right(origins, at, key=itemgetter(0)) - 1]
+        low, high, text = ends
+        piece = FilePiece(file=File(**file), begin=low, end=high, text=text)
+        return piece.where(first + at - start, options)
 
     def numbered(name: str) -> Numbered:
-        table = np.empty(len(names[name]), dtype=object)
-        table[:] = names[name]
+        table = np.empty(len(known[name]), dtype=object)
+        table[:] = known[name]
         return table, column(name)[begin:end].astype(np.int64)
 
     return Rows(
-        name=origins[0].piece.file.path,
+        name=origins[0][2][0]["path"],
         roles=roles,
         ids=numbered("id"),
-        times=Times(value=cast(TimeArray, np.array(times[begin:end])), clock=clock, text=None),
+        times=Times(
+            value=cast(TimeArray, np.array(times[begin:end])), clock=known["clock"], text=None
+        ),
         numbers=np.load(path / "numbers.npy", mmap_mode="r")[begin:end],
         where=where,
-        classes=numbered("class") if "class" in names else None,
+        classes=None if known["class"] is None else numbered("class"),
     )

@@ -1,13 +1,10 @@
-"""Parquet files in parts: times of a row group, rows of a range of time, batch by batch."""
+"""Rows of a piece of a file: lines of a CSV file, row groups of a Parquet file."""
 
 import os
 import re
-from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache, partial
-from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,18 +13,15 @@ from tgospa_eval.common.files import CHUNK, named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.arrow import arrow_rows, check_dates, check_types
-from tgospa_eval.formats.columns.roles import Roles, find_roles
-from tgospa_eval.formats.fields import Coded
+from tgospa_eval.formats.arrow import arrow_rows, check_types
+from tgospa_eval.formats.columns.headers import Roles, find_roles
 from tgospa_eval.formats.loading import PACKED_FROM, is_packed, unpacking, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text.scan import HEADER_BYTES, check_text, decode
 from tgospa_eval.formats.text.table import header_of, read_table, with_decimal
-from tgospa_eval.formats.times import TimeError, Times, coded_times
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.text import visible
-from tgospa_eval.tracks.trajectories import Ints
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -185,164 +179,68 @@ DECODED = 1 << 17
 BYTES_OF_COLUMN = 1 << 20
 """Bytes of a column that are read together: a row group may be larger than memory."""
 
-Span = tuple[int | float, int | float]
-"""The first and the last time of a range, as the files have them."""
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ParquetTable:
-    """A Parquet file, opened.
-
-    Parameters
-    ----------
-    file : File
-        Which.
-    content : pyarrow.parquet.ParquetFile
-        What it has.
-    schema : pyarrow.Schema
-        Its columns, then those of the folders that it is in, if they are needed.
-    roles : Roles
-        Which column is what.
-    """
-
-    file: File
-    content: "pa.parquet.ParquetFile"
-    schema: "pa.Schema"
-    roles: Roles
-
-    @property
-    def groups(self) -> list[int]:
-        """Rows of each row group."""
-        metadata = self.content.metadata
-        return [metadata.row_group(k).num_rows for k in range(metadata.num_row_groups)]
-
-    def batches(self, group: int, columns: list[str]) -> "Iterator[pa.ParquetTable]":
-        """The columns of a row group, some rows at a time.
-
-        Raises
-        ------
-        InputError
-            The file is damaged.
-        """
-        import pyarrow as pa
-
-        own = [name for name in columns if name in self.content.schema_arrow.names]
-        keys = {key: text for key, text in self.file.keys if key in columns and key not in own}
-        try:
-            found = self.content.iter_batches(
-                batch_size=DECODED, row_groups=[group], columns=own, use_threads=False
-            )
-            for batch in found:
-                table = pa.Table.from_batches([batch])
-                for key, text in keys.items():
-                    code = pa.array(np.zeros(len(batch), np.int32))
-                    column = pa.DictionaryArray.from_arrays(code, pa.array([text]))
-                    table = table.append_column(key, column)
-                yield table.select(columns)
-        except (pa.ArrowException, OSError, ValueError, TypeError) as error:
-            raise unreadable(self.file.path, "Parquet", error) from None
-
-    def times(self, group: int, options: ReadOptions) -> Iterator[Times]:
-        """The times of a row group, some rows at a time."""
-        header = self.schema.names[self.roles.time]
-        row = sum(self.groups[:group])
-        for table in self.batches(group, [header]):
-            yield times_of(table, self.file.path, options.decimal, row, labelled=True)
-            row += len(table)
-
-    def chunks(
-        self, group: int, options: ReadOptions, span: Span | None = None
-    ) -> "Iterator[Chunk]":
-        """Rows of a row group, all or those of a range of time, these without texts of times."""
-        names, roles = self.schema.names, self.roles
-        others = {roles.id, *roles.numbers} | ({roles.klass} if roles.klass is not None else set())
-        subset = [names[column] for column in sorted({*others, roles.time})]
-        header, path, row = names[roles.time], self.file.path, sum(self.groups[:group])
-        for table in self.batches(group, subset):
-            first, row = row, row + len(table)
-            place: Ints | range = range(first, row)
-            labelled = span is None
-            times = times_of(
-                table.select([header]), path, options.decimal, first, labelled=labelled
-            )
-            schema = self.schema
-            if roles.time not in others:  # which are understood once
-                table, schema = _with_times(table, schema, header, times)
-            if span is not None:
-                chosen = np.flatnonzero((times.value >= span[0]) & (times.value <= span[1]))
-                if not len(chosen):
-                    continue
-                table, place = _taken(table, chosen), first + chosen
-            yield Chunk(table=table, schema=schema, path=path, place=place, times=times)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Chunk:
-    """Some rows of a file.
-
-    Parameters
-    ----------
-    table : pyarrow.ParquetTable
-        The columns in use.
-    schema : pyarrow.Schema
-        All columns of the file.
-    path : str
-        The file.
-    place : sequence of int
-        Which row of the file each is.
-    times : Times
-        Of these rows and those beside them that are not in a range of time.
-    """
-
-    table: "pa.Table"
-    schema: "pa.Schema"
-    path: str
-    place: Ints | range
-    times: Times
-
-
-def rows_of_chunks(chunks: Sequence[Chunk], options: ReadOptions) -> Iterator[Rows]:
-    """Their rows in order; those of files with the same schema are converted together.
+def table_rows(
+    file: File, begin: int, end: int, options: ReadOptions
+) -> Iterator[tuple[Rows, int]]:
+    """Rows of some row groups of a Parquet file, and the number of the first among them.
 
     Raises
     ------
     InputError
-        A value is wrong.
+        The file is damaged, or a value is wrong; the message has its row in the file.
     """
-    together: list[Chunk] = []
-    for chunk in chunks:
-        if together and not _is_alike(chunk, together[0]):
-            yield _converted(together, options)
-            together = []
-        together.append(chunk)
-    if together:
-        yield _converted(together, options)
+    content, schema, roles = open_table(file, options)
+    used = {roles.id, roles.time, *roles.numbers}
+    if roles.klass is not None:
+        used.add(roles.klass)
+    columns = [schema.names[column] for column in sorted(used)]
+    row = sum(content.metadata.row_group(group).num_rows for group in range(begin))
+    for table in _batches(file, content, range(begin, end), columns):
+        where = partial(_row_of, file.path, row)
+        yield arrow_rows(file.path, "Parquet", schema, table.select, options, where), row
+        row += len(table)
 
 
-def _is_alike(chunk: Chunk, other: Chunk) -> bool:
-    """Whether the rows of two chunks can be converted together."""
-    return chunk.times.clock == other.times.clock and bool(chunk.schema.equals(other.schema))
+def _row_of(path: str, first: int, row: int) -> str:
+    return f"{path}, row {first + row}"
 
 
-def _converted(chunks: Sequence[Chunk], options: ReadOptions) -> Rows:
-    """Rows of chunks with the same schema."""
+def _batches(
+    file: File, content: "pa.parquet.ParquetFile", groups: range, columns: list[str]
+) -> "Iterator[pa.Table]":
+    """The columns of row groups, some rows at a time; those of folders that the file lacks too."""
     import pyarrow as pa
 
-    ends = list(accumulate(len(chunk.place) for chunk in chunks))
+    own = [name for name in columns if name in content.schema_arrow.names]
+    keys = {key: text for key, text in file.keys if key in columns and key not in own}
+    try:
+        for batch in content.iter_batches(
+            batch_size=DECODED, row_groups=groups, columns=own, use_threads=False
+        ):
+            table = pa.Table.from_batches([batch])
+            for key, text in keys.items():
+                code = pa.array(np.zeros(len(batch), np.int32))
+                column = pa.DictionaryArray.from_arrays(code, pa.array([text]))
+                table = table.append_column(key, column)
+            yield table
+    except (pa.ArrowException, OSError, ValueError, TypeError) as error:
+        raise unreadable(file.path, "Parquet", error) from None
 
-    def where(row: int) -> str:
-        at = bisect_right(ends, row)
-        begin = ends[at - 1] if at else 0
-        return f"{chunks[at].path}, row {chunks[at].place[row - begin]}"
 
-    table = pa.concat_tables([chunk.table for chunk in chunks]).unify_dictionaries()
-    first = chunks[0]
-    rows = arrow_rows(first.path, "Parquet", first.schema, table.select, options, where)
-    return replace(rows, times=replace(rows.times, clock=first.times.clock, text=None))
-
-
-def open_table(file: File, options: ReadOptions) -> ParquetTable:
+def open_table(
+    file: File, options: ReadOptions
+) -> "tuple[pa.parquet.ParquetFile, pa.Schema, Roles]":
     """Open a Parquet file and understand its columns.
+
+    Returns
+    -------
+    pyarrow.parquet.ParquetFile
+        What it has.
+    pyarrow.Schema
+        Its columns, then those of the folders that it is in, if they are needed.
+    Roles
+        Which column is what.
 
     Raises
     ------
@@ -380,97 +278,37 @@ def open_table(file: File, options: ReadOptions) -> ParquetTable:
             raise
         roles = find_roles(list(whole.names), options, file.path)
     check_types(whole, roles, file.path)
-    return ParquetTable(file=file, content=content, schema=whole, roles=roles)
+    return content, whole, roles
 
 
-def times_of(table: "pa.Table", path: str, decimal: str, first: int, *, labelled: bool) -> Times:
-    """The times of a table with that column alone; their texts only if they are to be `labelled`.
+@dataclass(frozen=True, kw_only=True)
+class FilePiece:
+    """What of a file is read at once: row groups, or the lines of a text that begin in some bytes.
 
-    `first` is the row of the file that the table begins at.
-
-    Raises
-    ------
-    InputError
-        One is no time.
+    Parameters
+    ----------
+    file : File
+        The file.
+    begin, end : int
+        Row groups, or bytes.
+    text : bool
+        Whether it is a text.
     """
-    import pyarrow as pa
 
-    from tgospa_eval.formats.frames import frame_times  # here: pandas is slow to import
+    file: File
+    begin: int
+    end: int
+    text: bool
 
-    def where(row: int) -> str:
-        return f"{path}, row {first + row}"
+    def rows(self, options: ReadOptions) -> Iterator[tuple[Rows, int]]:
+        """Its rows, some at a time, and the number of the first: in a table, in a piece of text."""
+        return (text_rows if self.text else table_rows)(self.file, self.begin, self.end, options)
 
-    column = table.column(0)
-    plain = pa.types.is_int64(column.type) or pa.types.is_float64(column.type)
-    if plain and not column.null_count and np.isfinite(value := column.to_numpy()).all():
-        return Times(value=value + 0, clock="number", text=None)  # as `frame_times`, quicker
-    try:
-        if pa.types.is_timestamp(column.type) and not column.null_count:
-            with suppress(pa.ArrowInvalid):  # too far, which is told below
-                return _of_timestamps(column, labelled=labelled)
-        table.validate(full=True)
-        if pa.types.is_string(column.type) and not column.null_count:
-            with suppress(TimeError):  # with a row of all, which is told below
-                return _of_texts(column, decimal)
-        check_dates(table, where)
-        frame = table.to_pandas(ignore_metadata=True)
-    except InputError:
-        raise
-    except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
-        raise unreadable(path, "Parquet", error) from None
-    return frame_times(frame.iloc[:, 0], path, decimal, where)
-
-
-def _of_timestamps(column: "pa.ChunkedArray", *, labelled: bool) -> Times:
-    """Timestamps as `frame_times` has them, of which each distinct one alone is written out.
-
-    Raises
-    ------
-    pyarrow.ArrowInvalid
-        One is beyond 64-bit nanoseconds.
-    """
-    import pyarrow as pa
-
-    zone = column.type.tz
-    value = column.cast(pa.timestamp("ns", zone)).cast(pa.int64()).to_numpy()
-    text = None
-    if labelled:
-        _, first, code = np.unique(value, return_index=True, return_inverse=True)
-        timestamps = column.take(pa.array(first)).to_pandas()
-        text = Coded([stamp.isoformat() for stamp in timestamps], code)
-    return Times(value=value, clock="zoned" if zone else "local", text=text)
-
-
-def _of_texts(column: "pa.ChunkedArray", decimal: str) -> Times:
-    """Texts as `frame_times` has them, of which each distinct one alone is looked at.
-
-    Raises
-    ------
-    TimeError
-        One is no time.
-    """
-    coded = column.combine_chunks().dictionary_encode()
-    texts = Coded(coded.dictionary.to_pylist(), coded.indices.to_numpy())
-    return coded_times(texts, decimal)
-
-
-def _with_times(
-    table: "pa.Table", schema: "pa.Schema", header: str, times: Times
-) -> "tuple[pa.ParquetTable, pa.Schema]":
-    """A table and its schema with times that are numbers."""
-    import pyarrow as pa
-
-    column = pa.array(times.value)
-    if column.type == schema.field(header).type:
-        return table, schema
-    field = pa.field(header, column.type)
-    at = table.column_names.index(header)
-    return table.set_column(at, field, column), schema.set(schema.names.index(header), field)
-
-
-def _taken(table: "pa.Table", chosen: Ints) -> "pa.Table":
-    """Some rows of a table, without a copy where they are together."""
-    first, last = int(chosen[0]), int(chosen[-1])
-    if last - first + 1 == len(chosen):
-        return table.slice(first, len(chosen))
-    return table.take(chosen)
+    def where(self, row: int, options: ReadOptions) -> str:
+        """Where a row is, for messages: of a table by its place there, of a text in the piece."""
+        if not self.text:
+            return _row_of(self.file.path, 0, row)
+        for rows, first in self.rows(options):
+            if row < first + len(rows.times.value):
+                return rows.where(row - first)
+        return self.file.path  # it has changed meanwhile

@@ -15,8 +15,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.partitioned.long.columns import load_columns
 from tgospa_eval.partitioned.long.rows import RowsTask, load_rows
 from tgospa_eval.partitioned.long.tables import Table, load_part, save_parts
-from tgospa_eval.partitioned.shards import problem_of
-from tgospa_eval.partitioned.share import ENTRY
+from tgospa_eval.partitioned.shards import ENTRY, problem_of
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.paths import row_steps, turns
 from tgospa_eval.problem.problem import Floats, Ints, Problem
@@ -40,9 +39,8 @@ ENTERED_THERE = 1 - 1e-9
 """Pairs worth less than minus this switch price are as good as entered, or left, at the border."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Borders:
-    """The task to value the pairs of some truths at the borders of windows.
+def value_borders(output: str, rows: RowsTask, windows: tuple[tuple[int, int], ...]) -> None:
+    """Write what the pairs of some truths are worth: a table of BORDER for each window.
 
     Parameters
     ----------
@@ -53,20 +51,12 @@ class Borders:
     windows : tuple of pairs of int
         The steps of each window: from, and to before.
     """
-
-    output: str
-    rows: RowsTask
-    windows: tuple[tuple[int, int], ...]
-
-
-def value_borders(task: Borders) -> None:
-    """Write a table of BORDER for each window."""
-    first, last = task.rows.window
-    problem, _, numbers = load_rows(task.rows)
-    columns = load_columns(task.rows.columns, numbers[1], first)
+    first, last = rows.window
+    problem, _, numbers = load_rows(rows)
+    columns = load_columns(rows.columns, numbers[1], first)
     states = rows_of_component(problem, columns.places)
     values = _Values(states, columns.places)
-    held = np.load(Path(task.rows.output) / "by_estimate.npy")
+    held = np.load(Path(rows.output) / "by_estimate.npy")
     for name, known in zip(("truth", "estimate"), numbers, strict=True):
         held[name] = np.searchsorted(known, held[name])
     whose = _pair_numbers(states, held)
@@ -75,7 +65,7 @@ def value_borders(task: Borders) -> None:
     of_entry[states.entry[gains]] = states.pair[gains]
     step = problem.entry_step
     tables = [np.zeros(0, BORDER)]
-    for low, high in task.windows:
+    for low, high in windows:
         a, b = np.searchsorted(step, (low - first, high - first))
         near = (held["begin"] <= high) & (held["end"] >= low - 1)
         pair = np.union1d(of_entry[a:b], whose[near])
@@ -89,10 +79,10 @@ def value_borders(task: Borders) -> None:
             table["after"] = values.after(pair, high - first)
             table["held_after"] = _weights(held[near], whose[near], pair, high)
         tables.append(table)
-    part = np.repeat(np.arange(len(task.windows)), [len(table) for table in tables[1:]])
-    with writing(task.output) as folder:
+    part = np.repeat(np.arange(len(windows)), [len(table) for table in tables[1:]])
+    with writing(output) as folder:
         folder.mkdir()
-        save_parts(folder, "borders", np.concatenate(tables), part, len(task.windows))
+        save_parts(folder, "borders", np.concatenate(tables), part, len(windows))
 
 
 def _pair_numbers(states: States, held: Table) -> Ints:

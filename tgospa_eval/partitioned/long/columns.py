@@ -1,11 +1,8 @@
 """Estimates of a long component: their prices in one unit each, and what is left of them."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import SolverError
@@ -18,68 +15,23 @@ from tgospa_eval.partitioned.long.tables import (
     fraction,
     load_pieces,
 )
-from tgospa_eval.partitioned.shards import ASSIGNED_PAIR, SWITCHED
-from tgospa_eval.partitioned.share import HELD, PARTS_OF_TRACKS, PartialSums
+from tgospa_eval.partitioned.shards import (
+    HELD,
+    PARTS_OF_TRACKS,
+    contribute,
+)
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.certificate import idle_prices
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.rows import PricedPlaces
 from tgospa_eval.problem.slots import exact_running
-from tgospa_eval.problem.solution import Breakdown
 from tgospa_eval.problem.weights import ONE
 
-Arrays = Mapping[str, NDArray[Any]]
 
-
-def contribute(
-    folder: Path,
-    *,
-    tables: Arrays | None = None,
-    truths: Arrays | None = None,
-    estimates: Arrays | None = None,
-    share: PartialSums | None = None,
+def join_columns(
+    output: str, pieces: tuple[WindowPiece, ...], number: int, estimates: Ints
 ) -> None:
-    """Write what `partitioned.add_up` and `by_time` read of a shard; what is not given is nothing.
-
-    Parameters
-    ----------
-    folder : Path
-        It is there.
-    tables : mapping, optional
-        ``assigned`` and ``switched``.
-    truths, estimates : mapping, optional
-        Parts of tracks, with ``track`` and ``rows``.
-    share : PartialSums, optional
-        Sums.
-    """
-    none = {"assigned": np.zeros(0, ASSIGNED_PAIR), "switched": np.zeros(0, SWITCHED)}
-    for name, table in (tables or none).items():
-        np.save(folder / f"{name}.npy", table)
-    track = np.zeros(0, np.int64)
-    nobody: Arrays = {"track": track, "rows": track, **dict.fromkeys(PARTS_OF_TRACKS, np.zeros(0))}
-    for name, parts in (("truths", truths), ("estimates", estimates)):
-        with (folder / f"{name}.npz").open("wb") as file:
-            np.savez(file, **_named(parts or nobody))
-    (share or _no_share()).save(folder / "share.npz")
-
-
-def _named(parts: Arrays) -> dict[str, Any]:
-    return dict(parts)
-
-
-def _no_share() -> PartialSums:
-    parts: dict[str, Any] = {
-        name: np.zeros(0) for name in Breakdown.__annotations__ if name != "total"
-    }
-    count = np.zeros(0, np.int64)
-    return PartialSums(
-        **parts, first=0, truths=count, estimates=count, lower=np.zeros(0), upper=0.0
-    )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Columns:
-    """The task to put together what windows say of some estimates.
+    """Sort by estimate what windows say of some: prices and busy stretches.
 
     Parameters
     ----------
@@ -92,35 +44,26 @@ class Columns:
     estimates : int array
         Their numbers.
     """
-
-    output: str
-    pieces: tuple[WindowPiece, ...]
-    number: int
-    estimates: Ints
-
-
-def join_columns(task: Columns) -> None:
-    """Sort prices and busy stretches by estimate."""
-    places = load_pieces(task.pieces, "places", task.number, PRICE_AT)
+    places = load_pieces(pieces, "places", number, PRICE_AT)
     places = places[np.lexsort((places["step"], places["estimate"]))]
-    busy = load_pieces(task.pieces, "busy", task.number, BUSY)
+    busy = load_pieces(pieces, "busy", number, BUSY)
     busy = busy[np.lexsort((busy["begin"], busy["estimate"]))]
-    present = load_pieces(task.pieces, "present", task.number, BUSY)
-    size = len(task.estimates)
+    present = load_pieces(pieces, "present", number, BUSY)
+    size = len(estimates)
     rows = np.zeros(size, np.int64)
-    whose = np.searchsorted(task.estimates, present["estimate"])
+    whose = np.searchsorted(estimates, present["estimate"])
     np.add.at(rows, whose, present["end"] - present["begin"] + 1)
-    first = np.searchsorted(places["estimate"], _ends(task.estimates))
+    first = np.searchsorted(places["estimate"], _ends(estimates))
     unit, sums = exact_running(np.ascontiguousarray(places["price"]), first.astype(np.int32))
-    with writing(task.output) as folder:
+    with writing(output) as folder:
         folder.mkdir()
-        np.save(folder / "estimates.npy", task.estimates)
+        np.save(folder / "estimates.npy", estimates)
         np.save(folder / "rows.npy", rows)
         np.save(folder / "first.npy", first)
         np.save(folder / "step.npy", places["step"])
         np.save(folder / "whole.npy", sums[1:] - sums[:-1])
         np.save(folder / "unit.npy", unit[:size])
-        np.save(folder / "busy_first.npy", np.searchsorted(busy["estimate"], _ends(task.estimates)))
+        np.save(folder / "busy_first.npy", np.searchsorted(busy["estimate"], _ends(estimates)))
         np.save(folder / "busy.npy", busy)
 
 
@@ -193,72 +136,69 @@ def _ranges(first: Ints, chosen: Ints) -> tuple[Ints, Ints]:
     return np.arange(int(count.sum())) + shift, count
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Rest:
-    """The task to add up what rows leave of the prices of some estimates, and to check sums.
+def add_rest(
+    output: str,
+    *,
+    columns: str,
+    before: int,
+    rows: tuple[str, ...],
+    window: tuple[int, int],
+    price: float,
+) -> None:
+    """Add up what rows leave of the prices of some estimates, and check sums.
+
+    Written are terms of the lower bound for prices that nobody pays, and where these are, by step.
 
     Parameters
     ----------
     output : str
         The folder that is written.
     columns : str
-        Output of `Columns`.
+        What `join_columns` wrote of them.
     before : int
         Places of the estimates before these.
     rows : tuple of str
-        Outputs of all tasks `Rows`.
+        What `prove_rows` wrote of all truths.
     window : pair of int
         First and last step of the component.
     price : float
         Of a step at which an estimate is unassigned.
     """
-
-    output: str
-    columns: str
-    before: int
-    rows: tuple[str, ...]
-    window: tuple[int, int]
-    price: float
-
-
-def add_rest(task: Rest) -> None:
-    """Terms of the lower bound for prices that nobody pays; where these are, by step."""
-    place = Path(task.columns)
+    place = Path(columns)
     first = np.load(place / "first.npy")
     whole, unit = np.load(place / "whole.npy"), np.load(place / "unit.npy")
     left = np.ones(len(whole), np.int32)
-    for folder in map(Path, task.rows):
+    for folder in map(Path, rows):
         index = np.load(folder / "aside.npy", mmap_mode="r")
-        low, high = np.searchsorted(index, (task.before, task.before + len(whole)))
-        own = index[low:high] - task.before
+        low, high = np.searchsorted(index, (before, before + len(whole)))
+        own = index[low:high] - before
         left[own] -= np.load(folder / "asides.npy", mmap_mode="r")[low:high]
     sums = np.zeros(len(whole) + 1, np.int64)
     np.cumsum(whole, out=sums[1:])
     terms = idle_prices((unit, sums), left, first.astype(np.int32))
     estimates = np.load(place / "estimates.npy")
-    held = _held(task.rows, estimates)
+    held = _held(rows, estimates)
     step = np.load(place / "step.npy")
     owner = np.repeat(estimates, np.diff(first))
     lost = whole * np.repeat(unit, np.diff(first)) * (1 - _loads(held, owner, step) / ONE)
-    size = task.window[1] - task.window[0] + 1
-    rows = np.load(place / "rows.npy")
-    free = rows - _assigned(task.rows, estimates)
+    size = window[1] - window[0] + 1
+    steps = np.load(place / "rows.npy")
+    free = steps - _assigned(rows, estimates)
     nothing = np.zeros(len(estimates))
     tracks = {
         "track": estimates,
-        "rows": rows,
+        "rows": steps,
         **dict.fromkeys(PARTS_OF_TRACKS, nothing),
-        "unassigned": task.price * free,
+        "unassigned": price * free,
         "unassigned_count": free,
     }
-    with writing(task.output) as folder:
+    with writing(output) as folder:
         folder.mkdir()
-        with (folder / "sums.npz").open("wb") as file:
-            np.savez(
-                file,
-                lower=expansion(terms.ravel().tolist()),
-                lost=np.bincount(step - task.window[0], lost, minlength=size),
-            )
+        np.savez(
+            folder / "sums.npz",
+            lower=expansion(terms.ravel().tolist()),
+            lost=np.bincount(step - window[0], lost, minlength=size),
+        )
         contribute(folder, estimates=tracks)
 
 

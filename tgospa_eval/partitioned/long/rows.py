@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import SolverError
-from tgospa_eval.partitioned.long.columns import SomeColumns, contribute, load_columns
+from tgospa_eval.partitioned.long.columns import SomeColumns, load_columns
 from tgospa_eval.partitioned.long.holding import WindowFindings, hold_runs
 from tgospa_eval.partitioned.long.tables import (
     GAIN,
@@ -17,8 +17,7 @@ from tgospa_eval.partitioned.long.tables import (
     halves,
     load_pieces,
 )
-from tgospa_eval.partitioned.shards import problem_of, tables_of
-from tgospa_eval.partitioned.share import HELD
+from tgospa_eval.partitioned.shards import HELD, contribute, problem_of, tables_of
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.certificate import row_terms
 from tgospa_eval.problem.paths import best_values
@@ -44,7 +43,7 @@ class RowsTask:
     number : int
         Which shard of truths.
     columns : tuple of str
-        Outputs of all tasks `Columns`.
+        What `join_columns` wrote of all estimates.
     window : pair of int
         First and last step of the component.
     parameters : Parameters
@@ -68,7 +67,7 @@ def load_rows(task: RowsTask) -> tuple[Problem, Ints, tuple[Ints, Ints]]:
     return problem, np.ascontiguousarray(gains["weight"]), numbers
 
 
-def prove_rows(task: RowsTask) -> None:
+def prove_rows(output: str, task: RowsTask) -> None:
     """Best paths at the prices, runs that are held, switches, intervals, regrets."""
     first = task.window[0]
     problem, entry_weights, numbers = load_rows(task)
@@ -87,7 +86,7 @@ def prove_rows(task: RowsTask) -> None:
     moved = np.flatnonzero(changed(states.pair_first, weights))
     variation = np.abs(weights[moved] - weights[moved - 1])
     intervals = _intervals(states, weights, first, numbers)
-    with writing(task.output) as folder:
+    with writing(output) as folder:
         folder.mkdir()
         contribute(
             folder,
@@ -103,15 +102,13 @@ def prove_rows(task: RowsTask) -> None:
         by_estimate = intervals[np.lexsort((intervals["begin"], intervals["estimate"]))]
         np.save(folder / "by_estimate.npy", by_estimate)
         np.save(folder / "by_estimate.key.npy", by_estimate["estimate"])
-        with (folder / "sums.npz").open("wb") as file:
-            np.savez(
-                file,
-                lower=expansion(terms),
-                pairs=pairs,
-                states=len(states.begin),
-                variation=halves(variation, states.begin[moved], problem.steps),
-                regret=_regrets(states, weights, columns, first),
-            )
+        np.savez(
+            folder / "sums.npz",
+            lower=expansion(terms),
+            pairs=pairs,
+            variation=halves(variation, states.begin[moved], problem.steps),
+            regret=_regrets(states, weights, columns, first),
+        )
 
 
 def _tracks(

@@ -4,29 +4,94 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.partitioned.long.borders import Borders, value_borders
-from tgospa_eval.partitioned.long.columns import Columns, Rest, add_rest, contribute, join_columns
-from tgospa_eval.partitioned.long.component import ComponentBounds, Long
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.partitioned.long.borders import value_borders
+from tgospa_eval.partitioned.long.columns import add_rest, join_columns
 from tgospa_eval.partitioned.long.rows import RowsTask, prove_rows
 from tgospa_eval.partitioned.long.tables import WindowPiece, fraction
 from tgospa_eval.partitioned.long.windows import (
     ComponentPlan,
-    Count,
     Window,
     count_entries,
     make_plan,
     pieces_of,
     solve_window,
 )
-from tgospa_eval.partitioned.share import PartialSums
-from tgospa_eval.partitioned.tasks import Run, left_until, writing
+from tgospa_eval.partitioned.shards import PartialSums, contribute
+from tgospa_eval.partitioned.tasks import Run, Task, left_until, writing
 from tgospa_eval.problem.paths import down
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.problem.tgospa import Parameters
+
+OVERLAP = 20
+"""Steps with near pairs that a window has on either side of what its answer is for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Long:
+    """A component to solve in windows.
+
+    Parameters
+    ----------
+    entries : tuple of str
+        Files of ENTRY, by time.
+    parameters : Parameters
+        Of the metric.
+    work : str
+        Folder for what lies between.
+    gap : float
+        Relative gap that counts as exact.
+    together : int
+        Entries that a task may hold.
+    overlap : int
+        Steps with entries on either side of a window.
+    end : float, optional
+        In `time.time()`: what is not solved by then is left unassigned.
+    """
+
+    entries: tuple[str, ...]
+    parameters: Parameters
+    work: str
+    gap: float = 1e-9
+    together: int = 1_000_000
+    overlap: int = OVERLAP
+    end: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ComponentBounds:
+    """What is proven.
+
+    Parameters
+    ----------
+    share : PartialSums
+        What the component contributes.
+    folders : tuple of str
+        What it contributes, as folders of shards; all but one have an empty share.
+    pieces : tuple of WindowPiece
+        Whose answers it was made of.
+    rows : tuple of RowsTask
+        By which it was proven.
+    lost : (L,) float array
+        Prices that nobody pays, by step.
+    regret : (3, N) float array
+        Of rows that could do better: by how much, first and last step.
+    """
+
+    share: PartialSums
+    folders: tuple[str, ...]
+    pieces: tuple[WindowPiece, ...]
+    rows: tuple[RowsTask, ...]
+    lost: Floats
+    regret: Floats
+
 
 OPEN_FROM = 0.1
 """A seam is open where more is lost than this share of its part of the gap allowed."""
@@ -37,7 +102,7 @@ WORST_STEPS = 1000
 
 def repairs(
     component: Long, plan: ComponentPlan, joined: ComponentBounds, overlap: int, number: int
-) -> tuple[list[Borders], list[Window], tuple[WindowPiece, ...]]:
+) -> tuple[dict[str, Task], list[Window], tuple[WindowPiece, ...]]:
     """Windows around the open seams, their borders, and the pieces once these are solved.
 
     Parameters
@@ -52,15 +117,13 @@ def repairs(
         Which round it is.
     """
     stretches = _stretches(component, plan, joined, 4 * overlap)
-    borders = [
-        Borders(
-            output=f"{component.work}/round-{number}/borders/{index:05d}",
-            rows=rows,
-            windows=stretches,
+    borders: dict[str, Task] = {
+        f"{component.work}/round-{number}/borders/{index:05d}": partial(
+            value_borders, rows=rows, windows=stretches
         )
         for index, rows in enumerate(joined.rows)
         if component.parameters.switch_price > 0  # else steps are apart
-    ]
+    }
     windows = []
     for index, around in enumerate(stretches):
         windows.append(
@@ -75,7 +138,7 @@ def repairs(
                 gap=0.25 * component.gap,
                 end=component.end,
                 near=tuple(p for p in joined.pieces if p.low < around[1] and p.high > around[0]),
-                borders=tuple(task.output for task in borders),
+                borders=tuple(borders),
                 number=index,
                 ends=(around[0] <= plan.window[0], around[1] > plan.window[1]),
             )
@@ -93,7 +156,7 @@ def _stretches(
     """
     share = joined.share
     seams = [piece.low for piece in joined.pieces[1:]]
-    allowed = OPEN_FROM * component.gap * share.upper / max(len(seams), 1)
+    allowed = OPEN_FROM * component.gap * share.total / max(len(seams), 1)
     open_ = np.flatnonzero(joined.lost > allowed)
     worst = open_[np.argsort(-joined.lost[open_], kind="stable")[:WORST_STEPS]]
     steps = np.unique((*seams, *(worst + share.first)))
@@ -148,7 +211,7 @@ WINDOW_ENTRIES = 200_000
 
 def solve_long(
     component: Long,
-    run: Run[Any],
+    run: Run,
     proven: Callable[[PartialSums], None] = lambda share: None,  # noqa: ARG005
 ) -> ComponentBounds:
     """Solve a component, until its gap is met, repairs end or its time is up.
@@ -164,7 +227,7 @@ def solve_long(
     """
     plan = plan_long(component, run)
     windows = first_windows(component, plan)
-    run(solve_window, windows)
+    run({window.output: partial(solve_window, task=window) for window in windows})
     overlap = overlap_of(component)
     best = joined = prove_long(component, plan, pieces_of(windows), "round-0", run)
     proven(best.share)
@@ -173,8 +236,8 @@ def solve_long(
         if best.share.solved or stuck == PATIENCE or left_until(component.end) == 0:
             break
         borders, again, pieces = repairs(component, plan, joined, overlap, number)
-        run(value_borders, borders)
-        run(solve_window, again)
+        run(borders)
+        run({window.output: partial(solve_window, task=window) for window in again})
         joined = prove_long(component, plan, pieces, f"round-{number + 1}", run)
         before, best = best, better(best, joined, component.gap)
         proven(best.share)
@@ -209,16 +272,14 @@ def _stored(joined: ComponentBounds, output: str) -> ComponentBounds:
     return replace(joined, folders=(*joined.folders, output))
 
 
-def plan_long(component: Long, run: Run[Any]) -> ComponentPlan:
+def plan_long(component: Long, run: Run) -> ComponentPlan:
     """Count the entries and divide them."""
-    counts = [
-        Count(output=f"{component.work}/counts/{number:05d}.npz", entries=path)
+    counts: dict[str, Task] = {
+        f"{component.work}/counts/{number:05d}.npz": partial(count_entries, path=path)
         for number, path in enumerate(component.entries)
-    ]
-    run(count_entries, counts)
-    return make_plan(
-        component.entries, [c.output for c in counts], component.together, 2 * component.together
-    )
+    }
+    run(counts)
+    return make_plan(component.entries, list(counts), component.together, 2 * component.together)
 
 
 def overlap_of(component: Long) -> int:
@@ -250,22 +311,19 @@ def first_windows(component: Long, plan: ComponentPlan) -> list[Window]:
 
 
 def prove_long(
-    component: Long, plan: ComponentPlan, pieces: tuple[WindowPiece, ...], name: str, run: Run[Any]
+    component: Long, plan: ComponentPlan, pieces: tuple[WindowPiece, ...], name: str, run: Run
 ) -> ComponentBounds:
     """Join pieces that have all steps, and prove what they say."""
     work = f"{component.work}/{name}"
     bounds = np.searchsorted(plan.estimates, plan.estimate_bounds).tolist()
-    columns = [
-        Columns(
-            output=f"{work}/columns/{n:05d}",
-            pieces=pieces,
-            number=n,
-            estimates=plan.estimates[low:high],
+    columns: dict[str, Task] = {
+        f"{work}/columns/{n:05d}": partial(
+            join_columns, pieces=pieces, number=n, estimates=plan.estimates[low:high]
         )
         for n, (low, high) in enumerate(itertools.pairwise(bounds))
-    ]
-    run(join_columns, columns)
-    joined = tuple(task.output for task in columns)
+    }
+    run(columns)
+    joined = tuple(columns)
     rows = [
         RowsTask(
             output=f"{work}/rows/{n:05d}",
@@ -277,12 +335,12 @@ def prove_long(
         )
         for n in range(len(plan.truth_bounds) - 1)
     ]
-    run(prove_rows, rows)
+    run({task.output: partial(prove_rows, task=task) for task in rows})
     places = [int(np.load(f"{folder}/first.npy")[-1]) for folder in joined]
     proven = tuple(task.output for task in rows)
-    rest = [
-        Rest(
-            output=f"{work}/rest/{n:05d}",
+    rest: dict[str, Task] = {
+        f"{work}/rest/{n:05d}": partial(
+            add_rest,
             columns=folder,
             before=sum(places[:n]),
             rows=proven,
@@ -290,9 +348,9 @@ def prove_long(
             price=component.parameters.unassigned_prices[1],
         )
         for n, folder in enumerate(joined)
-    ]
-    run(add_rest, rest)
-    return _add_up(component, plan, pieces, rows, tuple(task.output for task in rest))
+    }
+    run(rest)
+    return _add_up(component, plan, pieces, rows, tuple(rest))
 
 
 def _add_up(
@@ -308,12 +366,11 @@ def _add_up(
     lower: list[float] = []
     regrets = [np.zeros((3, 0))]
     variation = np.zeros((2, size), np.int64)
-    pairs = states = 0
+    pairs = 0
     for folder in (task.output for task in rows):
         with np.load(f"{folder}/sums.npz") as found:
             lower += found["lower"].tolist()
             pairs += int(found["pairs"])
-            states += int(found["states"])
             variation += found["variation"]
             regrets.append(found["regret"])
     lost = np.zeros(size)
@@ -336,7 +393,7 @@ def _add_up(
         "switch": component.parameters.switch_price * total,
     }
     upper = math.fsum(np.concatenate(list(parts.values())).tolist())
-    counts = [np.load(f"{folder}/counts.npy") for folder in sorted({p.folder for p in pieces})]
+    counts = [np.load(f"{folder}/iterations.npy") for folder in {p.folder for p in pieces}]
     share = PartialSums(
         **parts,
         first=first,
@@ -346,9 +403,8 @@ def _add_up(
         truths=by_step["truths"],
         estimates=by_step["estimates"],
         lower=np.array(lower),
-        upper=upper,
-        iterations=int(sum(count[0] for count in counts)),
-        states=states,
+        total=upper,
+        iterations=int(sum(counts)),
         solved=upper - math.fsum(lower) <= component.gap * upper,
     )
     return ComponentBounds(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.partitioned.share import ENTRY
+from tgospa_eval.partitioned.shards import ENTRY
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.weights import ONE
 

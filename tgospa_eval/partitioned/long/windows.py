@@ -23,8 +23,7 @@ from tgospa_eval.partitioned.long.tables import (
     load_pieces,
     save_parts,
 )
-from tgospa_eval.partitioned.shards import problem_of, within
-from tgospa_eval.partitioned.share import ENTRY, HELD
+from tgospa_eval.partitioned.shards import ENTRY, HELD, problem_of, within
 from tgospa_eval.partitioned.tasks import left_until, writing
 from tgospa_eval.problem.certificate import TERMS_TOGETHER, fair_prices
 from tgospa_eval.problem.merging import merge_runs
@@ -40,25 +39,9 @@ ROWS_READ = 1 << 20
 """Entries that are looked at together where they are only counted."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Count:
-    """The task to count the entries of a file by step, truth and estimate.
-
-    Parameters
-    ----------
-    output : str
-        The file that is written.
-    entries : str
-        A file of ENTRY, by time.
-    """
-
-    output: str
-    entries: str
-
-
-def count_entries(task: Count) -> None:
-    """Count them, a stretch at a time."""
-    entries = np.load(task.entries, mmap_mode="r")
+def count_entries(output: str, path: str) -> None:
+    """Count the entries of a file, by time, by step, truth and estimate, a stretch at a time."""
+    entries = np.load(path, mmap_mode="r")
     names = ("step", "truth", "estimate")
     counted: dict[str, dict[int, int]] = {name: {} for name in names}
     for low in range(0, len(entries), ROWS_READ):
@@ -67,7 +50,7 @@ def count_entries(task: Count) -> None:
             known = counted[name]
             for number, count in zip(*(x.tolist() for x in _counts(part[name])), strict=True):
                 known[number] = known.get(number, 0) + count
-    with writing(task.output) as path, path.open("wb") as file:
+    with writing(output) as beside, beside.open("wb") as file:
         tables: dict[str, Any] = {
             name: np.array(sorted(known.items()), np.int64).reshape(-1, 2).T
             for name, known in counted.items()
@@ -159,7 +142,7 @@ def make_plan(
     paths : sequence of str
         Files of entries, by time.
     counted : sequence of str
-        Outputs of their `Count`.
+        What `count_entries` wrote of each.
     together, columns_together : int
         Entries of a shard of truths, and of one of estimates.
     """
@@ -233,7 +216,7 @@ class Window:
     near : tuple of WindowPiece
         What is known, where the window was solved before.
     borders : tuple of str
-        Outputs of `Borders`, where its pairs are worth something at its borders.
+        What `value_borders` wrote, where its pairs are worth something at its borders.
     number : int
         Which window it is in these.
     ends : pair of bool
@@ -262,7 +245,7 @@ def pieces_of(windows: list[Window]) -> tuple[WindowPiece, ...]:
     return tuple(WindowPiece(folder=w.output, low=w.core[0], high=w.core[1]) for w in windows)
 
 
-def solve_window(task: Window) -> None:
+def solve_window(output: str, task: Window) -> None:
     """Solve a window, and write what its core says."""
     entry = read_entries(task.entries)
     solved = _solve(entry, task)
@@ -273,7 +256,7 @@ def solve_window(task: Window) -> None:
     gains["weight"] = solved.entry_weights[low:high]
     del entry
     truth_shards, estimate_shards = len(task.truth_bounds) - 1, len(task.estimate_bounds) - 1
-    with writing(task.output) as folder:
+    with writing(output) as folder:
         folder.mkdir()
         for name, table in (("gains", gains), ("holds", solved.holds)):
             part = shard_of(table["truth"], task.truth_bounds)
@@ -286,10 +269,8 @@ def solve_window(task: Window) -> None:
         for name, table in by_estimate:
             part = shard_of(table["estimate"], task.estimate_bounds)
             save_parts(folder, name, table, part, estimate_shards)
-        with (folder / "steps.npz").open("wb") as file:
-            np.savez(file, **_steps(gains, task))
-        counted = [solved.iterations, solved.states, solved.finished]
-        np.save(folder / "counts.npy", np.array(counted, np.int64))
+        np.savez(folder / "steps.npz", **_steps(gains, task))
+        np.save(folder / "iterations.npy", solved.iterations)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -300,8 +281,6 @@ class _SolvedWindow:
     holds: Table
     places: Table
     iterations: int = 0
-    states: int = 0
-    finished: bool = True
 
 
 def _solve(entry: Table, task: Window) -> _SolvedWindow:
@@ -310,7 +289,6 @@ def _solve(entry: Table, task: Window) -> _SolvedWindow:
             entry_weights=np.zeros(len(entry), np.int64),
             holds=np.zeros(0, HELD),
             places=np.zeros(0, PRICE_AT),
-            finished=False,
         )
     # Estimates are columns in every window: their prices are joined.
     borders = load_borders(task.borders, task.number)
@@ -328,8 +306,6 @@ def _solve(entry: Table, task: Window) -> _SolvedWindow:
         holds=_holds(states, whole, task, framed),
         places=_places(states, solution, task, framed),
         iterations=solution.iterations,
-        states=len(states.begin),
-        finished=solution.finished,
     )
 
 

@@ -1,0 +1,250 @@
+"""What a gate prints and writes: widths, JUnit, GitHub's commands and limits, hostile names."""
+
+import json
+import re
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tgospa_eval.campaign.gate_report import (
+    SUMMARY,
+    annotations,
+    append_summary,
+    json_report,
+    junit,
+    markdown,
+    summary,
+    table,
+)
+from tgospa_eval.campaign.outcome import PairOutcome, Report, ValueChange
+from tgospa_eval.campaign.rules import STATUS, Value, Verdict, judge, parse_rule
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.text import visible
+
+HOSTILE = [
+    "<script>alert(1)</script>",
+    "\"double\" & 'single'",
+    "a,b:c",
+    "two\nlines\r\n::error::no",
+    "%0A::error::no",
+    "::stop-commands::x",
+    " ::set-output name=a::b",
+    "##[error]no",
+    "שלום עולם",
+    "a\u202eb\u2066c",
+    "=cmd|' /C calc'!A0",
+    "\x00\x07\x1b[31mred\x7f\ud800\ufffe",
+    "a|b`c``d\\|e",
+    "@everyone #1 **bold** [x](http://y) ![z](w)",
+    " ",
+    "]]>",
+    "漢" * 60,
+]
+
+
+def outcome(
+    name: str, now: float = 1.0, slack: str = "total:+0", warns: bool = False
+) -> PairOutcome:
+    rule = parse_rule(slack, option="warn-on" if warns else "fail-on")
+    found = judge(rule, Value(lower=now, upper=now, proven=True, unit=1.0), 1.0)
+    verdict = Verdict.PASS if warns else found.verdict
+    return PairOutcome(
+        name=name,
+        truth="t.csv",
+        estimate="e.csv",
+        verdict=verdict,
+        status=STATUS[verdict],
+        findings=(found,),
+        notes=(f"about {name}",) if found.verdict is not Verdict.PASS else (),
+        seconds=0.25,
+    )
+
+
+def absent(name: str) -> PairOutcome:
+    verdict = Verdict.INCOMPARABLE
+    return PairOutcome(
+        name=name, truth="", estimate="", verdict=verdict, status=2, notes=("not there",)
+    )
+
+
+def report(*outcomes: PairOutcome) -> Report:
+    return Report(baseline="b.json", outcomes=outcomes, version="1", again=("tgospa-eval", "gate"))
+
+
+def everything() -> Report:
+    """Each hostile name passes, fails, warns, and cannot be judged."""
+    return report(
+        *(outcome(name) for name in HOSTILE),
+        *(outcome(name, 2.0) for name in HOSTILE),
+        *(outcome(name, 2.0, warns=True) for name in HOSTILE),
+        *(absent(name) for name in HOSTILE),
+    )
+
+
+# --- table, JSON, Markdown ------------------------------------------------------------------------
+
+
+def test_table_has_lines_of_its_own_only() -> None:
+    lines = table(everything()).splitlines()
+    assert all(len(line) <= 80 for line in lines if "漢" not in line)
+    for line in lines:
+        assert line.isprintable()
+        assert not line.lstrip().startswith("::")
+        assert "##[" not in line
+
+
+def test_table_of_an_update() -> None:
+    verdict = Verdict.UPDATED
+    changes = (
+        ValueChange(path="total", old=1.0, new=2e-300),
+        ValueChange(path="by_class.a.tgospa", old=None, new=3.0),
+    )
+    found = report(
+        PairOutcome(
+            name="x", truth="t", estimate="e", verdict=verdict, status=0, changes=changes
+        )
+    )  # fmt: skip
+    assert table(found).splitlines()[2:] == [
+        "pair            value                       old        new",
+        "x               total                         1     2e-300",
+        "                by_class.a.tgospa             -          3",
+    ]
+    assert "| `x` | `total` | 1 | 2e-300 |" in markdown(found)
+
+
+def test_json_is_strict() -> None:
+    text = json_report(everything())
+    assert json.dumps(json.loads(text), sort_keys=True, indent=1, allow_nan=False) + "\n" == text
+    assert [pair["name"] for pair in json.loads(text)["pairs"]][: len(HOSTILE)] == HOSTILE
+
+
+def test_markdown_has_no_markup_of_others() -> None:
+    lines = markdown(everything()).splitlines()
+    rows = [line for line in lines if line.startswith("| ")][1:]
+    assert len(rows) == 4 * len(HOSTILE)
+    for row in rows:
+        outside = re.sub(r"`[^`]*`|<code>[^<]*</code>", "CODE", row)
+        assert re.fullmatch(r"\| CODE \|( [^|<>`\[\]@#\\]*\|){5}", outside), row
+    for line in lines:
+        outside = re.sub(r"`[^`]*`", "", line)
+        assert "<script" not in outside
+        assert "@everyone" not in outside
+
+
+# --- JUnit ----------------------------------------------------------------------------------------
+
+STRUCTURE = {
+    "testsuites": ({"name", "tests", "failures", "errors", "time"}, {"testsuite"}),
+    "testsuite": (
+        {"name", "tests", "failures", "errors", "skipped", "time"},
+        {"testcase"},
+    ),
+    "testcase": ({"name", "classname", "time"}, {"failure", "error", "system-out"}),
+    "failure": ({"type", "message"}, set()),
+    "error": ({"type", "message"}, set()),
+    "system-out": (set(), set()),
+}
+"""Attributes and children: what both Jenkins' schema (junit-10.xsd) and GitLab know."""
+
+
+def check_junit(text: str) -> ET.Element:
+    """The document, after a look at its structure and its counts."""
+    root = ET.fromstring(text.encode())
+    for element in root.iter():
+        attributes, children = STRUCTURE[element.tag]
+        assert set(element.attrib) == attributes
+        assert {child.tag for child in element} <= children
+        for name in {"tests", "failures", "errors", "skipped"} & attributes:
+            assert element.get(name, "").isdigit()
+        if "time" in attributes:
+            assert re.fullmatch(r"\d{1,3}\.\d{3}", element.get("time", ""))
+    cases = root.findall("testsuite/testcase")
+    for element in (root, root[0]):
+        assert int(element.get("tests", "")) == len(cases)
+        for kind in ("failure", "error"):
+            found = [case for case in cases if case.find(kind) is not None]
+            assert int(element.get(f"{kind}s", "")) == len(found)
+    assert all(len(case) <= 1 for case in cases)
+    return root
+
+
+def test_junit() -> None:
+    root = check_junit(junit(everything()))
+    count = str(len(HOSTILE))
+    assert (root.get("tests"), root.get("failures"), root.get("errors")) == (
+        str(4 * len(HOSTILE)), count, count,
+    )  # fmt: skip
+    first = root.findall("testsuite/testcase")
+    assert first[0].get("classname") == HOSTILE[0]
+    assert first[0].get("name") == "total:+0"
+    failure = root.find("testsuite/testcase/failure")
+    assert failure is not None
+    assert failure.get("message") == "total is between 2 and 2, allowed is 1"
+    assert root.findall("testsuite/testcase/system-out")[0].text == (
+        "warning: total is between 2 and 2, allowed is 1"
+    )
+
+
+@given(st.text())
+def test_any_name_can_be_written(name: str) -> None:
+    found = report(outcome(name, 2.0), absent(name))
+    check_junit(junit(found))
+    assert all(line.isprintable() for line in table(found).splitlines())
+    for line in annotations(found):
+        assert re.fullmatch(r"::error title=[^:,\r\n]*::[^\r\n]*", line)
+        assert not re.search(r"%(?!25|0A|0D|3A|2C)", line)
+    summary(found, 500).decode()
+
+
+# --- GitHub ---------------------------------------------------------------------------------------
+
+
+def test_annotations_are_escaped() -> None:
+    (line,) = annotations(report(outcome("100%, a:b\n::error::x", 2.0)))
+    assert line == (
+        "::error title=TGOSPA gate%3A 100%25%2C a%3Ab\\n%3A%3Aerror%3A%3Ax::fail%0A"
+        "about 100%25, a:b%0A\\x3a:error::x"
+    )
+
+
+def test_ten_annotations_of_a_kind() -> None:
+    def kinds(count: int) -> list[str]:
+        found = [outcome(f"p{k}", 2.0) for k in range(count)]
+        found += [outcome(f"w{k}", 2.0, warns=True) for k in range(count)]
+        return [line.split()[0] for line in annotations(report(*found))]
+
+    assert kinds(10) == ["::error"] * 10 + ["::warning"] * 10
+    assert kinds(500) == ["::error"] * 10 + ["::warning"] * 10
+    lines = list(annotations(report(*(outcome(f"p{k}", 2.0) for k in range(12)))))
+    assert lines[-1] == "::error title=TGOSPA gate%3A 3 more pairs::p9, p10, p11"
+    assert list(annotations(report(outcome("a")))) == []
+    assert max(map(len, annotations(report(outcome("x" * 10_000, 2.0))))) < 4096
+
+
+def test_step_summary_stays_under_a_megabyte(tmp_path: Path) -> None:
+    path = tmp_path / "summary.md"
+    path.write_text("# Of an earlier command\n", encoding="utf-8")
+    append_summary(report(outcome("a")), str(path))
+    assert path.read_text(encoding="utf-8").startswith(
+        "# Of an earlier command\n**TGOSPA gate: pass"
+    )
+    many = report(*(outcome(f"pair {k} {'é' * 50}", 2.0) for k in range(10_000)))
+    append_summary(many, str(path))
+    size = path.stat().st_size
+    assert 900_000 < size <= SUMMARY
+    assert path.read_text(encoding="utf-8").endswith("see the log or the JUnit report.*\n")
+    append_summary(many, str(path))
+    assert path.stat().st_size <= SUMMARY
+    append_summary(many, None)
+    with pytest.raises(ConfigError, match="cannot be written"):
+        append_summary(many, str(tmp_path / "none" / "summary.md"))
+
+
+def test_visible_keeps_what_is_harmless() -> None:
+    assert visible("a::b c:d #1 é 漢") == "a::b c:d #1 é 漢"
+    assert visible("::error::x") == "\\x3a:error::x"
+    assert visible("x ::warning::") == "x \\x3a:warning::"
+    assert visible("x##[error]") == "x\\x23#[error]"

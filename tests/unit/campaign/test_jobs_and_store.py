@@ -1,0 +1,194 @@
+"""Which jobs there are, what is stored of them, and what survives a kill."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tgospa_eval.campaign import pairs as jobs
+from tgospa_eval.campaign.store import SCHEMA, Store
+from tgospa_eval.campaign.tables import tabulated
+from tgospa_eval.errors import ConfigError, InputError
+
+Write = Callable[[str, str | bytes], str]
+
+
+@pytest.fixture
+def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Two sequences; tracker b lacks one of them, and has one without truth."""
+    for name in ("gt/s1.csv", "gt/s2.csv", "out/a/s1.csv", "out/a/s2.csv", "out/b/s1.csv"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_patterns(tree: Path) -> None:
+    plan = jobs.of_patterns("gt/{sequence}.csv", "out/{tracker}/{sequence}.csv")
+    assert [dict(job.labels) for job in plan.jobs] == [
+        {"tracker": "a", "sequence": "s1"},
+        {"tracker": "a", "sequence": "s2"},
+        {"tracker": "b", "sequence": "s1"},
+    ]
+    assert plan.jobs[2].truth == "gt/s1.csv"
+    assert plan.faults == ("gt/s2.csv: there is no estimate out/b/s2.csv",)
+    (tree / "out/b/s9.csv").touch()
+    plan = jobs.of_patterns("gt/{sequence}.csv", "out/{tracker}/{sequence}.csv")
+    assert "out/b/s9.csv: there is no truth gt/s9.csv" in plan.faults
+    with pytest.raises(ConfigError, match=r"the field \{run\} is not in --estimate"):
+        jobs.of_patterns("gt/{run}.csv", "out/{tracker}/{sequence}.csv")
+    with pytest.raises(ConfigError, match="no file is like this"):
+        jobs.of_patterns("gt/{sequence}.csv", "none/{sequence}.csv")
+
+
+def test_a_path_that_fits_a_pattern_in_two_ways(tree: Path) -> None:
+    for name in ("x_y.csv", "x_y_z.csv"):
+        (tree / name).touch()
+    plan = jobs.of_patterns("gt/s1.csv", "{tracker}_{run}.csv")
+    assert [dict(job.labels) for job in plan.jobs] == [{"tracker": "x", "run": "y"}]
+    assert plan.faults == ("x_y_z.csv: the fields of {tracker}_{run}.csv fit it in two ways",)
+
+
+def test_layout_and_seqmap(tree: Path, write: Write) -> None:
+    for name in ("g/s1/gt/gt.txt", "g/s2/gt/gt.txt", "t/a/data/s1.txt", "t/a/data/s2.txt"):
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        (tree / name).touch()
+    names = jobs.read_sequences(write("map.txt", "name\ns2\n"))
+    (job,) = jobs.of_layout("motchallenge", "g", "t", names).jobs
+    assert (job.truth, job.estimate) == (
+        os.path.join("g", "s2/gt/gt.txt"), os.path.join("t", "a/data/s2.txt")
+    )  # fmt: skip
+    with pytest.raises(InputError, match="names no sequence"):
+        jobs.read_sequences(write("map.txt", "name\n"))
+
+
+def touch(*names: str) -> None:
+    for name in names:
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).touch()
+
+
+def test_a_seqmap_keeps_what_is_missing_of_other_sequences_out(tree: Path) -> None:
+    touch("g/s1/gt/gt.txt", "g/s1-DPM/gt/gt.txt", "t/a/data/s1.txt", "t/b/data/s1-DPM.txt")
+    assert jobs.of_layout("motchallenge", "g", "t", ["s1"]).faults == ()
+    plan = jobs.of_layout("motchallenge", "g", "t", ["s1-DPM", "s1", "s7"])
+    assert len(plan.jobs) == 2
+    lone = os.path.join("g", "s1-DPM/gt/gt.txt"), os.path.join("t", "a/data/s1-DPM.txt")
+    assert f"{lone[0]}: there is no estimate {lone[1]}" in plan.faults
+    assert plan.faults[-1] == "sequence s7: no tracker has it, with a truth"
+
+
+def test_layout_of_kitti_as_trackeval_has_it(tree: Path, write: Write) -> None:
+    touch(
+        "gt/kitti/kitti_2d_box_train/label_02/0000.txt",
+        "gt/kitti/kitti_2d_box_train/label_02/0001.txt",
+        "trackers/kitti/kitti_2d_box_train/CIWT/data/0000.txt",
+        "trackers/kitti/kitti_2d_box_train/CIWT/data/0001.txt",
+        "trackers/kitti/kitti_2d_box_train/CIWT/car_summary.txt",
+    )
+    seqmap = write("evaluate_tracking.seqmap.training", "0000 empty 000000 000154\n")
+    folders = (f"{side}/kitti/kitti_2d_box_train" for side in ("gt", "trackers"))
+    (job,) = jobs.of_layout("kitti", *folders, jobs.read_sequences(seqmap)).jobs
+    assert dict(job.labels) == {"tracker": "CIWT", "sequence": "0000"}
+
+
+@pytest.mark.parametrize(
+    ("truth", "trackers", "name"),
+    [
+        ("data", "data/MOT17-train", "data/gt/MOT17-train"),
+        ("data/gt", "trackers/MOT17-train", "data/gt/MOT17-train"),
+        ("data/gt/MOT17-train/s1", "trackers/MOT17-train", "data/gt/MOT17-train"),
+        ("data/gt/MOT17-train", "trackers", "one of trackers/MOT17-train, trackers/MOT20-train"),
+        ("data/gt/MOT17-train", "trackers/MOT17-train/a/data", "trackers/MOT17-train"),
+    ],
+)
+def test_the_right_level_of_a_layout_is_named(
+    tree: Path, truth: str, trackers: str, name: str
+) -> None:
+    touch("data/gt/MOT17-train/s1/gt/gt.txt", "data/gt/seqmaps/MOT17-train.txt")
+    touch("trackers/MOT17-train/a/data/s1.txt", "trackers/MOT20-train/{a}/data/s1.txt")
+    with pytest.raises(ConfigError) as caught:
+        jobs.of_layout("motchallenge", truth, trackers)
+    assert f"which --layout motchallenge looks for; name {name}" in str(caught.value)
+
+
+def test_folders_of_a_layout_that_are_not_there_or_have_braces(tree: Path) -> None:
+    touch("{x}/s/gt/gt.txt", "[t]/{a}/data/s.txt")
+    (job,) = jobs.of_layout("motchallenge", "{x}", "[t]").jobs
+    assert dict(job.labels) == {"tracker": "{a}", "sequence": "s"}
+    with pytest.raises(ConfigError, match=r"^none: no such folder$"):
+        jobs.of_layout("motchallenge", "none", "[t]")
+
+
+def test_manifest(tree: Path, write: Write) -> None:
+    path = write(
+        "m.csv",
+        "truth,estimate,run,cutoff\ngt/s1.csv,out/a/s1.csv,1,5\ngt/s2.csv,none.csv,2,\n",
+    )
+    plan = jobs.of_manifest(path, {"cutoff"})
+    (job,) = plan.jobs
+    assert (dict(job.labels), dict(job.options)) == ({"run": "1"}, {"cutoff": "5"})
+    assert plan.faults == (f"{path}, line 3: there is no file {tree / 'none.csv'}",)
+    for text, message in (
+        ("a,b\n", "line 1: a manifest has the columns truth and estimate"),
+        ("truth,estimate\n1\n", "line 2: 1 fields, the header has 2"),
+        ("truth,estimate,run\n" + "gt/s1.csv,out/a/s1.csv,1\n" * 2, "a column tells them apart"),
+    ):
+        with pytest.raises(InputError, match=message):
+            jobs.of_manifest(write("m.csv", text), ())
+
+
+def row(key: str, status: str, finished: int, **more: object) -> dict[str, object]:
+    """A row as the store has them."""
+    paths = {"truth": "t", "estimate": "e", "options": "{}"}
+    return {"key": key, "status": status, "finished": finished, "label.run": key} | paths | more
+
+
+def test_the_store_keeps_the_last_row_that_is_done(tmp_path: Path) -> None:
+    store = Store(str(tmp_path / "s"))
+    store.open({"schema": SCHEMA, "options": {"cutoff": 5.0}})
+    store.add([row("a", "failed", 1), row("b", "done", 2)])
+    store.add([row("a", "done", 3), row("b", "failed", 4)])
+    assert store.rows()[["key", "status"]].values.tolist() == [["a", "done"], ["b", "done"]]
+    store.add([row("c", "done", 5, **{"label.run": "b"})])  # b, with a file that has changed
+    assert store.rows()["key"].tolist() == ["a", "c"]
+    store.open({"schema": SCHEMA, "options": {"cutoff": 5.0}})
+    with pytest.raises(ConfigError, match=r"options was {\"cutoff\": 5.0}, is {\"cutoff\": 6.0}"):
+        store.open({"schema": SCHEMA, "options": {"cutoff": 6.0}})
+    with pytest.raises(InputError, match="holds no batch: "):
+        Store(str(tmp_path)).settings()
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "file").touch()
+    with pytest.raises(ConfigError, match="is not empty, and no batch"):
+        Store(str(tmp_path / "other")).open({"schema": SCHEMA})
+
+
+def test_costs_are_added_and_roots_are_not() -> None:
+    import pandas as pd
+
+    base = {
+        "status": "done", "certified": True, "distance": "euclidean", "cutoff": 5.0, "order": 2.0,
+        "switch_penalty": 1.0, "localisation": 0.0, "missed": 0.0, "false": 0.0, "switch": 0.0,
+        "counts.missed": 0.0, "counts.false": 0.0, "counts.switch": 0.0, "judged.steps": 10,
+        "truth": "t", "options": "{}", "finished": 1, "judged.steps_sha256": "h",
+        "judged.truth_sha256": "d",
+    }  # fmt: skip
+    rows = pd.DataFrame(
+        [
+            base | {"label.t": t, "total": v, "total_lower": v - w, "total_upper": v}
+            for t, v, w in (("a", 9.0, 0.0), ("a", 16.0, 0.0), ("b", 4.0, 1.0))
+        ]
+    )
+    table = tabulated(rows, ["t"]).groups
+    assert table["t"].tolist() == ["a", "b"]
+    assert table["combined"].tolist() == [5.0, 2.0]
+    assert table["rms"].tolist() == pytest.approx([12.5**0.5, 2.0])
+    assert table["per_step"].tolist() == pytest.approx([1.25**0.5, 0.4**0.5])
+    assert table["combined_lower"].tolist() == pytest.approx([5.0, 3**0.5])
+    assert tabulated(rows, []).groups["combined"].tolist() == pytest.approx([29**0.5])
+    # Other parameters are another group, whatever was asked for.
+    rows.loc[2, "cutoff"] = 6.0
+    assert tabulated(rows, []).groups["cutoff"].tolist() == [5.0, 6.0]
+    with pytest.raises(ConfigError, match="--by x: no such label; there are t"):
+        tabulated(rows, ["x"])

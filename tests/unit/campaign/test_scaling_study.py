@@ -1,0 +1,246 @@
+"""The scaling study: seeded, resumable, mean and spread."""
+
+import itertools
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from answer import Answer
+
+from tgospa_eval.campaign import study
+from tgospa_eval.campaign.study import LOG_NAME, Log, spread
+from tgospa_eval.errors import ConfigError, SolverError
+from tgospa_eval.simulation import Scene, Tracker
+
+Invoke = Callable[..., Answer]
+SMALL = ("compare", "--simulate", "--targets", "3,6", "--steps", "10,20", "--runs", "3",
+         "--epsilon", "0.1,0.03", "--jobs", "1", "-q")  # fmt: skip
+
+
+def records(folder: Path) -> list[dict]:
+    lines = (folder / LOG_NAME).read_text(encoding="utf-8").splitlines()
+    return [json.loads(line) for line in lines[1:]]
+
+
+def timeless(folder: Path) -> list[dict]:
+    """Records without what differs from run to run."""
+    found = []
+    for record in records(folder):
+        record.pop("prepare_seconds")
+        for run in record["runs"]:
+            run.pop("seconds")
+        found.append(record)
+    return found
+
+
+@pytest.fixture(autouse=True)
+def _no_pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They take most of the time, and are looked at in one test."""
+    if request.node.name != "test_report":
+        monkeypatch.setattr("tgospa_eval.plots.available", lambda: False)
+
+
+def test_spread() -> None:
+    assert spread([1.0, 3.0]) == {"mean": 2.0, "deviation": pytest.approx(2**0.5), "max": 3.0}
+    assert spread([1.0])["deviation"] is None
+    assert spread([])["mean"] is None
+
+
+def test_killed_study_goes_on(tmp_path: Path, environment: dict[str, str], invoke: Invoke) -> None:
+    """What was done stays, what was cut off is done again, and all is as without the kill."""
+    killed, whole = tmp_path / "killed", tmp_path / "whole"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tgospa_eval", *SMALL, "--runs", "500", "-o", str(killed)],
+        env=environment,
+        stdout=subprocess.DEVNULL,
+    )
+    while not (killed / LOG_NAME).exists() or len(records(killed)) < 3:
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    text = (killed / LOG_NAME).read_text(encoding="utf-8")
+    kept = text.splitlines()[:4]
+    # as if the kill had come in the middle of a line
+    (killed / LOG_NAME).write_text("\n".join(kept) + '\n{"targets": 6, "st', encoding="utf-8")
+    for folder in (killed, whole):
+        assert invoke(*SMALL, "-o", str(folder)).status == 0
+    assert (killed / LOG_NAME).read_text(encoding="utf-8").splitlines()[:4] == kept
+    assert timeless(killed) == timeless(whole)
+    assert len(records(whole)) == 12
+    document = json.loads((killed / "compare.json").read_text(encoding="utf-8"))
+    assert [(s["targets"], s["steps"]) for s in document["sizes"]] == [
+        (3, 10), (3, 20), (6, 10), (6, 20),
+    ]  # fmt: skip
+    # more runs are added to those that are there
+    more = invoke(*SMALL, "--runs", "4", "-o", str(whole), "--format", "json")
+    assert json.loads(more.out)["runs"] == 4
+    assert timeless(whole)[:12] == timeless(killed)
+    assert os.listdir(killed) == os.listdir(whole)
+
+
+def test_another_setting_is_refused(tmp_path: Path, invoke: Invoke) -> None:
+    folder = str(tmp_path / "study")
+    small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", folder)
+    assert invoke(*small).status == 0
+    for options, name in (
+        (["--seed", "1"], "seed"),
+        (["-c", "5"], "parameters.cutoff"),
+        (["--scenario", "crossing"], "scene.scenario"),
+        (["--epsilon", "0.1"], "solvers"),
+    ):
+        answer = invoke(*small, *options)
+        assert answer.status == 2
+        assert f"is of a study with another {name} (" in answer.err
+    assert "1 scene is there, going on" in invoke(*small).err
+    assert len(records(tmp_path / "study")) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            ["--targets", "1,100000", "--steps", "1,100000"],
+            "100000 targets in 100000 steps are too",
+        ),
+        (["--targets", "0,3"], "targets is 0: must be 1 or more"),
+        (["--steps", "5,5"], "steps: a number is given twice"),
+    ],
+)
+def test_sizes_are_checked_together(options: list[str], message: str, invoke: Invoke) -> None:
+    answer = invoke("compare", "--simulate", "-q", *options)
+    assert (answer.status, answer.out) == (2, "")
+    assert message in answer.err
+
+
+def test_scenes_are_counted_one_by_one() -> None:
+    """A list of so many would not fit into memory."""
+    made = study.Study(
+        scene=Scene(), tracker=Tracker(), seed=0, parameters=None, distance=None, solvers=(),
+        targets=(2,), steps=(5,), runs=10**12,
+    )  # fmt: skip
+    assert list(itertools.islice(made.wanted(), 2)) == [(2, 5, 1), (2, 5, 2)]
+
+
+def test_files_of_others_beside_a_log(tmp_path: Path, invoke: Invoke) -> None:
+    small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", ".")
+    (tmp_path / LOG_NAME).touch()
+    (tmp_path / "report.md").write_text("mine", encoding="utf-8")
+    answer = invoke(*small)
+    assert (answer.status, "is not empty" in answer.err) == (2, True)
+    (tmp_path / "report.md").unlink()
+    assert invoke(*small).status == 0  # killed before its first line
+    for left in tmp_path.iterdir():  # as if killed before the report
+        if left.name != LOG_NAME:
+            left.unlink()
+    (tmp_path / "report.md").write_text("mine", encoding="utf-8")
+    answer = invoke(*small)
+    assert (answer.status, "report.md in it was not written" in answer.err) == (2, True)
+    assert (tmp_path / "report.md").read_text(encoding="utf-8") == "mine"
+
+
+def test_damaged_and_foreign_files_are_refused(tmp_path: Path, invoke: Invoke) -> None:
+    small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", ".")
+    (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")
+    assert "is not empty" in invoke(*small).err
+    (tmp_path / LOG_NAME).write_text('{"a": 1}\n', encoding="utf-8")
+    assert "not the file of a study" in invoke(*small).err
+    (tmp_path / LOG_NAME).unlink()
+    assert invoke(*small, "--force").status == 0
+    with (tmp_path / LOG_NAME).open("a", encoding="utf-8") as file:
+        file.write("garbage\n")
+    answer = invoke(*small)
+    assert (answer.status, "line 3: no record of this study" in answer.err) == (2, True)
+    # a record that lacks something, and one whose run is no whole run
+    header, whole = (tmp_path / LOG_NAME).read_text(encoding="utf-8").splitlines()[:2]
+    for name in ("runs", "occupied", "sizes"):
+        lacking = {key: value for key, value in json.loads(whole).items() if key != name}
+        (tmp_path / LOG_NAME).write_text(f"{header}\n{json.dumps(lacking)}\n", encoding="utf-8")
+        answer = invoke(*small)
+        assert (answer.status, "line 2: no record of this study" in answer.err) == (2, True)
+    lacking = json.loads(whole)
+    lacking["runs"][0].pop("upper")
+    (tmp_path / LOG_NAME).write_text(f"{header}\n{json.dumps(lacking)}\n", encoding="utf-8")
+    assert "line 2: no record of this study" in invoke(*small).err
+    assert (tmp_path / "notes.txt").read_text(encoding="utf-8") == "mine"
+
+
+def test_failing_and_contradicting_scenes_are_counted(
+    tmp_path: Path, invoke: Invoke, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of four scenes the first cannot be made, a solver fails in the second, the third is wrong."""
+    kept = {"prepare": study.prepare, "run_here": study.run_here}
+    scenes = iter(range(1, 5))
+    at = [0]
+
+    def prepare(*sides, **options):
+        at[0] = next(scenes)
+        if at[0] == 1:
+            raise MemoryError
+        return kept["prepare"](*sides, **options)
+
+    def run_here(prepared, solver):
+        made = kept["run_here"](prepared, solver)
+        if solver.name == "sinkhorn" and at[0] == 2:
+            raise SolverError("gave up")
+        if solver.name == "sinkhorn" and at[0] == 3:
+            return made | {"total_lower": 0.0, "total": 1e-3}
+        return made
+
+    monkeypatch.setattr(study, "prepare", prepare)
+    monkeypatch.setattr(study, "run_here", run_here)
+    call = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "4", "--epsilon",
+            "0.1", "-q", "-o", str(tmp_path), "--format", "json")  # fmt: skip
+    answer = invoke(*call)
+    assert answer.status == 4
+    document = json.loads(answer.out)
+    assert document["contradictions"] == [[2, 5, 3, "certified", "sinkhorn 0.1"]]
+    size = document["sizes"][0]
+    assert size["left_out"] == 2
+    certified, sinkhorn = size["solvers"]
+    assert (certified["failed"], sinkhorn["failed"]) == (1, 2)
+    assert size["normalised"]["tgospa"] > 1
+    statuses = [record["runs"][1]["status"] for record in records(tmp_path)]
+    assert statuses[:2] == ["failed: out of memory", "failed: gave up"]
+    again = invoke(*call)  # records of failures are records, too
+    assert json.loads(again.out) == document
+    assert "2 scenes left out" in " ".join(invoke(*call[:-2]).out.split())
+
+
+@pytest.mark.parametrize("content", ["mine, without an end of line", "{'", "\x00\x01"])
+def test_foreign_files_are_left_as_they_are(content: str, tmp_path: Path) -> None:
+    """Not even what has no line of its own is cut off; the begin of our own first line is."""
+    (tmp_path / LOG_NAME).write_text(content, encoding="utf-8")
+    with pytest.raises(ConfigError, match="not the file of a study"):
+        Log(str(tmp_path), {"solvers": []})
+    assert (tmp_path / LOG_NAME).read_text(encoding="utf-8") == content
+    (tmp_path / LOG_NAME).write_text('{"mach', encoding="utf-8")
+    with Log(str(tmp_path), {"solvers": []}):
+        assert json.loads((tmp_path / LOG_NAME).read_text(encoding="utf-8"))["settings"]
+
+
+def test_one_process_at_a_time(tmp_path: Path) -> None:
+    with Log(str(tmp_path), {"solvers": []}) as log:
+        with pytest.raises(ConfigError, match="another process is at this study"):
+            Log(str(tmp_path), {"solvers": []})
+        assert log.known == {}
+    Log(str(tmp_path), {"solvers": []}).close()
+
+
+def test_report(tmp_path: Path, invoke: Invoke) -> None:
+    pytest.importorskip("matplotlib")
+    folder = tmp_path / "study"
+    answer = invoke(*SMALL, "-o", str(folder), "--format", "markdown")
+    report = (folder / "report.md").read_text(encoding="utf-8")
+    assert answer.out in report
+    pictures = {path.name for path in folder.glob("*.png")}  # no errors here to show over epsilon
+    assert pictures == {"scaling.png"}
+    assert set(re.findall(r"\]\((.+)\)", report)) == pictures
+    assert "12 scenes of 4 sizes, 3 runs each: all brackets overlap" in report

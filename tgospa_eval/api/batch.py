@@ -1,0 +1,690 @@
+"""``batch``: many pairs of files, evaluated, stored and tabulated."""
+
+import functools
+import json
+import os
+import time
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+import numpy as np
+
+from tgospa_eval._version import __version__
+from tgospa_eval.api.batch_job import (
+    NOT_WRITTEN,
+    UNSEEN,
+    JobTask,
+    digest_of,
+    evaluate_job,
+    files_of,
+    given_text,
+    key_of,
+    lost_job,
+)
+from tgospa_eval.api.notices import about_defaults
+from tgospa_eval.api.request import FLAGS, Request, Values, typed
+from tgospa_eval.campaign import pairs
+from tgospa_eval.campaign.curves import rms_curves
+from tgospa_eval.campaign.grouping import labels_of
+from tgospa_eval.campaign.pairs import BatchPlan, Job
+from tgospa_eval.campaign.row import LABEL, OFF_STEPS, Row, job_name
+from tgospa_eval.campaign.store import (
+    SCHEMA,
+    SETTINGS_FILE,
+    STEPS,
+    STORED_CURVE,
+    STORED_STEPS,
+    Store,
+    locked,
+)
+from tgospa_eval.campaign.tables import check_labels, tabulated
+from tgospa_eval.common.config import SettingsFile, settings_field
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.manifest import read_manifest, unchanged
+from tgospa_eval.common.notices import Notice, in_python, spoken_in_python, warn_user
+from tgospa_eval.common.words import counted, parsed_whole
+from tgospa_eval.engines.cluster import Cluster
+from tgospa_eval.engines.processes import Processes
+from tgospa_eval.engines.spread import Engine, spread
+from tgospa_eval.errors import ConfigError, ExitStatus
+from tgospa_eval.evaluation.request import chosen_metrics
+from tgospa_eval.evaluation.slicing import parse_slices
+from tgospa_eval.formats import runs_inside
+from tgospa_eval.formats.guess import file_of, files_at
+from tgospa_eval.formats.options import parse_moments
+from tgospa_eval.reports.batch import BATCH_REPORTS, slices_of_groups
+from tgospa_eval.reports.batch_records import BatchTables
+from tgospa_eval.reports.batch_view import BatchView
+from tgospa_eval.reports.curves import BANDS, curves_csv
+from tgospa_eval.reports.files import BATCH, Files, csv_text, write_texts
+from tgospa_eval.reports.proofs import folder_name
+from tgospa_eval.text import as_unicode, quoted
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tgospa_eval.plots.result_pictures import Pictures
+    from tgospa_eval.reports.curves import BandKind
+
+REPORT_FOLDER = "reports"
+
+FAULTS_SHOWN = 10
+"""Faults that are shown."""
+
+DECIDING = ("steps", "resample", "grid", "interpolate")
+"""Options that say which steps count, in place of what a benchmark declares."""
+
+FLUSH = 2.0
+"""Seconds after which rows are written: so much work a killed process loses at most."""
+
+MOST_HELD = 200_000
+"""Steps that are kept in memory until they are written, about 30 MB."""
+
+NUMBERS_OF_STATES = ("sizes.truth_states", "sizes.estimate_states")
+"""Columns that are 0 in an evaluation of nothing."""
+
+Notify = Callable[[str], object]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Batch:
+    """What `batch` found; printed it is the table of the command.
+
+    Parameters
+    ----------
+    tables : BatchTables
+        Sums of groups, and their order.
+    faults : tuple of str
+        What is wrong with jobs, a line for each.
+    """
+
+    tables: BatchTables
+    faults: tuple[str, ...]
+
+    @property
+    def rows(self) -> "pd.DataFrame":
+        """A row for each job, with its labels, value, bounds and parts."""
+        return self.tables.rows
+
+    @property
+    def groups(self) -> "pd.DataFrame":
+        """A row for each group, costs added."""
+        return self.tables.groups
+
+    def __str__(self) -> str:
+        return BATCH_REPORTS["table"](self.tables).rstrip("\n")
+
+    __repr__ = __str__
+
+
+@spoken_in_python(reads=False)
+def batch(
+    *paths: "str | os.PathLike[str]",
+    output: "str | os.PathLike[str]",
+    truth: str | None = None,
+    estimate: str | None = None,
+    layout: str | None = None,
+    seqmap: "str | os.PathLike[str] | None" = None,
+    by: str | Iterable[str] = (),
+    workers: int | None = None,
+    scheduler: str | None = None,
+    allow_missing: bool = False,
+    retry_failed: bool = False,
+    reports: bool = False,
+    proof: bool = False,
+    per_step: bool = False,
+    curve: bool = False,
+    with_: str | Iterable[str] = (),
+    slices: str | Iterable[str] = (),
+    mean_of_roots: bool = False,
+    band: "BandKind | None" = None,
+    force: bool = False,
+    **options: Any,
+) -> Batch:
+    """Evaluate many pairs of files, as ``tgospa-eval batch`` does; what is done is not done again.
+
+    Parameters
+    ----------
+    *paths : str or path
+        A manifest; or the folders of truth and trackers, with `layout`.
+    output : str or path
+        The store.
+    truth, estimate : str, optional
+        Patterns with fields in the place of `paths`: ``"gt/{run}.csv"``.
+    layout : {"motchallenge", "kitti"}, optional
+        How the two folders are laid out.
+    seqmap : str or path, optional
+        Of a layout only the sequences in this file.
+    by : str or iterable of str
+        Labels by which tables add up; the first by default.
+    workers : int, optional
+        Processes; as many as there are cores by default.
+    scheduler : str, optional
+        Address of a Dask cluster to use instead.
+    allow_missing, retry_failed, reports, proof, per_step, curve, mean_of_roots, force : bool
+        As the options of the command.
+    band : {"interval", "bootstrap", "percentiles", "deviation"}, optional
+        Bands around the curves of `per_step`.
+    with_, slices : str or iterable of str
+        As for `evaluate`.
+    **options
+        Of the evaluations, by the names of the options: ``cutoff``, ``switch_penalty``,
+        ``distance``, ``columns``, ``time``, ``class`` ...
+
+    Returns
+    -------
+    Batch
+        `Batch.rows` and `Batch.groups` are DataFrames.
+
+    Warns
+    -----
+    TgospaWarning
+        Files are missing, with `allow_missing`; or the page cannot be written.
+
+    Raises
+    ------
+    ConfigError, InputError
+        An option or the manifest is wrong, or files are missing; nothing is begun then.
+    """
+    asked = {name.rstrip("_").replace("_", "-"): value for name, value in options.items()}
+    chosen = Request.of(
+        {
+            **typed(asked, "batch"),
+            "summed": True,
+            "curve": curve,
+            "with_": ",".join(_each(with_)) or None,
+            "slices": _each(slices),
+        }
+    )
+    target, told = os.fspath(output), list[str]()
+    done = evaluate_batch(
+        tuple(os.fspath(path) for path in paths),
+        BatchOptions(
+            evaluation=chosen,
+            output=target,
+            truth=truth,
+            estimate=estimate,
+            layout=layout,
+            seqmap=None if seqmap is None else os.fspath(seqmap),
+            by=_each(by),
+            workers=workers,
+            scheduler=scheduler,
+            allow_missing=allow_missing,
+            retry_failed=retry_failed,
+            reports=reports,
+            proof=proof,
+            per_step=per_step,
+            mean_of_roots=mean_of_roots,
+            band=band,
+            quiet=True,
+        ),
+        told.append,
+    )
+    if done.page:
+        try:
+            write_texts(batch_files(done.store, done.tables, target), target, BATCH, force=force)
+        except ConfigError as error:  # the rows are stored in any case
+            told.append(f"the page is not written: {error}")
+    warn_user([Notice(text=in_python(text)) for text in told])
+    return Batch(tables=done.tables, faults=tuple(map(in_python, done.faults)))
+
+
+def _each(given: str | Iterable[str]) -> tuple[str, ...]:
+    """A text, or several."""
+    return (given,) if isinstance(given, str) else tuple(given)
+
+
+# -------------------------------------------------------------------------------------------------
+# What there is to do: jobs from the options of a batch, less those that are done.
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchOptions(Values):
+    """What there is to do, and how to spread and tabulate it."""
+
+    evaluation: Request = Request()
+    output: str = ""
+    truth: str | None = None
+    estimate: str | None = None
+    layout: str | None = None
+    seqmap: str | None = None
+    allow_missing: bool = False
+    retry_failed: bool = False
+    shard: str | None = None
+    workers: int | None = None
+    scheduler: str | None = None
+    reports: bool = False
+    proof: bool = False
+    per_step: bool = False
+    by: tuple[str, ...] = ()
+    mean_of_roots: bool = False
+    band: "BandKind | None" = None
+    config: SettingsFile | None = None
+    quiet: bool = False
+
+    def groups(self, known: Collection[str]) -> list[str]:
+        """The labels of --by, each once; a text that is the name of one is that, commas and all."""
+        names = [
+            name
+            for text in self.by
+            if text
+            for name in ([text] if text in known else map(str.strip, text.split(",")))
+        ]
+        return list(dict.fromkeys(names))
+
+    @property
+    def engine(self) -> Engine:
+        """Where the jobs are done."""
+        return Cluster(self.scheduler) if self.scheduler else Processes(self.workers)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DoneBatch:
+    """What came of the jobs.
+
+    Parameters
+    ----------
+    store : Store
+        Where it is stored.
+    tables : BatchTables
+        Sums and order.
+    page : bool
+        Whether its page is to be written: of shards more is to come, and where nothing is new it
+        is there.
+    faults, notices : list of str
+        What is wrong with jobs, and what else the user should know.
+    status : int
+        Exit status.
+    """
+
+    store: Store
+    tables: BatchTables
+    page: bool
+    faults: list[str]
+    notices: list[str]
+    status: int
+
+
+def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) -> DoneBatch:
+    """Do what is not done yet.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with options, the manifest or the store; no job is begun then.
+    """
+    options, tell = batch.evaluation, (lambda _: None) if batch.quiet else notify
+    if batch.proof and not batch.reports:
+        raise ConfigError("--proof is for the folders of --reports")
+    if options.curve and not (batch.per_step or batch.reports):
+        raise ConfigError("--curve is for --per-step, or for the folders of --reports")
+    if batch.band not in (None, *BANDS):
+        raise ConfigError(f"--band {quoted(batch.band)}: must be one of {', '.join(BANDS)}")
+    parse_slices(options.slices)
+    if batch.scheduler and batch.workers:
+        raise ConfigError("--scheduler has the workers that it has: --workers is for processes")
+    plan = planned(paths, batch)
+    for text in plan.notices:
+        tell(text)
+    _check_missing(plan, batch, notify)
+    labels = list(dict.fromkeys(name for job in plan.jobs for name in job.labels))
+    check_labels(batch.groups(labels), labels)
+    store, (number, count) = Store(batch.output), shard_of(batch.shard)
+    store.open(
+        {
+            "schema": SCHEMA,
+            "version": __version__,
+            "options": {
+                name: list(value) if isinstance(value, tuple) else value
+                for name, value in options.given.items()
+            },
+            **({"with": list(chosen_metrics(options.with_))} if options.with_ else {}),
+            **({"slices": list(options.slices)} if options.slices else {}),
+            "jobs": {
+                "paths": list(paths),
+                **{
+                    name: getattr(batch, name) for name in ("truth", "estimate", "layout", "seqmap")
+                },
+            },
+            **settings_field(batch.config),
+        }
+    )
+    if not batch.quiet:
+        for text in about_defaults(options, boxes=batch.layout is not None):
+            notify(text)
+    with locked(store.folder, (number, count)):
+        tasks = list(tasks_of(plan, batch))[number - 1 :: count]
+        if count == 1:
+            store.join()
+        rows = store.rows()
+        left = list(_left_over(tasks, rows, retry_failed=batch.retry_failed))
+        left.sort(key=_size, reverse=True)
+        if len(left) < len(tasks):
+            tell(f"{counted(len(tasks) - len(left), 'job')} of {len(tasks)} done before")
+        failed = _work(left, store, batch.engine, tell)
+    rows = store.rows() if left else rows
+    rows = rows[rows["key"].isin({task.key for task in tasks})] if len(rows) else rows
+    tables = tables_of(store, rows, batch)
+    done = rows[rows["status"] != "failed"] if len(rows) else rows
+    nothing = int((done[list(NUMBERS_OF_STATES)] == 0).all(axis=1).sum()) if len(done) else 0
+    faults = list(_faults(rows, failed, written=batch.reports))
+    notices = [*(note for note in tables.notes if note.startswith("warning: ")), *_left_out(done)]
+    if nothing and nothing == len(done):
+        faults.append(f"no row is left to evaluate in any of {counted(nothing, 'job')}")
+    elif nothing and not faults:
+        notices.append(
+            f"no row is left to evaluate in {nothing} of {counted(len(done), 'job')}: a total of 0"
+        )
+    opened = len(rows) and (rows["status"] == "open").any()
+    return DoneBatch(
+        store=store,
+        tables=tables,
+        page=count == 1 and bool(left or batch.by or batch.band or not _has_page(store)),
+        faults=faults,
+        notices=notices,
+        status=5 if faults else ExitStatus.NOT_REACHED if opened else ExitStatus.DONE,
+    )
+
+
+def planned(paths: tuple[str, ...], batch: BatchOptions) -> BatchPlan:
+    """The jobs that the arguments name in one of three ways."""
+    options, output = batch.evaluation, batch.output
+    if batch.layout:
+        if len(paths) != 2:
+            raise ConfigError(f"--layout {batch.layout} takes two folders, GT TRACKERS")
+        sequences = pairs.read_sequences(batch.seqmap) if batch.seqmap else ()
+        plan = pairs.of_layout(batch.layout, *paths, sequences, output)
+        if any(name in options.given for name in DECIDING):
+            return plan
+        plan = pairs.with_frames(plan, batch.layout, paths[0], batch.seqmap)
+        return replace(plan, jobs=tuple(_within(job, options.time) for job in plan.jobs))
+    if batch.truth and batch.estimate and not paths:
+        inside = functools.cache(functools.partial(runs_inside, max_input=options.max_input))
+        return pairs.of_patterns(batch.truth, batch.estimate, output=output, inside=inside)
+    if len(paths) == 1 and not (batch.truth or batch.estimate):
+        keys = {key for key, is_flag in FLAGS.items() if not is_flag}
+        return pairs.of_manifest(paths[0], keys | {key.replace("-", "_") for key in keys})
+    raise ConfigError(
+        "name the jobs by --truth PATTERN --estimate PATTERN, by a manifest, or by --layout NAME "
+        "GT TRACKERS"
+    )
+
+
+def _within(job: Job, time: str | None) -> Job:
+    """With those of its frames that are within --time.
+
+    Raises
+    ------
+    ConfigError
+        The range of time is none of frames.
+    """
+    moments = parse_moments(time)
+    if job.frames is None or moments is None:
+        return job
+    frames = np.arange(job.frames[0], job.frames[1] + 1)
+    frames = frames[moments.inside(frames, "number", job.truth)]
+    return replace(job, frames=(int(frames[0]), int(frames[-1])) if len(frames) else None)
+
+
+def _check_missing(plan: BatchPlan, batch: BatchOptions, notify: Notify) -> None:
+    """List what is missing; without --allow-missing nothing is begun.
+
+    Raises
+    ------
+    ConfigError
+        Something is missing, or everything.
+    """
+    lines = [*plan.faults[:FAULTS_SHOWN]]
+    if len(plan.faults) > FAULTS_SHOWN:
+        lines.append(f"and {len(plan.faults) - FAULTS_SHOWN} more")
+    if plan.faults and not batch.allow_missing:
+        some = "; --seqmap FILE takes the sequences in that file alone" if batch.layout else ""
+        raise ConfigError(
+            *lines, f"nothing is begun; --allow-missing goes on with the others{some}"
+        )
+    for text in lines:
+        notify(text)
+    if not plan.jobs:
+        raise ConfigError("there is no job")
+
+
+def shard_of(text: str | None) -> tuple[int, int]:
+    """Number and count of the shards.
+
+    Raises
+    ------
+    ConfigError
+        It is no K/N.
+    """
+    first, slash, last = (text or "1/1").partition("/")
+    number, count = (parsed_whole(part) or 0 for part in (first, last))
+    if not slash or not 1 <= number <= count:
+        raise ConfigError(f"--shard {text}: must be K/N with 1 <= K <= N, such as 3/16")
+    return number, count
+
+
+def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[JobTask]:
+    """The jobs with their own options and their keys; what they share is there once."""
+    shared = replace(batch.evaluation, jobs=1)
+    base = os.getcwd() if batch.scheduler else ""
+    digest = functools.cache(digest_of)
+    for job in plan.jobs:
+        chosen = shared
+        if job.options:
+            own = typed(job.options, f"job {job.name}")
+            chosen = replace(shared, **own)
+        elif job.frames:
+            first, last = job.frames
+            chosen = replace(shared, steps=f"{first}:{last}")
+        folder = folder_of(batch.output, job.labels, job.options) if batch.reports else None
+        yield JobTask(
+            job=job,
+            options=chosen,
+            key=key_of(job, given_text(chosen), files_of(job, chosen), digest),
+            folder=folder,
+            proof=batch.proof,
+            per_step=batch.per_step,
+            base=base,
+            store=os.path.join(batch.output, SETTINGS_FILE),
+            settings_file=batch.config,
+        )
+
+
+def _left_over(
+    tasks: Iterable[JobTask], before: "pd.DataFrame", *, retry_failed: bool
+) -> Iterator[JobTask]:
+    """What is not done, and what lacks something that is asked for beside its row.
+
+    A task that is done again keeps the steps that its row has: a new one takes its place.
+    """
+    numbers = ["sizes.steps", STORED_STEPS, STORED_CURVE]
+    found = before.reindex(columns=["key", "status", NOT_WRITTEN, *numbers])
+    found[numbers] = found[numbers].astype(float).fillna(0.0)
+    found[NOT_WRITTEN] = found[NOT_WRITTEN].notna()
+    rows = {row["key"]: row for row in found.to_dict("records")}
+    for task in tasks:
+        row = rows.get(task.key)
+        if row is None or (retry_failed and row["status"] == "failed"):
+            yield task
+        elif row["status"] != "failed":
+            has_steps, has_curve = row[STORED_STEPS] > 0, bool(row[STORED_CURVE])
+            wanted = task.per_step and row["sizes.steps"] > 0
+            lacking = wanted and not (has_steps and (has_curve or not task.options.curve))
+            written = task.folder is None or (task.is_written and not row[NOT_WRITTEN])
+            if lacking or not written:
+                options = replace(task.options, curve=task.options.curve or has_curve)
+                yield replace(task, options=options, per_step=task.per_step or has_steps)
+
+
+def _size(task: JobTask) -> int:
+    """Bytes of both files: the largest jobs come first, so that none is left at the end alone."""
+    paths = (file_of(path) for path in (task.job.truth, task.job.estimate))
+    return sum(os.path.getsize(file) for path in paths for file in files_at(path))
+
+
+def _work(tasks: list[JobTask], store: Store, engine: Engine, tell: Notify) -> list[Row]:
+    """Do the jobs, and store their rows every now and then, also when interrupted.
+
+    Returns
+    -------
+    list of Row
+        Those that failed.
+
+    Raises
+    ------
+    ConfigError
+        A worker does not see a file that is there.
+    """
+    pending: list[Row] = []
+    faults: list[Row] = []
+    begin = flushed = shown = time.monotonic()
+    held = 0
+    rows = spread(evaluate_job, tasks, lost_job, engine)
+    try:
+        for done, row in enumerate(rows, 1):
+            if os.path.exists(row.pop(UNSEEN, "")):
+                raise ConfigError(
+                    f"--scheduler: {row['message']}: workers read and write files by themselves, "
+                    "under the same paths on a file system that all share; what is stored stays, "
+                    "and the same command goes on from there"
+                )
+            pending.append(row)
+            if row["status"] == "failed":
+                faults.append(row)
+            held += len(row.get(STEPS) or ())
+            now = time.monotonic()
+            if now - flushed > FLUSH or held > MOST_HELD:
+                store.add(pending)
+                pending, flushed, held = [], now, 0
+            if now - shown > FLUSH:
+                shown, rate = now, done / (now - begin)
+                tell(
+                    f"{done} of {len(tasks)} jobs, {len(faults)} failed, {rate:.3g} a second, "
+                    f"{(len(tasks) - done) / rate:.0f} s left"
+                )
+    finally:
+        rows.close()  # nothing is worked on when nobody takes its answer
+        store.add(pending)
+    return faults
+
+
+def _faults(rows: "pd.DataFrame", faults: Sequence[Row], *, written: bool) -> Iterator[str]:
+    """What is wrong, a line for each job: no value, or what was asked for beside it is not there.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        What is stored of the jobs.
+    faults : sequence of Row
+        Those of this run that failed: a row that was done before stays so.
+    written : bool
+        Whether folders were asked for.
+    """
+    if not len(rows):
+        return
+    wrong: Sequence[Mapping[Any, Any]] = rows[rows["status"] == "failed"].to_dict("records")
+    known = {row["key"] for row in wrong}
+    for row in (*wrong, *(row for row in faults if row["key"] not in known)):
+        yield f"{job_name(row)}: {row['message']}"
+    if written and NOT_WRITTEN in rows:
+        for row in rows[rows[NOT_WRITTEN].notna()].to_dict("records"):
+            yield f"{job_name(row)}: {row[NOT_WRITTEN]}"
+
+
+def _left_out(done: "pd.DataFrame") -> Iterator[str]:
+    """How many rows are at none of the steps that were declared, if any are."""
+    counts = done.reindex(columns=list(OFF_STEPS.values())).fillna(0).astype(int)
+    some = done[(counts > 0).any(axis=1)].to_dict("records")
+    if some:
+        of_truth, of_estimate = counts.sum()
+        others = f" and {counted(len(some) - 1, 'more job')}" if len(some) > 1 else ""
+        yield (
+            f"{job_name(some[0])}{others}: {counted(of_truth, 'row')} of the truth and "
+            f"{of_estimate:,} of the estimate at other times than the declared steps are left out"
+        )
+
+
+def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchTables:
+    """Of the labels of --by, or the first; with the curves of what is stored."""
+    asked = batch.groups(labels_of(rows))
+    by = asked or labels_of(rows)[:1]
+    tables = tabulated(rows, by, roots=batch.mean_of_roots)
+    steps = store.steps(rows)
+    curves, told = rms_curves(rows, steps, by, batch.band or "interval")
+    if batch.band and steps is None:
+        told.append("--band is for curves: no steps are stored; --per-step stores them")
+    # Without --by nobody asked what there is to compare.
+    used = store.settings().get("settings_file")
+    notes = (
+        *(note for note in tables.notes if asked or note.startswith("warning: ")),
+        *told,
+        *([str(SettingsFile(**used))] if used else ()),
+    )
+    return replace(tables, curves=tuple(curves), notes=notes)
+
+
+# -------------------------------------------------------------------------------------------------
+# The files of a batch: its page, pictures and curves.
+
+
+def folder_of(store: str, labels: Mapping[str, str], options: Mapping[str, str]) -> str:
+    """Where the result folder of a job is, of labels and options of its own."""
+    parts = [folder_name(as_unicode(value)) for value in labels.values()]
+    parts += [f"{key}={folder_name(value)}" for key, value in options.items()]
+    return os.path.join(store, REPORT_FOLDER, *parts)
+
+
+def batch_files(
+    store: Store,
+    tables: BatchTables,
+    target: str,
+    wanted: "Pictures | None" = None,
+    notify: Callable[[str, float], None] = lambda name, share: None,  # noqa: ARG005
+) -> Files:
+    """The files by name; `notify` gets what is made next and the share that is done.
+
+    Parameters
+    ----------
+    store : Store
+        Has the settings, and the reports of jobs.
+    tables : BatchTables
+        What is shown.
+    target : str
+        The folder that they are for.
+    wanted : Pictures, optional
+        The pictures that are asked for.
+    notify : callable
+        Gets what is made next, and the share that is done.
+    """
+    from tgospa_eval.reports.batch_page import batch_page  # here: only where it is written
+
+    def link(row: "pd.Series[Any]") -> str:
+        """Where the report of a job is, seen from the page; nothing if there is none."""
+        labels = {name: str(row[LABEL + name]) for name in labels_of(tables.rows)}
+        folder = folder_of(str(store.folder), labels, json.loads(str(row["options"])))
+        found = Path(folder, "report.html")
+        if not found.is_file():
+            return ""
+        return quote(os.fsencode(Path(os.path.relpath(found, target)).as_posix()))
+
+    view = BatchView(tables=tables, settings=store.settings(), link=link)
+    notify("report.html", 0.0)
+    files: dict[str, str | bytes] = {"report.html": batch_page(view)}
+    if tables.curves:
+        files["curve.csv"] = curves_csv(tables.curves)
+    if tables.slices:
+        files["slices.csv"] = csv_text(slices_of_groups(tables))
+    if wanted is None:
+        return files
+    from tgospa_eval.plots.batch import batch_pictures  # here: it draws
+
+    return files | batch_pictures(view, wanted, notify)
+
+
+def _has_page(store: Store) -> bool:
+    """Whether the folder of a store has its page and pictures."""
+    listed = read_manifest(store.folder, BATCH.name) or ()
+    return bool(listed) and unchanged(store.folder, listed) == {entry.name for entry in listed}

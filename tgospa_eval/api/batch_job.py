@@ -1,0 +1,285 @@
+"""What a worker process does: one job, from its files to a row of the store."""
+
+import hashlib
+import json
+import os
+import socket
+import time
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+from tgospa_eval._version import __version__
+from tgospa_eval.api.request import Request
+from tgospa_eval.campaign.pairs import Job
+from tgospa_eval.campaign.row import Row, row_of, stored_slices
+from tgospa_eval.campaign.store import STEPS, STORED_CURVE, STORED_STEPS, JobSteps
+from tgospa_eval.common.config import SettingsFile
+from tgospa_eval.common.files import reason
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.machine import is_of_memory
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.errors import InputError, TgospaError
+from tgospa_eval.formats.guess import file_of, files_at
+from tgospa_eval.proof import PROOF_FOLDER
+from tgospa_eval.results.summary import RESULT_SCHEMA, Summary
+from tgospa_eval.text import as_unicode
+
+SMALL = 1 << 20
+"""Bytes of a file that are read at once for its digest."""
+
+NOT_WRITTEN = "not_written"
+"""Column of rows whose folder could not be written: why. The next run tries it again."""
+
+UNSEEN = "unseen"
+"""Where a row names the file that its worker did not see, on its way to who looks for it too."""
+
+NAMING_FILES = ("covariance", "inner_cov", "step_weights")
+"""Options that may name a file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JobTask:
+    """A job with everything that a worker needs.
+
+    Parameters
+    ----------
+    job : Job
+        Paths and labels.
+    options : Request
+        Those of the batch with those of the job.
+    key : str
+        Of the row.
+    folder : str, optional
+        Where to write the result folder of the job.
+    proof : bool
+        Whether with its proof.
+    per_step : bool
+        Whether the costs of its steps are stored.
+    base, store : str
+        Where relative paths begin, for a worker that was not started there, and the settings of
+        the batch, which it sees if it shares its folder.
+    settings_file : SettingsFile, optional
+        The configuration file that set options of the batch.
+    """
+
+    job: Job
+    options: Request
+    key: str
+    folder: str | None = None
+    proof: bool = False
+    per_step: bool = False
+    base: str = ""
+    store: str = ""
+    settings_file: SettingsFile | None = None
+
+    @property
+    def is_written(self) -> bool:
+        """Whether the folder that is asked for is there."""
+        parts = (PROOF_FOLDER,) if self.proof else ()
+        return self.folder is None or Path(self.folder, *parts).is_dir()
+
+
+def key_of(
+    job: Job, given: str, files: Iterable[str], digest: Callable[[str], bytes] | None = None
+) -> str:
+    """A digest of what makes the row: its files, labels, options and the schema of a result.
+
+    Parameters
+    ----------
+    job : Job
+        Paths and labels.
+    given : str
+        Its options, as `given_text` has them.
+    files : iterable of str
+        What is read.
+    digest : callable, optional
+        That of a file; `digest_of`, or one that reads a file of many jobs once.
+    """
+    sha = hashlib.sha256(given.encode())
+    sha.update(json.dumps(dict(job.labels), sort_keys=True).encode())
+    for path in files:
+        file = file_of(path)
+        sha.update((digest or digest_of)(file))
+        sha.update(path[len(file) :].encode("utf-8", "surrogateescape"))  # its variable
+    return sha.hexdigest()
+
+
+def digest_of(path: str) -> bytes:
+    """Of the bytes of a file, or of those of a folder that are read.
+
+    What cannot be read counts as nothing; the job will say so.
+    """
+    files = files_at(path)
+    if files != [path]:
+        return b"".join(Path(name).name.encode() + digest_of(name) for name in files)
+    with suppress(OSError), open(path, "rb", buffering=0) as file:
+        start = file.read(SMALL)
+        more = hashlib.file_digest(file, "sha256").digest() if len(start) == SMALL else b""
+        return hashlib.sha256(start).digest() + more
+    return b""
+
+
+@lru_cache(maxsize=64)  # most jobs of a batch have the same
+def given_text(options: Request) -> str:
+    """The options that change the number, and the schema of a result."""
+    return json.dumps((RESULT_SCHEMA, options.given), sort_keys=True, default=str)
+
+
+def files_of(job: Job, options: Request) -> tuple[str, ...]:
+    """The files that a job reads; a word in place of a name is a file that is not there."""
+    named = (getattr(options, name) for name in NAMING_FILES)
+    return (job.truth, job.estimate, *filter(None, named))
+
+
+def evaluate_job(task: JobTask) -> Row:
+    """The row of a job; a wrong file or a failed solver is a row as well, with its message."""
+    from tgospa_eval.api.evaluate import evaluate_sides, read_sides  # here: the parent does without
+    from tgospa_eval.api.settings import make_settings
+
+    begin = time.monotonic()
+    try:
+        here = _as_seen_here(task)
+        unseen = _unseen(task, here)
+        if unseen is not None:
+            return finished_row(task, unseen, 0.0)
+        settings, stopwatch = make_settings(here.options), Stopwatch()
+        settings = replace(settings, one_of_many=True)
+        sides = read_sides(settings, here.job.truth, here.job.estimate, stopwatch, _quiet)
+        result = evaluate_sides(settings, sides, stopwatch)
+        result = replace(result, settings_file=task.settings_file)
+        files = files_of(here.job, here.options)
+        if key_of(task.job, given_text(task.options), files) != task.key:
+            raise InputError("a file changed while it was read; the same command reads it again")
+        row = {
+            **row_of(result),
+            **_steps(result, per_step=task.per_step),
+            **stored_slices(result),
+            "status": "done" if result.finished else "open",
+            "message": "" if result.finished else str(result.solver["status"]),
+            "warnings": json.dumps([notice.record() for notice in result.warnings]),
+            **_written(result, task, here.folder),
+        }
+    except TgospaError as error:
+        row = {"status": "failed", "message": " ".join(error.args)}
+    except Exception as error:  # of ours: the other jobs go on
+        row = {"status": "failed", "message": _fault(error)}
+    return finished_row(task, row, time.monotonic() - begin)
+
+
+def _quiet(_: Notice) -> None:
+    """Notices of a job go nowhere; its row has the warnings."""
+
+
+def _fault(error: Exception) -> str:
+    """What nobody foresaw, in words."""
+    if is_of_memory(error):
+        return "out of memory"
+    if isinstance(error, OSError):
+        return f"{error.filename or 'writing'}: {reason(error)}"
+    return f"{type(error).__name__}: {error}: please report this as a bug"
+
+
+def _as_seen_here(task: JobTask) -> JobTask:
+    """The task with paths of this worker."""
+    if not task.base:
+        return task
+
+    def seen(path: str) -> str:
+        return os.path.join(task.base, path)
+
+    job = replace(task.job, truth=seen(task.job.truth), estimate=seen(task.job.estimate))
+    given = task.options
+    options = replace(
+        given,
+        covariance=given.covariance and seen(given.covariance),
+        step_weights=given.step_weights and seen(given.step_weights),
+        inner_cov=given.inner_cov
+        and (given.inner_cov if given.inner_cov == "global" else seen(given.inner_cov)),
+    )
+    return replace(
+        task,
+        job=job,
+        options=options,
+        folder=task.folder and seen(task.folder),
+        store=seen(task.store),
+    )
+
+
+def _unseen(asked: JobTask, here: JobTask) -> Row | None:
+    """What to say of a file that is not there for a worker of a cluster; None if all are."""
+    if not asked.base:
+        return None
+    needed = [
+        (file_of(task.job.truth), file_of(task.job.estimate), task.store) for task in (asked, here)
+    ]
+    for path, seen in zip(*needed, strict=True):
+        if not os.path.exists(seen):
+            told = f"the worker on {socket.gethostname()} does not see {seen}"
+            return {"status": "failed", "message": told, UNSEEN: path}
+    return None
+
+
+def lost_job(task: JobTask) -> Row:
+    """The row of a job whose process died, also when nothing else was worked on."""
+    return finished_row(task, {"status": "failed", "message": "its process died"}, 0.0)
+
+
+def finished_row(task: JobTask, row: Mapping[str, object], seconds: float) -> Row:
+    """With what every row has; texts as Parquet takes them."""
+    whole = {
+        "key": task.key,
+        **{f"label.{name}": value for name, value in task.job.labels.items()},
+        "truth": task.job.truth,
+        "estimate": task.job.estimate,
+        "options": json.dumps(dict(task.job.options), sort_keys=True),
+        **row,
+        "seconds": seconds,
+        "finished": time.time_ns(),
+        "version": __version__,
+    }
+    return {
+        key: as_unicode(value) if isinstance(value, str) else value for key, value in whole.items()
+    }
+
+
+def _steps(result: Summary, *, per_step: bool) -> Row:
+    """The steps, where they are asked for, and what the row says of them."""
+    if not per_step:
+        return {STORED_STEPS: 0, STORED_CURVE: False}
+    steps = JobSteps.of(result)
+    return {STEPS: steps, **steps.stored}
+
+
+def _written(result: Summary, task: JobTask, folder: str | None) -> Row:
+    """Write the result folder, if it is asked for; what the row says where that is not possible.
+
+    A full disk, or what is in the way of a folder, takes nothing from the number.
+    """
+    if folder is None:
+        return {}
+    try:
+        _write(result, task, folder)
+    except TgospaError as error:
+        return {NOT_WRITTEN: " ".join(error.args)}
+    except OSError as error:
+        return {NOT_WRITTEN: _fault(error)}
+    return {}
+
+
+def _write(result: Summary, task: JobTask, folder: str) -> None:
+    """The result folder of a job, without pictures, in place of an older one."""
+    from tgospa_eval.reports.files import RESULT, result_texts, write_texts
+
+    Path(folder).parent.mkdir(parents=True, exist_ok=True)
+    result = replace(result, files={"truth": task.job.truth, "estimate": task.job.estimate})
+    texts = result_texts(result, (task.job.truth, task.job.estimate))
+    if task.proof:
+        from tgospa_eval.reports.proofs import proof_files
+
+        files = proof_files(result, task.options.given)
+        texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in files.items()}
+    write_texts(texts, folder, RESULT, force=False)

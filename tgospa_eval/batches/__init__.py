@@ -1,1 +1,0 @@
-"""Many evaluations: which, how they are spread over processes, what is stored, and tables of it."""

@@ -1,0 +1,580 @@
+"""What there is to evaluate: from patterns with fields, a manifest, or the layout of a benchmark.
+
+Knows paths and labels; of recordings at most the names of runs are read that one file has.
+"""
+
+import csv
+import glob
+import itertools
+import os
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import field, replace
+from pathlib import Path
+
+from tgospa_eval.common import patterns
+from tgospa_eval.common.files import named
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import natural, parsed_whole
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats import runs_inside
+from tgospa_eval.formats.guess import file_of, is_table_folder
+from tgospa_eval.formats.loading import load
+from tgospa_eval.formats.text.scan import decode
+from tgospa_eval.text import listed, quoted
+from tgospa_eval.tracks.durations import MAX_STEPS
+
+LAYOUTS = {
+    "motchallenge": ("{sequence}/gt/gt.txt", "{tracker}/data/{sequence}.txt"),
+    "kitti": ("label_02/{sequence}.txt", "{tracker}/data/{sequence}.txt"),
+}
+"""Patterns of truth and estimates in the folders of a benchmark, as TrackEval has them."""
+
+SEQINFO, SEQMAP = "seqinfo.ini", "evaluate_tracking.seqmap"
+DECLARED_IN = {"motchallenge": f"{SEQINFO} with seqLength", "kitti": f"frames in {SEQMAP}.training"}
+"""What declares the length of a sequence, in a benchmark."""
+
+PATHS = ("truth", "estimate")
+"""Columns of a manifest that are no label."""
+
+NEARBY_LEVELS = 2
+"""Folders above and below a wrong one where the right one is looked for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """One evaluation.
+
+    Parameters
+    ----------
+    labels : mapping of str to str
+        What tells it from others: the values of the fields, or columns of the manifest.
+    truth, estimate : str
+        Paths.
+    options : mapping of str to str
+        Its own options, by their names on the command line.
+    frames : pair of int, optional
+        First and last frame of its sequence, where a benchmark declares them.
+    """
+
+    labels: Mapping[str, str]
+    truth: str
+    estimate: str
+    options: Mapping[str, str] = field(default_factory=dict)
+    frames: tuple[int, int] | None = None
+
+    @property
+    def name(self) -> str:
+        """Its labels in a line."""
+        return "/".join(self.labels.values()) or self.estimate
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchPlan:
+    """All jobs, and what is missing among the files.
+
+    Parameters
+    ----------
+    jobs : tuple of Job
+        At least one truth and one estimate each that are there.
+    faults : tuple of str
+        Estimates without truth, truths without estimate, paths that can be understood in two ways.
+    notices : tuple of str
+        What was passed over.
+    """
+
+    jobs: tuple[Job, ...]
+    faults: tuple[str, ...] = ()
+    notices: tuple[str, ...] = ()
+
+
+def of_patterns(
+    truth: str,
+    estimate: str,
+    folders: tuple[str, str] = ("", ""),
+    sequences: Collection[str] = (),
+    output: str | None = None,
+    inside: patterns.Inside = runs_inside,
+) -> BatchPlan:
+    """A job for each file that is like the pattern of the estimates, with the truth of its values.
+
+    Parameters
+    ----------
+    truth, estimate : str
+        Patterns.
+    folders : pair of str
+        Below which the patterns hold; braces in these names are no fields.
+    sequences : collection of str
+        If there are any, only files with these values of the field ``sequence``.
+    output : str, optional
+        The folder of the store, in which there are none.
+    inside : callable
+        Names of the runs in a file.
+
+    Raises
+    ------
+    ConfigError
+        No file is like a pattern, or the truth has a field that the estimates do not have.
+    """
+    own, theirs = patterns.fields(truth), patterns.fields(estimate)
+    unknown = [name for name in own if name not in theirs]
+    if unknown:
+        raise ConfigError(
+            f"--truth {truth}: the field {{{unknown[0]}}} is not in --estimate {estimate}"
+        )
+    jobs, faults = [], []
+    meant = patterns.meant(
+        estimate, folders[1], output=output, truth=(truth, folders[0]), inside=inside
+    )
+    truths = patterns.meant(truth, folders[0], output=output, inside=inside)
+    notices = tuple((truths.notices | meant.notices).values())
+    for path, values in meant.files:
+        if sequences and values["sequence"] not in sequences:
+            continue
+        whole = os.path.join(folders[1], path)
+        if patterns.is_ambiguous(estimate, path):
+            faults.append(f"{whole}: the fields of {estimate} fit it in two ways")
+            continue
+        theirs_truth = os.path.join(folders[0], patterns.fill(truth, values))
+        if not _is_there(theirs_truth, inside):
+            faults.append(f"{whole}: there is no truth {theirs_truth}")
+            continue
+        jobs.append(Job(labels=values, truth=theirs_truth, estimate=whole))
+    if not jobs and not faults and not sequences:
+        what = "file" if file_of(estimate) == estimate else "variable of a file"
+        raise ConfigError(f"--estimate {estimate}: no {what} is like this", *notices)
+    there = [values for _, values in truths.files] if own else [{}]
+    for values, other in _without_estimate(own, theirs, there, jobs):
+        if not sequences or values["sequence"] in sequences:
+            paths = patterns.fill(truth, values), patterns.fill(estimate, other)
+            lone, lacking = map(os.path.join, folders, paths)
+            faults.append(f"{lone}: there is no estimate {lacking}")
+    return BatchPlan(jobs=tuple(jobs), faults=tuple(faults), notices=notices)
+
+
+def _without_estimate(
+    own: Sequence[str],
+    theirs: Sequence[str],
+    there: Sequence[dict[str, str]],
+    jobs: Collection[Job],
+) -> Iterator[tuple[dict[str, str], dict[str, str]]]:
+    """Values of truths for which a tracker, or what other fields name, has no estimate, and its."""
+    others = [name for name in theirs if name not in own]
+    known = {tuple(job.labels[name] for name in (*own, *others)) for job in jobs}
+    groups = dict.fromkeys(tuple(job.labels[name] for name in others) for job in jobs)
+    for values, group in itertools.product(there, groups):
+        if (*(values[name] for name in own), *group) not in known:
+            yield values, values | dict(zip(others, group, strict=True))
+
+
+def _is_there(path: str, inside: patterns.Inside) -> bool:
+    """Whether there are data, and the element of a cell in the file that the path may name."""
+    file = file_of(path)
+    has = file == path or not path.endswith("}") or path[len(file) + 1 :] in inside(file)
+    return _has_data(file) and has
+
+
+def _has_data(path: str) -> bool:
+    return os.path.isfile(path) or is_table_folder(path)
+
+
+def of_layout(
+    layout: str,
+    truth: str,
+    trackers: str,
+    sequences: Collection[str] = (),
+    output: str | None = None,
+) -> BatchPlan:
+    """The jobs of the folders of a benchmark; of some sequences alone, if these are named.
+
+    Raises
+    ------
+    ConfigError
+        A folder is not laid out so; the message names the one above or below that is.
+    """
+    shapes, folders = LAYOUTS[layout], (truth, trackers)
+    wrong = [
+        _elsewhere(layout, shape, folder)
+        for shape, folder in zip(shapes, folders, strict=True)
+        if next(patterns.found(shape, folder), None) is None
+    ]
+    if wrong:
+        raise ConfigError(*wrong)
+    plan = of_patterns(*shapes, folders, sequences, output)
+    left = set(sequences) - {job.labels["sequence"] for job in plan.jobs}
+    missing = [f"sequence {name}: no tracker has it, with a truth" for name in sorted(left)]
+    return replace(plan, faults=(*plan.faults, *missing))
+
+
+def layout_of(truth: str, trackers: str) -> str | None:
+    """The layout that two folders have, if it is one of these."""
+    for layout, shapes in LAYOUTS.items():
+        if all(
+            next(patterns.found(shape, folder), None)
+            for shape, folder in zip(shapes, (truth, trackers), strict=True)
+        ):
+            return layout
+    return None
+
+
+def _elsewhere(layout: str, shape: str, folder: str) -> str:
+    """What to say of a folder that is not laid out so: which one near it is."""
+    text = f"{folder}: has no {shape}, which --layout {layout} looks for"
+    if not os.path.isdir(folder):
+        return f"{folder}: {'is a file' if os.path.exists(folder) else 'no such folder'}"
+    for level in range(1, NEARBY_LEVELS + 1):
+        above = os.path.normpath(os.path.join(folder, *[os.pardir] * level))
+        inner = [f"{{inner{k}}}" for k in range(level)]
+        below = {
+            os.path.join(folder, *(values[name[1:-1]] for name in inner))
+            for _, values in patterns.found("/".join((*inner, shape)), folder)
+        }
+        is_above = next(patterns.found(shape, above), None) is not None
+        near = [*([above] if is_above else []), *sorted(below)]
+        if near:
+            return f"{text}; name {'one of ' if len(near) > 1 else ''}{listed(near, 3)}"
+    return text
+
+
+def read_sequences(path: str) -> list[str]:
+    """The names of a seqmap: one a line, below the heading ``name``."""
+    names = [words[0] for words in _words(path) if words]
+    names = names[1:] if names[:1] == ["name"] else names
+    if not names:
+        raise InputError(f"{path}: names no sequence; a seqmap has one a line")
+    return names
+
+
+def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = None) -> BatchPlan:
+    """The same with the frames that a benchmark declares of each sequence.
+
+    Parameters
+    ----------
+    plan : BatchPlan
+        Of the layout.
+    layout, truth : str
+        Its name, and the folder of the truth.
+    seqmap : str, optional
+        Of KITTI: where frames are looked for first.
+
+    Raises
+    ------
+    InputError
+        A declaration has no meaning.
+    """
+    names = list(dict.fromkeys(job.labels["sequence"] for job in plan.jobs))
+    if layout == "motchallenge":
+        found = {name: _frames_of_seqinfo(os.path.join(truth, name, SEQINFO)) for name in names}
+    else:
+        found = dict.fromkeys(names)
+        for path in (seqmap, _seqmap_in(truth)):
+            lacking = [name for name in names if found[name] is None]
+            found |= _frames_of_seqmap(path, lacking) if path and lacking else {}
+    lacking = [name for name in names if found[name] is None]
+    notice = (
+        f"{truth}: no {DECLARED_IN[layout]} for {listed(lacking, 3)}: per step divides by the "
+        "times of the truth's file"
+    )
+    return replace(
+        plan,
+        jobs=tuple(replace(job, frames=found[job.labels["sequence"]]) for job in plan.jobs),
+        notices=(*plan.notices, *([notice] if lacking else ())),
+    )
+
+
+def _frames_of_seqinfo(path: str) -> tuple[int, int] | None:
+    """Frames 1 to seqLength of MOTChallenge's description of a sequence; None if it has none."""
+    if not os.path.lexists(path):
+        return None
+    found = None
+    for number, line in enumerate(decode(load(path), path).split("\n"), 1):
+        said = re.fullmatch(r"\s*seqLength\s*[=:](.*)", line, re.IGNORECASE)
+        if said is None:
+            continue
+        where = f"{path}, line {number}"
+        length = parsed_whole(said[1])
+        if length is None or not 1 <= length <= MAX_STEPS:
+            raise InputError(
+                f"{where}: seqLength is {quoted(said[1].strip())}; it must be the number of "
+                f"frames, 1 to {MAX_STEPS:,}"
+            )
+        if found not in (None, (1, length)):
+            raise InputError(f"{where}: seqLength is said twice, and differs")
+        found = (1, length)
+    return found
+
+
+def _seqmap_in(folder: str) -> str | None:
+    """The seqmap of the training sequences of KITTI, or the only one."""
+    there = glob.glob(os.path.join(glob.escape(folder), f"{SEQMAP}*"))
+    chosen = [path for path in there if path.endswith(".training")] or there
+    return chosen[0] if len(chosen) == 1 else None
+
+
+def _frames_of_seqmap(path: str, names: Collection[str]) -> dict[str, tuple[int, int]]:
+    """Frames of some sequences, of lines such as ``0000 empty 000000 000154``.
+
+    The last number is no frame: the sequence 0000 of KITTI has 154, the frames 0 to 153.
+    """
+    found: dict[str, tuple[int, int]] = {}
+    for number, words in enumerate(_words(path), 1):
+        if len(words) < 4 or words[0] not in names:
+            continue
+        first, end = map(parsed_whole, words[2:4])
+        if first is None or end is None or not 0 <= first < end <= MAX_STEPS:
+            raise InputError(
+                f"{path}, line {number}: {quoted(' '.join(words[2:4]))} must be the first frame "
+                f"and the one after the last, from 0 to {MAX_STEPS:,}, such as 000000 000154"
+            )
+        if found.setdefault(words[0], (first, end - 1)) != (first, end - 1):
+            raise InputError(f"{path}, line {number}: {words[0]} is there twice, and differs")
+    return found
+
+
+def _words(path: str) -> list[list[str]]:
+    """The words of each line of a seqmap."""
+    return [line.replace(",", " ").split() for line in decode(load(path), path).split("\n")]
+
+
+def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
+    """The rows of a table with the columns truth and estimate; others are labels, or options.
+
+    Parameters
+    ----------
+    path : str
+        A CSV file; paths in it are relative to its folder.
+    options : collection of str
+        Names of options that columns may have.
+
+    Raises
+    ------
+    InputError
+        The file is missing or wrong.
+    """
+    with named(path, InputError), open(path, encoding="utf-8-sig", newline="") as file:
+        rows = list(csv.reader(file))
+    if not rows or any(name not in rows[0] for name in PATHS):
+        raise InputError(f"{path}, line 1: a manifest has the columns truth and estimate")
+    head, folder = rows[0], os.path.dirname(path)
+    if len(set(head)) < len(head):
+        raise InputError(f"{path}, line 1: a column is named twice")
+    jobs, faults = [], []
+    for line, row in enumerate(rows[1:], 2):
+        if not any(row):
+            continue
+        if len(row) != len(head):
+            raise InputError(f"{path}, line {line}: {len(row)} fields, the header has {len(head)}")
+        values = dict(zip(head, row, strict=True))
+        job = Job(
+            labels={name: text for name, text in values.items() if name not in (*PATHS, *options)},
+            truth=os.path.join(folder, values["truth"]),
+            estimate=os.path.join(folder, values["estimate"]),
+            options={name: text for name, text in values.items() if name in options and text},
+        )
+        absent = [name for name in (job.truth, job.estimate) if not _has_data(file_of(name))]
+        faults += [f"{path}, line {line}: there is no file {name}" for name in absent]
+        if not absent:
+            jobs.append(job)
+    _check_labels(path, jobs)
+    return BatchPlan(jobs=tuple(jobs), faults=tuple(faults))
+
+
+def _check_labels(path: str, jobs: Iterable[Job]) -> None:
+    """Whether labels and options tell the jobs apart.
+
+    Raises
+    ------
+    InputError
+        They do not.
+    """
+    seen = set()
+    for job in jobs:
+        key = (*job.labels.items(), *job.options.items())
+        if key in seen:
+            raise InputError(
+                f"{path}: two rows are {quoted(job.name)}; a column tells them apart, such as run"
+            )
+        seen.add(key)
+
+
+# -------------------------------------------------------------------------------------------------
+# Runs of a comparison: what ``*``, or a field of the truth, stands for is a run.
+
+Runs = list[tuple[str, list[str]]]
+"""The truth of each run, and its estimates."""
+
+AS_FIELD = "{run}"
+"""What * is as a field."""
+
+
+def is_pattern(path: str) -> bool:
+    """Whether it stands for several files; the name of a file that exists stands for itself."""
+    return ("*" in path or bool(patterns.fields(path))) and not os.path.exists(path)
+
+
+def first_file(pattern: str) -> str | None:
+    """The first that a pattern stands for."""
+    shape = pattern.replace("*", AS_FIELD, 1)
+    return next((name for name, _ in patterns.found(shape, inside=runs_inside)), None)
+
+
+def compared_runs(
+    truth: str, estimates: Sequence[str], output: str | None = None
+) -> tuple[Runs, tuple[str, ...], tuple[str, ...]]:
+    """The files of each run, the estimates that they are of, and notices of what was passed over.
+
+    A truth without a pattern is that of all runs. Fields that the truth does not have stand for
+    several estimates. Names of existing files are no patterns.
+
+    Parameters
+    ----------
+    truth : str
+        A path or a pattern.
+    estimates : sequence of str
+        Such as well.
+    output : str, optional
+        A folder in which no estimate is looked for.
+
+    Raises
+    ------
+    ConfigError, InputError
+        A pattern fits nothing, or patterns do not fit each other; a name would be a pattern.
+    """
+    own = _fields(truth)
+    each: list[str] = []
+    notices = _hidden(truth)
+    for path in estimates:
+        others = [name for name in _fields(path) if name not in own]
+        if not others:
+            each.append(path)
+            notices |= _hidden(path)
+            continue
+        meant = patterns.meant(path, output=output, truth=(truth, ""), inside=runs_inside)
+        notices |= {
+            why if why == patterns.DOTTED else text: text for why, text in meant.notices.items()
+        }
+        groups = {tuple(values[name] for name in others) for values in _values(path, meant)}
+        for text in itertools.chain(*groups):
+            if own and patterns.fields(text):
+                raise InputError(f"{path}: fits {text}, which is like a field itself; rename that")
+        kept = {name: f"{{{name}}}" for name in own}
+        each += [
+            patterns.fill(path, kept | dict(zip(others, group, strict=True)))
+            for group in sorted(groups, key=lambda group: tuple(map(natural, group)))
+        ]
+    return expand(truth, each), tuple(each), tuple(notices.values())
+
+
+def expand(truth: str, estimates: Sequence[str]) -> Runs:
+    """The files of each run: what a field stands for in one pattern stands in all.
+
+    Raises
+    ------
+    ConfigError, InputError
+        As for `compared_runs`.
+    """
+    paths = (truth, *estimates)
+    marked = [path for path in paths if is_pattern(path)]
+    stars = [path for path in marked if not patterns.fields(path)]
+    if not marked:
+        return [(truth, list(estimates))]
+    if stars and len(stars) < len(marked):
+        fielded = next(path for path in marked if path not in stars)
+        raise ConfigError(f"{stars[0]}: has a *, and {fielded} has fields; choose one of them")
+    for path in paths:
+        if path in stars and path.count("*") > 1:
+            raise ConfigError(f"{path}: one * is needed, it stands for the run")
+        if stars and path not in marked and path != truth:
+            raise ConfigError(f"{path}: has no *, but other files have; it stands for the run")
+    own = ["run"] if stars else _fields(truth)
+    for path in estimates:
+        missing = [] if stars else [name for name in own if name not in _fields(path)]
+        if missing:
+            raise ConfigError(
+                f"{path}: has no {{{missing[0]}}}, but {truth} has; it stands for the run"
+            )
+    there = {path: list(_values(path)) for path in marked}
+    runs = sorted(there[marked[0]], key=lambda values: [natural(values[name]) for name in own])
+    for path in marked[1:]:
+        for values in (values for values in runs if values not in there[path]):
+            raise InputError(f"{_file(path, values)}: no such file; other patterns have it")
+        for values in (values for values in there[path] if values not in runs):
+            raise InputError(f"{_file(path, values)}: has no counterpart in other patterns")
+    return [(_file(truth, values), [_file(path, values) for path in estimates]) for values in runs]
+
+
+def _file(path: str, values: Mapping[str, str]) -> str:
+    """The file of a run; a path that is no pattern is that of all."""
+    return patterns.fill(_shape(path), values) if is_pattern(path) else path
+
+
+def _shape(pattern: str) -> str:
+    """The pattern with a field in place of its ``*``, unless it has fields."""
+    return pattern if patterns.fields(pattern) else pattern.replace("*", AS_FIELD)
+
+
+def _fields(path: str) -> list[str]:
+    """The fields of a pattern; the name of a file that exists has none."""
+    return patterns.fields(path) if is_pattern(path) else []
+
+
+def _hidden(pattern: str) -> dict[str, str]:
+    """A notice of the names behind a dot that a pattern passes over: runs are the same in all."""
+    if not is_pattern(pattern):
+        return {}
+    meant = patterns.meant(_shape(pattern), inside=runs_inside)
+    found = {why: text for why, text in meant.notices.items() if why == patterns.DOTTED}
+    star = not patterns.fields(pattern)
+    return {why: text.replace(AS_FIELD, "*") if star else text for why, text in found.items()}
+
+
+def _values(pattern: str, meant: patterns.Meant | None = None) -> Iterator[Mapping[str, str]]:
+    """What the fields stand for in each file: in all that are like the pattern, or in these.
+
+    Raises
+    ------
+    InputError
+        No file is like the pattern, or one is in two ways.
+    """
+    shape = _shape(pattern)
+    found = list(patterns.found(shape, inside=runs_inside)) if meant is None else meant.files
+    if not found:
+        raise InputError(f"{pattern}: no such files", *(meant.notices.values() if meant else ()))
+    for path, values in found:
+        if patterns.is_ambiguous(shape, path):
+            raise InputError(f"{path}: the fields of {pattern} fit it in two ways")
+        yield values
+
+
+def short_names(paths: Sequence[str]) -> list[str]:
+    """What each file is called: that part of its path in which it differs from the others.
+
+    Raises
+    ------
+    ConfigError
+        A file is there twice.
+    """
+    seen: dict[str, str] = {}
+    for path in paths:
+        other = seen.setdefault(os.path.realpath(path), path)
+        if other != path:
+            raise ConfigError(f"{path}: is the same as {other}; name each estimate once")
+    if len(set(paths)) < len(paths):
+        twice = next(path for path in paths if paths.count(path) > 1)
+        raise ConfigError(f"{twice}: is given twice")
+    parts = [Path(path).with_suffix("").parts for path in paths]
+    if len(paths) == 1:
+        return [parts[0][-1]]
+    names = ["/".join(part) for part in _without_common(_without_common(parts, 1), -1)]
+    return names if len(set(names)) == len(names) and all(names) else list(paths)
+
+
+def _without_common(parts: list[tuple[str, ...]], step: int) -> list[tuple[str, ...]]:
+    """Without what is the same in all, at the beginning (1) or at the end (-1)."""
+    turned = [part[::step] for part in parts]
+    same = 0
+    for level in zip(*turned, strict=False):
+        if len(set(level)) > 1:
+            break
+        same += 1
+    return [part[same:][::step] for part in turned]

@@ -1,0 +1,282 @@
+"""Rules of a gate: limits for values with brackets, and what these prove."""
+
+import math
+import re
+from collections.abc import Iterable
+from enum import StrEnum
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.interval import Interval
+from tgospa_eval.common.words import parsed
+from tgospa_eval.errors import ConfigError, ExitStatus
+from tgospa_eval.results.records import PARTS
+from tgospa_eval.text import quoted
+
+PROVEN = ("total", "tgospa", "normalised.tgospa")
+"""Values with a proven bracket."""
+
+SPLIT = (*PARTS, "counts.missed", "counts.false", "counts.switch")
+"""Values of one optimal assignment; another one may split the same total in another way."""
+
+BY_CLASS = "by_class."
+TAILS = tuple(sorted((*PROVEN, *SPLIT), key=len, reverse=True))
+"""How a path may end, the longer of two first: ``counts.missed`` before ``missed``."""
+
+Key = str | tuple[str, str]
+"""A value: a path, or a class and a path of its own; the name of a class may have dots."""
+
+TOLERANCE = 1e-6
+"""Of rules on the split: in counts, or in units of c^p."""
+
+LEAST_SLACK = 1e-9
+"""Least slack of the default rule, in units of c^p."""
+
+NO_CHANGE = 1e-9
+"""Relative change that is no improvement."""
+
+_RULE = r"(?P<path>.+):\+(?P<slack>[^%]+)(?P<percent>%?)"
+
+
+class Verdict(StrEnum):
+    """What is known of a pair, or of one rule."""
+
+    PASS = "pass"
+    FAIL = "fail"
+    UNDECIDED = "undecided"
+    INCOMPARABLE = "not comparable"
+    ERROR = "error"
+    UPDATED = "updated"
+
+
+STATUS = {
+    Verdict.PASS: ExitStatus.DONE,
+    Verdict.UPDATED: ExitStatus.DONE,
+    Verdict.FAIL: ExitStatus.REGRESSION,
+    Verdict.INCOMPARABLE: ExitStatus.WRONG_OPTION,
+    Verdict.ERROR: ExitStatus.WRONG_INPUT,
+    Verdict.UNDECIDED: ExitStatus.NOT_REACHED,
+}
+"""Exit status of each verdict; an error may bring its own."""
+
+SEVERITY = (
+    ExitStatus.REGRESSION,
+    ExitStatus.WRONG_INPUT,
+    ExitStatus.WRONG_OPTION,
+    ExitStatus.NOT_REACHED,
+    ExitStatus.DONE,
+)
+"""Exit statuses, the worst first.
+
+A proven regression comes before everything: who tolerates 2 or 4 in a pipeline must not thereby let
+one pass.
+"""
+
+
+def worst(statuses: Iterable[int]) -> int:
+    """The exit status of several."""
+    return min(statuses, key=SEVERITY.index, default=0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Value(Interval):
+    """A number and what is known of it.
+
+    Parameters
+    ----------
+    lower, upper : float
+        The bracket; of a value of the split both are the reported number.
+    proven : bool
+        Whether the bracket is proven.
+    unit : float
+        c^p for costs, 1 for counts: the scale of tolerances.
+    """
+
+    proven: bool
+    unit: float
+
+    @property
+    def tolerance(self) -> float:
+        """What a limit may be exceeded by."""
+        return 0.0 if self.proven else TOLERANCE * self.unit
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rule:
+    """A limit for one value.
+
+    Parameters
+    ----------
+    text : str
+        As it was given.
+    path : str
+        Name of the value.
+    slack : float
+        How much worse than the baseline is allowed; of `maximum` the limit itself.
+    relative : bool
+        Whether the slack is a share of the baseline.
+    floor : float
+        Least slack, in units of the value.
+    maximum : bool
+        Whether the limit does not depend on the baseline.
+    warns : bool
+        Whether breaking it is a warning only.
+    """
+
+    text: str
+    path: str
+    slack: float
+    relative: bool = False
+    floor: float = 0.0
+    maximum: bool = False
+    warns: bool = False
+
+    def limit(self, base: float | None, unit: float) -> float:
+        """The largest value that keeps the rule, given that of the baseline."""
+        if self.maximum:
+            return self.slack
+        if base is None:
+            raise ConfigError(f"{self.text}: the baseline has no {self.path}")
+        slack = base * self.slack if self.relative else self.slack
+        limit = base + max(slack, self.floor * unit)
+        if math.isinf(limit):
+            raise ConfigError(f"{self.text}: allows more than any number; choose a smaller one")
+        return limit
+
+
+DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, floor=LEAST_SLACK)
+"""The rule that holds where none is given."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """What a rule found.
+
+    Parameters
+    ----------
+    rule : Rule
+        The rule.
+    base : float or None
+        Value of the baseline.
+    limit : float
+        The largest value that keeps the rule.
+    now : Value
+        Value of this run.
+    verdict : Verdict
+        Pass, fail or undecided.
+    """
+
+    rule: Rule
+    base: float | None
+    limit: float
+    now: Value
+    verdict: Verdict
+
+    @property
+    def warning(self) -> bool:
+        """Whether it is a rule that only warns, and is not proven to hold."""
+        return self.rule.warns and self.verdict in (Verdict.FAIL, Verdict.UNDECIDED)
+
+    @property
+    def improved(self) -> bool:
+        """Whether the value is better than the baseline by more than the rule's slack."""
+        if self.base is None or self.rule.maximum:
+            return False
+        slack = max(self.limit - self.base, NO_CHANGE * self.base, self.now.tolerance)
+        return self.now.upper < self.base - slack
+
+
+def judge(rule: Rule, now: Value, base: float | None) -> Finding:
+    """Whether the value keeps the rule, as far as its bracket proves it.
+
+    Raises
+    ------
+    ConfigError
+        The rule needs a value that the baseline does not have.
+    """
+    limit = rule.limit(base, now.unit)
+    if now.lower > limit + now.tolerance:
+        verdict = Verdict.FAIL
+    elif now.upper <= limit + now.tolerance:
+        verdict = Verdict.PASS
+    else:
+        verdict = Verdict.UNDECIDED
+    return Finding(rule=rule, base=base, limit=limit, now=now, verdict=verdict)
+
+
+def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
+    """The rule of ``PATH:+N`` or ``PATH:+N%``.
+
+    Raises
+    ------
+    ConfigError
+        The text has another form, or names a value that cannot be judged.
+    """
+    found = re.fullmatch(_RULE, text.strip())
+    slack = _not_negative(found["slack"]) if found else None
+    if found is None or slack is None:
+        raise ConfigError(f"--{option} {quoted(text)}: must be PATH:+N or PATH:+N%, as total:+0.1%")
+    path = _path(found["path"].strip(), option, text)
+    relative = found["percent"] == "%"
+    return Rule(
+        text=f"{path}:+{found['slack'].strip()}{found['percent']}",
+        path=path,
+        slack=slack / 100 if relative else slack,
+        relative=relative,
+        warns=option == "warn-on",
+    )
+
+
+def parse_maximum(text: str) -> Rule:
+    """The rule of ``NAME=VALUE``.
+
+    Raises
+    ------
+    ConfigError
+        The text has another form, or names a value that cannot be judged.
+    """
+    name, equals, number = text.rpartition("=")
+    limit = _not_negative(number)
+    if not equals or limit is None:
+        raise ConfigError(f"--max {quoted(text)}: must be NAME=VALUE, as tgospa=50")
+    path = _path(name.strip(), "max", text)
+    return Rule(text=f"{path}<={number.strip()}", path=path, slack=limit, maximum=True)
+
+
+def keys(path: str) -> list[Key]:
+    """What a path may name, with the longer tail first: ``counts.missed`` before ``missed``."""
+    if not path.startswith(BY_CLASS):
+        return [path]
+    rest = path[len(BY_CLASS) :]
+    return [(rest[: -len(tail) - 1], tail) for tail in TAILS if rest.endswith(f".{tail}")]
+
+
+def name_of(key: Key) -> str:
+    """The path of a value in one text."""
+    return key if isinstance(key, str) else f"{BY_CLASS}{key[0]}.{key[1]}"
+
+
+def split_rules(text: str) -> list[str]:
+    """The rules of a list with commas.
+
+    Only a comma after the number ends a rule: the name of a class may have commas itself.
+    """
+    parts = re.split(r"(:\+[^,]*|=[^,=]*)(?:,|$)", text)
+    found = [head + end for head, end in zip(parts[::2], (*parts[1::2], ""), strict=True)]
+    return [rule for rule in found if rule.strip()]
+
+
+def _not_negative(text: str) -> float | None:
+    number = parsed(text)
+    return None if number is None or number < 0 else number
+
+
+def _path(path: str, option: str, text: str) -> str:
+    name = path
+    if path.startswith(BY_CLASS):
+        name = next((key[1] for key in keys(path)), "")
+    if name not in PROVEN and name not in SPLIT:
+        raise ConfigError(
+            f"--{option} {quoted(text)}: {quoted(path)} cannot be judged; there are "
+            f"{', '.join((*PROVEN, *SPLIT))}, and with --by class {BY_CLASS}NAME.total and so on"
+        )
+    return path

@@ -1,0 +1,345 @@
+"""One problem through several solvers: do they agree, how near are they, what do they cost."""
+
+import io
+import itertools
+import math
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import IO, Any, cast
+
+import numpy as np
+
+from tgospa_eval._version import __version__
+from tgospa_eval.campaign import SCHEMA
+from tgospa_eval.common.interval import Interval, excess, narrowest, overlap, shortfall
+from tgospa_eval.common.progress import Progress, Stopwatch
+from tgospa_eval.distances import DISTANCES
+from tgospa_eval.errors import ConfigError, SolverError, TgospaError
+from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve
+from tgospa_eval.evaluation.prepare import Prepared, fit
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.reports.records import (
+    Metric,
+    SolverRun,
+    SolversRecord,
+)
+from tgospa_eval.results.records import PARTS
+from tgospa_eval.solvers import Solver
+from tgospa_eval.tracks.trajectories import Trajectories
+
+COSTS = (
+    *("tgospa", "lower_bound", "total", "total_lower", "error", "lower_error", *PARTS),
+    *("iterations", "seconds", "memory"),
+)
+"""What a run that failed does not have."""
+
+OWN_GROUP: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
+"""Ctrl-C reaches the one who asked, who stops the process."""
+
+EXACT_STATES = 15_000
+"""Where the referee takes about a minute: states of one component.
+
+Measured on one core, scenes of `dense`: 2,990 states 2.3 s, 8,099 states 11 s, 15,994 states 57 s,
+18,951 states 39 s; the time grows with about the square. Of several components the squares add up.
+"""
+
+
+def called(solver: str, epsilon: float | None) -> str:
+    """Solver and temperature, in as many digits as it takes to differ from others."""
+    if epsilon is None:
+        return solver
+    short = f"{epsilon:g}"
+    return f"{solver} {short if float(short) == epsilon else repr(float(epsilon))}"
+
+
+def name_of(solver: Solver) -> str:
+    """Name and temperature of a solver."""
+    return called(solver.name, solver.epsilon)
+
+
+def failed(solver: Solver, error: BaseException) -> SolverRun:
+    """What is left of a run whose solver raised."""
+    return {
+        "name": name_of(solver),
+        "solver": solver.name,
+        "epsilon": solver.epsilon,
+        "status": f"failed: {reason(error)}",
+        "finished": False,
+        **dict.fromkeys(COSTS),
+        "counts": {},
+        "history": [],
+    }
+
+
+def reason(error: BaseException) -> str:
+    """Why something failed; what nobody expected is called an error of ours."""
+    if isinstance(error, TgospaError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "out of memory"
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return f"{text}; this is an error of this program, please report it"
+
+
+def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = None) -> SolverRun:
+    """Solve and prove in this process."""
+    result = solve(prepared, solver, stopwatch or Stopwatch())
+    stages = {name: seconds for name, seconds in result.timings["solve"].items() if seconds}
+    lower, upper = result.total_bounds
+    return {
+        "name": name_of(solver),
+        "solver": solver.name,
+        "epsilon": solver.epsilon,
+        "tgospa": result.tgospa,
+        "lower_bound": result.lower_bound,
+        "total": upper,
+        "total_lower": lower,
+        "error": None,
+        "lower_error": None,
+        "localisation": result.localisation,
+        "missed": result.missed,
+        "false": result.false,
+        "switch": result.switch,
+        "counts": result.counts,
+        "status": result.solver["status"],
+        "finished": bool(result.solver["finished"]),
+        "iterations": result.solver["iterations"],
+        "seconds": {
+            "solve": sum(stages.values()),
+            "certify": result.timings["certify"],
+            "stages": stages,
+        },
+        "memory": None,
+        "history": list(result.solver["history"]),
+    }
+
+
+def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = None) -> SolverRun:
+    """The same in a process of its own, which also measures the memory that it takes.
+
+    Raises
+    ------
+    SolverError
+        The process died, for want of memory perhaps.
+    TgospaError
+        As for `run_here`.
+    """
+    import os
+
+    message = pickle.dumps((prepared, solver), protocol=pickle.HIGHEST_PROTOCOL)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    with subprocess.Popen(
+        [sys.executable, "-P", "-m", "tgospa_eval.campaign.worker"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+        cwd=os.path.dirname(__file__),  # the working folder may be gone, and Python would not start
+        bufsize=0,  # so that nothing is left to write when stdin is closed
+        **OWN_GROUP,
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            _write_all(process.stdin, message)
+            del message
+            found = _listen(process.stdin, process.stdout, progress or Progress())
+        except (OSError, EOFError, pickle.UnpicklingError):  # it died, or in mid-answer
+            raise SolverError(
+                "its process ended without an answer; out of memory perhaps"
+            ) from None
+        finally:
+            process.kill()  # it has answered, or nobody waits for it
+    if isinstance(found, dict):
+        return found
+    raise found[0](found[1])
+
+
+def _listen(
+    target: IO[bytes], source: IO[bytes], progress: Progress
+) -> SolverRun | tuple[type[TgospaError], str]:
+    """What the process answers in the end; it is stopped where the work is."""
+    stopped = False
+    with io.BufferedReader(cast("io.RawIOBase", source)) as words:
+        while True:
+            found = pickle.load(words)
+            if isinstance(found, dict) or isinstance(found[0], type):
+                return cast("SolverRun | tuple[type[TgospaError], str]", found)
+            share, progress.bracket = found
+            progress.done(share)
+            if progress.stop.is_set() and not stopped:
+                stopped = True
+                target.write(b"s")
+
+
+def _write_all(target: IO[bytes], message: bytes) -> None:
+    """Write to a pipe without a buffer, which may take less than all at once."""
+    rest = memoryview(message)
+    while rest:
+        rest = rest[target.write(rest) :]
+
+
+def warm_up(solver: Solver) -> None:
+    """Import what the solver needs: a first call takes longer than those that follow."""
+    if solver.proves:
+        import tgospa_eval.solvers.restricted_lp  # noqa: F401  HiGHS, which small scenes do without
+    rng = np.random.default_rng(0)
+    truth, estimate = (Trajectories.from_array(rng.random((4, 3, 1))) for _ in range(2))
+    request = EvaluationRequest(
+        parameters=Parameters(cutoff=1.0, order=1.0, switch_penalty=0.3),
+        distance=DISTANCES["euclidean"],
+        solver=solver,
+    )
+    evaluate_fitted(fit(truth, estimate, request), request, stopwatch=Stopwatch())
+
+
+def takes_long(prepared: Prepared) -> int | None:
+    """Number of states if the referee would take more than a minute or so, else None."""
+    states = prepared.states
+    sizes = np.bincount(
+        states.pair_block, np.diff(states.pair_first), minlength=len(states.block_begin)
+    )
+    return int(sizes.sum()) if np.sqrt((sizes**2).sum()) > EXACT_STATES else None
+
+
+def check_solvers(solvers: Sequence[Solver]) -> None:
+    """No solver may be there twice with the same settings.
+
+    Raises
+    ------
+    ConfigError
+        Two solvers have the same name, and the same temperature if they have one.
+    """
+    seen = list(map(name_of, solvers))
+    twice = next((name for name in seen if seen.count(name) > 1), None)
+    if twice is not None:
+        raise ConfigError(f"{twice} is given twice")
+
+
+# -------------------------------------------------------------------------------------------------
+# Several solvers on one problem.
+
+
+ONCE = {"read": "read", "distances": "distances", "preparation": "solve/preparation"}
+"""What is done once for all solvers, and the span of the stopwatch that has its time."""
+
+
+Proven = tuple[str, Interval | None]
+"""Name of a run, and what it proves of the total, if it has an answer."""
+
+
+def contradictions(runs: Iterable[Proven]) -> list[tuple[str, str]]:
+    """Pairs of runs whose brackets do not overlap: one of their proofs is wrong."""
+    return [
+        (first, second)
+        for (first, own), (second, other) in itertools.combinations(runs, 2)
+        if own and other and not overlap(own, other)
+    ]
+
+
+def referee(runs: Sequence[Proven]) -> Interval | None:
+    """What all runs together prove of the total: nothing where they contradict each other."""
+    proven = [bracket for _, bracket in runs if bracket is not None]
+    return narrowest(proven) if proven and not contradictions(runs) else None
+
+
+def errors(bracket: Interval | None, known: Interval | None) -> tuple[float | None, float | None]:
+    """Proven: how far, relative, both ends of a run may at most be above and below the total."""
+    if bracket is None or known is None:
+        return None, None
+    return excess(bracket.upper, known.lower), shortfall(bracket.lower, known.upper)
+
+
+def compare_solvers(
+    prepared: Prepared,
+    solvers: Sequence[Solver],
+    run: Callable[[Prepared, Solver], SolverRun] | None = None,
+    progress: Progress | None = None,
+) -> list[SolverRun]:
+    """Run all solvers, one after the other; one that fails leaves the others their results.
+
+    Those that are not begun when the work is to stop are left out.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The problem; made once.
+    solvers : sequence of Solver
+        With their settings.
+    run : callable, optional
+        `run_here`, or else `run_apart`.
+    progress : Progress, optional
+        Gets which of them runs, and how far that is.
+    """
+    progress = progress or Progress()
+    run = run or partial(run_apart, progress=progress)
+    runs: list[SolverRun] = []
+    for number, solver in enumerate(solvers):
+        if runs and progress.stop.is_set():
+            break
+        with progress.part(name_of(solver), number, len(solvers)):
+            try:
+                runs.append(run(prepared, solver))
+            except Exception as error:  # whatever it is, it must not cost what others have found
+                runs.append(failed(solver, error))
+    return runs
+
+
+def solvers_document(
+    runs: Sequence[SolverRun],
+    prepared: Prepared,
+    left_out: dict[str, str],
+    seconds: dict[str, float],
+    warnings: list[dict[str, str]],
+) -> SolversRecord:
+    """The JSON document: the runs, with their errors against what all of them prove.
+
+    Parameters
+    ----------
+    runs : sequence of SolverRun
+        What was found.
+    prepared : Prepared
+        The problem.
+    left_out : dict
+        Solvers that did not run, and why.
+    seconds : dict
+        What was done once for all, and how long it took.
+    warnings : list of dict
+        What looks wrong with the data.
+    """
+    proven = [(run["name"], bracket_of(run["total_lower"], run["total"])) for run in runs]
+    known, opposed = referee(proven), contradictions(proven)
+    for run, (_, bracket) in zip(runs, proven, strict=True):
+        error, run["lower_error"] = errors(bracket, known)
+        run["error"] = error if error is not None and math.isfinite(error) else None
+    order = prepared.parameters.order
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "kind": "solvers",
+        "agree": not opposed,
+        "contradictions": [list(pair) for pair in opposed],
+        "referee": None
+        if known is None
+        else {
+            "lower_bound": known.lower ** (1 / order),
+            "upper_bound": known.upper ** (1 / order),
+            "total": {"lower": known.lower, "upper": known.upper},
+        },
+        "runs": list(runs),
+        "left_out": left_out,
+        "parameters": cast("Metric", prepared.settings),
+        "sizes": {**prepared.sizes, "states": len(prepared.states.begin)},
+        "input": prepared.input,
+        "seconds": seconds,
+        "warnings": warnings,
+    }
+
+
+def bracket_of(lower: float | None, upper: float | None) -> Interval | None:
+    """What a run proves of the total; None where it failed."""
+    return None if lower is None or upper is None else Interval(lower=lower, upper=upper)

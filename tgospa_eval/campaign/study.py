@@ -1,0 +1,512 @@
+"""The scaling study: solvers on synthetic scenes of many sizes, several of each.
+
+After figures 2 and 3 of Nevelius Wernholm, Wärnsäter and Ringh: error over temperature, time and
+error over the number of targets and over the number of steps. Every scene has a seed of its own,
+made of the seed of the study, the size and the number of the run: what is added later leaves what
+is there as it is.
+"""
+
+import json
+import math
+import os
+import platform
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Literal, NoReturn, TypeAlias, TypeGuard, cast
+
+import numpy as np
+
+from tgospa_eval._version import __version__
+from tgospa_eval.campaign import SCHEMA
+from tgospa_eval.campaign.solvers import (
+    Proven,
+    bracket_of,
+    compare_solvers,
+    contradictions,
+    errors,
+    failed,
+    referee,
+    run_here,
+    warm_up,
+)
+from tgospa_eval.common.files import is_regular, named
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.common.words import counted
+from tgospa_eval.distances import Distance
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.evaluate import solver_settings
+from tgospa_eval.evaluation.prepare import fit, prepare
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.reports.records import (
+    Metric,
+    SceneRecord,
+    SceneRun,
+    SizeRecord,
+    SolverRun,
+    SolverSummary,
+    Spread,
+    StudyRecord,
+    StudySettings,
+)
+from tgospa_eval.results.records import PARTS
+from tgospa_eval.simulation import Scene, Tracker, simulate
+from tgospa_eval.solvers import Solver
+
+Key = tuple[int, int, int]
+Kind: TypeAlias = type | tuple[type, ...]
+
+LOG_SCHEMA = "tgospa-eval/study/1"
+LOG_NAME = "runs.jsonl"
+
+LOCKED_BYTE = 1 << 40
+"""A byte that no file of ours reaches, for locking."""
+
+NUMBER = (int, float)
+LARGEST = 1e100
+"""Beyond any cost, count or time; squares of it are finite."""
+
+NO = type(None)
+RECORD: dict[str, Kind] = {
+    **dict.fromkeys(("targets", "steps", "run"), int),
+    "occupied": (int, NO),
+    "sizes": (dict, NO),
+    "prepare_seconds": (*NUMBER, NO),
+    "runs": list,
+}
+RUN: dict[str, Kind] = {
+    **dict.fromkeys(("name", "solver", "status"), str),
+    **dict.fromkeys(("epsilon", "lower", "upper", "iterations", "seconds", *PARTS), (*NUMBER, NO)),
+    "finished": bool,
+}
+"""What a record must hold, and each of its runs; None where there is no answer."""
+
+
+def machine() -> str:
+    """On what the times were measured."""
+    return (
+        f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores, "
+        f"Python {platform.python_version()}, NumPy {np.__version__}, {KERNEL} kernels"
+    )
+
+
+class Log:
+    """The file of a study, locked until it is closed; use it in a ``with``.
+
+    Parameters
+    ----------
+    folder : str
+        Where it is, or shall be.
+    settings : dict
+        What the records depend on.
+
+    Attributes
+    ----------
+    known : dict
+        Records by targets, steps and number of the run.
+
+    Raises
+    ------
+    ConfigError
+        The file is of another study, or no file of ours, or damaged, or in use by another process,
+        or cannot be read or written.
+    """
+
+    def __init__(self, folder: str, settings: Mapping[str, object]) -> None:
+        self.path = Path(folder) / LOG_NAME
+        header = {
+            "schema": LOG_SCHEMA,
+            "version": __version__,
+            "machine": machine(),
+            "settings": settings,
+        }
+        self.header = json.loads(json.dumps(header))
+        self.known: dict[Key, SceneRecord] = {}
+        with named(str(self.path), ConfigError, "cannot be opened"):
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = self.path.open("a+b")
+        try:
+            with named(str(self.path), ConfigError, "cannot be opened"):
+                if not is_regular(str(self.path)):
+                    self._refuse()
+                self._lock()
+                whole = self._read()
+                self._file.truncate(whole)
+                if not whole:
+                    self.keep(self.header)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> "Log":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let others use the file."""
+        with suppress(OSError):  # what could not be written is known
+            self._file.close()
+
+    def keep(self, record: Mapping[str, object]) -> None:
+        """Add a record; it is on the disk when this returns."""
+        line = json.dumps(record, sort_keys=True, allow_nan=False) + "\n"
+        with named(str(self.path), ConfigError, "cannot be written"):
+            self._file.write(line.encode())
+            self._file.flush()
+            os.fsync(self._file.fileno())
+
+    def _lock(self) -> None:
+        """Two processes would do the same scenes, and write into each other's lines."""
+        try:
+            if sys.platform == "win32":
+                import msvcrt
+
+                self._file.seek(LOCKED_BYTE)  # a locked byte cannot be read
+                msvcrt.locking(self._file.fileno(), msvcrt.LK_NBLCK, 1)
+            else:
+                import fcntl
+
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except (BlockingIOError, PermissionError):
+            raise ConfigError(
+                f"{self.path}: another process is at this study; wait for it, or name another "
+                "folder"
+            ) from None
+
+    def _read(self) -> int:
+        """Take the records that are there; the number of bytes up to the last whole one."""
+        self._file.seek(0)
+        content = self._file.read()
+        whole = content.rfind(b"\n") + 1
+        own = json.dumps(self.header, sort_keys=True).encode()
+        if not whole and not own.startswith(content):  # not even the begin of our first line
+            self._refuse()
+        for number, line in enumerate(content[:whole].splitlines(), start=1):
+            try:
+                document = json.loads(line)
+            except (ValueError, RecursionError):
+                document = None
+            if number == 1:
+                self._check(document)
+            elif is_record(document, len(self.header["settings"]["solvers"])):
+                key = document["targets"], document["steps"], document["run"]
+                self.known[key] = document
+            else:
+                raise ConfigError(
+                    f"{self.path}, line {number}: no record of this study; remove the line, or "
+                    "name another folder"
+                )
+        return whole
+
+    def _refuse(self) -> NoReturn:
+        raise ConfigError(f"{self.path}: not the file of a study; name another folder")
+
+    def _check(self, header: object) -> None:
+        """The settings must be the same."""
+        if not isinstance(header, dict) or header.get("schema") != LOG_SCHEMA:
+            self._refuse()
+        own, other = _flat(self.header), _flat(header)
+        for name in [*own, *other]:
+            if own.get(name) != other.get(name):
+                raise ConfigError(
+                    f"{self.path}: is of a study with another {name.removeprefix('settings.')} "
+                    f"({other.get(name)}, now {own.get(name)}); name another folder"
+                )
+
+
+def is_record(document: object, solvers: int) -> TypeGuard[SceneRecord]:
+    """Whether this has everything that a record of so many solvers needs."""
+    return (
+        isinstance(document, dict)
+        and _has(document, RECORD)
+        and (document["sizes"] is None or _has(document["sizes"], {"states": int}))
+        and len(document["runs"]) == solvers
+        and all(_has(run, RUN) for run in document["runs"])
+    )
+
+
+def _has(document: object, fields: Mapping[str, Kind]) -> bool:
+    return isinstance(document, dict) and all(
+        name in document
+        and isinstance(document[name], kind)
+        and (not isinstance(document[name], NUMBER) or 0 <= document[name] <= LARGEST)
+        for name, kind in fields.items()
+    )
+
+
+def _flat(document: Mapping[str, object], prefix: str = "") -> dict[str, object]:
+    """Values by dotted names."""
+    found: dict[str, object] = {}
+    for name, value in document.items():
+        if isinstance(value, dict):
+            found |= _flat(value, f"{prefix}{name}.")
+        else:
+            found[prefix + name] = value
+    return found
+
+
+Size = tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """What is to be done.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scenario and area; targets and steps are those of the sizes.
+    tracker : Tracker
+        Its errors.
+    seed : int
+        Of the whole study.
+    parameters : Parameters
+        Of the metric.
+    distance : Distance
+        Between states.
+    solvers : sequence of Solver
+        With their settings.
+    targets, steps : sequence of int
+        All of the one with all of the other.
+    runs : int
+        Scenes of each size.
+    """
+
+    scene: Scene
+    tracker: Tracker
+    seed: int
+    parameters: Parameters
+    distance: Distance
+    solvers: Sequence[Solver]
+    targets: Sequence[int]
+    steps: Sequence[int]
+    runs: int
+
+    def __post_init__(self) -> None:
+        if self.runs < 1:
+            raise ConfigError(f"runs is {self.runs}: must be 1 or more")
+        for name in ("targets", "steps"):
+            sizes = getattr(self, name)
+            if len(set(sizes)) < len(sizes):
+                raise ConfigError(f"{name}: a number is given twice")
+            least = min(sizes)
+            if least < 1:
+                raise ConfigError(f"{name} is {least}: must be 1 or more")
+        for targets, steps in self.sizes:
+            replace(self.scene, targets=targets, steps=steps)  # which checks both together
+
+    @property
+    def sizes(self) -> list[Size]:
+        """Targets and steps of each size."""
+        return [(targets, steps) for targets in self.targets for steps in self.steps]
+
+    @property
+    def settings(self) -> StudySettings:
+        """Everything that a record depends on, but for its own size and number."""
+        scene = asdict(self.scene)
+        return {
+            "scene": {name: scene[name] for name in ("scenario", "area", "state")},
+            "tracker": asdict(self.tracker) | {"false_length": list(self.tracker.false_length)},
+            "seed": self.seed,
+            "parameters": cast(
+                "Metric",
+                {
+                    **asdict(self.parameters),
+                    "distance": self.distance.name,
+                    **self.distance.settings(("x", "y")),
+                },
+            ),
+            "solvers": [solver_settings(s) | {"jobs": s.jobs} for s in self.solvers],
+        }
+
+    def wanted(self) -> Iterator[tuple[int, int, int]]:
+        """Targets, steps and number of each scene: every size once before any a second time."""
+        for run in range(1, self.runs + 1):
+            for targets, steps in self.sizes:
+                yield targets, steps, run
+
+
+def carry_out(
+    study: Study,
+    known: dict[tuple[int, int, int], SceneRecord],
+    keep: Callable[[SceneRecord], None],
+    notify: Callable[[str, float], None] = lambda text, share: None,  # noqa: ARG005
+) -> list[SceneRecord]:
+    """The records of all scenes that are wanted; those that are not known are made.
+
+    Parameters
+    ----------
+    study : Study
+        What is wanted.
+    known : dict
+        Records by targets, steps and number.
+    keep : callable
+        Gets every new record at once.
+    notify : callable
+        Gets what is next, and the share that is done.
+    """
+    if any(key not in known for key in study.wanted()):
+        for solver in study.solvers:
+            with suppress(Exception):  # what fails here fails again where it is recorded
+                warm_up(solver)
+    count = len(study.sizes) * study.runs
+    records = []
+    for done, key in enumerate(study.wanted()):
+        if key not in known:
+            targets, steps, run = key
+            size = f"{counted(targets, 'target')}, {counted(steps, 'step')}"
+            notify(f"{size}, run {run} ({done} of {count})", done / count)
+            known[key] = measure(study, *key)
+            keep(known[key])
+        records.append(known[key])
+    return records
+
+
+def measure(study: Study, targets: int, steps: int, run: int) -> SceneRecord:
+    """One scene through all solvers; what fails is recorded, and does not stop the study."""
+    rng = np.random.default_rng([study.seed, targets, steps, run])
+    stopwatch = Stopwatch()
+    request = EvaluationRequest(
+        parameters=study.parameters, distance=study.distance, solver=study.solvers[0]
+    )
+    record: SceneRecord = {
+        "targets": targets,
+        "steps": steps,
+        "run": run,
+        "occupied": None,
+        "sizes": None,
+        "prepare_seconds": None,
+        "runs": [],
+    }
+    try:
+        sides = simulate(replace(study.scene, targets=targets, steps=steps), study.tracker, rng)
+        prepared = prepare(fit(*sides, request), request, stopwatch=stopwatch)
+    except Exception as error:  # whatever it is: the other scenes are to be done
+        record["runs"] = [_recorded(failed(solver, error)) for solver in study.solvers]
+        return record
+    problem = prepared.states.problem
+    record["occupied"] = max(len(np.union1d(problem.truth_step, problem.estimate_step)), 1)
+    record["sizes"] = {**prepared.sizes, "states": len(prepared.states.begin)}
+    record["prepare_seconds"] = sum(
+        stopwatch.spans[name] for name in ("distances", "solve/preparation")
+    )
+    found = compare_solvers(prepared, study.solvers, run_here)
+    record["runs"] = [_recorded(made) for made in found]
+    return record
+
+
+def _recorded(made: SolverRun) -> SceneRun:
+    """What a record keeps of a run."""
+    seconds = made["seconds"]
+    return {
+        "name": made["name"],
+        "solver": made["solver"],
+        "epsilon": made["epsilon"],
+        "lower": made["total_lower"],
+        "upper": made["total"],
+        "localisation": made["localisation"],
+        "missed": made["missed"],
+        "false": made["false"],
+        "switch": made["switch"],
+        "iterations": made["iterations"],
+        "finished": made["finished"],
+        "status": made["status"],
+        "seconds": None if seconds is None else seconds["solve"] + seconds["certify"],
+    }
+
+
+def proven(record: SceneRecord) -> list[Proven]:
+    """What each run of a scene proves."""
+    return [(run["name"], bracket_of(run["lower"], run["upper"])) for run in record["runs"]]
+
+
+def study_document(study: Study, records: Sequence[SceneRecord], machine: str) -> StudyRecord:
+    """The JSON document: mean and spread of each size and solver."""
+    by_size: dict[Size, list[SceneRecord]] = {size: [] for size in study.sizes}
+    for record in records:
+        by_size[record["targets"], record["steps"]].append(record)
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "kind": "study",
+        **study.settings,
+        "machine": machine,
+        "runs": study.runs,
+        "sizes": [_size(size, scenes, study) for size, scenes in by_size.items()],
+        "contradictions": [
+            (record["targets"], record["steps"], record["run"], *pair)
+            for scenes in by_size.values()
+            for record in scenes
+            for pair in contradictions(proven(record))
+        ],
+    }
+
+
+def _size(size: Size, scenes: Sequence[SceneRecord], study: Study) -> SizeRecord:
+    """All scenes of one size; those whose brackets contradict each other have no part in means."""
+    sound = [record for record in scenes if not contradictions(proven(record))]
+    best = [
+        (min(answered, key=lambda run: run["upper"] or 0.0), record["occupied"] or 1)
+        for record in sound
+        if (answered := [run for run in record["runs"] if run["upper"] is not None])
+    ]
+
+    def root(name: Literal["upper", "localisation", "missed", "false", "switch"]) -> float | None:
+        if not best:
+            return None
+        costs = [(run[name] or 0.0) / t for run, t in best]
+        return float(np.mean(costs) ** (1 / study.parameters.order))
+
+    return {
+        "targets": size[0],
+        "steps": size[1],
+        "left_out": len(scenes) - len(best),
+        "states": spread([record["sizes"]["states"] for record in scenes if record["sizes"]]),
+        "prepare_seconds": _spread_of(record["prepare_seconds"] for record in scenes),
+        "normalised": {"tgospa": root("upper"), **{name: root(name) for name in PARTS}},
+        "solvers": [_solver(scenes, sound, k) for k in range(len(study.solvers))],
+    }
+
+
+def _solver(scenes: Sequence[SceneRecord], sound: Sequence[SceneRecord], k: int) -> SolverSummary:
+    """One solver on all scenes of one size; errors against what all solvers prove of a scene."""
+    every = [record["runs"][k] for record in scenes]
+    made = [record["runs"][k] for record in sound if record["runs"][k]["upper"] is not None]
+    found = [(runs[k][1], referee(runs)) for runs in map(proven, sound)]
+    above, below = zip(*(errors(*pair) for pair in found), strict=True) if found else ((), ())
+    known = [error for error in above if error is not None]
+    return {
+        "name": every[0]["name"],
+        "solver": every[0]["solver"],
+        "epsilon": every[0]["epsilon"],
+        "seconds": _spread_of(run["seconds"] for run in made),
+        "error": spread([error for error in known if math.isfinite(error)]),
+        "infinite_errors": sum(math.isinf(error) for error in known),
+        "lower_error": _spread_of(below),
+        "iterations": _spread_of(run["iterations"] for run in made),
+        "failed": sum(run["upper"] is None for run in every),
+        "unfinished": sum(not run["finished"] and run["upper"] is not None for run in every),
+    }
+
+
+def _spread_of(values: Iterable[float | None]) -> Spread:
+    return spread([value for value in values if value is not None])
+
+
+def spread(values: Sequence[float]) -> Spread:
+    """Mean, standard deviation (divisor n - 1) and largest; null where there is none."""
+    if not len(values):
+        return {"mean": None, "deviation": None, "max": None}
+    numbers = np.asarray(values, float)
+    return {
+        "mean": float(numbers.mean()),
+        "deviation": float(numbers.std(ddof=1)) if len(numbers) > 1 else None,
+        "max": float(numbers.max()),
+    }

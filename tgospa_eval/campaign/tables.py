@@ -1,0 +1,274 @@
+"""Tables of a batch: costs of jobs are added, never their roots.
+
+Of a group of jobs COMBINED is ``(sum of totals)^(1/p)``, per step ``(sum of totals / sum of
+steps)^(1/p)`` with the steps of the horizon, and RMS ``(mean of totals)^(1/p)``, which
+is that of Monte Carlo runs (docs/reference/batch.md). Bounds travel: those of a sum are the sums of
+the bounds.
+"""
+
+import json
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from tgospa_eval.campaign.grouping import (
+    labels_of,
+    pair_numbers,
+    shown_labels,
+    truths,
+    with_parameters,
+)
+from tgospa_eval.campaign.row import LABEL, STORED_SLICES
+from tgospa_eval.campaign.statistics import confidence, rankings
+from tgospa_eval.common.words import natural
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.problem.states import connected_components
+from tgospa_eval.reports.batch_records import BatchTables, GroupSlices, Ranking
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS, OtherMetrics
+from tgospa_eval.results.slices import Slicing, added_up
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+WITH_PREFIX = "with."
+"""What columns of other metrics begin with."""
+
+
+def metrics_of(columns: Iterable[str]) -> list[str]:
+    """The metrics that are stored, in the order of their columns."""
+    inside = (name.split(".")[1] for name in columns if name.startswith(WITH_PREFIX))
+    return [name for name in dict.fromkeys(inside) if name != "similarity"]
+
+
+def joined_metrics(rows: "pd.DataFrame") -> dict[str, float]:
+    """Numbers of a group of rows, by the names of their columns.
+
+    Matches are counted over all rows, and what is a ratio is one of these sums; costs of GOSPA are
+    added. Those of one row are as they are.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of a store, each with a value; with the same distance and cutoff.
+
+    Raises
+    ------
+    ConfigError
+        The extra that joins them is not installed.
+    """
+    from tgospa_eval.evaluation.other_metrics import METRIC_FIELDS, joined, of_sums
+    from tgospa_eval.evaluation.request import chosen_metrics
+
+    names = [str(name) for name in rows.columns]
+    asked = chosen_metrics(metrics_of(names))
+    found = [
+        {str(name).removeprefix(WITH_PREFIX): value for name, value in row.items()}
+        for row in rows.to_dict("records")
+    ]
+    numbers: dict[str, float] = {}
+    ratios = [name for name in asked if name in METRIC_FIELDS]
+    if ratios:
+        if len(found) == 1:
+            record: OtherMetrics = {
+                name: {key: found[0][f"{name}.{key}"] for key in METRIC_FIELDS[name]}
+                for name in ratios
+            }
+        else:
+            zero = found[0]["similarity.zero"]
+            record = joined([of_sums(row, ratios, zero) for row in found])
+        numbers |= {
+            f"{WITH_PREFIX}{name}.{key}": float(record[name][key])
+            for name in ratios
+            for key in METRIC_FIELDS[name]
+        }
+        numbers |= {
+            name: float(rows[name].iloc[0]) for name in names if name.startswith("with.similarity.")
+        }
+    costs = [name for name in names if name.startswith("with.gospa.")]
+    return numbers | {name: float(rows[name].sum()) for name in costs}
+
+
+SUMS = (
+    "total_lower", "total", "total_upper", *PARTS, *(f"counts.{name}" for name in COUNTED_PARTS),
+    "judged.steps",
+)  # fmt: skip
+
+OF_INTERVALS = ("confidence_lower", "confidence_upper")
+"""Columns of the intervals of groups."""
+
+ENDS = ("", "_lower", "_upper")
+"""Of the names of a value and its bounds."""
+
+
+def check_labels(by: Sequence[str], known: Collection[str]) -> None:
+    """Whether there are labels of these names.
+
+    Raises
+    ------
+    ConfigError
+        There is no such label.
+    """
+    unknown = [name for name in by if name not in known]
+    if unknown:
+        raise ConfigError(
+            f"--by {unknown[0]}: no such label; there are {', '.join(known) or 'none'}"
+            f"{'; --slice class splits costs by class' if unknown[0] == 'class' else ''}"
+        )
+
+
+def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -> BatchTables:
+    """All tables of a batch: groups, and the order of the values of the first label.
+
+    A group has labels (one that is called like another column keeps its ``label.``), parameters
+    that differ, sums, roots of them; ``jobs`` with a value, and ``expected``: as many as there are
+    of groups with which it shares a truth.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of a store.
+    by : sequence of str
+        Labels that make a group; values of the first are compared.
+    roots : bool
+        Whether with means of roots.
+
+    Raises
+    ------
+    ConfigError
+        There is no such label.
+    """
+    check_labels(by, labels_of(rows))
+    if not len(rows) or (rows["status"] == "failed").all():
+        return BatchTables(rows=rows, groups=rows.iloc[:0], by=tuple(by))
+    rows, parameters = with_parameters(rows)
+    groups = _Groups(rows, by, parameters)
+    table = _summed(groups, roots=roots)
+    having = groups.having
+    items: list[Ranking | str] = []
+    if by:
+        items = list(rankings(having, by[0], parameters, groups.names))
+    intervals = confidence(having, groups.numbers[having.index], groups.orders())
+    return BatchTables(
+        rows=rows,
+        groups=table.assign(**intervals),
+        by=tuple(by),
+        parameters=tuple(parameters),
+        rankings=tuple(item for item in items if isinstance(item, Ranking)),
+        notes=tuple(dict.fromkeys(item for item in items if isinstance(item, str))),
+        slices=tuple(sliced_groups(having, groups.numbers)),
+    )
+
+
+def _summed(groups: "_Groups", *, roots: bool) -> "pd.DataFrame":
+    import pandas as pd
+
+    having, heads = groups.having, groups.heads
+    own = having.groupby(groups.numbers[having.index])
+    table = own[list(SUMS)].sum().reindex(heads.index)
+    table["jobs"] = own.size().reindex(heads.index, fill_value=0)
+    table["open"] = table["jobs"] - own["certified"].sum().reindex(heads.index, fill_value=0)
+    table = table.astype({"jobs": int, "open": int})
+    table["expected"] = groups.expected()
+    inverse = 1 / groups.orders()
+    divisors: dict[str, Any] = {
+        "combined": 1.0,
+        "per_step": table["judged.steps"],
+        "rms": table["jobs"],
+    }
+    for name, divisor in divisors.items():
+        for end in ENDS:
+            table[name + end] = (table["total" + end] / divisor) ** inverse
+    if metrics_of(having.columns):
+        records = {number: joined_metrics(group) for number, group in own}
+        for name in next(iter(records.values())):
+            table[name] = pd.Series({number: found[name] for number, found in records.items()})
+    if roots:
+        values = [having["total" + end] ** (1 / having["order"]) for end in ENDS]
+        for end, value in zip(ENDS, values, strict=True):
+            table["mean_of_roots" + end] = value.groupby(groups.numbers[having.index]).mean()
+    taken = {*table, *OF_INTERVALS, *groups.differing}
+    shown = zip(groups.by, shown_labels(groups.by, taken), strict=True)
+    return heads.rename(columns={LABEL + name: head for name, head in shown}).join(table)
+
+
+class _Groups:
+    """Which group each job is in.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of a store, of which one at least has a value.
+    by : sequence of str
+        Labels that make a group.
+    differing : sequence of str
+        Columns with parameters in which they differ.
+    """
+
+    def __init__(self, rows: "pd.DataFrame", by: Sequence[str], differing: Sequence[str]) -> None:
+        import pandas as pd
+
+        rows = rows.fillna({LABEL + name: "" for name in labels_of(rows)})
+        having = rows[rows["status"] != "failed"]
+        self.by, self.differing = list(by), list(differing)
+        self.names = rows[LABEL + by[0]].drop_duplicates() if by else ()
+        # Of a job without value the parameters are not known.
+        self.rows = having if self.differing else rows
+        self.having = having
+        keys = [*(LABEL + name for name in by), *self.differing]
+        if keys:
+            found = self.rows[keys].drop_duplicates()
+            heads = list(found.itertuples(index=False, name=None))
+            order = sorted(range(len(heads)), key=lambda k: _sorted_by(heads[k], len(self.by)))
+            self.heads = found.iloc[order].reset_index(drop=True)
+            numbers = self.rows[keys].merge(self.heads.reset_index(names="_group"), "left", keys)
+            self.numbers = pd.Series(numbers["_group"].to_numpy(), index=self.rows.index)
+        else:
+            self.heads = pd.DataFrame(index=[0])
+            self.numbers = pd.Series(0, index=self.rows.index)
+
+    def orders(self) -> "pd.Series[float]":
+        """The order p of each group."""
+        first = self.having["order"].groupby(self.numbers[self.having.index]).first()
+        return first.reindex(self.heads.index, fill_value=float(first.iloc[0]))
+
+    def expected(self) -> Any:
+        """How many jobs each group would have, had it what those have that are like it.
+
+        These are groups with a truth in common, or all groups where each has one truth alone.
+
+        Returns
+        -------
+        array of int, shape (groups,)
+        """
+        import numpy as np
+
+        count = len(self.heads)
+        alone = truths(self.rows).groupby(self.numbers).nunique().max() == 1
+        pairs = pair_numbers(self.rows, self.by, self.differing, truth=not alone).to_numpy()
+        size = count + int(pairs.max()) + 1
+        parts = connected_components(self.numbers.to_numpy(), count + pairs, size)
+        alike = np.bincount(parts[count:], minlength=size)[parts[:count]]
+        return np.maximum(alike, np.bincount(self.numbers))
+
+
+def _sorted_by(head: Sequence[Any], labels: int) -> tuple[Any, ...]:
+    """Digits in labels compare as numbers."""
+    return (*(natural(str(value)) for value in head[:labels]), *head[labels:])
+
+
+def sliced_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> Iterator[GroupSlices]:
+    """The sums of each group that has slices.
+
+    Parameters
+    ----------
+    having : DataFrame
+        Rows of a store that have a value.
+    numbers : Series of int
+        The group of each row, by the index of the rows.
+    """
+    if STORED_SLICES not in having:
+        return
+    stored = having[STORED_SLICES].dropna()
+    for number, texts in stored.groupby(numbers[stored.index]):
+        records = map(json.loads, texts)
+        jobs = [tuple(map(Slicing.of, record)) for record in records]
+        yield GroupSlices(group=int(number), slicings=tuple(added_up(jobs)))
