@@ -58,7 +58,8 @@ def command(
     from tgospa_eval.common.config import settings_field
     from tgospa_eval.common.progress import Stopwatch
     from tgospa_eval.inspection import inspect
-    from tgospa_eval.results.records import Json, json_text, table
+    from tgospa_eval.reports.inspection import table
+    from tgospa_eval.results.records import Json, json_text
 
     if ctx.get_parameter_source("on_duplicate") is ParameterSource.DEFAULT:
         options["on_duplicate"] = "first"
