@@ -262,5 +262,5 @@ def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> 
         "within_cutoff": float(np.count_nonzero(near < cutoff) / len(near)),
         "suggested": None
         if suggestion is None
-        else {"cutoff": suggestion.cutoff, "reason": suggestion.reason},
+        else {"cutoff": suggestion[0], "reason": suggestion[1]},
     }

@@ -293,28 +293,9 @@ def on_own_times(request: EvaluationRequest) -> EvaluationRequest:
     return replace(request, time_matching=request.time_matching.on_own_times)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TruthGaps:
-    """Where a truth has two states that are too far apart in time to interpolate across.
-
-    Parameters
-    ----------
-    lengths : (K,) array
-        How long each is, in seconds or the unit of the stamps.
-    ids : list of str
-        The objects that have some.
-    states : int
-        Estimate states within the cutoff of the straight line across one.
-    """
-
-    lengths: Times
-    ids: list[str]
-    states: int
-
-
 def truth_gaps(
     truth: Trajectories, axis: Axis, matching: TimeMatching, distance: Distance, cutoff: float
-) -> TruthGaps | None:
+) -> tuple[Times, list[str], int] | None:
     """The gaps of an interpolated truth, and what estimates report in them.
 
     Parameters
@@ -325,6 +306,15 @@ def truth_gaps(
         Both sides at their steps.
     matching, distance, cutoff
         With which they are compared.
+
+    Returns
+    -------
+    lengths : (K,) array
+        How long each is, in seconds or the unit of the stamps.
+    ids : list of str
+        The objects that have some.
+    states : int
+        Estimate states within the cutoff of the straight line across one.
     """
     if matching.interpolate != "truth" and matching.resample is None:
         return None
@@ -350,11 +340,7 @@ def truth_gaps(
         line = line.chosen(chosen, line.step[chosen], line.times)
         _, near = _near(line, estimate, matching, distance, cutoff)
         states = len(np.unique(near.estimate_row))
-    return TruthGaps(
-        lengths=apart[wide],
-        ids=sorted({str(truth.ids[i]) for i in track[1:][wide].tolist()}),
-        states=states,
-    )
+    return apart[wide], sorted({str(truth.ids[i]) for i in track[1:][wide].tolist()}), states
 
 
 def _named(side: Trajectories) -> list[str]:

@@ -3,6 +3,7 @@
 Costs are in units of c^p. What is said here only decides what is tried: `explain.trials` proves.
 """
 
+from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -23,6 +24,7 @@ from tgospa_eval.explain.edits import (
     Edit,
     TrackPiece,
     exchange,
+    renamed,
     split,
 )
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
@@ -144,11 +146,11 @@ def _changes(estimates: list[int]) -> int:
 
 def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int) -> int:
     """Changes of a truth at a step that there are, less those after an exchange from it on."""
-    before = [s.estimate for s in stretches if s.begin < step]
-    after = [s.estimate for s in stretches if s.end >= step]
-    if not before or not after:
+    before = bisect_left(stretches, step, key=lambda stretch: stretch.begin)
+    after = bisect_left(stretches, step, key=lambda stretch: stretch.end)
+    if not before or after == len(stretches):
         return 0
-    one, other = before[-1], after[0]
+    one, other = stretches[before - 1].estimate, stretches[after].estimate
     named = {a: b, b: a}.get(other, other)
     return int(one != other) - int(one != named)
 
@@ -156,7 +158,7 @@ def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int)
 def _split(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
     """Of each change of an estimate from one truth to another its split."""
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
-    tracks = assigned.problem.estimates
+    tracks, taken = assigned.problem.estimates, set(names)
     truths: dict[int, list[AssignedStretch]] = defaultdict(list)
     estimates: dict[int, list[AssignedStretch]] = defaultdict(list)
     for stretch in assigned.stretches:
@@ -173,13 +175,13 @@ def _split(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
             yield Candidate(
                 kind="split",
                 saving=halves * float(prices[after.begin]),
-                edit=split(track, after.begin, steps, tracks, _other_name(names[track], names)),
+                edit=split(track, after.begin, steps, tracks, _other_name(names[track], taken)),
                 tracks=(track,),
                 begin=step,
             )
 
 
-def _other_name(name: str, names: tuple[str, ...]) -> str:
+def _other_name(name: str, names: set[str]) -> str:
     """A name like this one that there is not."""
     number = 2
     while f"{name}_{number}" in names:
@@ -409,17 +411,7 @@ def _entries(copy: Copy, rows: _CopyRows, problem: Problem) -> tuple[Ints, Ints,
 def _warm(copy: Copy, rows: _CopyRows, held: SavedSolution) -> Iterator[tuple[str, Ints | Floats]]:
     """The assignment and the prices at hand, with the names of tracks after the edit."""
     edit = copy.edit
-    mine = np.flatnonzero(copy.truth_in[held.truth])
-    still = mine[~np.isin(held.estimate[mine], list(edit.pieces))]
-    pieces = [(still, held.estimate[still], held.begin[still], held.end[still])]
-    for name, parts in edit.pieces.items():
-        own = mine[held.estimate[mine] == name]
-        for piece in parts:
-            begin = np.maximum(held.begin[own], piece.begin)
-            end = np.minimum(held.end[own], piece.end)
-            some = np.flatnonzero(begin <= end)
-            pieces.append((own[some], np.full(len(some), piece.to), begin[some], end[some]))
-    which, track, begin, end = (np.concatenate(part) for part in zip(*pieces, strict=True))
+    which, track, begin, end = renamed(held, edit, np.flatnonzero(copy.truth_in[held.truth]))
     yield "truth", rows.truth_number[held.truth[which]]
     yield "estimate", rows.estimate_number[track]
     yield "begin", begin

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import Floats, Ints, Objects
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.warm_start import save_solution
+from tgospa_eval.solvers.warm_start import SavedSolution, save_solution
 from tgospa_eval.tracks.attributes import Attributes, chosen, stacked
 from tgospa_eval.tracks.conversion import iso
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
@@ -188,6 +188,21 @@ class Edit:
                 became[(piece.begin <= at) & (at <= piece.end)] = piece.to
             found[rows] = became
         return found
+
+
+def renamed(held: SavedSolution, edit: Edit, chosen: Ints) -> tuple[Ints, Ints, Ints, Ints]:
+    """What becomes of the chosen runs: which each was, its estimate afterwards, begin and end."""
+    still = chosen[~np.isin(held.estimate[chosen], list(edit.pieces))]
+    found = [(still, held.estimate[still], held.begin[still], held.end[still])]
+    for track, pieces in edit.pieces.items():
+        own = chosen[held.estimate[chosen] == track]
+        for piece in pieces:
+            begin = np.maximum(held.begin[own], piece.begin)
+            end = np.minimum(held.end[own], piece.end)
+            some = np.flatnonzero(begin <= end)
+            found.append((own[some], np.full(len(some), piece.to), begin[some], end[some]))
+    which, estimate, begin, end = (np.concatenate(part) for part in zip(*found, strict=True))
+    return which, estimate, begin, end
 
 
 def edited(estimate: Trajectories, edit: Edit) -> Trajectories:

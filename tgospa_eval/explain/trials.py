@@ -20,7 +20,7 @@ from tgospa_eval.evaluation.evaluate import GAP
 from tgospa_eval.evaluation.prepare import Fitted, fit, measure, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.explain.candidates import Candidate, Copy, joined, size_of
-from tgospa_eval.explain.edits import Assigned, Edit, edited
+from tgospa_eval.explain.edits import Assigned, Edit, edited, renamed
 from tgospa_eval.problem.certificate import (
     ROUNDOFF,
     certify,
@@ -139,23 +139,16 @@ class Direct:
         """Cost of the switches of what is held, under its new names; None if it does not fit."""
         held, price = self.assigned.held, self.problem.switch_price_at
         last = self.problem.steps - 1
-        moved = np.isin(held.estimate, list(edit.pieces))
-        spans = [self._spans(np.flatnonzero(~moved), None)]
-        for track, pieces in edit.pieces.items():
-            own = np.flatnonzero(held.estimate == track)
-            spans += [self._spans(own, (piece.begin, piece.end, piece.to)) for piece in pieces]
-        truth, estimate, begin, end, weight = (
-            np.concatenate(column) for column in zip(*spans, strict=True)
-        )
+        which, estimate, begin, end = renamed(held, edit, np.arange(len(held.truth)))
+        truth, weight = held.truth[which], held.weight[which]
         for track in {piece.to for pieces in edit.pieces.values() for piece in pieces}:
             if _overfull(
                 begin[estimate == track], end[estimate == track], weight[estimate == track]
             ):
                 return None
         order = np.lexsort((begin, estimate, truth))
-        truth, estimate, begin, end, weight = (
-            column[order] for column in (truth, estimate, begin, end, weight)
-        )
+        truth, estimate, weight = truth[order], estimate[order], weight[order]
+        begin, end = begin[order], end[order]
         joins = np.zeros(len(order), bool)
         joins[1:] = (
             (truth[1:] == truth[:-1])
@@ -167,24 +160,6 @@ class Direct:
         closes = (end < last) & ~np.append(joins[1:], False)
         falls = np.where(closes, weight, 0.0) * price[np.minimum(end + 1, last)]
         return float(rises.sum() + falls.sum())
-
-    def _spans(
-        self, chosen: Ints, piece: tuple[int, int, int] | None
-    ) -> tuple[Ints, Ints, Ints, Ints, Floats]:
-        """Truth, estimate, begin, end and weight of what is held, of a piece under its new name."""
-        held = self.assigned.held
-        begin, end, estimate = held.begin[chosen], held.end[chosen], held.estimate[chosen]
-        if piece is not None:
-            begin, end = np.maximum(begin, piece[0]), np.minimum(end, piece[1])
-            estimate = np.full(len(chosen), piece[2])
-        some = begin <= end
-        return (
-            held.truth[chosen][some],
-            estimate[some],
-            begin[some],
-            end[some],
-            held.weight[chosen][some],
-        )
 
     def _added(self, edit: Edit, near: Problem, number: int) -> Trial | None:
         """With more rows: without one a truth may be missed that it located, and no more."""

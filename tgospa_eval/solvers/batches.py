@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import field, replace
 from functools import partial
-from typing import Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -26,9 +26,6 @@ from tgospa_eval.solvers.block_costs import (
 from tgospa_eval.solvers.far_cutoff import Mask, solve_at_fitting_cutoffs
 from tgospa_eval.solvers.time_windows import Divided, TimeShares, TimeWindow, divisible_blocks
 from tgospa_eval.solvers.warm_start import WarmStart
-
-T = TypeVar("T")
-R = TypeVar("R")
 
 BATCH_STATES = 20_000
 """States of a batch of small blocks: enough to hide the cost of a call."""
@@ -264,11 +261,8 @@ def _solve_some(
     )
 
 
-class InThreads(Protocol):
-    """`map` to a list, in threads or not."""
-
-    def __call__(self, work: Callable[[T], R], items: Iterable[T], /) -> list[R]:
-        """The answers in order."""
+InThreads = Callable[[Callable[[Any], Answer], Iterable[Any]], list[Answer]]
+"""`map` to a list, in order, in threads or not."""
 
 
 @contextmanager

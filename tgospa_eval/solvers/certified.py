@@ -24,9 +24,7 @@ from tgospa_eval.solvers.schedule import (
     TIME_WINDOWS,
     WINDOWS,
     Stage,
-    check_gap,
-    check_jobs,
-    check_time_limit,
+    check_settings,
 )
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.solvers.whole_lp import solve_whole
@@ -63,9 +61,7 @@ class Certified:
     jobs: int | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gap", check_gap(self.gap))
-        object.__setattr__(self, "time_limit", check_time_limit(self.time_limit))
-        object.__setattr__(self, "jobs", check_jobs(self.jobs))
+        check_settings(self, gap=self.gap, time_limit=self.time_limit, jobs=self.jobs)
 
     def __call__(
         self, states: States, stopwatch: Stopwatch, warm_start: "WarmStart | None" = None

@@ -21,7 +21,7 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_batches
 from tgospa_eval.solvers.block_costs import better, block_costs, price_cap, settle, unassigned_costs
 from tgospa_eval.solvers.capacities import CapacityRows, capacity_rows
-from tgospa_eval.solvers.schedule import check_time_limit
+from tgospa_eval.solvers.schedule import check_settings
 from tgospa_eval.solvers.trivial import dual_values, round_paths, solve_rows
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class Exact:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time_limit", check_time_limit(self.time_limit))
+        check_settings(self, time_limit=self.time_limit)
 
     def __call__(
         self, states: States, stopwatch: Stopwatch, warm_start: "WarmStart | None" = None

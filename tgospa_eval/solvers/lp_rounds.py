@@ -32,12 +32,11 @@ if TYPE_CHECKING:
     from tgospa_eval.solvers.restricted_lp import Proposal
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Subproblem:
-    """Part of a problem that is a problem itself, as far as its free states are concerned.
+def cut_out(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
+    """What some states, which come in order, touch, as far as they are concerned a problem itself.
 
-    Parameters
-    ----------
+    Returns
+    -------
     states : States
         The rows and columns that the free states touch, with all that they could be in from the
         step before the first free state to the step after the last. Column slots of other nodes
@@ -49,15 +48,6 @@ class Subproblem:
     slot : (K',) int array
         Where the column slots of the free states are in the whole; of others anywhere.
     """
-
-    states: States
-    state: Ints
-    free: Ints
-    slot: Ints
-
-
-def cut_out(states: States, free: Ints) -> Subproblem:
-    """The piece of some states, which come in order."""
     pair = np.searchsorted(states.pair_first, free, side="right") - 1
     touched = np.zeros(states.nodes, bool)
     touched[states.pair_row[pair]] = touched[states.pair_column[pair]] = True
@@ -106,7 +96,7 @@ def cut_out(states: States, free: Ints) -> Subproblem:
     base = _last_until(states.columns.step, place[nodes], place[nodes + 1], opens)
     at = concatenated(base, np.diff(columns.first))
     slot = np.clip(at, 0, max(len(states.columns.step) - 1, 0))
-    return Subproblem(states=piece, state=state, free=np.searchsorted(state, free), slot=slot)
+    return piece, state, np.searchsorted(state, free), slot
 
 
 def _ends(states: States, chosen: Ints, pair: Ints) -> Ints:
@@ -300,9 +290,8 @@ class Programmes:
             left = max(left - PROGRAMMES.build * len(free), 0.0)
         states, own, given, slots = ascent.states, free, (ascent.weights, ascent.prices), None
         if not whole:
-            piece = cut_out(states, free)
-            states, own, slots = piece.states, piece.free, piece.slot
-            given = given[0][piece.state], given[1][piece.slot]
+            states, state, own, slots = cut_out(states, free)
+            given = given[0][state], given[1][slots]
         found = self._apart(
             lambda: solve_restricted_lp(
                 states, own, *given, ascent.switch_price, left, interior=self.interior

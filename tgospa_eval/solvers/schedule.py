@@ -13,49 +13,30 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
 
 
-def check_gap(gap: float) -> float:
-    """The gap as a float.
+def check_settings(
+    solver: object, *, gap: float = 0.0, time_limit: float | None = None, jobs: int | None = None
+) -> None:
+    """Check settings that solvers have in common, and make plain numbers of them.
 
     Raises
     ------
     ConfigError
-        The gap is no number, negative or infinite.
+        The gap is no number, negative or infinite; the limit is no number, infinite, zero or
+        negative; or the threads are no whole number of at least 1.
     """
     gap = real_number("gap", gap)
     if not 0 <= gap < np.inf:
         raise ConfigError(f"gap is {gap:g}: must be finite and 0 or more")
-    return gap
-
-
-def check_time_limit(seconds: float | None) -> float | None:
-    """The limit as a float; None is no limit.
-
-    Raises
-    ------
-    ConfigError
-        The limit is no number, infinite, zero or negative.
-    """
-    if seconds is None:
-        return None
-    seconds = real_number("time limit", seconds)
-    if not 0 < seconds < np.inf:
-        raise ConfigError(f"time limit is {seconds:g} s: must be finite and more than 0")
-    return seconds
-
-
-def check_jobs(jobs: int | None) -> int | None:
-    """The number of threads; None is all cores.
-
-    Raises
-    ------
-    ConfigError
-        The number is no whole number of at least 1.
-    """
-    if jobs is None:
-        return None
-    if isinstance(jobs, bool) or not isinstance(jobs, int | np.integer) or jobs < 1:
-        raise ConfigError(f"jobs is {jobs!r}: must be a whole number, 1 or more")
-    return int(jobs)
+    if time_limit is not None:
+        time_limit = real_number("time limit", time_limit)
+        if not 0 < time_limit < np.inf:
+            raise ConfigError(f"time limit is {time_limit:g} s: must be finite and more than 0")
+    if jobs is not None:
+        if isinstance(jobs, bool) or not isinstance(jobs, int | np.integer) or jobs < 1:
+            raise ConfigError(f"jobs is {jobs!r}: must be a whole number, 1 or more")
+        jobs = int(jobs)
+    plain = {"gap": gap, "time_limit": time_limit, "jobs": jobs}
+    vars(solver).update({name: plain[name] for name in plain.keys() & vars(solver).keys()})
 
 
 class Stage(NamedTuple):

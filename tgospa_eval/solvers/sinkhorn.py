@@ -23,7 +23,7 @@ from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_batches
 from tgospa_eval.solvers.dual_ascent import Ascent
-from tgospa_eval.solvers.schedule import check_gap, check_jobs, check_time_limit
+from tgospa_eval.solvers.schedule import check_settings
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.solvers.whole_lp import solve_whole
 
@@ -76,9 +76,7 @@ class Sinkhorn:
         object.__setattr__(self, "epsilon", real_number("epsilon", self.epsilon))
         if not (self.epsilon > 0 and np.isfinite(self.epsilon)):
             raise ConfigError(f"epsilon is {self.epsilon:g}: must be finite and more than 0")
-        object.__setattr__(self, "gap", check_gap(self.gap))
-        object.__setattr__(self, "time_limit", check_time_limit(self.time_limit))
-        object.__setattr__(self, "jobs", check_jobs(self.jobs))
+        check_settings(self, gap=self.gap, time_limit=self.time_limit, jobs=self.jobs)
 
     def __call__(
         self, states: States, stopwatch: Stopwatch, warm_start: "WarmStart | None" = None

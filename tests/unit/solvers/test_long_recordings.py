@@ -51,14 +51,13 @@ def test_a_piece_asks_the_same_as_the_whole(seed: int) -> None:
         free = np.flatnonzero(ascent.has(kernels.NEAR) & (begin >= low) & (states.end < high))
         given = ascent.weights, ascent.prices
         whole = solve_restricted_lp(states, free, *given, ascent.switch_price, None)
-        piece = cut_out(states, free)
-        assert len(piece.state) < len(begin)
-        assert np.array_equal(piece.state[piece.free], free)
+        piece, state, own, slot = cut_out(states, free)
+        assert len(state) < len(begin)
+        assert np.array_equal(state[own], free)
         part = solve_restricted_lp(
-            piece.states, piece.free, given[0][piece.state], given[1][piece.slot],
-            ascent.switch_price, None,
-        )  # fmt: skip
-        assert np.array_equal(piece.slot[part.slot], whole.slot)
+            piece, own, given[0][state], given[1][slot], ascent.switch_price, None
+        )
+        assert np.array_equal(slot[part.slot], whole.slot)
         np.testing.assert_allclose(part.weights, whole.weights, atol=1e-12)
         np.testing.assert_allclose(part.prices, whole.prices, atol=1e-12)
 

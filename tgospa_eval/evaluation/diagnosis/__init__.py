@@ -120,18 +120,19 @@ def gap_warnings(
     found = truth_gaps(sides.given[0], sides.axis, matching, sides.distance, parameters.cutoff)
     if found is None:
         return []
-    ids = ", ".join(found.ids[:3]) + (f" and {len(found.ids) - 3:,} more" * (len(found.ids) > 3))
+    lengths, names, states = found
+    ids = ", ".join(names[:3]) + (f" and {len(names) - 3:,} more" * (len(names) > 3))
     text = (
-        f"the truth has {counted(len(found.lengths), 'gap')} longer than "
-        f"{matching.gaps[0].text}, {number(float(found.lengths.sum()), 4)} in all, of {ids}"
+        f"the truth has {counted(len(lengths), 'gap')} longer than "
+        f"{matching.gaps[0].text}, {number(float(lengths.sum()), 4)} in all, of {ids}"
     )
-    if not found.states:
+    if not states:
         return [Notice(text=text)]
-    cost = found.states * parameters.rho * parameters.cutoff**parameters.order
+    cost = states * parameters.rho * parameters.cutoff**parameters.order
     return [
         Notice(
             code="truth-gaps",
-            text=f"{text}: {counted(found.states, 'estimate state')} within c of the straight line "
+            text=f"{text}: {counted(states, 'estimate state')} within c of the straight line "
             f"across are false because the truth is silent, cost up to {number(cost)}",
             remedy=f"a longer {spell('max_gap', '')} if the truth moves straight in them",
         )

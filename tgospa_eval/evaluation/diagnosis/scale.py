@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from tgospa_eval.common.arrays import median
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, Spelling, as_option
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.gating import plain_norm, rows_at
@@ -30,24 +29,8 @@ LEADING = (1.0, 2.0, 5.0, 10.0)
 """Leading digits of what is suggested."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Suggestion:
-    """A cutoff to begin with.
-
-    Parameters
-    ----------
-    cutoff : float
-        In the unit of the distance.
-    reason : str
-        Where it is from.
-    """
-
-    cutoff: float
-    reason: str
-
-
-def suggest_cutoff(near: Floats, others: Floats) -> Suggestion | None:
-    """A cutoff for such distances; None where they do not tell errors from misses.
+def suggest_cutoff(near: Floats, others: Floats) -> tuple[float, str] | None:
+    """A cutoff to begin with, and where it is from; None where errors are not told from misses.
 
     Parameters
     ----------
@@ -73,7 +56,7 @@ def suggest_cutoff(near: Floats, others: Floats) -> Suggestion | None:
     crowded = float(np.count_nonzero(others < cutoff) / len(near))
     if crowded >= 0.005:
         reason += f", and {100 * crowded:.0f} % another truth"
-    return Suggestion(cutoff=cutoff, reason=reason)
+    return cutoff, reason
 
 
 def _rounded_up(value: float) -> float:

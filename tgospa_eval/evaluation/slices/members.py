@@ -38,22 +38,8 @@ NOT_KNOWN = -1.0
 QUARTILES = (0.25, 0.5, 0.75)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SliceShares:
-    """A slice for each row of both sides, and how much of the row is in it.
-
-    Parameters
-    ----------
-    truth, estimate : (R,) int arrays
-        Number of the slice.
-    truth_share, estimate_share : (R,) float arrays, optional
-        From 0 to 1; by default all of it.
-    """
-
-    truth: Ints
-    estimate: Ints
-    truth_share: Floats | None = None
-    estimate_share: Floats | None = None
+SideShare = tuple[Ints, Floats | None]
+"""A slice for each row of a side (R,), and how much of the row is in it, 0 to 1; None is all."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,28 +50,25 @@ class Members:
     ----------
     names : list of str
         Of all slices.
-    shares : tuple of SliceShares
-        Of each row they sum to 1.
+    shares : tuple of tuple of SideShare
+        Of truth and estimate; of each row they sum to 1.
     kept : (n,) bool array
         Slices that are shown even if nothing is in them.
     """
 
     names: list[str]
-    shares: tuple[SliceShares, ...]
+    shares: tuple[tuple[SideShare, ...], ...]
     kept: NDArray[np.bool_]
 
     def crossed(self, other: "Members") -> "Members":
         """The slices by both attributes."""
         size = len(other.names)
         shares = tuple(
-            SliceShares(
-                truth=a.truth * size + b.truth,
-                estimate=a.estimate * size + b.estimate,
-                truth_share=_product(a.truth_share, b.truth_share),
-                estimate_share=_product(a.estimate_share, b.estimate_share),
+            tuple(
+                (a * size + b, _product(x, y)) for (a, x), (b, y) in zip(mine, theirs, strict=True)
             )
-            for a in self.shares
-            for b in other.shares
+            for mine in self.shares
+            for theirs in other.shares
         )
         names = [f"{first}{CROSSED}{second}" for first in self.names for second in other.names]
         return Members(names=names, shares=shares, kept=np.zeros(len(names), bool))
@@ -199,12 +182,7 @@ def _weighted(
         for side, size in zip(values, rows, strict=True)
     ]
     shares = tuple(
-        SliceShares(
-            truth=part.shares[0].truth,
-            estimate=part.shares[0].estimate,
-            truth_share=share[0],
-            estimate_share=share[1],
-        )
+        tuple((rows_in, own) for (rows_in, _), own in zip(part.shares[0], share, strict=True))
         for part, share in ((first, weights), (second, [1 - weight for weight in weights]))
     )
     return Members(names=first.names, shares=shares, kept=first.kept)
@@ -302,7 +280,7 @@ def _numbered(
     shown[:size] = True if kept is None else kept
     return Members(
         names=[*names, NO_VALUE, NO_ATTRIBUTE],
-        shares=(SliceShares(truth=truth, estimate=estimate),),
+        shares=(((truth, None), (estimate, None)),),
         kept=shown,
     )
 

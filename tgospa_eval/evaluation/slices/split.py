@@ -135,12 +135,11 @@ def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
     """The sums of all slices that have rows, or are shown without."""
     size = len(whole.names)
     sums: dict[str, Floats] = {}
-    for role, values in zip(("truth", "estimate"), costs, strict=True):
+    for side, (role, values) in enumerate(zip(("truth", "estimate"), costs, strict=True)):
         rows = len(next(iter(values.values())))
         columns = {**values, f"{role}_steps": np.ones(rows)}
         for part in whole.shares:
-            place = getattr(part, role)
-            share = getattr(part, f"{role}_share")
+            place, share = part[side]
             order = np.argsort(place.astype(np.min_scalar_type(size)), kind="stable")
             first = np.searchsorted(place[order], np.arange(size + 1))
             for name, value in columns.items():
