@@ -8,6 +8,8 @@ from importlib import import_module
 from itertools import islice
 from typing import Any, TypeVar
 
+from tgospa_eval.common.files import reason
+
 
 def compiled(name: str) -> Any:
     """An extension module, or None: everything works without, more slowly.
@@ -20,8 +22,6 @@ def compiled(name: str) -> Any:
         return import_module(name)
     except ImportError:
         return None
-
-from tgospa_eval.common.files import reason
 
 
 def cores() -> int:

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from matplotlib.patches import StepPatch
 
 
-
 def _function(method: "Callable[..., Figure]") -> "Callable[..., Figure]":
     """A method of results as a function of one."""
 

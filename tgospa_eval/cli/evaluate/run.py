@@ -17,7 +17,6 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports import REPORTS
-from tgospa_eval.results.records import Json
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
 
