@@ -47,7 +47,7 @@ def rows(options: dict[str, str]) -> str:
 
 
 def table(verb: str, section: str | None = None) -> str:
-    """Options of a section, or all; of a verb beside `evaluate` its own, and the names of the others."""
+    """Options of a section, or all; but of `evaluate` those of its own, and names of the others."""
     sections = records(verb)
     if section is not None:
         return rows(sections[section])
