@@ -1,11 +1,18 @@
 """Sphinx settings. Formulas become MathML at build time: no JavaScript, no network."""
 
+import sys
+from pathlib import Path
+
 from docutils import nodes
 from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.errors import ExtensionError
 
 from tgospa_eval import __version__
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import option_tables
 
 project = "tgospa-eval"
 author = "The tgospa-eval authors"
@@ -40,7 +47,7 @@ html_math_renderer = "mathml"
 
 def to_mathml(node, *, block):
     try:
-        # the empty set is no operator, with room around it
+        # the empty set is no operator, with space around it
         made = str(tex2mathml(node.astext(), as_block=block))
         return made.replace("<mo>⌀</mo>", "<mi mathvariant='normal'>∅</mi>")
     except MathError as error:
@@ -80,6 +87,7 @@ def without_pages(app, document, docname):
 
 
 def setup(app):
+    app.connect("source-read", option_tables.insert)
     app.connect("doctree-resolved", without_pages)
     app.connect("autodoc-process-docstring", keep_docstring, priority=400)
     app.connect("autodoc-process-docstring", restore_docstring, priority=600)

@@ -1,0 +1,66 @@
+"""Tables of the options of a verb, from its click command: what `tgospa-eval help VERB` prints.
+
+In a page a block `{options} VERB`, or `{options} VERB SECTION`, is replaced by its table.
+"""
+
+import re
+
+import click
+
+from tgospa_eval.cli.shared.help import SECTIONS
+from tgospa_eval.cli.verbs import load
+
+BLOCK = re.compile(r"^```\{options\} (\w+)(?: (.+))?\n```$", re.M)
+DEFAULT = "evaluate"
+"""Of the other verbs those options are shown that this one has not, or not with the same help."""
+
+
+def records(verb: str) -> dict[str, dict[str, str]]:
+    """By section the help of each option by its declaration."""
+    command = load(verb)
+    context = click.Context(command, info_name=verb)
+    found: dict[str, dict[str, str]] = {name: {} for name in SECTIONS}
+    for item in command.get_params(context):
+        record = item.get_help_record(context) if isinstance(item, click.Option) else None
+        if record is not None:
+            found[getattr(item, "section", SECTIONS[-1])][record[0]] = record[1]
+    return found
+
+
+def escaped(text: str) -> str:
+    """For a cell of a table."""
+    return text.replace("|", r"\|")
+
+
+def cell(text: str) -> str:
+    """A text of help as Markdown: options as code, nothing else with a meaning."""
+    parts = re.split(r"(?<![\w-])(--?[a-z][\w-]*)", re.sub(r"\s+", " ", text))
+    plain = [re.sub(r"([\\`*_{}\[\]<>$~])", r"\\\1", part) for part in parts[::2]]
+    code = [f"`{part}`" for part in parts[1::2]] + [""]
+    return escaped("".join(map("".join, zip(plain, code, strict=True))))
+
+
+def rows(options: dict[str, str]) -> str:
+    """A table."""
+    lines = [f"| `{escaped(name)}` | {cell(text)} |" for name, text in options.items()]
+    return "\n".join(("| option | meaning |", "|---|---|", *lines))
+
+
+def table(verb: str, section: str | None = None) -> str:
+    """Options of a section, or all; but of `evaluate` those of its own, and names of the others."""
+    sections = records(verb)
+    if section is not None:
+        return rows(sections[section])
+    options = {name: text for part in sections.values() for name, text in part.items()}
+    if verb == DEFAULT:
+        return rows(options)
+    usual = {item for part in records(DEFAULT).values() for item in part.items()}
+    shared = [name for name, text in options.items() if (name, text) in usual]
+    text = rows({name: text for name, text in options.items() if name not in shared})
+    names = ", ".join(f"`{re.findall(r'--[a-z-]+', name)[0]}`" for name in shared)
+    return f"{text}\n\nOptions that `evaluate` has too: {names}."
+
+
+def insert(app: object, docname: str, source: list[str]) -> None:
+    """Replace the blocks of a page, for the event `source-read`."""
+    source[0] = BLOCK.sub(lambda found: table(found[1], found[2]), source[0])
