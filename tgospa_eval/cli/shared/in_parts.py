@@ -13,10 +13,9 @@ from tgospa_eval.common.machine import machine_memory
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import Headers
 from tgospa_eval.formats.fields import floats
-from tgospa_eval.formats.guess import is_table_folder
+from tgospa_eval.formats.guess import ENDINGS, is_table_folder
 from tgospa_eval.formats.loading import TABLE, TEXT
 from tgospa_eval.formats.times import parse_times
-from tgospa_eval.partitioned.input.listing import CSV_ENDINGS, PARQUET_ENDINGS, stored
 
 FITS_ANYWHERE = 10**6
 """Bytes of files that fit anywhere."""
@@ -70,12 +69,15 @@ def is_recording(folder: str, columns: str) -> bool:
     """
     if is_table_folder(folder):
         return False
+    from tgospa_eval.partitioned.input.listing import stored  # here: most evaluations are of files
+
     files = [file.path for file, _ in stored(folder)]
-    if files and all(name.endswith(PARQUET_ENDINGS) for name in files):
+    formats = {ENDINGS.get(os.path.splitext(name)[1]) for name in files}
+    if formats == {"parquet"}:
         return True
     return (
         len(files) > 1
-        and all(name.endswith(CSV_ENDINGS) for name in files)
+        and formats == {"csv"}
         and _in_turn(files, re.findall(r"(?:^|,)\s*t=([^,]*)", columns))
     )
 
@@ -136,9 +138,10 @@ def _needed(path: str) -> float:
     size = os.path.getsize(path)
     if size < FITS_ANYWHERE:
         return 0.0
-    if re.search(r"\.(csv|tsv)$", path.lower()):
+    format = ENDINGS.get(os.path.splitext(path.lower())[1])
+    if format == "csv":
         return float(TEXT * size)
-    if not path.lower().endswith(PARQUET_ENDINGS):
+    if format != "parquet":
         return 0.0
     try:
         import pyarrow.parquet as pq  # here: for large files only
