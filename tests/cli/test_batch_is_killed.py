@@ -26,7 +26,7 @@ SCRIPT = (
     "import sys\n"
     "from tgospa_eval.cli import main\n"
     "from dataclasses import replace\n"
-    "from tgospa_eval.engines import spread as engine\n"
+    "from tgospa_eval.engines import engine\n"
     "from tgospa_eval.api import batch as run\n"
     "engine.ATTEMPTS = [replace(attempt, most=1) for attempt in engine.ATTEMPTS]\n"
     "run.FLUSH = 0.02\n"

@@ -17,7 +17,7 @@ from faults import FATAL, double, slow
 from tgospa_eval.campaign.store import Store
 from tgospa_eval.common import files
 from tgospa_eval.engines import cluster as module
-from tgospa_eval.engines import spread as engine
+from tgospa_eval.engines import engine
 
 pytest.importorskip("distributed")
 

@@ -338,7 +338,7 @@ PROGRAMMES = (
     "restricted_lp.solve_restricted_lp = and_never_end"
 )
 PROOF = f"{SWEEPS}; from tgospa_eval.evaluation import evaluate; evaluate.certify = and_never_end"
-READING = "from tgospa_eval.api import settings; settings.Settings.read = and_never_end"
+READING = "from tgospa_eval.api import resolve; resolve.Settings.read = and_never_end"
 DRAWING = "from tgospa_eval.reports import html; html.page = and_never_end"
 HARD = ("-c", "25", "-g", "2", "--time", "0:15")
 """Of a crowd: what no solver settles without work."""

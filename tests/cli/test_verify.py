@@ -16,7 +16,7 @@ from browser import PATIENCE
 from checkout import SAMPLES
 
 from tgospa_eval import evaluate, verify
-from tgospa_eval.api.request import OF_THE_NUMBER
+from tgospa_eval.api.options import OF_THE_NUMBER
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.distances.base import DistanceSettings
 from tgospa_eval.proof import verify_tgospa

@@ -7,8 +7,8 @@ import pytest
 from checkout import ROOT
 
 from tgospa_eval import __all__ as public
-from tgospa_eval.api import request
-from tgospa_eval.cli.shared import options
+from tgospa_eval.api import options
+from tgospa_eval.cli.shared import click_options
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.formats import FORMATS
 from tgospa_eval.reports import REPORTS
@@ -18,10 +18,10 @@ from tgospa_eval.solvers import SOLVERS, solver_class
 @pytest.mark.parametrize(
     ("listed", "members"),
     [
-        (request.DISTANCES, DISTANCES),
-        (request.SOLVERS, SOLVERS),
-        (options.REPORT_FORMATS, REPORTS),
-        (request.FILE_FORMATS, FORMATS),
+        (options.DISTANCES, DISTANCES),
+        (options.SOLVERS, SOLVERS),
+        (click_options.REPORT_FORMATS, REPORTS),
+        (options.FILE_FORMATS, FORMATS),
     ],
 )
 def test_members_are_offered_and_documented(listed: tuple[str, ...], members: dict) -> None:

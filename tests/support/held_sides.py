@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tgospa_eval.engines.spread import Engine
+from tgospa_eval.engines.engine import Engine
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats import Reading

@@ -29,7 +29,7 @@ from tgospa_eval import (
 )
 from tgospa_eval.api.batch import BatchOptions
 from tgospa_eval.api.keywords import OF_THE_COMMAND
-from tgospa_eval.api.request import SETTINGS
+from tgospa_eval.api.options import SETTINGS
 from tgospa_eval.campaign import solvers
 from tgospa_eval.campaign.solvers import run_here
 from tgospa_eval.cli.simulate import OPTIONS

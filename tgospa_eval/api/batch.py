@@ -26,7 +26,7 @@ from tgospa_eval.api.batch_job import (
 )
 from tgospa_eval.api.keywords import with_options
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.request import FLAGS, SETTINGS, Request, Values, typed
+from tgospa_eval.api.options import FLAGS, SETTINGS, Request, Values, typed
 from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.curves import rms_curves
 from tgospa_eval.campaign.grouping import labels_of
@@ -47,8 +47,8 @@ from tgospa_eval.common.manifest import read_manifest, unchanged
 from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.common.words import counted, parsed_whole
 from tgospa_eval.engines.cluster import Cluster
+from tgospa_eval.engines.engine import Engine, spread
 from tgospa_eval.engines.processes import Processes
-from tgospa_eval.engines.spread import Engine, spread
 from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.evaluation.request import chosen_metrics
 from tgospa_eval.evaluation.slicing import parse_slices
@@ -500,9 +500,9 @@ def _left_over(
         elif row["status"] != "failed":
             has_steps, has_curve = row[STORED_STEPS] > 0, bool(row[STORED_CURVE])
             wanted = task.per_step and row["sizes.steps"] > 0
-            lacking = wanted and not (has_steps and (has_curve or not task.options.curve))
+            missing = wanted and not (has_steps and (has_curve or not task.options.curve))
             written = task.folder is None or (task.is_written and not row[NOT_WRITTEN])
-            if lacking or not written:
+            if missing or not written:
                 options = replace(task.options, curve=task.options.curve or has_curve)
                 yield replace(task, options=options, per_step=task.per_step or has_steps)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.request import Request
+from tgospa_eval.api.options import Request
 from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.campaign.row import Row, row_of, stored_slices
 from tgospa_eval.campaign.store import stored_steps
@@ -138,7 +138,7 @@ def files_of(job: Job, options: Request) -> tuple[str, ...]:
 def evaluate_job(task: JobTask) -> Row:
     """The row of a job; a wrong file or a failed solver is a row as well, with its message."""
     from tgospa_eval.api.evaluate import evaluate_sides, read_sides  # here: the parent does without
-    from tgospa_eval.api.settings import make_settings
+    from tgospa_eval.api.resolve import make_settings
 
     begin = time.monotonic()
     try:

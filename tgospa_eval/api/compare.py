@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
-from tgospa_eval.api.settings import Settings, called, infos, make_settings
+from tgospa_eval.api.resolve import Settings, called, infos, make_settings
 from tgospa_eval.api.sweep import ONE_EVALUATION
 from tgospa_eval.campaign.pairs import expand, first_file, is_pattern, short_names
 from tgospa_eval.campaign.ranking import (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.notices import about, pair_notices, slow_notice
-from tgospa_eval.api.settings import Settings, called, infos, make_settings
+from tgospa_eval.api.resolve import Settings, called, infos, make_settings
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, as_argument, as_option, in_python, warn_user
 from tgospa_eval.common.progress import Stopwatch

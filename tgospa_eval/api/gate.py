@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval._version import __version__
 from tgospa_eval.api.evaluate import evaluate
 from tgospa_eval.api.keywords import KEYWORDS, with_options
-from tgospa_eval.api.request import FLAGS, NAMES, OF_THE_NUMBER, Request, Values, typed
+from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, Request, Values, typed
 from tgospa_eval.campaign.baseline import (
     Baseline,
     BaselineEntry,

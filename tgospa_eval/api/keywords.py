@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from types import NoneType
 from typing import Any, ParamSpec, TypeVar, get_args
 
-from tgospa_eval.api.request import DEFAULTS, SETTINGS, TYPES, Request
+from tgospa_eval.api.options import DEFAULTS, SETTINGS, TYPES, Request
 from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import quoted

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from tgospa_eval.api.distance import notices
-from tgospa_eval.api.request import Request
+from tgospa_eval.api.options import Request
 from tgospa_eval.common.notices import Notice, Spelling, as_option
 from tgospa_eval.evaluation.diagnosis import (
     alignment_notices,

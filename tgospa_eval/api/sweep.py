@@ -8,8 +8,8 @@ import numpy as np
 
 from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
-from tgospa_eval.api.request import Request
-from tgospa_eval.api.settings import Settings, infos, make_settings
+from tgospa_eval.api.options import Request
+from tgospa_eval.api.resolve import Settings, infos, make_settings
 from tgospa_eval.common.notices import warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError

@@ -104,8 +104,8 @@ def rms_curves(
         except TimeError as error:
             made.notes.append(f"there are none: {error}")
         if not counts.all():
-            lacking = f"{np.count_nonzero(~counts):,} of {counted(len(counts), 'run')}"
-            made.notes.append(f"of {lacking} no steps are stored, and these do not count")
+            missing = f"{np.count_nonzero(~counts):,} of {counted(len(counts), 'run')}"
+            made.notes.append(f"of {missing} no steps are stored, and these do not count")
         for text in made.notes:
             notes.setdefault(text, []).append("/".join(labels.values()) or "all jobs")
     return found, [f"curves of {listed(names)}: {text}" for text, names in notes.items()]
@@ -151,8 +151,8 @@ class _Curves:
             return
         having = np.isin(jobs, steps.job[traced]) | ~np.isin(jobs, steps.job[at])
         if not having.all():
-            lacking = f"{np.count_nonzero(~having):,} of {counted(len(having), 'run')}"
-            self.notes.append(f"{lacking} have no values of the steps up to each step")
+            missing = f"{np.count_nonzero(~having):,} of {counted(len(having), 'run')}"
+            self.notes.append(f"{missing} have no values of the steps up to each step")
         runs = _Runs(steps, traced, jobs[having])
         value, lower, upper = self._powers(steps.curve[:, runs.rows])
         line = self._line(runs, "growing", value, (lower, upper))

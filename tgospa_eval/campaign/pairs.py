@@ -147,8 +147,8 @@ def of_patterns(
     for values, other in _without_estimate(own, theirs, there, jobs):
         if not sequences or values["sequence"] in sequences:
             paths = patterns.fill(truth, values), patterns.fill(estimate, other)
-            lone, lacking = map(os.path.join, folders, paths)
-            faults.append(f"{lone}: there is no estimate {lacking}")
+            lone, missing = map(os.path.join, folders, paths)
+            faults.append(f"{lone}: there is no estimate {missing}")
     return BatchPlan(jobs=tuple(jobs), faults=tuple(faults), notices=notices)
 
 
@@ -268,17 +268,17 @@ def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = N
     else:
         found = dict.fromkeys(names)
         for path in (seqmap, _seqmap_in(truth)):
-            lacking = [name for name in names if found[name] is None]
-            found |= _frames_of_seqmap(path, lacking) if path and lacking else {}
-    lacking = [name for name in names if found[name] is None]
+            missing = [name for name in names if found[name] is None]
+            found |= _frames_of_seqmap(path, missing) if path and missing else {}
+    missing = [name for name in names if found[name] is None]
     notice = (
-        f"{truth}: no {DECLARED_IN[layout]} for {listed(lacking, 3)}: per step divides by the "
+        f"{truth}: no {DECLARED_IN[layout]} for {listed(missing, 3)}: per step divides by the "
         "times of the truth's file"
     )
     return replace(
         plan,
         jobs=tuple(replace(job, frames=found[job.labels["sequence"]]) for job in plan.jobs),
-        notices=(*plan.notices, *([notice] if lacking else ())),
+        notices=(*plan.notices, *([notice] if missing else ())),
     )
 
 

@@ -15,7 +15,7 @@ from tgospa_eval.cli.guard import guarded
 from tgospa_eval.cli.shared.streams import (
     check_stdout,
     check_written,
-    heard,
+    interrupted,
     print_notice,
     print_notices,
 )
@@ -53,7 +53,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     status: int | None
     try:
         status = _invoke(None if arguments is None else list(arguments))
-        if heard():  # what was left behind in compiled code is not waited for
+        if interrupted():  # what was left behind in compiled code is not waited for
             _end_interrupted()
     except SystemExit:  # click's own, with 1, where a pipe has no reader
         status = 0

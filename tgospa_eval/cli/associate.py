@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.request import FILE_FORMATS
+from tgospa_eval.api.options import FILE_FORMATS
+from tgospa_eval.cli.shared.click_options import EVALUATION, chosen_options, format_option
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
-from tgospa_eval.cli.shared.options import EVALUATION, chosen_options, format_option
 from tgospa_eval.errors import InputError
 
 if TYPE_CHECKING:
-    from tgospa_eval.api.settings import Settings
+    from tgospa_eval.api.resolve import Settings
     from tgospa_eval.distances import Distance, Effort
     from tgospa_eval.formats import Reading
     from tgospa_eval.results.records import Json
@@ -102,8 +102,8 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
-    from tgospa_eval.api.request import Request
-    from tgospa_eval.api.settings import make_settings
+    from tgospa_eval.api.options import Request
+    from tgospa_eval.api.resolve import make_settings
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.cli.shared.values import OutputOptions
     from tgospa_eval.cli.shared.writing import check_apart

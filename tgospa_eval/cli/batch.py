@@ -5,9 +5,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, Option
-from tgospa_eval.cli.shared.options import (
+from tgospa_eval.cli.shared.click_options import (
     CONFIG_FILE,
     EVALUATION,
     PICTURE_OPTIONS,
@@ -16,6 +14,8 @@ from tgospa_eval.cli.shared.options import (
     SLICE,
     WITH,
 )
+from tgospa_eval.cli.shared.help import Verb
+from tgospa_eval.cli.shared.option import PATH, Option
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.errors import ConfigError
 
@@ -148,7 +148,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     of some job was not reached, 5 some jobs failed.
     """
     from tgospa_eval.api.batch import BatchOptions, evaluate_batch, tables_of
-    from tgospa_eval.api.request import Request
+    from tgospa_eval.api.options import Request
     from tgospa_eval.campaign.store import Store
     from tgospa_eval.cli.shared.values import OutputOptions
     from tgospa_eval.reports.batch import BATCH_REPORTS

@@ -6,9 +6,15 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
+from tgospa_eval.cli.shared.click_options import (
+    CONFIG_FILE,
+    EVALUATION,
+    QUIET,
+    VERBOSE,
+    format_option,
+)
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
-from tgospa_eval.cli.shared.options import CONFIG_FILE, EVALUATION, QUIET, VERBOSE, format_option
 from tgospa_eval.errors import ConfigError, ExitStatus
 
 if TYPE_CHECKING:
@@ -101,7 +107,7 @@ def command(
         )
     if output is None and typed & {"apply", "force"}:
         raise click.UsageError(f"--{min(typed & {'apply', 'force'})} is for the file of -o")
-    from tgospa_eval.api.request import Request
+    from tgospa_eval.api.options import Request
     from tgospa_eval.cli.evaluate.run import evaluate_files, explained
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.cli.shared.values import OutputOptions

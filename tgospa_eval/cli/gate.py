@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tgospa_eval.cli.shared.click_options import GATE_OPTIONS, format_option
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, SOURCE, Option
-from tgospa_eval.cli.shared.options import GATE_OPTIONS, format_option
-from tgospa_eval.cli.shared.streams import emit, heard, print_notice, print_raw
+from tgospa_eval.cli.shared.streams import emit, interrupted, print_notice, print_raw
 from tgospa_eval.errors import ConfigError, TgospaError
 
 if TYPE_CHECKING:
     from tgospa_eval.api.gate import GateOptions
-    from tgospa_eval.api.request import Request
+    from tgospa_eval.api.options import Request
     from tgospa_eval.campaign.outcome import Report
     from tgospa_eval.cli.shared.values import OutputOptions
     from tgospa_eval.results.summary import Summary
@@ -80,7 +80,7 @@ def command(
     not comparable, 3 bad input file, 4 undecided.
     """
     from tgospa_eval.api.gate import GateOptions
-    from tgospa_eval.api.request import Request
+    from tgospa_eval.api.options import Request
     from tgospa_eval.cli.shared.values import OutputOptions
 
     asked = {
@@ -124,7 +124,7 @@ def _run(
 
         shown = OutputOptions(quiet=output.quiet, verbose=output.verbose)
         result, finished = evaluate_files(truth, estimate, options, shown, tell)
-        if heard():
+        if interrupted():
             tell(f"{result.claim}, {result.proven}; nothing is judged")
             raise KeyboardInterrupt
         return result, finished

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
+from tgospa_eval.cli.shared.click_options import READING, format_option
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, SOURCE, Option
-from tgospa_eval.cli.shared.options import READING, format_option
 from tgospa_eval.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -50,8 +50,8 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
-    from tgospa_eval.api.request import Request
-    from tgospa_eval.api.settings import make_settings
+    from tgospa_eval.api.options import Request
+    from tgospa_eval.api.resolve import make_settings
     from tgospa_eval.cli.shared.progress import run
     from tgospa_eval.cli.shared.streams import emit, print_notice
     from tgospa_eval.cli.shared.values import OutputOptions

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.request import FILE_FORMATS
+from tgospa_eval.api.options import FILE_FORMATS
 from tgospa_eval.cli.associate import read_states, run_with_effort
+from tgospa_eval.cli.shared.click_options import REDUCTION, chosen_options, format_option
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
-from tgospa_eval.cli.shared.options import REDUCTION, chosen_options, format_option
 from tgospa_eval.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
@@ -64,8 +64,8 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
     from tgospa_eval.api.distance import reduction
-    from tgospa_eval.api.request import Request
-    from tgospa_eval.api.settings import make_settings
+    from tgospa_eval.api.options import Request
+    from tgospa_eval.api.resolve import make_settings
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.cli.shared.values import OutputOptions
     from tgospa_eval.cli.shared.writing import check_apart

@@ -154,8 +154,8 @@ def _prepared(files: Files, proof: Mapping[str, Any], stopwatch: "Stopwatch") ->
     """What an evaluation of these files would solve."""
     from dataclasses import replace
 
-    from tgospa_eval.api.request import Request
-    from tgospa_eval.api.settings import make_settings
+    from tgospa_eval.api.options import Request
+    from tgospa_eval.api.resolve import make_settings
     from tgospa_eval.evaluation.prepare import fit, prepare
 
     options: dict[str, Any] = {

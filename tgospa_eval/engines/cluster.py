@@ -17,7 +17,7 @@ from tgospa_eval._version import __version__
 from tgospa_eval.common import files
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
-from tgospa_eval.engines.spread import POLL, DiedError, Future
+from tgospa_eval.engines.engine import POLL, DiedError, Future
 from tgospa_eval.errors import ConfigError
 
 CONNECT = 10.0

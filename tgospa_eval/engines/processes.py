@@ -13,7 +13,7 @@ from typing import Any, Self
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import available_memory, cores
-from tgospa_eval.engines.spread import DiedError, Engine, Future, Pool
+from tgospa_eval.engines.engine import DiedError, Engine, Future, Pool
 
 PARENT_CHECK = 1.0
 """Seconds between looks at whether the parent is there."""
@@ -145,7 +145,7 @@ def _watch(parent: int) -> None:
 # Workers that stay from one list of jobs to the next: to have them anew takes a second each.
 
 
-class Standing:
+class PersistentPool:
     """An engine that opens one pool of another, and a new one where a worker of it has died.
 
     Used in a ``with`` statement, whose end ends the workers.

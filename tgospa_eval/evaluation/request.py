@@ -266,7 +266,7 @@ def chosen_metrics(names: str | Iterable[str]) -> tuple[str, ...]:
     for name in asked:
         if name not in OTHER_METRICS:
             raise ConfigError(f"--with {quoted(name)}: must be of {', '.join(OTHER_METRICS)}")
-    lacking = [name for name in OF_TRACKEVAL if name in asked]
-    if lacking and find_spec("trackeval") is None:
-        raise ConfigError(f"--with {','.join(lacking)}: needs the extra mot: {install('mot')}")
+    missing = [name for name in OF_TRACKEVAL if name in asked]
+    if missing and find_spec("trackeval") is None:
+        raise ConfigError(f"--with {','.join(missing)}: needs the extra mot: {install('mot')}")
     return tuple(name for name in OTHER_METRICS if name in asked)

@@ -387,9 +387,9 @@ def _of_frame(frame: "pd.DataFrame") -> WeightsByTime:
     from tgospa_eval.formats.frames import frame_times
 
     columns = {str(name): frame[name] for name in frame.columns}
-    lacking = [name for name in ("t", "weight") if name not in columns]
-    if lacking:
-        raise InputError(f"{GIVEN}: no column {lacking[0]}; it has t, weight and switch_weight")
+    missing = [name for name in ("t", "weight") if name not in columns]
+    if missing:
+        raise InputError(f"{GIVEN}: no column {missing[0]}; it has t, weight and switch_weight")
     times = frame_times(columns["t"], GIVEN)
     again = repeated(times.value)
     if again is not None:

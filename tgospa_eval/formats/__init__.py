@@ -1,7 +1,7 @@
 """FILES -> Trajectories: readers by name, how to read, and what was read."""
 
-from tgospa_eval.formats.files import FORMATS, read, read_trajectories, runs_inside
 from tgospa_eval.formats.options import ROLES, ReadOptions
+from tgospa_eval.formats.readers import FORMATS, read, read_trajectories, runs_inside
 from tgospa_eval.formats.reading import Reading
 
 __all__ = [

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import BOX, find_roles
 from tgospa_eval.formats.frames import frame_rows
-from tgospa_eval.formats.loading import TABLE, check_room, unreadable
+from tgospa_eval.formats.loading import TABLE, check_memory, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.tracks.trajectories import column_names
@@ -93,7 +93,7 @@ def array_rows(path: str, arrays: Mapping[str, Array], file: int, options: ReadO
     if states.dtype.kind not in "iuf":
         raise InputError(f"{path}: states of type {states.dtype}; they must be numbers")
     what = f"states of shape {states.shape}"
-    check_room(path, TABLE * 8 * steps * objects * (size + 2), file, options.max_input, what)
+    check_memory(path, TABLE * 8 * steps * objects * (size + 2), file, options.max_input, what)
     beside: list[Array | None] = []
     for names, length in zip(AXIS_ARRAYS, states.shape, strict=True):
         name = next((name for name in names if name in arrays), None)
@@ -141,7 +141,7 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     if not data:
         raise InputError(f"{path}: the file is empty; a set without objects has empty arrays")
     size = _unpacked(data)
-    check_room(path, TABLE * size, len(data), options.max_input, f"arrays of {size:,} bytes")
+    check_memory(path, TABLE * size, len(data), options.max_input, f"arrays of {size:,} bytes")
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}

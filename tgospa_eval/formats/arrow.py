@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import Roles, find_roles, parse_columns
 from tgospa_eval.formats.frames import frame_rows
-from tgospa_eval.formats.loading import TABLE, check_parquet, check_room, unreadable
+from tgospa_eval.formats.loading import TABLE, check_memory, check_parquet, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import quoted
@@ -64,7 +64,7 @@ def arrow_rows(
     # The same roles by position in the subset, where mapped headers without a use are missing.
     shared = replace(options, shared=tuple(parse_columns(options.columns)[0]))
     found = find_roles(subset, shared, path)
-    whole = {name: getattr(roles, name) for name in ("unused", "passed", "lacking")}
+    whole = {name: getattr(roles, name) for name in ("unused", "passed", "missing")}
     return frame_rows(frame, replace(found, **whole), path, options.decimal, where)
 
 
@@ -174,7 +174,7 @@ def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, giv
     def read(subset: Sequence[str]) -> "pa.Table":
         rows = file.metadata.num_rows
         what = f"{rows:,} rows of {len(subset)} columns"
-        check_room(path, TABLE * 8 * rows * len(subset), len(data), options.max_input, what)
+        check_memory(path, TABLE * 8 * rows * len(subset), len(data), options.max_input, what)
         return file.read(columns=subset)
 
     return arrow_rows(path, "Parquet", schema, read, options)
@@ -214,7 +214,7 @@ def read_feather(path: str, data: bytes, options: ReadOptions, role: str, *, giv
         rows, unpacked = _lengths(content)
         what = f"{rows:,} rows of {len(subset)} columns, {unpacked:,} bytes"
         size = TABLE * max(8 * rows * len(subset), unpacked)
-        check_room(path, size, len(data), options.max_input, what)
+        check_memory(path, size, len(data), options.max_input, what)
         wanted = ipc.IpcReadOptions(included_fields=[names.index(name) for name in subset])
         return ipc.open_stream(content, options=wanted).read_all()
 

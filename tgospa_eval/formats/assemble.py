@@ -124,7 +124,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         classes=classes,
         klass=klass,
         named=() if rows.classes is None else tuple(rows.classes[0]),
-        lacking=roles.lacking,
+        missing=roles.missing,
         headers=roles.called,
         centres=roles.centres,
         pixels=roles.centres and roles.fixed,

@@ -34,7 +34,7 @@ MODEST = 1e8
 """Bytes that are there on any machine: to ask takes longer than to read a small file."""
 
 
-def check_room(path: str, size: float, file: int, limit: float | None, what: str) -> None:
+def check_memory(path: str, size: float, file: int, limit: float | None, what: str) -> None:
     """Whether there is room for what a file unpacks to.
 
     Parameters

@@ -24,7 +24,7 @@ from tgospa_eval.common.words import counted, install, more
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.formats.columns.headers import find_roles
 from tgospa_eval.formats.guess import file_of
-from tgospa_eval.formats.loading import TABLE, check_room, unreadable
+from tgospa_eval.formats.loading import TABLE, check_memory, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows, number_ids, rows_by_components
 from tgospa_eval.text import listed, quoted
@@ -355,7 +355,7 @@ def _sets(path: str, data: bytes, limit: float | None) -> "Iterator[_Sets]":
         raise InputError(f"{path}: no MAT file of version 5 or 7.3; save with -v7 in MATLAB")
 
     def room(size: int, what: str) -> None:
-        check_room(path, TABLE * size, len(data), limit, f"{what} of {size:,} bytes")
+        check_memory(path, TABLE * size, len(data), limit, f"{what} of {size:,} bytes")
 
     try:
         if data.startswith(MAT_73):

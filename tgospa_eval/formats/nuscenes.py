@@ -14,7 +14,7 @@ import numpy as np
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import find_roles
 from tgospa_eval.formats.guess import SAMPLES, is_table_folder
-from tgospa_eval.formats.loading import check_room, load, most_bytes
+from tgospa_eval.formats.loading import check_memory, load, most_bytes
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows, number_ids, rows_by_components
 from tgospa_eval.text import quoted
@@ -87,7 +87,7 @@ def load_json(path: str, data: bytes, options: ReadOptions) -> Any:
         It is no JSON, or too large.
     """
     size = len(data)
-    check_room(path, JSON_BYTES * size, size, options.max_input, f"{size:,} bytes of JSON")
+    check_memory(path, JSON_BYTES * size, size, options.max_input, f"{size:,} bytes of JSON")
     if not data:
         raise InputError(
             f'{path}: the file is empty; results without objects are {{"results": {{}}}}'

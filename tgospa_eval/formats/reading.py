@@ -14,11 +14,11 @@ from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 
-class Known(Protocol):
+class SideMetadata(Protocol):
     """What is known of a side when its rows are read, as of `Reading`."""
 
     @property
-    def lacking(self) -> Mapping[str, str]:
+    def missing(self) -> Mapping[str, str]:
         """What it lacks, and the message if every side does."""
 
     @property
@@ -38,7 +38,7 @@ class Known(Protocol):
 
 
 def check_classes(
-    sides: Sequence[Known],
+    sides: Sequence[SideMetadata],
     paths: Sequence[str],
     classes: Sequence[str] | None,
     each: Sequence[ReadOptions],
@@ -108,7 +108,7 @@ class Reading:
         Position in `classes` of each row of the trajectories.
     named : tuple of str
         Classes of all rows of the file, if they were asked for.
-    lacking : dict of str to str
+    missing : dict of str to str
         Of `ReadOptions.shared` what the file lacks, and the message if every file does.
     headers : dict of str to str
         Headers of the columns whose names are others.
@@ -127,7 +127,7 @@ class Reading:
     classes: tuple[str, ...] = ()
     klass: Ints | None = None
     named: tuple[str, ...] = ()
-    lacking: dict[str, str] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
     headers: dict[str, str] = field(default_factory=dict)
     centres: bool = False
     pixels: bool = False

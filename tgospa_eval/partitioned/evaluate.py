@@ -16,8 +16,8 @@ from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.common.words import counted, natural
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.checks import check_columns
-from tgospa_eval.engines.processes import Processes, Standing
-from tgospa_eval.engines.spread import Engine
+from tgospa_eval.engines.engine import Engine
+from tgospa_eval.engines.processes import PersistentPool, Processes
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import check_left
 from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
@@ -55,7 +55,7 @@ def _workers(engine: Engine | None, jobs: int, data: int) -> Iterator[Engine | N
         yield None
         return
     here = isinstance(engine, Processes) and data < SMALL_DATA
-    with Standing(engine, jobs, BEFORE_WORKERS if here else 0.0) as standing:
+    with PersistentPool(engine, jobs, BEFORE_WORKERS if here else 0.0) as standing:
         yield standing
 
 
@@ -65,7 +65,7 @@ class SideSummary:
 
     Parameters
     ----------
-    lacking : dict of str to str
+    missing : dict of str to str
         As `Roles.lacking`.
     left_out : dict of str to int
         How many rows take no part, by rule.
@@ -79,7 +79,7 @@ class SideSummary:
         What was repaired.
     """
 
-    lacking: dict[str, str]
+    missing: dict[str, str]
     left_out: dict[str, int]
     named: frozenset[str]
     off: int
@@ -94,7 +94,7 @@ class SideSummary:
             left_out.update(block.left_out)
         repaired = {tuple(one.items()): one for block in blocks for one in block.warnings}
         return cls(
-            lacking=side.roles.lacking,
+            missing=side.roles.missing,
             left_out=dict(left_out),
             named=frozenset(name for block in blocks for name in block.named),
             off=0 if isinstance(cut, Resampling) else sum(block.off for block in blocks),

@@ -12,8 +12,8 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.engines.processes import Standing
-from tgospa_eval.engines.spread import Engine
+from tgospa_eval.engines.engine import Engine
+from tgospa_eval.engines.processes import PersistentPool
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
 from tgospa_eval.partitioned.long.run import Long, solve_long
@@ -345,7 +345,11 @@ class PartsPlan:
             What is proven by one that is done, from its output.
         """
         each = amounts or [1.0] * len(tasks)
-        if isinstance(self.engine, Standing) and len(tasks) > 1 and max(amounts or [0]) > HEAVY:
+        if (
+            isinstance(self.engine, PersistentPool)
+            and len(tasks) > 1
+            and max(amounts or [0]) > HEAVY
+        ):
             self.engine.patience = 0.0
         self.stages.stage(name, dict(zip(tasks, each, strict=True)))
         run_tasks(tasks, self.engine, lambda output: self.stages.done(output, share_of(output)))

@@ -428,7 +428,7 @@ class PartsSide:
         for rule in rules:
             if rule in left_out:
                 notices.append(said_of(rule, left_out[rule], which))
-            if rule == "class" and "class" not in self.roles.lacking:
+            if rule == "class" and "class" not in self.roles.missing:
                 notices += class_notices(self.options, classes, whole=False)
         return tuple(notices)
 

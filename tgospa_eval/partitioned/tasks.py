@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from tgospa_eval.engines.spread import Engine, spread
+from tgospa_eval.engines.engine import Engine, spread
 from tgospa_eval.errors import ConfigError, SolverError
 
 UNFINISHED = ".unfinished"

@@ -54,10 +54,10 @@ class WeightsByTime:
         order = np.argsort(self.times, kind="stable")
         times = self.times[order]
         place = np.searchsorted(times, side.times).clip(max=len(times) - 1)
-        lacking = np.flatnonzero(times[place] != side.times)
-        if len(lacking):
+        missing = np.flatnonzero(times[place] != side.times)
+        if len(missing):
             raise InputError(
-                f"{self.name}: no weight for t = {side.shown[lacking[0]]}{more(len(lacking))}; "
+                f"{self.name}: no weight for t = {side.shown[missing[0]]}{more(len(missing))}; "
                 "give every step of the two files one, 0 where it does not count"
             )
         at = order[place]

@@ -161,13 +161,13 @@ def test_damaged_and_foreign_files_are_refused(tmp_path: Path, invoke: Invoke) -
     # a record that lacks something, and one whose run is no whole run
     header, whole = (tmp_path / LOG_NAME).read_text(encoding="utf-8").splitlines()[:2]
     for name in ("runs", "occupied", "sizes"):
-        lacking = {key: value for key, value in json.loads(whole).items() if key != name}
-        (tmp_path / LOG_NAME).write_text(f"{header}\n{json.dumps(lacking)}\n", encoding="utf-8")
+        missing = {key: value for key, value in json.loads(whole).items() if key != name}
+        (tmp_path / LOG_NAME).write_text(f"{header}\n{json.dumps(missing)}\n", encoding="utf-8")
         answer = invoke(*small)
         assert (answer.status, "line 2: no record of this study" in answer.err) == (2, True)
-    lacking = json.loads(whole)
-    lacking["runs"][0].pop("upper")
-    (tmp_path / LOG_NAME).write_text(f"{header}\n{json.dumps(lacking)}\n", encoding="utf-8")
+    missing = json.loads(whole)
+    missing["runs"][0].pop("upper")
+    (tmp_path / LOG_NAME).write_text(f"{header}\n{json.dumps(missing)}\n", encoding="utf-8")
     assert "line 2: no record of this study" in invoke(*small).err
     assert (tmp_path / "notes.txt").read_text(encoding="utf-8") == "mine"
 

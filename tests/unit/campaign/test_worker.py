@@ -17,7 +17,7 @@ from tgospa_eval.api.batch_job import (
     given_text,
     key_of,
 )
-from tgospa_eval.api.request import Request
+from tgospa_eval.api.options import Request
 from tgospa_eval.campaign.pairs import Job
 
 

@@ -17,8 +17,7 @@ from faults import FATAL, FATAL_ONCE, double, greedy
 
 from tgospa_eval.campaign.store import locked
 from tgospa_eval.common import files
-from tgospa_eval.engines import processes
-from tgospa_eval.engines import spread as engine
+from tgospa_eval.engines import engine, processes
 from tgospa_eval.engines.processes import Processes
 from tgospa_eval.errors import ConfigError
 

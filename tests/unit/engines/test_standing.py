@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from tgospa_eval.engines.processes import Processes, Standing
-from tgospa_eval.engines.spread import spread
+from tgospa_eval.engines.engine import spread
+from tgospa_eval.engines.processes import PersistentPool, Processes
 
 
 def whose(job: int) -> tuple[int, int]:
@@ -21,13 +21,13 @@ def lost(job: int) -> tuple[int, int]:
 
 
 def test_little_work_is_done_here() -> None:
-    with Standing(Processes(2), 2, patience=60.0) as engine:
+    with PersistentPool(Processes(2), 2, patience=60.0) as engine:
         found = dict(spread(whose, range(40), lost, engine))
     assert found == dict.fromkeys(range(40), os.getpid())
 
 
 def test_what_is_left_when_patience_ends_is_done_by_workers() -> None:
-    with Standing(Processes(2), 2, patience=1e-9) as engine:
+    with PersistentPool(Processes(2), 2, patience=1e-9) as engine:
         first = dict(spread(whose, range(40), lost, engine))
         second = dict(spread(whose, range(40, 50), lost, engine))
     assert sorted(first) == list(range(40))
@@ -41,7 +41,7 @@ def test_what_is_left_when_patience_ends_is_done_by_workers() -> None:
 
 def test_errors_of_work_done_here_are_raised() -> None:
     with (
-        Standing(Processes(2), 2, patience=60.0) as engine,
+        PersistentPool(Processes(2), 2, patience=60.0) as engine,
         pytest.raises(ValueError, match="3"),
     ):
         list(spread(refuse, [3], lost, engine))

@@ -709,7 +709,7 @@ def test_results_whose_classes_are_not_known(write: Write) -> None:
     path = write("r.txt", "1,7,10,20,4,6,1,-1,-1\n")
     reading = read(path, ReadOptions(classes=("1",), shared=("class",)), role="estimate")
     assert len(reading.trajectories.step) == 1
-    assert "class" in reading.lacking
+    assert "class" in reading.missing
 
 
 # --- by class -------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from runs import warnings_of
 from strategies import scene
 
 from tgospa_eval import evaluate
-from tgospa_eval.api import request
+from tgospa_eval.api import options
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import alignment_notices
@@ -111,8 +111,8 @@ def test_bad_values(options: dict) -> None:
 
 
 def test_grids_are_spelled_alike() -> None:
-    assert request.GRIDS == GRIDS
-    assert request.INTERPOLATED == INTERPOLATED
+    assert options.GRIDS == GRIDS
+    assert options.INTERPOLATED == INTERPOLATED
 
 
 # --- warnings -------------------------------------------------------------------------------------

@@ -6,9 +6,15 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from tgospa_eval.cli.shared.click_options import (
+    CONFIG_FILE,
+    EVALUATION,
+    QUIET,
+    REPORT_FORMATS,
+    WITH,
+)
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
-from tgospa_eval.cli.shared.options import CONFIG_FILE, EVALUATION, QUIET, REPORT_FORMATS, WITH
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.simulate import SCENARIOS
 from tgospa_eval.errors import ExitStatus
@@ -154,7 +160,7 @@ def command(
             "files are missing; type tgospa-eval compare TRUTH A B to rank estimates, "
             "TRUTH ESTIMATE to compare solvers, or --simulate for a scaling study"
         )
-    from tgospa_eval.api.request import Request
+    from tgospa_eval.api.options import Request
     from tgospa_eval.campaign.pairs import is_pattern
     from tgospa_eval.cli.compare import run
     from tgospa_eval.cli.shared.values import OutputOptions

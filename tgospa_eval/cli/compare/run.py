@@ -8,15 +8,15 @@ from typing import TypeVar
 from tgospa_eval import plots
 from tgospa_eval.api.compare import PairReader, Ranked, rank_saved, ranked, solvers_on
 from tgospa_eval.api.notices import slow_notice
+from tgospa_eval.api.options import Request
 from tgospa_eval.api.places import find_place
-from tgospa_eval.api.request import Request
-from tgospa_eval.api.settings import make_settings
+from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.campaign.pairs import compared_runs, short_names
 from tgospa_eval.campaign.ranking import steps_columns, steps_costs
 from tgospa_eval.campaign.solvers import check_solvers
 from tgospa_eval.campaign.study import Log, Study, carry_out, machine, study_document
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, undisturbed
+from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, shielded
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
 from tgospa_eval.common.files import STDIN
@@ -82,7 +82,7 @@ def show(
         return files
 
     try:
-        with undisturbed():
+        with shielded():
             emit(render(answer, output.format_), output.format_)
     finally:  # the one is not lost where the other fails
         write_output(output, kind, make)

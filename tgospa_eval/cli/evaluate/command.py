@@ -5,9 +5,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.cli.shared.help import Verb, words
-from tgospa_eval.cli.shared.option import SOURCE, Option
-from tgospa_eval.cli.shared.options import (
+from tgospa_eval.cli.shared.click_options import (
     EVALUATION,
     IN_PARTS_OPTIONS,
     OF_PICTURES,
@@ -16,10 +14,12 @@ from tgospa_eval.cli.shared.options import (
     SLICE,
     WITH,
 )
+from tgospa_eval.cli.shared.help import Verb, words
+from tgospa_eval.cli.shared.option import SOURCE, Option
 from tgospa_eval.errors import ExitStatus
 
 if TYPE_CHECKING:
-    from tgospa_eval.api.request import Request
+    from tgospa_eval.api.options import Request
     from tgospa_eval.cli.shared.values import OutputOptions
 
 ALONE = (
@@ -95,7 +95,7 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached.
     """
-    from tgospa_eval.api.request import Request  # here: not of help
+    from tgospa_eval.api.options import Request  # here: not of help
     from tgospa_eval.cli.shared.values import OutputOptions  # here: not of help
 
     chosen, output = Request.of(options), OutputOptions.of(options)

@@ -4,8 +4,8 @@ import os
 from dataclasses import replace
 
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.request import DEFAULTS, FITTING, SETTINGS, Request
-from tgospa_eval.api.settings import make_settings
+from tgospa_eval.api.options import DEFAULTS, FITTING, SETTINGS, Request
+from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.cli.evaluate.run import not_reached, show
 from tgospa_eval.cli.evaluate.work import identity_of, work_folder
 from tgospa_eval.cli.shared.in_parts import memory_of

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tgospa_eval.api.evaluate import evaluate_sides, read_sides
-from tgospa_eval.api.request import Request
-from tgospa_eval.api.settings import Settings, make_settings
+from tgospa_eval.api.options import Request
+from tgospa_eval.api.resolve import Settings, make_settings
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.streams import emit, notifier, on_terminal, print_notice, undisturbed
+from tgospa_eval.cli.shared.streams import emit, notifier, on_terminal, print_notice, shielded
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
@@ -185,7 +185,7 @@ def show(result: Summary, options: Request, output: OutputOptions, names: tuple[
     except ConfigError:  # a full disk must not cost what was computed
         _print(result, output)
         raise
-    with undisturbed():
+    with shielded():
         _print(result, output)
 
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tgospa_eval import plots
-from tgospa_eval.api.request import Request
+from tgospa_eval.api.options import Request
 from tgospa_eval.api.sweep import sweep_sides, swept_parameters
-from tgospa_eval.cli.shared.options import OF_PICTURES
+from tgospa_eval.cli.shared.click_options import OF_PICTURES
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice
 from tgospa_eval.cli.shared.values import OutputOptions

@@ -9,10 +9,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.request import Request
+from tgospa_eval.api.options import Request
 from tgospa_eval.campaign.store import locked
 from tgospa_eval.cli.shared.in_parts import memory_of
-from tgospa_eval.cli.shared.streams import heard, print_notice
+from tgospa_eval.cli.shared.streams import interrupted, print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.files import named
 from tgospa_eval.common.machine import cores
@@ -45,7 +45,7 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
         over = False
         try:
             yield work.absolute()  # workers of a cluster have other folders of their own
-            over = not heard()  # or the result was not written
+            over = not interrupted()  # or the result was not written
         except InputError:  # nothing to go on with, once the data are right
             over = not (work / SCANNED).exists()
             raise

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from typing import TypeAlias
 
-from tgospa_eval.api.request import Request
+from tgospa_eval.api.options import Request
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.machine import machine_memory
 from tgospa_eval.errors import InputError

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TypeVar
 
-from tgospa_eval.cli.shared.streams import answering, are_heard, print_notice
+from tgospa_eval.cli.shared.streams import handles_interrupts, on_interrupt, print_notice
 from tgospa_eval.common.progress import BackgroundTask, Progress, Stopwatch
 from tgospa_eval.text import visible
 
@@ -57,7 +57,7 @@ def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
     Where it is stoppable, the first Ctrl-C asks it to stop, and its result is returned. Where
     nobody looks on and no Ctrl-C is heard, as in the workers of a batch, it needs no thread.
     """
-    if not show and not are_heard():
+    if not show and not handles_interrupts():
         return work()
     progress = stopwatch.progress = Progress(watched=True)
 
@@ -74,7 +74,7 @@ def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
         if show:
             print_notice("stopping: what is proven so far follows; Ctrl-C again ends at once")
 
-    with answering(take), Display(stopwatch) as display:
+    with on_interrupt(take), Display(stopwatch) as display:
         task = BackgroundTask(work)
         while not task.wait(0.1):
             if progress.stop.is_set() and not announced:

@@ -26,18 +26,18 @@ if TYPE_CHECKING:
 _heard = threading.Event()
 
 
-def heard() -> bool:
+def interrupted() -> bool:
     """Whether there was any in this process."""
     return _heard.is_set()
 
 
 @contextmanager
-def answering(take: Callable[[], bool]) -> Iterator[None]:
+def on_interrupt(take: Callable[[], bool]) -> Iterator[None]:
     """Ask `take` at each Ctrl-C; unless it takes it, KeyboardInterrupt is raised as ever.
 
     Where interrupts are ignored, or somebody else answers them, nothing changes.
     """
-    if not are_heard():
+    if not handles_interrupts():
         yield
         return
     before = signal.getsignal(signal.SIGINT)
@@ -55,7 +55,7 @@ def answering(take: Callable[[], bool]) -> Iterator[None]:
 
 
 @contextmanager
-def undisturbed() -> Iterator[None]:
+def shielded() -> Iterator[None]:
     """The first Ctrl-C waits: what is begun is brought to its end."""
     waiting: list[int] = []
 
@@ -63,11 +63,11 @@ def undisturbed() -> Iterator[None]:
         waiting.append(1)
         return len(waiting) == 1
 
-    with answering(take):
+    with on_interrupt(take):
         yield
 
 
-def are_heard() -> bool:
+def handles_interrupts() -> bool:
     """Whether a Ctrl-C would raise KeyboardInterrupt here; not in a worker, which ignores it."""
     is_main = threading.current_thread() is threading.main_thread()
     return is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler

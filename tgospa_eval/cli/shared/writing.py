@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from tgospa_eval.api.request import Request
+from tgospa_eval.api.options import Request
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.streams import heard, print_notice, undisturbed
+from tgospa_eval.cli.shared.streams import interrupted, print_notice, shielded
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError
@@ -49,11 +49,11 @@ def write_output(
     folder = output.output
     if folder is None:
         return
-    files = None if heard() else _made(output, make)
+    files = None if interrupted() else _made(output, make)
     if files is None:
         print_notice(f"interrupted: nothing is written to {folder}")
         return
-    with undisturbed():
+    with shielded():
         written = write_texts(files, folder, kind, force=output.force)
     if not output.quiet:
         print_notice(str(written))
@@ -157,7 +157,7 @@ def write_folder(
     from tgospa_eval import plots
 
     wanted = wanted_pictures(output)
-    lacking = wanted is not None and not plots.available()
+    missing = wanted is not None and not plots.available()
 
     def make(notify: Callable[[str, float], None]) -> Files:
         from tgospa_eval.reports.page_data import document  # here: for folders only
@@ -171,12 +171,12 @@ def write_folder(
             notify(PROOF_FOLDER, 0.0)
             proof = proof_files(result, options.given)
             texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in proof.items()}
-        if wanted is None or lacking:
+        if wanted is None or missing:
             return texts
         from tgospa_eval.plots.result_pictures import result_pictures
 
         return {**texts, **result_pictures(result, wanted, notify, drawn)}
 
     write_output(output, RESULT, make)
-    if lacking and not output.quiet:
+    if missing and not output.quiet:
         print_notice(plots.MISSING)

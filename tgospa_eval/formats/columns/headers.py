@@ -375,7 +375,7 @@ def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
     InputError
         A header is missing that this very file should have.
     """
-    lacking = {}
+    missing = {}
     spreads = [name for name in headers.mapped if name.startswith(PREFIXES)]
     points = all(headers.spelt(headers.mapped[name], name) is None for name in spreads)
     for name, header in list(headers.mapped.items()):
@@ -391,9 +391,9 @@ def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
             )
             if name not in options.shared and not (points and name in spreads):
                 raise InputError(fault)
-            lacking[name] = fault
+            missing[name] = fault
             del headers.mapped[name]
-    return lacking
+    return missing
 
 
 def absent(
@@ -468,7 +468,7 @@ class Roles:
         They are names of ours, for columns of a format without headers.
     passed : tuple of str
         Notices about headers that may be ids or times as well, and about the decimal mark.
-    lacking : dict of str to str
+    missing : dict of str to str
         Of the columns that another file may have: those that this one lacks, and the message if
         every file does.
     """
@@ -489,7 +489,7 @@ class Roles:
     headers: tuple[str, ...] = ()
     fixed: bool = False
     passed: tuple[str, ...] = ()
-    lacking: dict[str, str] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
 
     @cached_property
     def numbers(self) -> tuple[int, ...]:
@@ -527,7 +527,7 @@ class Roles:
         `clouds`: whether rows are particles; weights are for them only, covariances are not.
         """
         for name, column in ({} if self.fixed else self._places()).items():
-            if name in self.lacking:
+            if name in self.missing:
                 yield (
                     f"{name} is read from column {quoted(self.headers[column])}: it has no header "
                     "as named by --columns"
@@ -606,7 +606,7 @@ def find_roles(
             )
         wanted = BOX
     headers = Headers(names, mapped, options.option, where)
-    lacking = without_maps(headers, options)
+    missing = without_maps(headers, options)
     mixes = _Mixes(headers)
     identity, time = headers.find("id"), headers.find("t")
     wanted = wanted or mixes.default_states()
@@ -616,7 +616,7 @@ def find_roles(
         fault = absent(headers, (identity, time), found)
         raise InputError(f"{fault}; this format has no other" if fixed else fault)
     region = {name: mixes.of_region(name, wanted) for name in options.ranges}
-    klass = _class_column(headers, options, lacking, fixed=fixed)
+    klass = _class_column(headers, options, missing, fixed=fixed)
     spread = None
     if options.covariance:
         from tgospa_eval.formats.columns.spread import find_spread  # here: most states are points
@@ -656,7 +656,7 @@ def find_roles(
         headers=tuple(names),
         fixed=fixed,
         passed=(*headers.passed_over("id", unused), *headers.passed_over("t", unused)),
-        lacking=lacking,
+        missing=missing,
     )
 
 
@@ -710,7 +710,7 @@ class _Mixes:
 
 
 def _class_column(
-    headers: Headers, options: ReadOptions, lacking: dict[str, str], *, fixed: bool
+    headers: Headers, options: ReadOptions, missing: dict[str, str], *, fixed: bool
 ) -> int | None:
     """Column of the classes, if they are asked for; the message if every file lacks it."""
     if options.classes is None and not options.by_class:
@@ -725,7 +725,7 @@ def _class_column(
         )
         if options.by_class or "class" not in options.shared:
             raise InputError(fault)
-        lacking["class"] = fault
+        missing["class"] = fault
     return klass
 
 

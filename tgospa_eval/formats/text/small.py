@@ -62,9 +62,9 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
     names = [name.strip().lower() for name in rows[0]] if rows else []
     times = next((k for k, name in enumerate(names) if name in FIRST_ALIASES["t"]), None)
     if times is None or "weight" not in names:
-        lacking = "t" if times is None else "weight"
+        missing = "t" if times is None else "weight"
         raise InputError(
-            f"{path}, line {lines[0] if lines else 1}: no column {quoted(lacking)}; weights of "
+            f"{path}, line {lines[0] if lines else 1}: no column {quoted(missing)}; weights of "
             f"steps are a CSV file with the header {WEIGHTS_HEADER}"
         )
     for line, row in zip(lines, rows, strict=True):

@@ -405,8 +405,8 @@ def read_motchallenge(
     _leave_out_unknown(rows, MOT_UNKNOWN)
     if rows.classes is not None and list(rows.classes[0]) == ["-1"] and "class" in options.shared:
         # Results of some trackers fill the columns with -1.
-        lacking = {**rows.roles.lacking, "class": f"{path}: every class is -1, not known"}
-        rows = replace(rows, classes=None, roles=replace(rows.roles, lacking=lacking))
+        missing = {**rows.roles.missing, "class": f"{path}: every class is -1, not known"}
+        rows = replace(rows, classes=None, roles=replace(rows.roles, missing=missing))
     _leave_out_flagged(rows, texts, "conf", "0 in column 7")
     return rows
 

@@ -62,7 +62,7 @@ def read(
     """
     from tgospa_eval.formats.assemble import assemble
     from tgospa_eval.formats.guess import file_of, guess, is_table_folder
-    from tgospa_eval.formats.loading import TEXT, check_room, unpacked_file
+    from tgospa_eval.formats.loading import TEXT, check_memory, unpacked_file
 
     one_of("role", role, ROLES)
     if format is not None:
@@ -80,7 +80,7 @@ def read(
     chosen = format or ("nuscenes" if of_tables else guess(file, data))
     if chosen not in PACKED:
         size = len(data)
-        check_room(name, TEXT * size, size, options.max_input, f"{size:,} bytes of text")
+        check_memory(name, TEXT * size, size, options.max_input, f"{size:,} bytes of text")
     module, function = FORMATS[chosen]
     reader = getattr(import_module(module), function)
     rows = reader(name, data, options, role, given=format is not None)

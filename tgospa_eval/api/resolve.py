@@ -8,8 +8,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.distance import DistanceOptions
+from tgospa_eval.api.options import Request
 from tgospa_eval.api.places import check_places
-from tgospa_eval.api.request import Request
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError, TgospaError
@@ -37,7 +37,7 @@ from tgospa_eval.evaluation.sides import (
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.headers import columns_of_each
 from tgospa_eval.formats.options import parse_moments, parse_steps
-from tgospa_eval.formats.reading import Known, check_classes
+from tgospa_eval.formats.reading import SideMetadata, check_classes
 from tgospa_eval.results.numbers import Calibration
 from tgospa_eval.results.records import FileInfo
 from tgospa_eval.solvers import Solver, solver_class
@@ -261,7 +261,7 @@ class Settings:
         )
         return replace(sides[0], warnings=(*sides[0].warnings, *found)), *sides[1:]
 
-    def check(self, sides: tuple[Known, ...], paths: tuple[str, ...]) -> None:
+    def check(self, sides: tuple[SideMetadata, ...], paths: tuple[str, ...]) -> None:
         """Whether some file has what was asked of all.
 
         Raises
@@ -271,9 +271,9 @@ class Settings:
         ConfigError
             None has a class that was asked for, or the filters leave no row of any.
         """
-        for name in sides[0].lacking:
-            if all(name in side.lacking for side in sides):
-                raise InputError(*dict.fromkeys(side.lacking[name] for side in sides))
+        for name in sides[0].missing:
+            if all(name in side.missing for side in sides):
+                raise InputError(*dict.fromkeys(side.missing[name] for side in sides))
         check_classes(sides, paths, self.reading.classes, self.each)
         filters = {"time", "class", "region"}
         if not any(side.taken for side in sides) and any(

@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 import click
 
-from tgospa_eval.api.request import DEFAULTS, SETTINGS, TYPES, Setting
+from tgospa_eval.api.options import DEFAULTS, SETTINGS, TYPES, Setting
 from tgospa_eval.cli.shared.option import PATH, Option, load_config, option
 
 REPORT_FORMATS = ("table", "json", "csv", "markdown", "latex")
