@@ -17,6 +17,7 @@ from runs import write_runs
 
 import tgospa_eval
 from tgospa_eval import (
+    Certified,
     ConfigError,
     InputError,
     TgospaWarning,
@@ -73,6 +74,43 @@ def test_every_option_is_a_keyword() -> None:
         evaluate([], [], similarity=1, step_weights=[1.0])
     with pytest.raises(ConfigError, match=r"scale is for .*, not for a record with settings"):
         evaluate([], [], distance=Mahalanobis(covariance=np.eye(2)), scale="x=2")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"columns": "x"}, "columns is for files and tables, and truth is none"),
+        ({"decimal": ","}, "decimal is for files and tables"),
+        ({"estimate_columns": "x"}, "estimate_columns is for files and tables, and estimate is"),
+        ({"solver": Certified(), "gap": 0.1}, "gap is for a solver by its name"),
+        ({"fix_cov": "no"}, "fix_cov is 'no': must be True or False"),
+        ({"max_input": "much"}, "max_input is 'much': must be a number"),
+        ({"max_input": -1}, "max_input is -1: must be 0 or more"),
+        ({"cloud_order": 0}, "cloud_order is 0: must be 1 or more"),
+        ({"cloud_order": 3}, "cloud_order is 3: must be 2 or less"),
+        ({"class_": 3}, "class is 3: must be a text, or several"),
+        ({"columns": ["x", 3]}, "columns is .*: must be a text, or several"),
+        ({"cutoff": [10]}, "cutoff is .10.: must be a number"),
+        ({"max_gap": np.array([2, 3])}, "max-gap is array"),
+        ({"missing_cov": "zero"}, "missing_cov is for gaussian-wasserstein, not for euclidean"),
+    ],
+)
+def test_wrong_keywords(options: dict[str, object], said: str) -> None:
+    side = np.zeros((2, 1, 2))
+    with pytest.raises(ConfigError, match=said):
+        evaluate(side, side, **options)
+
+
+def test_arrays_and_sets_as_values(quickstart: tuple[str, str]) -> None:
+    plain = evaluate(*quickstart, **GIVEN)
+    boxed = evaluate(*quickstart, cutoff=np.array(10.0), switch_penalty=np.array(5.0))
+    assert boxed.total == plain.total
+    assert evaluate(*quickstart, **GIVEN, with_={"gospa"}).with_.keys() == {"gospa"}
+    names = evaluate(*quickstart, **GIVEN, columns=pd.Index(["x", "y"]))
+    assert names.total == plain.total
+    assert plain.per_step_table() == plain.table("per_step")
+    with pytest.raises(ConfigError, match="no table"):
+        plain.table("nope")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from types import NoneType
 from typing import Any, ParamSpec, TypeVar, get_args
 
-from tgospa_eval.api.options import DEFAULTS, SETTINGS, TYPES, Request
+from tgospa_eval.api.options import DEFAULTS, SETTINGS, TYPES, Request, Setting
 from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import quoted
@@ -136,6 +136,9 @@ def requested(values: Mapping[str, object]) -> Request:
     return Request(**{name: _value(name, value) for name, value in values.items()})
 
 
+KINDS = {float: "a number", int: "a whole number", bool: "True or False"}
+
+
 def _value(name: str, value: object) -> Any:
     """A keyword as a request has it."""
     if name not in SETTINGS or value is None:
@@ -143,16 +146,39 @@ def _value(name: str, value: object) -> Any:
     about, option = SETTINGS[name], name.rstrip("_")
     if isinstance(value, os.PathLike):
         value = os.fspath(value)
-    if DEFAULTS[name] == ():
-        several = [value] if isinstance(value, str) or not isinstance(value, Iterable) else value
-        return tuple(several)
-    if isinstance(value, str) or name in IN_OBJECTS:
+    kinds = [kind for kind in get_args(TYPES[name]) or (TYPES[name],) if kind is not NoneType]
+    if DEFAULTS[name] == () or IN_OBJECTS.get(name) == "a sequence of names":
+        return _names(name, value)
+    if isinstance(value, str):
         known = about.choices if name not in ("distance", "solver") else ()  # which say it
         if known and value not in known:
             raise ConfigError(f"{option} is {quoted(value)}: must be one of {', '.join(known)}")
+        if str in kinds:
+            return value
+    elif name in IN_OBJECTS:
         return tuple(value) if isinstance(value, list) else value
-    if str in (get_args(TYPES[name]) or (TYPES[name],)):
+    elif str in kinds:
         raise ConfigError(f"{option} is {value!r}: must be a text, as the command line takes it")
-    if isinstance(value, bool) is not (TYPES[name] is bool):
-        raise ConfigError(f"{option} is {value!r}: must be a {TYPES[name]}")
+    if isinstance(value, str) or isinstance(value, bool) is not (bool in kinds):
+        raise ConfigError(f"{option} is {value!r}: must be {KINDS[kinds[0]]}")
+    if isinstance(value, int | float):
+        _check_range(option, about, value)
     return value
+
+
+def _names(name: str, value: object) -> str | tuple[str, ...]:
+    """Several texts, or what the command line takes for such."""
+    if isinstance(value, str):
+        return (value,) if DEFAULTS[name] == () else value
+    texts = tuple(value) if isinstance(value, Iterable) else (value,)
+    if not all(isinstance(text, str) for text in texts):
+        raise ConfigError(f"{name.rstrip('_')} is {value!r}: must be a text, or several")
+    return texts
+
+
+def _check_range(option: str, about: Setting, value: float) -> None:
+    """Whether a number is in the range of the command line."""
+    if about.least is not None and not value >= about.least:
+        raise ConfigError(f"{option} is {value}: must be {about.least} or more")
+    if about.most is not None and not value <= about.most:
+        raise ConfigError(f"{option} is {value}: must be {about.most} or less")

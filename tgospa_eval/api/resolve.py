@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.distance import DistanceOptions
-from tgospa_eval.api.options import Request
+from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request
 from tgospa_eval.api.places import check_places
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.checks import check_columns, check_states
@@ -68,6 +68,8 @@ class Settings:
         Format of truth and estimate; None is guessed.
     conversion : Conversion
         From the stamps and states of the estimate to those of the truth.
+    of_tables : pair of tuple of str
+        Options for truth and estimate that only what has rows and headers can follow.
     preprocess : str, optional
         Rules of a benchmark by which rows are left out.
     similarity : Calibration, optional
@@ -82,6 +84,7 @@ class Settings:
     each: tuple[ReadOptions, ReadOptions]
     formats: tuple[str | None, str | None]
     conversion: Conversion
+    of_tables: tuple[tuple[str, ...], tuple[str, ...]]
     preprocess: str | None
     similarity: Calibration | None = None
     one_of_many: bool = False
@@ -197,10 +200,10 @@ class Settings:
             from tgospa_eval.formats.frames import from_frame  # here: pandas
 
             return replace(from_frame(frame, options, name=role), format="")
-        used = [name for name, _ in options.filters()]
-        if used:
+        if self.of_tables[side]:
             raise ConfigError(
-                f"--{used[0]} is for files and tables, and {role} is none; choose its rows before"
+                f"--{self.of_tables[side][0]} is for files and tables, and {role} is none: choose "
+                "its rows and columns before"
             )
         made = of_object(given, role, self.evaluation.distance, components)
         return Reading(trajectories=made, rows=len(made.step), format="")
@@ -343,9 +346,15 @@ def make_settings(options: Request) -> Settings:
     InputError
         The file of a covariance is missing or wrong.
     """
-    # A file may change from one job of a batch to the next; options do not.
+    # A file may change from one job of a batch to the next; options do not, if they are texts.
     named = options.covariance, options.inner_cov, options.step_weights
-    return _settings(options) if any(name is not None for name in named) else _kept(options)
+    if any(name is not None for name in named):
+        return _settings(options)
+    try:
+        hash(options)
+    except TypeError:  # arrays of Python
+        return _settings(options)
+    return _kept(options)
 
 
 @lru_cache(maxsize=8)
@@ -430,6 +439,7 @@ def _settings(options: Request) -> Settings:
         each=each,
         formats=(options.truth_format, options.estimate_format),
         conversion=conversion,
+        of_tables=(_of_tables(options, "truth"), _of_tables(options, "estimate")),
         preprocess=options.preprocess,
         similarity=_calibration(options),
     )
@@ -443,6 +453,13 @@ def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
 
     slices = parse_slices(options.slices, summed=options.summed or options.by is not None)
     return slices, columns_asked(slices)
+
+
+def _of_tables(options: Request, side: str) -> tuple[str, ...]:
+    """Options of one side that are for files and tables."""
+    of_both = ("columns", "decimal", "on_duplicate", "on_invalid", "time", "class_", "region", "by")
+    names = (f"{side}_columns", f"{side}_class", f"{side}_format", *of_both)
+    return tuple(SETTINGS[name].key for name in names if getattr(options, name) != DEFAULTS[name])
 
 
 def _calibration(options: Request) -> Calibration | None:
@@ -487,6 +504,12 @@ def _list(names: str | Iterable[str] | None) -> tuple[str, ...] | None:
 def _solver(options: Request) -> Solver:
     """The solver that the options ask for."""
     if not isinstance(options.solver, str):
+        for name in ("gap", "epsilon", "time_limit", "jobs"):
+            if getattr(options, name) != DEFAULTS[name]:
+                raise ConfigError(
+                    f"--{SETTINGS[name].key} is for a solver by its name, not for a record with "
+                    "settings of its own"
+                )
         return as_solver(options.solver)
     settings: dict[str, float | None] = {"time_limit": options.time_limit}
     if options.solver != "exact":

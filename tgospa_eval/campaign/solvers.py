@@ -22,6 +22,7 @@ from tgospa_eval.errors import ConfigError, SolverError, TgospaError
 from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve
 from tgospa_eval.evaluation.prepare import Prepared, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.solvers import Solver
@@ -198,13 +199,20 @@ def takes_long(prepared: Prepared) -> int | None:
 
 
 def check_solvers(solvers: Sequence[Solver]) -> None:
-    """No solver may be there twice with the same settings.
+    """No solver may be there twice with the same settings, and sinkhorn needs its sweeps.
 
     Raises
     ------
     ConfigError
-        Two solvers have the same name, and the same temperature if they have one.
+        Two solvers have the same name, and the same temperature if they have one; or sinkhorn would
+        be a linear programme, for want of compiled kernels.
     """
+    if KERNEL == "numpy" and any(solver.name == "sinkhorn" for solver in solvers):
+        raise ConfigError(
+            "--solvers sinkhorn: without compiled kernels it is the same linear programme as "
+            "certified, and no approximation to compare; choose certified,exact, or install with a "
+            "C compiler at hand"
+        )
     seen = list(map(name_of, solvers))
     twice = next((name for name in seen if seen.count(name) > 1), None)
     if twice is not None:

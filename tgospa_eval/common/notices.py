@@ -108,9 +108,9 @@ WORD_OPTIONS = ("distance", "grid", "missing-cov", "on-duplicate", "on-invalid")
 """Options whose value in messages is a word."""
 
 _OPTION = (
-    r"--(?:(?P<columns>(?:truth-|estimate-)?columns) (?P<names>[\w=]+(?:,[\w=]+)*)"
+    r"--(?:(?P<columns>(?:truth-|estimate-)?columns) (?!is\b|for\b|of\b)(?P<names>[\w=]+(?:,[\w=]+)*)"
     r"|(?P<decimal>decimal) (?P<mark>,)"
-    rf"|(?P<named>{'|'.join(WORD_OPTIONS)}) (?P<word>[\w-]+)"
+    rf"|(?P<named>{'|'.join(WORD_OPTIONS)}) (?!is\b|for\b|of\b)(?P<word>[\w-]+)"
     r"|(?P<alone>[a-z][a-z-]*)(?: (?:FILE|NAME|N)\b)?)"
 )
 

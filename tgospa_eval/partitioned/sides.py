@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import freeze
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.errors import InputError
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.assemble import (
     CENTRES,
     NO_CLASSES,
@@ -282,16 +282,32 @@ def _save_steps(
 
 @lru_cache(maxsize=4)
 def steps_of(store: str) -> SideSteps:
-    """What `index_side` wrote; arrays stay in their files."""
+    """What `index_side` wrote; arrays stay in their files.
+
+    Raises
+    ------
+    ConfigError
+        It was damaged since, or is not ours.
+    """
     folder = Path(store, "steps")
-    known = json.loads((folder / "index.json").read_text(encoding="utf-8"))
-    known["runs"] = [str(Path(store, run)) for run in known["runs"]]
-    known["ends"] = np.array(known["ends"]).reshape(-1, 2)
     paths = {key: folder / f"{key}.npy" for key in ("raw", "times", "counts", "labels", "texts")}
-    arrays: dict[str, Any] = {
-        key: np.load(path, mmap_mode="r") if path.exists() else None for key, path in paths.items()
-    }
-    return SideSteps(**known, **arrays)
+    try:
+        known = json.loads((folder / "index.json").read_text(encoding="utf-8"))
+        known["runs"] = [str(Path(store, run)) for run in known["runs"]]
+        if not all(
+            Path(run).resolve().is_relative_to(Path(store).resolve()) for run in known["runs"]
+        ):
+            raise ValueError("runs beside the folder")
+        known["ends"] = np.array(known["ends"]).reshape(-1, 2)
+        arrays: dict[str, Any] = {
+            key: np.load(path, mmap_mode="r") if path.exists() else None
+            for key, path in paths.items()
+        }
+        return SideSteps(**known, **arrays)
+    except (ValueError, TypeError, KeyError, AttributeError, OSError) as error:
+        raise ConfigError(
+            f"{folder}: is damaged, or was not made by this program ({error}); --force begins anew"
+        ) from None
 
 
 KEY_DIGITS = 16

@@ -23,6 +23,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.patches import StepPatch
 
+__all__ = [
+    "plot_costs",
+    "plot_cumulative",
+    "plot_lanes",
+    "plot_plane",
+    "plot_windows",
+    "plot_worst",
+]
+
 
 def _function(method: "Callable[..., Figure]") -> "Callable[..., Figure]":
     """A method of results as a function of one."""

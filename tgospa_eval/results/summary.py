@@ -7,7 +7,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import field
-from functools import cached_property
+from functools import cached_property, partialmethod
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -43,6 +43,7 @@ from tgospa_eval.results.records import (
     records,
 )
 from tgospa_eval.results.slices import Slicing
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.judged import Judged
 
 if TYPE_CHECKING:
@@ -330,12 +331,29 @@ class Summary(ABC):
     def table(self, name: str) -> Columns:
         """A table by the name of its DataFrame, or ``"per_class"``, as plain columns.
 
-        Those that were not asked for have no columns.
+        ``"per_step"``, ``"per_truth"``, ``"per_estimate"``, ``"switches"``, ``"assignments"``,
+        ``"curve"``, ``"windows"``; those that were not asked for have no columns.
+
+        Raises
+        ------
+        ConfigError
+            There is no such table.
         """
         if name in ("per_step", "curve", "windows", "per_class"):
             made: Columns = getattr(self, f"_{name}")()
             return made
+        if name not in ("assignments", "switches", "per_truth", "per_estimate"):
+            raise ConfigError(f"no table {quoted(name)}; see Result.table")
         return self._of_tracks(name)
+
+    per_step_table = partialmethod(table, "per_step")
+    per_truth_table = partialmethod(table, "per_truth")
+    per_estimate_table = partialmethod(table, "per_estimate")
+    per_class_table = partialmethod(table, "per_class")
+    switches_table = partialmethod(table, "switches")
+    assignments_table = partialmethod(table, "assignments")
+    curve_table = partialmethod(table, "curve")
+    windows_table = partialmethod(table, "windows")
 
     @abstractmethod
     def _of_tracks(self, name: str) -> Columns:
