@@ -107,10 +107,13 @@ OF_READING = {
 WORD_OPTIONS = ("distance", "grid", "missing-cov", "on-duplicate", "on-invalid")
 """Options whose value in messages is a word."""
 
+NO_VALUE = r"(?!(?:is|for|of)\b)"
+"""What follows an option is a word of the sentence."""
+
 _OPTION = (
-    r"--(?:(?P<columns>(?:truth-|estimate-)?columns) (?!is\b|for\b|of\b)(?P<names>[\w=]+(?:,[\w=]+)*)"
+    rf"--(?:(?P<columns>(?:truth-|estimate-)?columns) {NO_VALUE}(?P<names>[\w=]+(?:,[\w=]+)*)"
     r"|(?P<decimal>decimal) (?P<mark>,)"
-    rf"|(?P<named>{'|'.join(WORD_OPTIONS)}) (?!is\b|for\b|of\b)(?P<word>[\w-]+)"
+    rf"|(?P<named>{'|'.join(WORD_OPTIONS)}) {NO_VALUE}(?P<word>[\w-]+)"
     r"|(?P<alone>[a-z][a-z-]*)(?: (?:FILE|NAME|N)\b)?)"
 )
 
