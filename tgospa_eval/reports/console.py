@@ -246,11 +246,10 @@ def _scale(result: Summary) -> Iterator[str]:
 def similarity_in_words(result: Summary) -> str:
     """The score of the value per step, and on what scale, where that was asked for."""
     found = result.similarity()
-    asked = found.calibration
     bracket = "" if result.certified else f" to {found.upper_bound:.4f}"
     return (
-        f"{found.score:.4f}{bracket}, from 0 to 1; {asked.false_targets:g} false a step score "
-        f"{asked.score:g}"
+        f"{found.score:.4f}{bracket}, from 0 to 1; {found.false_targets:g} false a step score "
+        f"{found.score_of_false_targets:g}"
     )
 
 
