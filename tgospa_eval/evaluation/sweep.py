@@ -236,13 +236,14 @@ def _value(parameters: Parameters, name: str) -> float:
 
 def _point(result: Result, name: str) -> Point:
     numbers = ("tgospa", "lower_bound", "total", "relative_gap", "certified", *PARTS)
+    values = {number: getattr(result, number) for number in numbers}
+    values |= {f"{part}_count": count for part, count in result.counts.items()}
     return Point(
         value=_value(result.proof.parameters, name),
         normalised=result.normalised["tgospa"],
         status=result.solver["status"],
         finished=bool(result.solver["finished"]),
-        **{number: getattr(result, number) for number in numbers},
-        **{f"{part}_count": count for part, count in result.counts.items()},
+        **values,
     )
 
 
