@@ -351,7 +351,6 @@ def test_two_parts_of_a_stamp(write: Write, header: str, remedy: str) -> None:
         ("0 1 2 3\n", "line 1: columns separated by blanks, without a header; begin with a line"),
         ("id t x\na 1\n", "line 2: 2 fields, the header has 3"),
         ("id t x\n#a 1 2\nb 1 2\n", "line 2: a comment, not a row, or an id"),
-        ("id,t,x\n#1,1,2\n#2,1\n", "line 3: 2 fields, the header has 3"),
         ("id|t|x\na|1|2\n", "line 1: columns separated by vertical bars"),
         ('[{"id": 0, "t": 0}, {"id": 1, "t": 0}]', "line 1: JSON, not a table"),
         ('{"id": 0, "t": 0, "x": 1}\n', "line 1: JSON, not a table"),
@@ -804,7 +803,7 @@ def test_options_that_mean_nothing(option: dict[str, str]) -> None:
         pytest.param(
             "id,t,x\na,1,1\na,2\na,3,1\na,4,1,1\n",
             ", line 3: ",
-            ("2 fields", "header has 3", "and 1 more", "; "),
+            ("2 fields", "header has 3", "; "),
             id="row too short",
         ),
         pytest.param(
@@ -834,7 +833,7 @@ def test_options_that_mean_nothing(option: dict[str, str]) -> None:
         pytest.param(
             "id,t,x,class\na,1,2,car,5\na,2,2\n",
             ", line 2: ",
-            ("5 fields", "header has 4", "and 1 more", "; "),
+            ("5 fields", "header has 4", "; "),
             id="a row too long and a row too short",
         ),
         pytest.param(
