@@ -7,7 +7,7 @@ the bounds.
 """
 
 import json
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.campaign.grouping import (
@@ -22,7 +22,7 @@ from tgospa_eval.campaign.statistics import confidence, rankings
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.states import connected_components
-from tgospa_eval.reports.batch_records import BatchTables, GroupSlices, Ranking
+from tgospa_eval.reports.batch_records import BatchTables, Ranking
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, OtherMetrics
 from tgospa_eval.results.slices import Slicing, added_up
 
@@ -154,7 +154,7 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
         parameters=tuple(parameters),
         rankings=tuple(item for item in items if isinstance(item, Ranking)),
         notes=tuple(dict.fromkeys(item for item in items if isinstance(item, str))),
-        slices=tuple(sliced_groups(having, groups.numbers)),
+        slices=sliced_groups(having, groups.numbers),
     )
 
 
@@ -255,8 +255,8 @@ def _sorted_by(head: Sequence[Any], labels: int) -> tuple[Any, ...]:
     return (*(natural(str(value)) for value in head[:labels]), *head[labels:])
 
 
-def sliced_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> Iterator[GroupSlices]:
-    """The sums of each group that has slices.
+def sliced_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[int, list[Slicing]]:
+    """The sums of each group that has slices, by its number.
 
     Parameters
     ----------
@@ -266,9 +266,9 @@ def sliced_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> Iterator
         The group of each row, by the index of the rows.
     """
     if STORED_SLICES not in having:
-        return
+        return {}
     stored = having[STORED_SLICES].dropna()
-    for number, texts in stored.groupby(numbers[stored.index]):
-        records = map(json.loads, texts)
-        jobs = [tuple(map(Slicing.of, record)) for record in records]
-        yield GroupSlices(group=int(number), slicings=tuple(added_up(jobs)))
+    return {
+        int(number): list(added_up([[*map(Slicing.of, json.loads(text))] for text in texts]))
+        for number, texts in stored.groupby(numbers[stored.index])
+    }

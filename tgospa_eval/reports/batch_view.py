@@ -337,7 +337,7 @@ class BatchView:
     @cached_property
     def compared(self) -> dict[str, int]:
         """Values of the first label, those that are ranked first, with numbers of colours."""
-        names = [entry.name for ranking in self.tables.rankings for entry in ranking.entries]
+        names = [entry["name"] for ranking in self.tables.rankings for entry in ranking.entries]
         if self.tables.by:
             names += sorted(self.values_of(self.tables.by[0]).unique())
         return {name: k for k, name in enumerate(dict.fromkeys(names))}

@@ -22,7 +22,7 @@ from tgospa_eval.reports.console import (
     meaning,
     part_rows,
     repair_notes,
-    repair_rows,
+    repair_table,
     similarity_in_words,
 )
 from tgospa_eval.reports.other_metrics import other_table, similarity
@@ -210,7 +210,7 @@ def page(
         .get_template("page.html.j2")
         .render(
             **_values(result, names),
-            repairs=[] if repaired is None else repair_rows(result, repaired),
+            repairs=[] if repaired is None else repair_table(result, repaired).rows,
             repair_notes=[] if repaired is None else list(repair_notes(repaired)),
             worst=WORST_ROWS,
             data=data,
@@ -327,13 +327,8 @@ CHART_WIDTH, CHART_HEIGHT = 560, 56
 def card(result: Summary) -> str:
     """What a notebook shows: a headline, the four parts, and the cost of each step."""
     per_step = result.table("per_step")
-    cost = {name: getattr(result, name) for name in PARTS} | {"total": result.total}
-    rows = [
-        (name, number(value), result.share(value), number(result.counts[name]))
-        if name in result.counts
-        else (name, number(value), result.share(value), "")
-        for name, value in cost.items()
-    ]
+    rows = [row[:4] for row in part_rows(result)]
+    rows.append(("total", number(result.total), result.share(result.total), ""))
     notes = [
         *result.told,
         sizes_in_words(result.sizes),
