@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.text import Text
 
 from tgospa_eval.common.words import number
-from tgospa_eval.reports.console import SHOWN, blocks, fitting, worst
+from tgospa_eval.reports.console import SHOWN, blocks, worst
 from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines
 from tgospa_eval.results.numbers import costliest
 from tgospa_eval.results.records import PARTS
@@ -101,16 +101,13 @@ def _worst_steps(result: Summary) -> Iterator[str]:
     chosen = costliest(list(range(len(table["t"]))), np.array(table["total"]), SHOWN)
     if not chosen:
         return
-    times = fitting([table["t"][k] for k in chosen], 28, lambda: table["t"])
-    wide = max(12, *map(len, times))
-    name = max(12, min(17, 40 - wide))
-    rows = []
-    for k, time in zip(chosen, times, strict=True):
-        found = (counts.missed_count[k], counts.false_count[k], counts.switch_count[k])
-        cost = number(table["total"][k], 5)
-        rows.append(("", time, cost, *(number(count, 4) for count in found)))
-    head = ("worst steps", "t", "cost", "missed", "false", "switches")
-    yield from map(clip, text_lines(Table(head=head, rows=rows, widths=(name, wide, 11, 9, 8, 10))))
+    parts = counts.missed_count, counts.false_count, counts.switch_count
+    rows = [
+        (str(table["t"][k]), number(table["total"][k], 5), *(number(part[k], 4) for part in parts))
+        for k in chosen
+    ]
+    head = (f"{'worst steps':<17}{'t':>12}", "cost", "missed", "false", "switches")
+    yield from map(clip, text_lines(Table(head=head, rows=rows, align="r" * 5)))
     yield ""
 
 
