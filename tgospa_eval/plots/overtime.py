@@ -8,9 +8,10 @@ import numpy as np
 from tgospa_eval.common.words import number
 from tgospa_eval.plots import boxes, counted, figure, stairs
 from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, titled
-from tgospa_eval.plots.views import DrawnSide, View, binned
+from tgospa_eval.plots.views import DrawnSide, View
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.clock import Clock
+from tgospa_eval.reports.page_data import binned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

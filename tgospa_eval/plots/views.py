@@ -171,15 +171,6 @@ def is_box(columns: Sequence[str]) -> bool:
     return tuple(columns[: len(BOX)]) == BOX
 
 
-def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
-    """First steps of at most so many bins of equal length, and of each its costliest step."""
-    together = max(1, -(-len(total) // most))
-    first = np.arange(0, len(total), together)
-    padded = np.full(len(first) * together, -1.0)
-    padded[: len(total)] = total
-    return first, first + padded.reshape(len(first), together).argmax(axis=1)
-
-
 def _side(name: str, data: Json, arrays: dict[str, Ints]) -> DrawnSide:
     table = data["tracks"][name]
     run = {field: arrays[f"{name}/run/{field}"] for field in ("track", "begin", "end", "other")}

@@ -49,8 +49,6 @@ class Kind:
         A file by which the folder is known even without a manifest, and which stays.
     opens : tuple of str
         What to open, the first that there is.
-    options : str
-        Options that make pictures, for messages.
     """
 
     name: str
@@ -58,7 +56,6 @@ class Kind:
     names: Collection[str]
     log: str | None = None
     opens: tuple[str, ...] = ()
-    options: str = ""
 
     def owns(self, folder: Path) -> bool:
         """Whether the folder is one of this kind; what the log says is for its reader."""
@@ -85,7 +82,6 @@ RESULT = Kind(
     ),
     log=WORK_LOG,
     opens=("report.html",),
-    options=" --pictures {0}",
 )
 
 PROOF_FILES = ("proof.json", "truth.csv", "estimate.csv", "distances.csv")
@@ -95,7 +91,6 @@ SWEEP = Kind(
     document="sweep.json",
     names=("sweep.json", "sweep.csv"),
     opens=_files("sweep", *PICTURES),
-    options=" --pictures {0}",
 )
 COMPARISON = Kind(
     name="compare",
@@ -119,7 +114,6 @@ BATCH = Kind(
     names=("report.html", "curve.csv", "slices.csv", *_files("parts heat curve", "png")),
     log=manifest.STORE,
     opens=("report.html",),
-    options=" --pictures {0}",
 )
 
 
@@ -184,7 +178,7 @@ def check_folder(
         if path.exists() and not path.is_dir():
             raise ConfigError(f"{option} {folder}: is a file; name a folder")
         if not path.is_dir():
-            _check_name(folder, kind, option)
+            _check_name(folder, option)
         elif not force and not (kind and kind.owns(path)) and any(manifest.others(path)):
             raise ConfigError(f"{option} {folder}: is not empty; name another folder, or --force")
 
@@ -296,7 +290,7 @@ def _take(file: Path, place: Path, work: Path) -> None:
     shutil.copyfile(file, place)
 
 
-def _check_name(folder: str, kind: Kind | None, option: str) -> None:
+def _check_name(folder: str, option: str) -> None:
     """A folder that is not there yet and is called like a file is a misunderstanding.
 
     Raises
@@ -306,19 +300,11 @@ def _check_name(folder: str, kind: Kind | None, option: str) -> None:
     """
     stem, suffix = os.path.splitext(folder)
     suffix = suffix.lower()
-    pictures = suffix[1:] in PICTURES
-    if not pictures and suffix not in (*AS_FORMAT, ".html", ".txt"):
+    if suffix not in (*AS_FORMAT, *(f".{kind}" for kind in (*PICTURES, "html", "txt"))):
         return
-    if option != "--output" or kind is None:  # an argument, of a command or in Python
-        remedy = f"name it {stem}"
-    elif suffix in AS_FORMAT:
+    remedy = f"name it {stem}"
+    if option == "--output" and suffix in AS_FORMAT:
         remedy = f"type --format {AS_FORMAT[suffix]} > {folder}"
-    elif pictures:
-        remedy = f"type -o {stem}{kind.options.format(suffix[1:])}"
-    elif suffix == ".html" and kind is RESULT:
-        remedy = f"type -o {stem}, and open {os.path.join(stem, 'report.html')}"
-    else:
-        remedy = f"type -o {stem}"
     raise ConfigError(f"{option} {folder}: must be a folder, not a file; {remedy}")
 
 

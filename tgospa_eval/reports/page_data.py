@@ -475,6 +475,15 @@ def rounded(values: list[float]) -> list[float]:
     return shortest
 
 
+def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
+    """First steps of at most so many bins of equal length, and of each its costliest step."""
+    together = max(1, -(-len(total) // most))
+    first = np.arange(0, len(total), together)
+    padded = np.full(len(first) * together, -1.0)
+    padded[: len(total)] = total
+    return first, first + padded.reshape(len(first), together).argmax(axis=1)
+
+
 def over_time(result: Summary, stretches: int) -> Json:
     """What is drawn over time, of at most so many stretches of steps: means, the curve at ends."""
     steps = len(result.labels.times)
