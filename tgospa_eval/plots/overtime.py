@@ -8,10 +8,10 @@ import numpy as np
 from tgospa_eval.common.words import number
 from tgospa_eval.plots import boxes, counted, figure, stairs
 from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, titled
-from tgospa_eval.plots.views import DrawnSide, View
+from tgospa_eval.plots.views import View
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.clock import Clock
-from tgospa_eval.reports.page_data import binned
+from tgospa_eval.reports.page_data import KINDS, DrawnSide, binned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -130,9 +130,6 @@ def name_times(
 THICK = 0.36
 """Half the height of a bar; bars are 1 apart."""
 
-UNASSIGNED = {"truth": "missed", "estimate": "false"}
-"""What a track costs where it is unassigned."""
-
 
 def draw_worst(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     """Bars of the costliest steps, truths and estimates."""
@@ -172,7 +169,7 @@ def _costs(side: DrawnSide) -> dict[str, list[float]]:
     table = side.table
     return {
         "localisation": table["localisation"],
-        UNASSIGNED[side.name]: table["unassigned"],
+        KINDS[side.name]: table["unassigned"],
         "switch": table["switch"],
     }
 

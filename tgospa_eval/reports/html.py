@@ -63,7 +63,7 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
     names : pair of str
         What truth and estimate are called, as the paths of their files.
     """
-    data, arrays = result.drawn
+    data, arrays, _ = result.drawn
     repaired = result.explained
     return (
         environment()
