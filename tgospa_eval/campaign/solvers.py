@@ -28,11 +28,12 @@ from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.trajectories import Trajectories
 
-COSTS = (
+RUN = (
+    *("name", "solver", "epsilon", "status", "finished", "counts", "history"),
     *("tgospa", "lower_bound", "total", "total_lower", "error", "lower_error", *PARTS),
     *("iterations", "seconds", "memory"),
 )
-"""What a run that failed does not have."""
+"""What a run has; all but the first five are None, or empty, of one that failed."""
 
 OWN_GROUP: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
 """Ctrl-C reaches the one who asked, who stops the process."""
@@ -58,18 +59,16 @@ def name_of(solver: Solver) -> str:
     return called(solver.name, solver.epsilon)
 
 
+def _run(solver: Solver, status: str, **found: object) -> Json:
+    """A run, as far as it is known."""
+    about = {"name": name_of(solver), "solver": solver.name, "epsilon": solver.epsilon}
+    nothing = {"finished": False, "counts": {}, "history": []}
+    return {**dict.fromkeys(RUN), **about, **nothing, "status": status, **found}
+
+
 def failed(solver: Solver, error: BaseException) -> Json:
     """What is left of a run whose solver raised."""
-    return {
-        "name": name_of(solver),
-        "solver": solver.name,
-        "epsilon": solver.epsilon,
-        "status": f"failed: {reason(error)}",
-        "finished": False,
-        **dict.fromkeys(COSTS),
-        "counts": {},
-        "history": [],
-    }
+    return _run(solver, f"failed: {reason(error)}")
 
 
 def reason(error: BaseException) -> str:
@@ -82,32 +81,21 @@ def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = N
     result = solve(prepared, solver, stopwatch or Stopwatch())
     stages = {name: seconds for name, seconds in result.timings["solve"].items() if seconds}
     lower, upper = result.total_bounds
-    return {
-        "name": name_of(solver),
-        "solver": solver.name,
-        "epsilon": solver.epsilon,
-        "tgospa": result.tgospa,
-        "lower_bound": result.lower_bound,
-        "total": upper,
-        "total_lower": lower,
-        "error": None,
-        "lower_error": None,
-        "localisation": result.localisation,
-        "missed": result.missed,
-        "false": result.false,
-        "switch": result.switch,
-        "counts": result.counts,
-        "status": result.solver["status"],
-        "finished": bool(result.solver["finished"]),
-        "iterations": result.solver["iterations"],
-        "seconds": {
-            "solve": sum(stages.values()),
-            "certify": result.timings["certify"],
-            "stages": stages,
-        },
-        "memory": None,
-        "history": list(result.solver["history"]),
-    }
+    seconds = {"solve": sum(stages.values()), "certify": result.timings["certify"]}
+    return _run(
+        solver,
+        str(result.solver["status"]),
+        finished=bool(result.solver["finished"]),
+        tgospa=result.tgospa,
+        lower_bound=result.lower_bound,
+        total=upper,
+        total_lower=lower,
+        counts=result.counts,
+        iterations=result.solver["iterations"],
+        seconds=seconds | {"stages": stages},
+        history=list(result.solver["history"]),
+        **{name: getattr(result, name) for name in PARTS},
+    )
 
 
 def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = None) -> Json:
@@ -227,30 +215,41 @@ ONCE = {"read": "read", "distances": "distances", "preparation": "solve/preparat
 """What is done once for all solvers, and the span of the stopwatch that has its time."""
 
 
-Proven = tuple[str, Interval | None]
-"""Name of a run, and what it proves of the total, if it has an answer."""
-
-
-def contradictions(runs: Iterable[Proven]) -> list[tuple[str, str]]:
+def contradictions(runs: Iterable[Json]) -> list[tuple[str, str]]:
     """Pairs of runs whose brackets do not overlap: one of their proofs is wrong."""
+    proven = [(run["name"], bracket) for run in runs if (bracket := bracket_of(run))]
     return [
         (first, second)
-        for (first, own), (second, other) in itertools.combinations(runs, 2)
-        if own and other and not overlap(own, other)
+        for (first, own), (second, other) in itertools.combinations(proven, 2)
+        if not overlap(own, other)
     ]
 
 
-def referee(runs: Sequence[Proven]) -> Interval | None:
+def referee(runs: Sequence[Json]) -> Interval | None:
     """What all runs together prove of the total: nothing where they contradict each other."""
-    proven = [bracket for _, bracket in runs if bracket is not None]
+    proven = [bracket for run in runs if (bracket := bracket_of(run))]
     return narrowest(proven) if proven and not contradictions(runs) else None
 
 
-def errors(bracket: Interval | None, known: Interval | None) -> tuple[float | None, float | None]:
+def errors(run: Json, known: Interval | None) -> tuple[float | None, float | None]:
     """Proven: how far, relative, both ends of a run may at most be above and below the total."""
+    bracket = bracket_of(run)
     if bracket is None or known is None:
         return None, None
     return excess(bracket.upper, known.lower), shortfall(bracket.lower, known.upper)
+
+
+def bracket_of(run: Json) -> Interval | None:
+    """What a run proves of the total; None where it failed."""
+    if run["total"] is None:
+        return None
+    return Interval(lower=run["total_lower"], upper=run["total"])
+
+
+def spent(run: Json) -> float | None:
+    """Seconds of solving and proof; None where it failed."""
+    seconds = run["seconds"]
+    return None if seconds is None else float(seconds["solve"] + seconds["certify"])
 
 
 def compare_solvers(
@@ -310,10 +309,9 @@ def solvers_document(
     warnings : list of dict
         What looks wrong with the data.
     """
-    proven = [(run["name"], bracket_of(run["total_lower"], run["total"])) for run in runs]
-    known, opposed = referee(proven), contradictions(proven)
-    for run, (_, bracket) in zip(runs, proven, strict=True):
-        error, run["lower_error"] = errors(bracket, known)
+    known, opposed = referee(runs), contradictions(runs)
+    for run in runs:
+        error, run["lower_error"] = errors(run, known)
         run["error"] = error if error is not None and math.isfinite(error) else None
     order = prepared.parameters.order
     return {
@@ -337,8 +335,3 @@ def solvers_document(
         "seconds": seconds,
         "warnings": warnings,
     }
-
-
-def bracket_of(lower: float | None, upper: float | None) -> Interval | None:
-    """What a run proves of the total; None where it failed."""
-    return None if lower is None or upper is None else Interval(lower=lower, upper=upper)

@@ -134,13 +134,16 @@ def test_one_that_fails_leaves_the_others(write: Write, invoke: Invoke, here) ->
 
 
 def test_errors_are_against_what_all_prove() -> None:
-    proven = [("a", bracket(90, 100)), ("b", bracket(80, 96)), ("failed", None)]
-    known = referee(proven)
+    a, b, lost = (
+        {"name": name, "total_lower": lower, "total": upper}
+        for name, lower, upper in (("a", 90, 100), ("b", 80, 96), ("failed", None, None))
+    )
+    known = referee([a, b, lost])
     assert known == bracket(90, 96)
-    assert errors(bracket(90, 100), known)[0] == pytest.approx(10 / 90)
-    assert errors(bracket(80, 96), known)[1] == pytest.approx(16 / 96)
-    assert errors(None, known) == (None, None)
-    assert not contradictions(proven)
+    assert errors(a, known)[0] == pytest.approx(10 / 90)
+    assert errors(b, known)[1] == pytest.approx(16 / 96)
+    assert errors(lost, known) == (None, None)
+    assert not contradictions([a, b, lost])
 
 
 def test_exact_is_left_out_where_it_is_slow(

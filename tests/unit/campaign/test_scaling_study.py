@@ -166,7 +166,7 @@ def test_damaged_and_foreign_files_are_refused(tmp_path: Path, invoke: Invoke) -
         answer = invoke(*small)
         assert (answer.status, "line 2: no record of this study" in answer.err) == (2, True)
     missing = json.loads(whole)
-    missing["runs"][0].pop("upper")
+    missing["runs"][0].pop("total")
     (tmp_path / LOG_NAME).write_text(f"{header}\n{json.dumps(missing)}\n", encoding="utf-8")
     assert "line 2: no record of this study" in invoke(*small).err
     assert (tmp_path / "notes.txt").read_text(encoding="utf-8") == "mine"
