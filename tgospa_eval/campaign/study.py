@@ -11,7 +11,7 @@ import math
 import os
 import platform
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from operator import itemgetter
 from pathlib import Path
@@ -32,7 +32,8 @@ from tgospa_eval.campaign.solvers import (
     spent,
     warm_up,
 )
-from tgospa_eval.common.files import is_regular, named, take_lock
+from tgospa_eval.campaign.store import locked
+from tgospa_eval.common.files import is_missing, is_regular, named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
@@ -53,9 +54,6 @@ Key = tuple[int, int, int]
 LOG_SCHEMA = "tgospa-eval/study/2"
 LOG_NAME = "runs.jsonl"
 
-LOCKED_BYTE = 1 << 40
-"""A byte that no file of ours reaches, for locking."""
-
 RECORD = {"targets", "steps", "run", "occupied", "sizes", "prepare_seconds", "runs"}
 """What a record has."""
 
@@ -69,7 +67,7 @@ def machine() -> str:
 
 
 class Log:
-    """The file of a study, locked until it is closed; use it in a ``with``.
+    """The records of a study that are there, and the file to which more are added.
 
     Parameters
     ----------
@@ -86,72 +84,26 @@ class Log:
     Raises
     ------
     ConfigError
-        The file is of another study, or no file of ours, or damaged, or in use by another process,
-        or cannot be read or written.
+        The file is of another study, or no file of ours, or damaged, or cannot be read or written.
     """
 
-    def __init__(self, folder: str, settings: Mapping[str, object]) -> None:
+    def __init__(self, folder: str, settings: Json) -> None:
         self.path = Path(folder) / LOG_NAME
+        self.known: dict[Key, Json] = {}
         header = {
             "schema": LOG_SCHEMA,
             "version": __version__,
             "machine": machine(),
             "settings": settings,
         }
-        self.header = json.loads(json.dumps(header))
-        self.known: dict[Key, Json] = {}
         with named(str(self.path), ConfigError, "cannot be opened"):
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = self.path.open("a+b")
-        try:
-            with named(str(self.path), ConfigError, "cannot be opened"):
-                if not is_regular(str(self.path)):
-                    self._refuse()
-                self._lock()
-                whole = self._read()
-                self._file.truncate(whole)
-                if not whole:
-                    self.keep(self.header)
-        except BaseException:
-            self.close()
-            raise
-
-    def __enter__(self) -> "Log":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Let others use the file."""
-        with suppress(OSError):  # what could not be written is known
-            self._file.close()
-
-    def keep(self, record: Mapping[str, object]) -> None:
-        """Add a record; it is on the disk when this returns."""
-        line = json.dumps(record, sort_keys=True, allow_nan=False) + "\n"
-        with named(str(self.path), ConfigError, "cannot be written"):
-            self._file.write(line.encode())
-            self._file.flush()
-            os.fsync(self._file.fileno())
-
-    def _lock(self) -> None:
-        """Two processes would do the same scenes, and write into each other's lines."""
-        try:
-            take_lock(self._file, at=LOCKED_BYTE)  # a locked byte cannot be read
-        except (BlockingIOError, PermissionError):
-            raise ConfigError(
-                f"{self.path}: another process is at this study; wait for it, or name another "
-                "folder"
-            ) from None
-
-    def _read(self) -> int:
-        """Take the records that are there; the number of bytes up to the last whole one."""
-        self._file.seek(0)
-        content = self._file.read()
-        whole = content.rfind(b"\n") + 1
-        own = json.dumps(self.header, sort_keys=True).encode()
-        if not whole and not own.startswith(content):  # not even the begin of our first line
+            there = not is_missing(str(self.path))
+            if there and not is_regular(str(self.path)):
+                self._refuse()
+            content = self.path.read_bytes() if there else b""
+        whole, solvers = content.rfind(b"\n") + 1, len(settings["solvers"])
+        first = json.dumps(header, sort_keys=True)
+        if not whole and not first.encode().startswith(content):  # not even its begin
             self._refuse()
         for number, line in enumerate(content[:whole].splitlines(), start=1):
             try:
@@ -159,30 +111,53 @@ class Log:
             except (ValueError, RecursionError):
                 document = None
             if number == 1:
-                self._check(document)
+                self._check(json.loads(first), document)
                 continue
-            if not is_record(document, len(self.header["settings"]["solvers"])):
+            if not is_record(document, solvers):
                 raise ConfigError(
                     f"{self.path}, line {number}: no record of this study; remove the line, or "
                     "name another folder"
                 )
             self.known[document["targets"], document["steps"], document["run"]] = document
-        return whole
+        if whole < len(content):  # killed in the middle of a line
+            os.truncate(self.path, whole)
+        if not whole:
+            self.keep(header)
+
+    def keep(self, record: Mapping[str, object]) -> None:
+        """Add a record; it is on the disk when this returns."""
+        line = json.dumps(record, sort_keys=True, allow_nan=False) + "\n"
+        with (
+            named(str(self.path), ConfigError, "cannot be written"),
+            self.path.open("ab") as file,
+        ):
+            file.write(line.encode())
+            file.flush()
+            os.fsync(file.fileno())
 
     def _refuse(self) -> NoReturn:
         raise ConfigError(f"{self.path}: not the file of a study; name another folder")
 
-    def _check(self, header: object) -> None:
+    def _check(self, own: Json, header: object) -> None:
         """The settings must be the same."""
         if not isinstance(header, dict) or header.get("schema") != LOG_SCHEMA:
             self._refuse()
-        own, other = _flat(self.header), _flat(header)
-        for name in [*own, *other]:
-            if own.get(name) != other.get(name):
+        mine, other = _flat(own), _flat(header)
+        for name in [*mine, *other]:
+            if mine.get(name) != other.get(name):
                 raise ConfigError(
                     f"{self.path}: is of a study with another {name.removeprefix('settings.')} "
-                    f"({other.get(name)}, now {own.get(name)}); name another folder"
+                    f"({other.get(name)}, now {mine.get(name)}); name another folder"
                 )
+
+
+@contextmanager
+def opened(folder: str, settings: Json) -> Iterator[Log]:
+    """The log of a study, for one process at a time; arguments and errors as of `Log`."""
+    with named(os.path.join(folder, LOG_NAME), ConfigError, "cannot be opened"):
+        os.makedirs(folder, exist_ok=True)
+    with locked(Path(folder), (0, 1)):
+        yield Log(folder, settings)
 
 
 def is_record(document: object, solvers: int) -> TypeGuard[Json]:
