@@ -27,6 +27,7 @@ from tgospa_eval.campaign.solvers import (
     name_of,
     solvers_document,
     takes_long,
+    warm_up,
 )
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, warn_user
@@ -125,7 +126,7 @@ def compare(
     cutoff, order, switch_penalty, mapping
         As for `evaluate`, as all others.
     solvers : sequence of str or solver record
-        Solvers to compare on one estimate, each in a process of its own.
+        Solvers to compare on one estimate, one after the other.
 
     Returns
     -------
@@ -343,7 +344,8 @@ def solvers_on(
         left_out = {solver.name: reason for solver in solvers if solver.referee}
     stopwatch.stage = "solve/lp"
     stopwatch.progress.begin(prepared.parameters.root)
-    found = compare_solvers(prepared, chosen, progress=stopwatch.progress)
+    warm_up(chosen)
+    found = compare_solvers(prepared, chosen, stopwatch.progress)
     for solver in chosen[len(found) :]:
         left_out[name_of(solver)] = "interrupted before its turn"
     once = {name: stopwatch.spans.get(span, 0.0) for name, span in ONCE.items()}

@@ -11,7 +11,7 @@ import math
 import os
 import platform
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from operator import itemgetter
 from pathlib import Path
@@ -280,9 +280,7 @@ def carry_out(
         Gets what is next, and the share that is done.
     """
     if any(key not in known for key in study.wanted()):
-        for solver in study.solvers:
-            with suppress(Exception):  # what fails here fails again where it is recorded
-                warm_up(solver)
+        warm_up(study.solvers)
     count = len(study.sizes) * study.runs
     records = []
     for done, key in enumerate(study.wanted()):
@@ -324,8 +322,8 @@ def measure(study: Study, targets: int, steps: int, run: int) -> Json:
     record["prepare_seconds"] = sum(
         stopwatch.spans[name] for name in ("distances", "solve/preparation")
     )
-    found = compare_solvers(prepared, study.solvers, run_here)
-    record["runs"] = [run | {"history": []} for run in found]
+    found = compare_solvers(prepared, study.solvers, run=run_here)
+    record["runs"] = [run | {"history": [], "memory": None} for run in found]
     return record
 
 

@@ -186,8 +186,8 @@ def test_failing_and_contradicting_scenes_are_counted(
             raise MemoryError
         return kept["prepare"](*sides, **options)
 
-    def run_here(prepared, solver):
-        made = kept["run_here"](prepared, solver)
+    def run_here(prepared, solver, progress):
+        made = kept["run_here"](prepared, solver, progress)
         if solver.name == "sinkhorn" and at[0] == 2:
             raise SolverError("gave up")
         if solver.name == "sinkhorn" and at[0] == 3:
