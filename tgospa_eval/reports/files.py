@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from tgospa_eval.common import manifest
 from tgospa_eval.common.files import named, patience
@@ -17,10 +17,6 @@ from tgospa_eval.reports.tables import csv_text
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.results.summary import Summary
-
-if TYPE_CHECKING:
-    from tgospa_eval.reports.page_data import Drawn
-
 
 Files: TypeAlias = Mapping[str, str | bytes | Path]
 """Contents by name; a path is of a file that is taken as it is."""
@@ -404,7 +400,7 @@ def _write_over(
 
 
 def result_texts(
-    result: Summary, names: tuple[str, str] = ("truth", "estimate"), drawn: "Drawn | None" = None
+    result: Summary, names: tuple[str, str] = ("truth", "estimate")
 ) -> dict[str, str | Path]:
     """The files of a result folder: texts by name, and files that are taken as they are.
 
@@ -414,8 +410,6 @@ def result_texts(
         What they show.
     names : pair of str
         What truth and estimate are called in the report.
-    drawn : Drawn, optional
-        What `page_data.document` makes of the result, where it is known.
     """
     from tgospa_eval.reports.html import page  # here: for folders only
 
@@ -442,7 +436,7 @@ def result_texts(
     if result.explained is not None:
         texts["explanation.json"] = result.explained.to_json()
         texts["explanation.csv"] = csv_text(result.explained.columns())
-    return texts | {"report.html": page(result, names, drawn)}
+    return texts | {"report.html": page(result, names)}
 
 
 def check_file(path: str, *, force: bool, option: str) -> None:

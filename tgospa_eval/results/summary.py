@@ -709,6 +709,13 @@ class Summary(ABC):
         """
         return self._plot("worst", style=style, components=components)
 
+    @cached_property
+    def drawn(self) -> tuple[Json, dict[str, Ints]]:
+        """What page and pictures draw: `reports.page_data.Drawn`."""
+        page_data = import_module("tgospa_eval.reports.page_data")
+        made: tuple[Json, dict[str, Ints]] = page_data.document(self)
+        return made
+
     def _plot(self, name: str, **options: object) -> "Figure":
         made: Figure = import_module("tgospa_eval.plots.result_pictures").plot(
             self, name, **options
