@@ -356,7 +356,7 @@ RARE = (
     *("formats.columns.spread", "formats.particles", "formats.text.small", "formats.frames"),
     "formats.arrow",
     # Of what writes folders, or other formats than the table.
-    *("reports.files", "reports.markup", "reports.html", "reports.terminal"),
+    *("reports.files", "reports.html", "reports.terminal"),
     *("cli.shared.writing", "plots"),
 )
 

@@ -103,7 +103,6 @@ def test_arrays_and_sets_as_values(quickstart: tuple[str, str]) -> None:
     assert evaluate(*quickstart, **GIVEN, with_={"gospa"}).with_.keys() == {"gospa"}
     names = evaluate(*quickstart, **GIVEN, columns=pd.Index(["x", "y"]))
     assert names.total == plain.total
-    assert plain.per_step_table() == plain.table("per_step")
     with pytest.raises(ConfigError, match="no table"):
         plain.table("nope")
 

@@ -59,8 +59,9 @@ from tgospa_eval.reports.batch import BATCH_REPORTS, slices_of_groups
 from tgospa_eval.reports.batch_records import BatchTables
 from tgospa_eval.reports.batch_view import BatchView
 from tgospa_eval.reports.curves import BANDS, curves_csv
-from tgospa_eval.reports.files import BATCH, Files, csv_text, write_texts
+from tgospa_eval.reports.files import BATCH, Files, write_texts
 from tgospa_eval.reports.proofs import folder_name
+from tgospa_eval.reports.tables import csv_text
 from tgospa_eval.text import as_unicode, quoted
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     """Stacked bars of each step, or of the costliest of several."""
     made, ((axis,),) = figure(style.width, style.low)
     costs = {name: np.asarray(seen.data["costs"][name], float) for name in parts}
-    stretch = seen.data.get("together", 1)
+    stretch = seen.data["together"]
     most = style.bars if stretch == 1 else seen.steps
     first, costliest = binned(sum(costs.values(), np.zeros(seen.steps)), most)
     begin, end = seen.edges

@@ -15,7 +15,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.clock import Clock, edges, placed, words
-from tgospa_eval.reports.page_data import NONE, Drawn, document, is_map
+from tgospa_eval.reports.page_data import NONE, is_map
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
@@ -114,11 +114,9 @@ class View:
         return edges(self.at)
 
 
-def view(result: Summary, drawn: Drawn | None = None) -> View:
-    """What the pictures of a result draw; `drawn` is its `document`, where it is known."""
-    data, arrays = document(result) if drawn is None else drawn
-    unit = data["unit"]
-    unit = f" {unit}" if unit else ""
+def view(result: Summary) -> View:
+    """What the pictures of a result draw."""
+    data, arrays = result.drawn
     about = f"{result.claim}; {result.parameters_in_words(data['unit'])}"
     return View(
         data=data,

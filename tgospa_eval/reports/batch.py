@@ -9,7 +9,6 @@ from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import counted, number
 from tgospa_eval.reports.batch_records import BatchTables, Ranking, value_in_words
 from tgospa_eval.reports.curves import curves_json
-from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.other_metrics import direction, grouped_table, other_records
 from tgospa_eval.reports.phrases import (
     MOST_NAMED,
@@ -20,7 +19,7 @@ from tgospa_eval.reports.phrases import (
     place_in_words,
 )
 from tgospa_eval.reports.slices import about_slices, group_tables
-from tgospa_eval.reports.tables import WRITERS, Document, Table
+from tgospa_eval.reports.tables import WRITERS, Document, Table, csv_text
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text, records
 from tgospa_eval.results.slices import Slicing, slices_columns
 from tgospa_eval.text import listed

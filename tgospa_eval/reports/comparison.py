@@ -7,7 +7,6 @@ from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, number
-from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.other_metrics import direction, grouped_table, other_columns
 from tgospa_eval.reports.phrases import (
     EXACT,
@@ -28,7 +27,7 @@ from tgospa_eval.reports.phrases import (
     size_of,
     unit_of,
 )
-from tgospa_eval.reports.tables import WRITERS, Document, Table, as_markdown
+from tgospa_eval.reports.tables import WRITERS, Document, Table, as_markdown, csv_text
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text
 
 TIES = (

@@ -1,6 +1,5 @@
 """The table for a terminal: 80 columns, no colour, plain ASCII but for the user's own words."""
 
-import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
@@ -10,48 +9,31 @@ from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.reports.other_metrics import other_table, similarity
-from tgospa_eval.reports.slices import about_slices, slices_lines
-from tgospa_eval.reports.tables import INDENT, WIDTH, Row, Table, clip, text_lines, wrap
+from tgospa_eval.reports.slices import about_slices, slices_lines, slices_table
+from tgospa_eval.reports.tables import WIDTH, Document, Row, Table, clip, text_lines, wrap
 from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
 from tgospa_eval.results.records import PARTS, Time
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import ending, visible
 
-REPAIR_HEAD = ("", "repair", "saves", "share", "TGOSPA then")
-LEAST_WORDS = 20
-"""Columns of a repair in words, at least."""
 
-RepairRow = tuple[str, str, str, str, str]
-"""Rank, words, what it saves, the share of that, and the metric then."""
-
-
-def repair_table(result: Summary, found: Explanation, *, folded: bool = False) -> Table:
-    """A row for each repair; folded words have as many lines as they need beside the numbers."""
-    rows: list[RepairRow] = repair_rows(result, found)
-    widths: tuple[int, ...] = ()
-    if folded:
-        rows = list(_folded(rows))
-        cells = [list(map(visible, row)) for row in (REPAIR_HEAD, *rows)]
-        rank, words, *numbers = (max(map(len, column)) for column in zip(*cells, strict=True))
-        widths = (rank + 2, words, *(width + 2 for width in numbers))
-    return Table(head=REPAIR_HEAD, rows=rows, align="llrrr", widths=widths)
-
-
-def repair_rows(result: Summary, found: Explanation) -> list[RepairRow]:
-    """The cells of each repair."""
-    return [
+def repair_table(result: Summary, found: Explanation) -> Table:
+    """A row for each repair."""
+    rows = [
         (
             str(rank),
             repair.text,
-            saving_in_words(result, repair),
+            _saving(result, repair),
             result.share(max(repair.saving_lower, 0.0)),
             number(repair.tgospa),
         )
         for rank, repair in enumerate(found.repairs, 1)
     ]
+    head = ("", "repair", "saves", "share", "TGOSPA then")
+    return Table(head=head, rows=rows, align="llrrr", wrapped=(1,))
 
 
-def saving_in_words(result: Summary, repair: Repair) -> str:
+def _saving(result: Summary, repair: Repair) -> str:
     """What a repair saves of the total: a number, or the proven range where that is wide."""
     lower, upper = max(repair.saving_lower, 0.0), repair.saving_upper
     if upper - lower <= 2 * result.gap * result.total:
@@ -67,16 +49,6 @@ def repair_notes(found: Explanation) -> Iterator[str]:
         return
     yield f"each alone, from proven bounds before and after; {several} tried"
     yield NOT_ADDITIVE
-
-
-def _folded(rows: Sequence[RepairRow]) -> Iterator[RepairRow]:
-    shown = [tuple(map(visible, row)) for row in (REPAIR_HEAD, *rows)]
-    beside = sum(max(len(row[k]) for row in shown) + 2 for k in (2, 3, 4))
-    wide = max(WIDTH - len(INDENT) - len(str(len(rows))) - 2 - beside, LEAST_WORDS)
-    for row in rows:
-        first, *more = textwrap.wrap(visible(row[1]), wide) or [""]
-        yield row[0], first, *row[2:]
-        yield from (("", line, "", "", "") for line in more)
 
 
 SHOWN = 5
@@ -202,17 +174,50 @@ def part_rows(result: Summary) -> Iterator[tuple[str, str, str, str, str]]:
         yield name, number(cost), result.share(cost), count, note
 
 
-def _parts(result: Summary) -> Iterator[str]:
+def part_table(result: Summary, before: str = "of which ") -> Table:
+    """The parts, those of localisation with a word in front, and their sum."""
     total = result.total
-    rows: list[Row] = [(*row, f"  {note}") for *row, note in part_rows(result)]
+    rows: list[Row] = [row[:4] for row in part_rows(result)]
     rows[1:1] = [
-        (f"  {SPLIT_WORDS[name]}", number(part), result.share(part))
+        (f"{before}{SPLIT_WORDS[name]}", number(part), result.share(part), "")
         for name, part in (result.split or {}).items()
     ]
-    of = "  = TGOSPA^p" if result.certified else "  = upper bound^p: another may cost less"
-    rows.append(("total", number(total), result.share(total), "", of))
-    head, widths = ("part", "cost", "share", "count"), (14, 12, 9, 10, 0)
-    yield from text_lines(Table(head=head, rows=rows, align="lrrrl", widths=widths))
+    rows.append(("total", number(total), result.share(total), ""))
+    return Table(head=("part", "cost", "share", "count"), rows=rows)
+
+
+def _parts(result: Summary) -> Iterator[str]:
+    table = part_table(result, "  ")
+    notes = {name: f"  {note}" for name, *_, note in part_rows(result)}
+    notes["total"] = (
+        "  = TGOSPA^p" if result.certified else "  = upper bound^p: another may cost less"
+    )
+    rows = [(*row, notes.get(str(row[0]), "")) for row in table.rows]
+    yield from text_lines(replace(table, rows=rows, align="lrrrl", widths=(14, 12, 9, 10, 0)))
+
+
+def document(result: Summary) -> Document:
+    """What Markdown and LaTeX have of a result: a small table, and what was asked for beside it."""
+    parts, found = part_table(result), result.explained
+    last = len(parts.rows)
+    value = ("TGOSPA", number(result.tgospa), "", "")
+    tables = [replace(parts, rows=[*parts.rows, value], ruled=(last - 1, last))]
+    tables += [other_table(result.with_)] if result.with_ else []
+    tables += map(slices_table, result.sliced)
+    tables += [repair_table(result, found)] if found is not None and found.repairs else []
+    scored = () if result.calibration is None else (f"similarity {similarity_in_words(result)}",)
+    return Document(
+        title=headline(result),
+        lines=[result.parameters_in_words()],
+        tables=tables,
+        notes=[
+            *scored,
+            *similarity(result.with_),
+            *about_slices(result.sliced, certified=result.certified),
+            *(() if found is None else repair_notes(found)),
+        ],
+        warnings=result.told,
+    )
 
 
 def _classes(result: Summary) -> Iterator[str]:
@@ -221,10 +226,10 @@ def _classes(result: Summary) -> Iterator[str]:
         return
     head = ("class", "TGOSPA", "total", "local.", "missed", "false", "switch")
     rows = [
-        (clip(name or "(blank)")[:14], *(number(value, 5) for value in values))
+        (name or "(blank)", *(number(value, 5) for value in values))
         for name, *values in zip(*classes.values(), strict=True)
     ]
-    yield from text_lines(Table(head=head, rows=rows, widths=(15, *[10] * 6)))
+    yield from map(clip, text_lines(Table(head=head, rows=rows, widths=(15, *[10] * 6))))
 
 
 def _scale(result: Summary) -> Iterator[str]:
@@ -246,11 +251,10 @@ def _scale(result: Summary) -> Iterator[str]:
 def similarity_in_words(result: Summary) -> str:
     """The score of the value per step, and on what scale, where that was asked for."""
     found = result.similarity()
-    asked = found.calibration
     bracket = "" if result.certified else f" to {found.upper_bound:.4f}"
     return (
-        f"{found.score:.4f}{bracket}, from 0 to 1; {asked.false_targets:g} false a step score "
-        f"{asked.score:g}"
+        f"{found.score:.4f}{bracket}, from 0 to 1; {found.false_targets:g} false a step score "
+        f"{found.score_of_false_targets:g}"
     )
 
 
@@ -267,18 +271,18 @@ def _curve(result: Summary) -> Iterator[str]:
     shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
     most = 19
     times = fitting([table["t"][k] for k in shown], most, lambda: table["t"])
-    first = max(13, *map(len, times))
+    first = min(max(13, *map(len, times)), most)
     each = 13 if first == 13 else 11  # so that long stamps have their place
-    rows = []
-    for k, time in zip(shown, times, strict=True):
-        value = ("" if met[k] else "<= ") + number(table["tgospa"][k], 5)
-        cell = time if first <= most else ""  # one that is longer has a line of its own
-        rows.append((cell, value, *(number(table[name][k], 5) for name in PARTS)))
-    head, widths = ("up to t", "TGOSPA", *PARTS), (min(first, most), 13, 13, each, each, each)
-    first_line, *lines = text_lines(Table(head=head, rows=rows, align="rrrrrr", widths=widths))
-    yield first_line
-    for time, line in zip(times, lines, strict=True):
-        yield from (line,) if first <= most else (f"  {time}", line)
+    rows = [
+        (
+            time,
+            ("" if met[k] else "<= ") + number(table["tgospa"][k], 5),
+            *(number(table[name][k], 5) for name in PARTS),
+        )
+        for k, time in zip(shown, times, strict=True)
+    ]
+    head, widths = ("up to t", "TGOSPA", *PARTS), (first, 13, 13, each, each, each)
+    yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
 
 
 def _windows(result: Summary) -> Iterator[str]:
@@ -297,21 +301,16 @@ def _windows(result: Summary) -> Iterator[str]:
     note = "; they do not add up; the worst of which no two overlap:" if size > 1 else ""
     yield from wrap(f"{title}{note}", " " * 10)
     worst = _apart(slid, np.argsort(-value, kind="stable"))
-    ends = [[visible(str(table[name][k])) for k in worst] for name in ("t_first", "t_last")]
-    apart = max(len(text) for texts in ends for text in texts) > 8  # in lines of their own
-    rows: list[Row] = [
+    rows = [
         (
-            *(("", "") if apart else (first, last)),
+            f"{table['t_first'][k]} to {table['t_last'][k]}",
             ("" if met[k] else "<= ") + number(value[k], 5),
             *(number(table[name][k], 5) for name in PARTS),
         )
-        for k, first, last in zip(worst, *ends, strict=True)
+        for k in worst
     ]
-    head, widths = ("from t", "to t", "TGOSPA", *PARTS), (11, 9, 12, 13, 11, 11, 11)
-    first_line, *lines = text_lines(Table(head=head, rows=rows, align="r" * 7, widths=widths))
-    yield first_line
-    for first, last, line in zip(*ends, lines, strict=True):
-        yield from (f"  {first} to {last}", line) if apart else (line,)
+    head, widths = ("from t to t", "TGOSPA", *PARTS), (20, 12, 13, 11, 11, 11)
+    yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
 
 
 def _apart(slid: Windows, order: Ints) -> list[int]:
@@ -328,9 +327,7 @@ def _apart(slid: Windows, order: Ints) -> list[int]:
 def _others(result: Summary) -> Iterator[str]:
     if not result.with_:
         return
-    found = other_table(result.with_)
-    rows = [(*row, f"  {beside}") for *row, beside in found.rows]
-    yield from map(clip, text_lines(replace(found, rows=rows)))
+    yield from map(clip, text_lines(other_table(result.with_)))
     for text in similarity(result.with_):
         yield from wrap(f"  {text}", "  ")
 
@@ -349,7 +346,7 @@ def _repairs(result: Summary) -> Iterator[str]:
     if found is None:
         return
     if found.repairs:
-        yield from text_lines(repair_table(result, found, folded=True))
+        yield from text_lines(repair_table(result, found))
     yield from (line for note in repair_notes(found) for line in wrap(f"  {note}", "  "))
 
 

@@ -1,13 +1,11 @@
 """The result as files: JSON, CSV tables, the report; whole or absent."""
 
-import csv
-import io
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from tgospa_eval.common import manifest
 from tgospa_eval.common.files import named, patience
@@ -15,15 +13,10 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.manifest import unique
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.reports.tables import csv_cell
+from tgospa_eval.reports.tables import csv_text
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import Columns
 from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.results.summary import Summary
-
-if TYPE_CHECKING:
-    from tgospa_eval.reports.page_data import Drawn
-
 
 Files: TypeAlias = Mapping[str, str | bytes | Path]
 """Contents by name; a path is of a file that is taken as it is."""
@@ -406,51 +399,8 @@ def _write_over(
             shutil.rmtree(fresh, ignore_errors=True)
 
 
-ENDS_OF_LINES = "\r\n"
-"""Characters of which a text in a CSV file is quoted that has one."""
-
-
-def csv_text(table: Columns) -> str:
-    """A table as CSV; None is an empty field, numbers are full doubles, no text is a formula."""
-    columns = [_cells(column) for column in table.values()]
-    text = io.StringIO(newline="")
-    _write(text, table, columns)
-    written = text.getvalue()
-    if written.count(ENDS_OF_LINES) == 1 + len(columns[0] if columns else ()):
-        return written.replace(ENDS_OF_LINES, "\n")
-    lines = _CsvLines()  # a text has such an end inside
-    _write(lines, table, columns)
-    return "".join(lines)
-
-
-def _write(
-    target: "io.StringIO | _CsvLines", table: Columns, columns: list[Sequence[object]]
-) -> None:
-    writer = csv.writer(target, lineterminator=ENDS_OF_LINES)
-    writer.writerow(map(csv_cell, table))
-    writer.writerows(zip(*columns, strict=True))
-
-
-def _cells(column: Sequence[object]) -> Sequence[object]:
-    """A column of a table: each text is looked at once, numbers not at all."""
-    if not any(issubclass(kind, str) for kind in set(map(type, column))):
-        return column
-    cells = {text: csv_cell(text) for text in set(column) if isinstance(text, str)}
-    if all(cell is text for text, cell in cells.items()):
-        return column
-    return [cells[value] if isinstance(value, str) else value for value in column]
-
-
-class _CsvLines(list[str]):
-    """Lines as a writer makes them, which quotes no ends of lines but those that it writes."""
-
-    def write(self, line: str) -> None:
-        """Add one with an end of our kind."""
-        self.append(f"{line[: -len(ENDS_OF_LINES)]}\n")
-
-
 def result_texts(
-    result: Summary, names: tuple[str, str] = ("truth", "estimate"), drawn: "Drawn | None" = None
+    result: Summary, names: tuple[str, str] = ("truth", "estimate")
 ) -> dict[str, str | Path]:
     """The files of a result folder: texts by name, and files that are taken as they are.
 
@@ -460,8 +410,6 @@ def result_texts(
         What they show.
     names : pair of str
         What truth and estimate are called in the report.
-    drawn : Drawn, optional
-        What `page_data.document` makes of the result, where it is known.
     """
     from tgospa_eval.reports.html import page  # here: for folders only
 
@@ -488,7 +436,7 @@ def result_texts(
     if result.explained is not None:
         texts["explanation.json"] = result.explained.to_json()
         texts["explanation.csv"] = csv_text(result.explained.columns())
-    return texts | {"report.html": page(result, names, drawn)}
+    return texts | {"report.html": page(result, names)}
 
 
 def check_file(path: str, *, force: bool, option: str) -> None:

@@ -18,6 +18,7 @@ from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports.clock import moments, readable
 from tgospa_eval.results.by_class import ByClass
+from tgospa_eval.results.numbers import costliest
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
 from tgospa_eval.results.result import Result
@@ -27,9 +28,10 @@ from tgospa_eval.tracks.covariances import size_of
 Drawn: TypeAlias = tuple[Json, dict[str, Ints]]
 """What page and pictures draw, by `page_data.document`: a document, and whole numbers by name.
 
-Where the document has `together`, each of its `times` begins a stretch of so many steps, of which
-`costs` and `counts` are means, and `curve` is that of its last step. `stretch` is that of a map.
-`spread` says how the numbers of ellipses are to be read; it is empty where there are none.
+Each of its `times` begins a stretch of `together` steps, of which `costs` and `counts` are means,
+and `curve` is that of its last step; where these are several, `worst` has the costliest steps.
+`stretch` is that of a map. `spread` says how the numbers of ellipses are to be read; it is empty
+where there are none.
 """
 
 VALUES = 800_000
@@ -83,10 +85,8 @@ def document(result: Summary) -> Drawn:
 
     Numbers of tracks count those of all classes one after the other, as the tables do.
     """
-    if isinstance(result, PartitionedResult):
-        return thinned(result)
-    parts = list(result.results.values()) if isinstance(result, ByClass) else [result]
-    parts = [part for part in parts if isinstance(part, Result)]
+    whole = list(result.results.values()) if isinstance(result, ByClass) else [result]
+    parts = [part for part in whole if isinstance(part, Result)]
     scenes = [part.scene for part in parts]
     columns = scenes[0].columns if scenes and scenes[0] is not None else ()
     sides = {name: _joined(parts, name, len(columns)) for name in ("truth", "estimate")}
@@ -115,10 +115,11 @@ def document(result: Summary) -> Drawn:
             arrays |= {f"{name}/spread/{key}": values for key, values in entries.items()}
         if name == "truth":
             arrays["truth/row/error"] = np.rint(side.error[keep] * ERRORS).astype(np.int64)
-    data = over_time(result) | {
+    stretches = len(result.labels.times) if parts else MOST_STRETCHES
+    data = over_time(result, stretches) | {
         "tracks": {
-            "truth": _tracks(result.table("per_truth"), "missed"),
-            "estimate": _tracks(result.table("per_estimate"), "false"),
+            "truth": _tracks(result, "per_truth", "missed"),
+            "estimate": _tracks(result, "per_estimate", "false"),
         },
         "switches": _switches(parts),
         "repairs": _repairs(result),
@@ -172,7 +173,19 @@ def _windows(result: Summary, slid: Windows) -> Json:
 
 def _joined(parts: list[Result], name: str, size: int) -> PageSide:
     """One side of all parts, tracks numbered through."""
-    sides, first = [], {"truth": 0, "estimate": 0}
+    first = {"truth": 0, "estimate": 0}
+    none = np.zeros(0, np.int64)
+    sides = [
+        PageSide(
+            track=none,
+            step=none,
+            other=none,
+            error=np.zeros(0),
+            state=np.zeros((0, size)),
+            spread=np.zeros((0, 0)),
+            shared=0,
+        )
+    ]
     other = "estimate" if name == "truth" else "truth"
     for part in parts:
         side = _side(part, name, size)
@@ -273,8 +286,17 @@ def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
     return low.tolist(), np.where(quantum > 0, quantum, 1.0).tolist()
 
 
-def _tracks(table: Columns, kind: str) -> Columns:
-    """The columns of a table of tracks by the same names for both sides, with the total."""
+def _tracks(result: Summary, name: str, kind: str) -> Columns:
+    """The columns of a table of tracks by the same names for both sides, with the total.
+
+    Of data in parts the costliest tracks.
+    """
+    if isinstance(result, PartitionedResult):
+        rows = result.costliest_tracks(kind, SHOWN_ROWS)
+        parts = ("localisation", kind, "switch", f"{kind}_count", "switch_count")
+        table = {column: [row[column] for row in rows] for column in ("id", "steps", *parts)}
+    else:
+        table = result.table(name)
     total = np.sum([table[name] for name in ("localisation", kind, "switch")], axis=0)
     names = {"localisation": "localisation", "unassigned": kind, "switch": "switch"}
     return (
@@ -315,7 +337,8 @@ def _switches(parts: list[Result]) -> Columns:
 def _repairs(result: Summary) -> Columns:
     """Of each repair the numbers of its tracks, its steps, and itself in words."""
     repairs = () if result.explained is None else result.explained.repairs
-    step: dict[Time | None, int] = {t: k for k, t in enumerate(result.labels.times)}
+    times = result.labels.times if repairs else []
+    step: dict[Time | None, int] = {t: k for k, t in enumerate(times)}
     return {
         "tracks": [list(repair.tracks) for repair in repairs],
         "from": [step.get(repair.begin, NONE) for repair in repairs],
@@ -414,7 +437,10 @@ def _deviations(variances: Floats) -> Floats:
 
 
 MOST_STRETCHES = 600
-"""Stretches of steps that are drawn of a recording of any length."""
+"""Stretches of steps that are drawn of data in parts."""
+
+SHOWN_ROWS = 20
+"""Steps and tracks of data in parts that are listed."""
 
 
 def curves(result: Summary) -> dict[str, list[float]]:
@@ -449,9 +475,10 @@ def rounded(values: list[float]) -> list[float]:
     return shortest
 
 
-def over_time(result: Summary, together: int = 1) -> Json:
-    """What is drawn over time, of so many steps at a time: means, and the curve at the last."""
+def over_time(result: Summary, stretches: int) -> Json:
+    """What is drawn over time, of at most so many stretches of steps: means, the curve at ends."""
     steps = len(result.labels.times)
+    together = max(1, -(-steps // max(stretches, 1)))
     first = np.arange(0, steps, together)
     last = np.minimum(first + together, steps) - 1
     times = readable([result.labels.times[k] for k in first.tolist()])
@@ -461,11 +488,21 @@ def over_time(result: Summary, together: int = 1) -> Json:
         sums = np.add.reduceat(values, first) if steps else values
         return rounded((sums / (last - first + 1)).tolist())
 
+    costs = {name: result.scale * getattr(split, name) for name in PARTS}
+    counts = {name: getattr(split, f"{name}_count") for name in COUNTED_PARTS}
+    total = sum(costs.values(), np.zeros(steps))
+    worst = costliest(list(range(steps)), total, SHOWN_ROWS) if together > 1 else []
     return {
+        "together": together,
+        "worst": {
+            "t": readable([result.labels.times[k] for k in worst]),
+            "costs": {name: rounded(cost[worst].tolist()) for name, cost in costs.items()},
+            "counts": {name: count[worst].tolist() for name, count in counts.items()},
+        },
         "times": times,
         "axis": moments(times),
-        "costs": {name: mean(result.scale * getattr(split, name)) for name in PARTS},
-        "counts": {name: mean(getattr(split, f"{name}_count")) for name in COUNTED_PARTS},
+        "costs": {name: mean(cost) for name, cost in costs.items()},
+        "counts": {name: mean(count) for name, count in counts.items()},
         "curve": {
             name: rounded([values[k] for k in last.tolist()])
             for name, values in curves(result).items()
@@ -474,20 +511,3 @@ def over_time(result: Summary, together: int = 1) -> Json:
         "order": parameters.order,
         "unit": result.labels.unit or "",
     }
-
-
-def thinned(result: PartitionedResult) -> Drawn:
-    """What is drawn of a result of data in parts: its costs over time, and no tracks."""
-    together = max(1, -(-len(result.labels.times) // MOST_STRETCHES))
-    names = ("run/track", "run/begin", "run/end", "run/other", "row/track", "row/step", "row/error")
-    data = over_time(result, together) | {
-        "together": together,
-        "tracks": {"truth": {"id": []}, "estimate": {"id": []}},
-        "switches": {},
-        "columns": [],
-        "boxes": False,
-        "spread": {},
-        "errors": 1,
-    }
-    none = np.zeros(0, np.int64)
-    return data, {f"{side}/{name}": none for side in ("truth", "estimate") for name in names}

@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from importlib import import_module
 from typing import TypeVar
@@ -183,21 +183,18 @@ def _joined_digest(digests: Iterable[tuple[str, str]]) -> str:
 
 def _sum_of_splits(splits: list[Mapping[str, float] | None]) -> dict[str, float] | None:
     found = [split for split in splits if split is not None]
-    if len(found) < len(splits):
-        return None
-    return {name: sum(split[name] for split in found) for name in found[0]}
+    return _sums(found) if len(found) == len(splits) else None
 
 
 def _sum_of_times(parts: list[Json], read: float) -> Json:
     """Sums of seconds by name; the time per state is no sum and left out."""
+    no_sums = ("solve", "nanoseconds_per_state")
+    flat = [{k: v for k, v in part.items() if k not in no_sums} for part in parts]
+    total = _sums([*flat, {"read": read, "total": read}])
+    return {**total, "solve": _sums([part["solve"] for part in parts])}
+
+
+def _sums(parts: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Sums of numbers by name; what some do not have is 0 of these."""
     names = dict.fromkeys(name for part in parts for name in part)
-    stages = dict.fromkeys(name for part in parts for name in part["solve"])
-    total: dict[str, float] = {
-        name: math.fsum(part.get(name, 0.0) for part in parts)
-        for name in names
-        if name not in ("solve", "nanoseconds_per_state")
-    }
-    total["read"] += read
-    total["total"] += read
-    solve = {name: math.fsum(part["solve"].get(name, 0.0) for part in parts) for name in stages}
-    return {**total, "solve": solve}
+    return {name: math.fsum(part.get(name, 0.0) for part in parts) for name in names}

@@ -277,6 +277,7 @@ def test_thinning_keeps_every_event(monkeypatch: pytest.MonkeyPatch) -> None:
     result = crowd(steps=120, truths=8)
     full = plot_plane(result)
     monkeypatch.setattr(page_data, "VALUES", 700)
+    del vars(result)["drawn"]
     thin = plot_plane(result)
     assert len(artist(thin, "truth/0").get_xdata()) < len(artist(full, "truth/0").get_xdata())
     for name in ("missed", "false"):
