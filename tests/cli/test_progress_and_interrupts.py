@@ -408,13 +408,13 @@ def test_an_interrupted_sweep_has_the_points_so_far(interrupted: Run, crowd: Pai
 
 @POSIX
 def test_an_interrupted_comparison(interrupted: Run, crowd: Pair) -> None:
-    """The process of the solver is told; those after it are left out."""
+    """The solver stops with what it has; those after it are left out."""
     lines = (
-        "from tgospa_eval.campaign import solvers as entrants; listen = entrants._listen\n"
-        "def told(target, source, progress):\n"
+        "from tgospa_eval.campaign import solvers; run_here = solvers.run_here\n"
+        "def stopped(prepared, solver, progress):\n"
         "    interrupt(); progress.stop.wait()\n"
-        "    return listen(target, source, progress)\n"
-        "entrants._listen = told"
+        "    return run_here(prepared, solver, progress)\n"
+        "solvers.run_here = stopped"
     )
     given = ("compare", *crowd, *HARD, "--solvers", "certified,exact")
     status, out, err = interrupted(lines, *given, "--format", "json")

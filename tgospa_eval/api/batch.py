@@ -650,7 +650,7 @@ def batch_files(
     """
     from tgospa_eval.reports.batch_page import batch_page  # here: only where it is written
 
-    def link(row: "pd.Series[Any]") -> str:
+    def link(row: Mapping[Any, Any]) -> str:
         """Where the report of a job is, seen from the page; nothing if there is none."""
         labels = {name: str(row[LABEL + name]) for name in labels_of(tables.rows)}
         folder = folder_of(str(store.folder), labels, json.loads(str(row["options"])))

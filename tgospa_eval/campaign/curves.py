@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tgospa_eval.campaign.grouping import in_words, labels_of, shown_labels, with_parameters
 from tgospa_eval.campaign.row import LABEL
 from tgospa_eval.campaign.statistics import CONFIDENCE, LEAST_PAIRS, NUMBERS_AT_ONCE, intervals
-from tgospa_eval.campaign.store import COST_COLUMNS, StoredSteps
+from tgospa_eval.campaign.store import COST_COLUMNS, CURVE_COLUMNS
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.formats.times import TimeError, places
@@ -59,7 +59,7 @@ LEAST_RUNS: Mapping[BandKind, int] = {
 
 def rms_curves(
     rows: "pd.DataFrame",
-    steps: StoredSteps | None,
+    steps: "pd.DataFrame | None",
     by: Sequence[str],
     band: BandKind = "interval",
 ) -> tuple[list[RmsCurve], list[str]]:
@@ -69,8 +69,8 @@ def rms_curves(
     ----------
     rows : DataFrame
         Of a store, in the order of the jobs.
-    steps : StoredSteps, optional
-        Of these rows.
+    steps : DataFrame, optional
+        Of these rows, as `read_steps` has them.
     by : sequence of str
         Labels that make a group; parameters that differ make groups as well.
     band : str
@@ -86,21 +86,19 @@ def rms_curves(
     grouped = valued.assign(_all="").groupby(keys or "_all", sort=True, dropna=False)
     number = np.full(int(rows.index.max()) + 1, -1)
     number[valued.index] = grouped.ngroup()
-    order = np.argsort(number[steps.job], kind="stable")
-    ends = np.cumsum(np.bincount(number[steps.job], minlength=grouped.ngroups))
+    parts: dict[Any, pd.DataFrame] = dict(iter(steps.groupby(number[steps["job"]])))
     found: list[RmsCurve] = []
     notes: dict[str, list[str]] = {}
     for k, (_, group) in enumerate(grouped):
-        at = order[ends[k - 1] if k else 0 : ends[k]]
-        if not len(at):
+        if k not in parts:
             continue
         first = group.iloc[0]
         labels = {head: in_words(first[key]) for head, key in zip(heads, keys, strict=True)}
         made = _Curves(group=labels, order=float(first["order"]), band=band)
         # A run without any step has nothing at all times.
-        counts = np.isin(group.index, steps.job[at]) | (group["sizes.steps"] == 0).to_numpy()
+        counts = group.index.isin(parts[k]["job"]) | (group["sizes.steps"] == 0).to_numpy()
         try:
-            found += made.of(steps, at, group.index[counts].to_numpy())
+            found += made.of(parts[k], group.index[counts].to_numpy())
         except TimeError as error:
             made.notes.append(f"there are none: {error}")
         if not counts.all():
@@ -132,29 +130,29 @@ class _Curves:
     band: BandKind
     notes: list[str] = field(default_factory=list)
 
-    def of(self, steps: StoredSteps, at: Ints, jobs: Ints) -> Iterator[RmsCurve]:
-        """The curves of these jobs, whose steps are at these places."""
-        runs = _Runs(steps, at, jobs)
+    def of(self, steps: "pd.DataFrame", jobs: Ints) -> Iterator[RmsCurve]:
+        """The curves of these jobs, whose steps these are."""
+        runs = _Runs(steps, jobs)
         if runs.apart:
             bands = f"; more than {MOST_BANDED:,} times have no bands" if runs.many else ""
             self.notes.append(
                 "at most times half of the runs or fewer have a step, and the others count with "
                 f"cost 0{bands}; where their stamps differ, --resample puts all on one clock"
             )
-        costs = steps.costs[:, runs.rows]
+        costs = runs.columns(COST_COLUMNS)
         kinds: tuple[CurveKind, CurveKind] = ("step", "cumulative")
         for kind, rows in zip(kinds, (costs, runs.so_far(costs)), strict=True):
             lines = [self._line(runs, kind, row) for row in rows]
             yield self._curve(kind, runs, lines)
-        traced = at[~np.isnan(steps.curve[0][at])]
+        traced = steps[steps[CURVE_COLUMNS[0]].notna()]
         if not len(traced):
             return
-        having = np.isin(jobs, steps.job[traced]) | ~np.isin(jobs, steps.job[at])
+        having = np.isin(jobs, traced["job"]) | ~np.isin(jobs, steps["job"])
         if not having.all():
             missing = f"{np.count_nonzero(~having):,} of {counted(len(having), 'run')}"
             self.notes.append(f"{missing} have no values of the steps up to each step")
-        runs = _Runs(steps, traced, jobs[having])
-        value, lower, upper = self._powers(steps.curve[:, runs.rows])
+        runs = _Runs(traced, jobs[having])
+        value, lower, upper = self._powers(runs.columns(CURVE_COLUMNS))
         line = self._line(runs, "growing", value, (lower, upper))
         bounds = self._rms(runs, "growing", lower), self._rms(runs, "growing", upper)
         yield self._curve("growing", runs, [line], bounds)
@@ -243,22 +241,26 @@ class _Runs:
         Times are of several kinds.
     """
 
-    def __init__(self, steps: StoredSteps, at: Ints, jobs: Ints) -> None:
+    def __init__(self, steps: "pd.DataFrame", jobs: Ints) -> None:
         import pandas as pd
 
-        codes, texts = pd.factorize(steps.times[at])
+        codes, texts = pd.factorize(steps["t"].to_numpy())
         read = [_as_read(text) for text in texts]
         (place,) = places([read])
-        run, place = np.searchsorted(jobs, steps.job[at]), place[codes]
+        run, place = np.searchsorted(jobs, steps["job"]), place[codes]
         order = np.lexsort((place, run))
-        self.count, self.rows = len(jobs), at[order]
+        self.count, self.steps = len(jobs), steps.iloc[order]
         self.run, self.place = run[order], place[order]
         # Of equal times, as 1 and 1.0, that of the first run is shown.
         first = order[np.unique(self.place, return_index=True)[1]]
         self.times: list[Time] = [read[code] for code in codes[first].tolist()]
         begins = np.flatnonzero(np.diff(self.run, prepend=-1)).tolist()
-        self.slices = [slice(*ends) for ends in pairwise([*begins, len(at)])]
-        self.divisor = np.maximum(steps.steps[self.rows], 1)
+        self.slices = [slice(*ends) for ends in pairwise([*begins, len(steps)])]
+        self.divisor = np.maximum(self.columns(["steps"])[0], 1)
+
+    def columns(self, names: Sequence[str]) -> Floats:
+        """Columns (M, R) of the steps."""
+        return np.ascontiguousarray(self.steps[list(names)].to_numpy(float).T)
 
     @cached_property
     def apart(self) -> bool:

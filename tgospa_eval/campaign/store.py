@@ -19,11 +19,9 @@ import numpy as np
 from tgospa_eval.campaign.row import Row
 from tgospa_eval.common import files
 from tgospa_eval.common.files import named, reason
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.manifest import STORE, STORE_SCHEMA
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 
@@ -42,7 +40,7 @@ STORED_STEPS, STORED_CURVE = "per_step.rows", "per_step.curve"
 COST_COLUMNS = ("total", *PARTS)
 """Columns of costs."""
 
-CURVE_COLUMNS = ("tgospa", "lower_bound", "upper_bound")
+CURVE_COLUMNS = ("curve.tgospa", "curve.lower_bound", "curve.upper_bound")
 
 
 def stored_steps(result: Summary, *, per_step: bool) -> Row:
@@ -63,7 +61,7 @@ def stored_steps(result: Summary, *, per_step: bool) -> Row:
         **dict(zip(PARTS, parts, strict=True)),
         "total": parts.sum(axis=0),
         **{
-            f"curve.{name}": np.array(curve[name], float) if curve else missing
+            name: np.array(curve[name.removeprefix("curve.")], float) if curve else missing
             for name in CURVE_COLUMNS
         },
     }
@@ -91,63 +89,31 @@ def step_table(rows: Sequence[Row]) -> "pa.Table | None":
     return pa.table(columns)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class StoredSteps:
-    """Steps of several jobs, N in all.
-
-    Parameters
-    ----------
-    job : (N,) int array
-        Whose each is: the number of its row.
-    steps : (N,) int array
-        How many of the horizon are no later.
-    times : (N,) array of str
-        As read.
-    costs : (5, N) float array
-        The whole, and its parts.
-    curve : (3, N) float array
-        Value of the steps up to each, and its bounds; NaN where it was not asked for.
-    """
-
-    job: Ints
-    steps: Ints
-    times: "np.ndarray[Any, Any]"
-    costs: Floats
-    curve: Floats
-
-
-def read_steps(folder: Path, rows: "pd.DataFrame") -> StoredSteps | None:
+def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
     """The steps of the jobs of these rows; None if none has any.
+
+    Returns
+    -------
+    DataFrame
+        Of each step ``job``, the number of its row; ``steps``, how many of the horizon are no
+        later; ``t`` as read; `COST_COLUMNS`; and `CURVE_COLUMNS`, NaN where they were not asked
+        for.
 
     Raises
     ------
     InputError
         A part is damaged.
     """
-    parts = list(_parts(folder, rows))
-    if not parts:
-        return None
-    joined = {name: np.concatenate([np.asarray(part[name]) for part in parts]) for name in parts[0]}
-    return StoredSteps(
-        job=joined["job"],
-        steps=joined["steps"],
-        times=joined["t"],
-        costs=np.array([joined[name] for name in COST_COLUMNS]),
-        curve=np.array([joined[f"curve.{name}"] for name in CURVE_COLUMNS]),
-    )
-
-
-def _parts(folder: Path, rows: "pd.DataFrame") -> Iterator[dict[str, Any]]:
     import pandas as pd
     import pyarrow.parquet as pq
 
     if STORED_STEPS not in rows:
-        return
+        return None
     wanted = rows[rows[STORED_STEPS] > 0]
     known = pd.Series(wanted.index, index=pd.MultiIndex.from_frame(wanted[["key", "finished"]]))
-    columns = ["key", "finished", "step", "t", "steps", *COST_COLUMNS]
-    columns += [f"curve.{name}" for name in CURVE_COLUMNS]
+    parts = []
     for path in sorted(folder.glob("part-*.parquet")):
+        columns = ["key", "finished", "step", "t", "steps", *COST_COLUMNS, *CURVE_COLUMNS]
         with named(str(path), InputError):
             table = pq.read_table(path, columns=columns).to_pandas()
         # A job is looked up once, where it begins.
@@ -156,9 +122,10 @@ def _parts(folder: Path, rows: "pd.DataFrame") -> Iterator[dict[str, Any]]:
             pd.MultiIndex.from_frame(table.loc[first, ["key", "finished"]].astype({"key": str}))
         )
         table["job"] = jobs.to_numpy()[np.cumsum(first.to_numpy()) - 1]
-        kept = table[table["job"].notna()].astype({"job": np.int64})
+        kept = table[table["job"].notna()]
         if len(kept):
-            yield {name: kept[name].to_numpy() for name in kept.columns if name != "key"}
+            parts.append(kept.astype({"job": np.int64}).drop(columns=["key", "finished", "step"]))
+    return pd.concat(parts, ignore_index=True) if parts else None
 
 
 # -------------------------------------------------------------------------------------------------
@@ -412,7 +379,7 @@ class Store:
             finally:
                 beside.unlink(missing_ok=True)
 
-    def steps(self, rows: "pd.DataFrame") -> StoredSteps | None:
+    def steps(self, rows: "pd.DataFrame") -> "pd.DataFrame | None":
         """The steps of the jobs of these rows; None if none has any.
 
         Raises

@@ -72,7 +72,7 @@ def cut_out(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
             (blocks, home),
         )
     )
-    columns = make_slots(begin, first, column, len(nodes), states.problem.steps, group=block)
+    columns = make_slots(begin, first, column, len(nodes), states.problem.steps)
     piece = States(
         problem=states.problem,
         pair_row=row,

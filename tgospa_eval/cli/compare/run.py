@@ -14,7 +14,7 @@ from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.campaign.pairs import compared_runs, short_names
 from tgospa_eval.campaign.ranking import steps_columns, steps_costs
 from tgospa_eval.campaign.solvers import check_solvers
-from tgospa_eval.campaign.study import Log, Study, carry_out, machine, study_document
+from tgospa_eval.campaign.study import Study, carry_out, machine, opened, study_document
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, shielded
 from tgospa_eval.cli.shared.values import OutputOptions
@@ -332,7 +332,7 @@ def study_sizes(
     stopwatch = Stopwatch()
     for notice in slow_notice():
         notifier(quiet=quiet)(notice)
-    with nullcontext() if folder is None else Log(folder, study.settings) as log:
+    with nullcontext() if folder is None else opened(folder, study.settings) as log:
 
         def work() -> Json:
             def notify(text: str, share: float) -> None:
