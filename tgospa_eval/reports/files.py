@@ -117,38 +117,6 @@ BATCH = Kind(
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Written:
-    """What was written.
-
-    Parameters
-    ----------
-    folder : str
-        Where, as typed.
-    names : tuple of str
-        The files.
-    removed : int
-        How many files of an older run were taken away.
-    opens : tuple of str
-        What to open, the first that there is.
-    """
-
-    folder: str
-    names: tuple[str, ...]
-    removed: int = 0
-    opens: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        pictures = sum(name.endswith(PICTURES) for name in self.names)
-        counts = {"file": len(self.names) - pictures, "picture": pictures}
-        parts = [counted(count, what) for what, count in counts.items() if count]
-        text = f"wrote {' and '.join(parts)} to {os.path.join(self.folder, '')}"
-        if self.removed:
-            text += f", removed {self.removed} of the run before"
-        shown = next((name for name in self.opens if name in self.names), None)
-        return text if shown is None else f"{text}; open {os.path.join(self.folder, shown)}"
-
-
 def check_folder(
     folder: str, kind: Kind | None = None, *, force: bool, option: str = "--output"
 ) -> None:
@@ -222,8 +190,8 @@ def write_texts(
     *,
     force: bool,
     option: str = "--output",
-) -> Written:
-    """`write_files` of files by name.
+) -> str:
+    """`write_files` of files by name, which says what was written.
 
     Raises
     ------
@@ -254,13 +222,14 @@ def write_files(
     *,
     force: bool,
     option: str = "--output",
-) -> Written:
+) -> str:
     """Write the files of a folder, in place of those that an older run of its kind has left.
 
     A new folder appears whole. In one that is there, the old document goes before anything else
     changes and the new one comes last; of two runs that write it at once one waits. Those of a
     kind get a manifest. Files that are not in it, or are not as it says, are never removed, and
     replaced only by force. `fill` is called again where another run was first to make the folder.
+    Returns what was written, in a sentence.
 
     Raises
     ------
@@ -275,8 +244,14 @@ def write_files(
             check_folder(folder, kind, force=force, option=option)
             where = None if force else f"{option} {folder}"
             removed, files = _write_over(fill, path, kind, where)
-    names, opens = tuple(entry.name for entry in files), () if kind is None else kind.opens
-    return Written(folder=folder, names=names, removed=removed, opens=opens)
+    names = [entry.name for entry in files]
+    pictures = sum(name.endswith(PICTURES) for name in names)
+    counts = {"file": len(names) - pictures, "picture": pictures}
+    parts = [counted(count, what) for what, count in counts.items() if count]
+    text = f"wrote {' and '.join(parts)} to {os.path.join(folder, '')}"
+    text += f", removed {removed} of the run before" if removed else ""
+    shown = [name for name in (kind.opens if kind else ()) if name in names]
+    return f"{text}; open {os.path.join(folder, shown[0])}" if shown else text
 
 
 def _take(file: Path, place: Path, work: Path) -> None:
