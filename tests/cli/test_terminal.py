@@ -225,18 +225,6 @@ def test_ascii_stands_in(run: Callable, quickstart: tuple[str, str]) -> None:
     assert "=#=##" in out
 
 
-@pytest.mark.process
-def test_rich_is_for_terminals_alone(quickstart: tuple[str, str]) -> None:
-    code = (
-        "import sys; from tgospa_eval.cli import main\n"
-        f"try: main({[*quickstart, '-q']!r})\n"
-        "except SystemExit: print('rich' in sys.modules)"
-    )
-    env = {k: v for k, v in os.environ.items() if k != "FORCE_COLOR"}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env)
-    assert done.stdout.endswith("False\n")
-
-
 def test_sparkline() -> None:
     assert sparkline([0, 1e-9, 4, 8], 8, BLOCKS) == " ▁▄█"
     assert sparkline([0, 1e-9, 4, 8], 8, SIGNS) == " .=@"
