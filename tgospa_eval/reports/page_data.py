@@ -109,8 +109,7 @@ def document(result: Summary) -> Drawn:
     """
     whole = list(result.results.values()) if isinstance(result, ByClass) else [result]
     parts = [part for part in whole if isinstance(part, Result)]
-    scenes = [part.scene for part in parts]
-    columns = scenes[0].columns if scenes and scenes[0] is not None else ()
+    columns = parts[0].proof.compared.columns if parts else ()
     rows = {name: _joined(parts, name, len(columns)) for name in KINDS}
     runs = {name: _runs(side) for name, side in rows.items()}
     stride, kept = _thinned(rows, runs)
@@ -197,7 +196,7 @@ def _joined(parts: list[Result], name: str, size: int) -> Rows:
     other = "estimate" if name == "truth" else "truth"
     first = {"truth": 0, "estimate": 0}
     for part in parts:
-        rows = _rows(part, name, other, size)
+        rows = _rows(part, name, other)
         rows["other"] = np.where(rows["other"] == NONE, NONE, rows["other"] + first[other])
         found.append(rows | {"track": rows["track"] + first[name]})
         first["truth"] += len(part.labels.truths)
@@ -209,7 +208,7 @@ def _joined(parts: list[Result], name: str, size: int) -> Rows:
     return {column: np.concatenate([rows[column] for rows in found]) for column in found[0]}
 
 
-def _rows(result: Result, name: str, other: str, size: int) -> Rows:
+def _rows(result: Result, name: str, other: str) -> Rows:
     states, problem = result.proof.states, result.proof.states.problem
     own_row: Ints = getattr(problem, f"{name}_row")
     other_row: Ints = getattr(problem, f"{other}_row")
@@ -231,9 +230,8 @@ def _rows(result: Result, name: str, other: str, size: int) -> Rows:
     partner[free > best] = NONE
     error[partner == NONE] = 1.0
 
-    scene = result.scene
-    state = np.zeros((len(step), 0)) if scene is None or not size else getattr(scene, name)
-    spread = getattr(scene, f"{name}_covariance", None)
+    state = getattr(result.proof.compared, name)
+    spread = getattr(result.proof.compared, f"{name}_covariance")
     spread = np.zeros((len(step), 0)) if spread is None else spread
     by_track = np.argsort(track, kind="stable")
     rows: Rows = {"track": track, "step": step, "other": partner, "error": error}
