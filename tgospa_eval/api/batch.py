@@ -103,10 +103,23 @@ class Batch:
         Sums of groups, and their order.
     faults : tuple of str
         What is wrong with jobs, a line for each.
+    store : Store
+        Where it is stored.
+    page : bool
+        Whether its page is to be written: of shards more is to come, and where nothing is new it
+        is there.
+    notices : tuple of str
+        What else the user should know.
+    status : int
+        Exit status.
     """
 
     tables: BatchTables
     faults: tuple[str, ...]
+    store: Store
+    page: bool
+    notices: tuple[str, ...]
+    status: int
 
     @property
     def rows(self) -> "pd.DataFrame":
@@ -218,7 +231,7 @@ def batch(
         except ConfigError as error:  # the rows are stored in any case
             told.append(f"the page is not written: {error}")
     warn_user([Notice(text=in_python(text)) for text in told])
-    return Batch(tables=done.tables, faults=tuple(map(in_python, done.faults)))
+    return replace(done, faults=tuple(map(in_python, done.faults)))
 
 
 def _each(given: str | Iterable[str]) -> tuple[str, ...]:
@@ -270,34 +283,7 @@ class BatchOptions(Values):
         return Cluster(self.scheduler) if self.scheduler else Processes(self.workers)
 
 
-@dataclass(frozen=True, kw_only=True)
-class DoneBatch:
-    """What came of the jobs.
-
-    Parameters
-    ----------
-    store : Store
-        Where it is stored.
-    tables : BatchTables
-        Sums and order.
-    page : bool
-        Whether its page is to be written: of shards more is to come, and where nothing is new it
-        is there.
-    faults, notices : list of str
-        What is wrong with jobs, and what else the user should know.
-    status : int
-        Exit status.
-    """
-
-    store: Store
-    tables: BatchTables
-    page: bool
-    faults: list[str]
-    notices: list[str]
-    status: int
-
-
-def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) -> DoneBatch:
+def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) -> Batch:
     """Do what is not done yet.
 
     Raises
@@ -334,9 +320,10 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
             **({"slices": list(options.slices)} if options.slices else {}),
             "jobs": {
                 "paths": list(paths),
-                **{
-                    name: getattr(batch, name) for name in ("truth", "estimate", "layout", "seqmap")
-                },
+                "truth": batch.truth,
+                "estimate": batch.estimate,
+                "layout": batch.layout,
+                "seqmap": batch.seqmap,
             },
             **settings_field(batch.config),
         }
@@ -368,12 +355,12 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
             f"no row is left to evaluate in {nothing} of {counted(len(done), 'job')}: a total of 0"
         )
     opened = len(rows) and (rows["status"] == "open").any()
-    return DoneBatch(
-        store=store,
+    return Batch(
         tables=tables,
+        faults=tuple(faults),
+        store=store,
         page=count == 1 and bool(left or batch.by or batch.band or not _has_page(store)),
-        faults=faults,
-        notices=notices,
+        notices=tuple(notices),
         status=5 if faults else ExitStatus.NOT_REACHED if opened else ExitStatus.DONE,
     )
 
