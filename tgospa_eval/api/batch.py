@@ -78,8 +78,9 @@ FAULTS_SHOWN = 10
 DECIDING = ("steps", "resample", "grid", "interpolate")
 """Options that say which steps count, in place of what a benchmark declares."""
 
-FLUSH = 2.0
-"""Seconds after which rows are written: so much work a killed process loses at most."""
+FLUSH, SHARE = 2.0, 0.01
+"""Seconds, and share of the time so far, after which rows are written: so much work a killed
+process loses at most."""
 
 MOST_HELD = 200_000
 """Steps that are kept in memory until they are written, about 30 MB."""
@@ -333,8 +334,6 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
             notify(text)
     with locked(store.folder, (number, count)):
         tasks = list(tasks_of(plan, batch))[number - 1 :: count]
-        if count == 1:
-            store.join()
         rows = store.rows()
         left = list(_left_over(tasks, rows, retry_failed=batch.retry_failed))
         left.sort(key=_size, reverse=True)
@@ -532,7 +531,7 @@ def _work(tasks: list[JobTask], store: Store, engine: Engine, tell: Notify) -> l
                 faults.append(row)
             held += row.get(STORED_STEPS, 0)
             now = time.monotonic()
-            if now - flushed > FLUSH or held > MOST_HELD:
+            if now - flushed > max(FLUSH, SHARE * (now - begin)) or held > MOST_HELD:
                 store.add(pending)
                 pending, flushed, held = [], now, 0
             if now - shown > FLUSH:
