@@ -163,29 +163,30 @@ def of_expected(jobs: int, expected: int) -> str:
 
 
 def _sums_table(tables: BatchTables) -> Table:
-    heads, groups = tables.heads, tables.groups
-    with_intervals = groups["confidence_upper"].notna().any()
+    groups, rows = tables.groups, tables.groups.to_dict("records")
     values = {"combined": "combined", "per_step": "per step", "rms": "RMS"}
     if "mean_of_roots" in groups:
         values["mean_of_roots"] = "mean of roots"
-    shown, rows = [], groups.to_dict("records")
-    columns = [[interval(row, name) for row in rows] for name in values]
-    for row, ends in zip(rows, zip(*columns, strict=True), strict=True):
-        cells = list(map(_between, ends))
-        if with_intervals:
-            cells.insert(1, _interval(row["confidence_lower"], row["confidence_upper"]))
-        jobs = of_expected(int(row["jobs"]), int(row["expected"]))
-        shown.append((*(value_in_words(row[name]) for name in heads), jobs, *cells))
-    titles = list(values.values())
-    places = dict(enumerate(columns, start=len(heads) + 1))
-    if with_intervals:
-        titles.insert(1, INTERVAL)
-        places = {k + (k > len(heads) + 1): column for k, column in places.items()}
+    heads = [*tables.heads.values(), "jobs"]
+    columns = [
+        *zip(*map(tables.named, rows), strict=True),
+        [of_expected(int(row["jobs"]), int(row["expected"])) for row in rows],
+    ]
+    compared: dict[int, list[Interval]] = {}
+    for name, title in values.items():
+        compared[len(heads)] = [interval(row, name) for row in rows]
+        columns.append([_between(value) for value in compared[len(heads)]])
+        heads.append(title)
+        if name == "combined" and groups["confidence_upper"].notna().any():
+            ends = zip(groups["confidence_lower"], groups["confidence_upper"], strict=True)
+            columns.append([_interval(*both) for both in ends])
+            heads.append(INTERVAL)
+    named = len(tables.heads)
     return Table(
-        head=(*heads.values(), "jobs", *titles),
-        rows=shown,
-        align="l" * len(heads) + "r" * (1 + len(titles)),
-        bold=best_cells(places, _rivals(tables, rows)),
+        head=heads,
+        rows=list(zip(*columns, strict=True)),
+        align="l" * named + "r" * (len(heads) - named),
+        bold=best_cells(compared, _rivals(tables, rows)),
     )
 
 
