@@ -353,12 +353,15 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
         notices.append(
             f"no row is left to evaluate in {nothing} of {counted(len(done), 'job')}: a total of 0"
         )
+    listed = read_manifest(store.folder, BATCH.name) or ()
+    names = {entry.name for entry in listed}
+    has_page = bool(listed) and unchanged(store.folder, listed) == names
     opened = len(rows) and (rows["status"] == "open").any()
     return Batch(
         tables=tables,
         faults=tuple(faults),
         store=store,
-        page=count == 1 and bool(left or batch.by or batch.band or not _has_page(store)),
+        page=count == 1 and bool(left or batch.by or batch.band or not has_page),
         notices=tuple(notices),
         status=5 if faults else ExitStatus.NOT_REACHED if opened else ExitStatus.DONE,
     )
@@ -657,9 +660,3 @@ def batch_files(
     from tgospa_eval.plots.batch import batch_pictures  # here: it draws
 
     return files | batch_pictures(view, wanted, notify)
-
-
-def _has_page(store: Store) -> bool:
-    """Whether the folder of a store has its page and pictures."""
-    listed = read_manifest(store.folder, BATCH.name) or ()
-    return bool(listed) and unchanged(store.folder, listed) == {entry.name for entry in listed}

@@ -263,7 +263,10 @@ def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = N
         found = {name: _frames_of_seqinfo(os.path.join(truth, name, SEQINFO)) for name in names}
     else:
         found = dict.fromkeys(names)
-        for path in (seqmap, _seqmap_in(truth)):
+        # The seqmap of the training sequences, or the only one.
+        there = glob.glob(os.path.join(glob.escape(truth), f"{SEQMAP}*"))
+        there = [path for path in there if path.endswith(".training")] or there
+        for path in (seqmap, there[0] if len(there) == 1 else None):
             missing = [name for name in names if found[name] is None]
             found |= _frames_of_seqmap(path, missing) if path and missing else {}
     missing = [name for name in names if found[name] is None]
@@ -297,13 +300,6 @@ def _frames_of_seqinfo(path: str) -> tuple[int, int] | None:
     if len(found) > 1:
         raise InputError(f"{path}: seqLength is there twice, and differs")
     return found.pop() if found else None
-
-
-def _seqmap_in(folder: str) -> str | None:
-    """The seqmap of the training sequences of KITTI, or the only one."""
-    there = glob.glob(os.path.join(glob.escape(folder), f"{SEQMAP}*"))
-    chosen = [path for path in there if path.endswith(".training")] or there
-    return chosen[0] if len(chosen) == 1 else None
 
 
 def _frames_of_seqmap(path: str, names: Collection[str]) -> dict[str, tuple[int, int]]:

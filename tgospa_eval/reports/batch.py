@@ -233,7 +233,11 @@ def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:
 def _orders(ranking: Ranking) -> Iterator[str]:
     """Both orders in a sentence each."""
     entries, where = ranking.entries, _where(ranking)
-    yield f"{where}{order_of('combined', ranking)} ({_jobs(ranking)})"
+    jobs = f"{counted(ranking.jobs, 'job')} each"
+    if ranking.jobs < ranking.all_jobs:
+        all_have = f"over the {counted(ranking.jobs, 'job')} that all {len(entries)} have"
+        jobs = f"{all_have}, of {ranking.all_jobs:,}"
+    yield f"{where}{order_of('combined', ranking)} ({jobs})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     if not ranking.permutations:
         yield f"{begin}: fewer than 6, nothing can be concluded about {ranking.others}"
@@ -259,13 +263,6 @@ def order_of(value: str, ranking: Ranking) -> str:
 def _where(ranking: Ranking) -> str:
     """For which parameters a ranking is, if there are several."""
     return f"{parameters_in_words(ranking.parameters)}: " if ranking.parameters else ""
-
-
-def _jobs(ranking: Ranking) -> str:
-    count = len(ranking.entries)
-    if ranking.jobs == ranking.all_jobs:
-        return f"{counted(ranking.jobs, 'job')} each"
-    return f"over the {counted(ranking.jobs, 'job')} that all {count} have, of {ranking.all_jobs:,}"
 
 
 def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
@@ -364,16 +361,11 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         if ranking.left_out:
             names = listed(ranking.left_out, MOST_NAMED)
             yield f"{_where(ranking)}{names}: no job with a value, and no place"
-    yield from _preprocessed(tables.rows)
-    yield from about_others(tables)
-    yield from about_slices_of(tables)
-
-
-def _preprocessed(rows: "pd.DataFrame") -> Iterator[str]:
-    """What was left out before anything was counted."""
-    texts = rows["parameters"].dropna().unique() if "parameters" in rows else ()
+    texts = tables.rows["parameters"].dropna().unique() if "parameters" in tables.rows else ()
     for name in sorted({str(json.loads(text).get("preprocess") or "") for text in texts} - {""}):
         yield f"boxes were left out by --preprocess {name} before all metrics"
+    yield from about_others(tables)
+    yield from about_slices_of(tables)
 
 
 def about_others(tables: BatchTables) -> Iterator[str]:
