@@ -1,6 +1,6 @@
 """The table for a terminal: 80 columns, no colour, plain ASCII but for the user's own words."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.slices import about_slices, slices_lines, slices_table
 from tgospa_eval.reports.tables import WIDTH, Document, Row, Table, clip, text_lines, wrap
 from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
-from tgospa_eval.results.records import PARTS, Time
+from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import ending, visible
 
@@ -86,7 +86,7 @@ def table(result: Summary) -> str:
 
 def blocks(result: Summary) -> dict[str, list[str]]:
     """The lines of each block by name, none where it does not apply."""
-    makers = {
+    makers: dict[str, Callable[[Summary], Iterable[str]]] = {
         "headline": _headline,
         "meaning": _meaning,
         "parts": _parts,
@@ -269,9 +269,8 @@ def _curve(result: Summary) -> Iterator[str]:
     yield from wrap(f"{title}; its parts are costs per step", " " * 10)
     count = min(size, 2 * SHOWN)
     shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
-    most = 19
-    times = fitting([table["t"][k] for k in shown], most, lambda: table["t"])
-    first = min(max(13, *map(len, times)), most)
+    times = [visible(str(table["t"][k])) for k in shown]
+    first = min(max(13, *map(len, times)), 19)
     each = 13 if first == 13 else 11  # so that long stamps have their place
     rows = [
         (
@@ -350,61 +349,39 @@ def _repairs(result: Summary) -> Iterator[str]:
     yield from (line for note in repair_notes(found) for line in wrap(f"  {note}", "  "))
 
 
-def fitting(texts: Iterable[Time], width: int, every: Callable[[], Sequence[Time]]) -> list[str]:
-    """Stamps in so many columns if every one of the recording begins alike: that becomes dots."""
-    shown = [visible(str(text)) for text in texts]
-    cut = max(map(len, shown), default=0) - width + 3
-    if cut <= 3 or not all(str(text).startswith(shown[0][:cut]) for text in every()):
-        return shown
-    return [f"...{text[cut:]}" for text in shown]
-
-
 WORST = {"steps": "worst steps", "truth": "worst truths", "estimates": "worst estimates"}
 
 
-def worst(result: Summary, kinds: Iterable[str] = WORST) -> Iterator[str]:
+def worst(result: Summary, kinds: Iterable[str] = WORST) -> list[str]:
     """The worst of each kind by name, on as many lines as they need."""
     found = result.worst(SHOWN)
-    for kind in kinds:
-        line = f"  {WORST[kind]:<15}"
-        for name in found[kind]:
-            cell = clip(str(name), WIDTH - 19)
-            if len(line) > 17 and len(line) + 2 + len(cell) > WIDTH:
-                yield line
-                line = " " * 17
-            line += f"  {cell}"
-        if found[kind]:
-            yield line
+    rows = [
+        (f"{WORST[kind]:<15}", "  ".join(clip(str(name), WIDTH - 19) for name in found[kind]))
+        for kind in kinds
+        if found[kind]
+    ]
+    return text_lines(Table(head=rows[0], rows=rows[1:], align="ll", wrapped=(1,))) if rows else []
 
 
 def _switches(result: Summary) -> Iterator[str]:
-    """The first switches; where one is too long for a line its ids stay whole, on several."""
+    """The first switches."""
     switches, count = result.first_switches(SHOWN)
     if not count:
         return
-    moves = []
-    for k in range(len(switches["t"])):
+    times = [visible(str(t)) for t in switches["t"]]
+    room = WIDTH - 6 - max(27, *map(len, times))  # beside the time and a colon
+    rows = []
+    for k, time in enumerate(times):
         ends = (switches[key][k] for key in ("from", "to"))
         names = [switches["truth"][k], *("none" if end is None else end for end in ends)]
+        truth, before, after = (ending(visible(str(name)), room) for name in names)
         mass = switches["mass"][k]
         half = "" if mass == 1 else f"  ({number(mass, 3)} of a switch)"
-        moves.append(([visible(str(name)) for name in names], half))
-    longest = max(len("".join(ids) + half) for ids, half in moves) + len(":  -> ")
-    times = fitting(switches["t"], max(22, WIDTH - 21 - longest), lambda: result.labels.times)
-    wide = max(10, *map(len, times))
-    if max(len(name) for ids, _ in moves for name in ids) > WIDTH - 25 - wide:
-        wide = 10  # such times have lines of their own
-    rows: list[Row] = []
-    for time, (ids, half) in zip(times, moves, strict=True):
-        truth, before, after = (ending(name, WIDTH - 25 - wide) for name in ids)
-        rows += [("", "", f"  {time}")] if len(time) > wide else []
-        words = wrap(f"{truth}: {before} -> {after}{half}", width=WIDTH - 21 - wide)
-        rows += [("", "" if k or len(time) > wide else time, f"  {x}") for k, x in enumerate(words)]
+        rows.append((time, f"{truth}: {before} -> {after}{half}"))
     if count > SHOWN:
-        more = wrap(f"and {count - SHOWN} more (--format json, or -o DIR)", width=WIDTH - 21 - wide)
-        rows += [("", "", f"  {line}") for line in more]
-    head, widths = ("switches", "t", "  truth: from -> to"), (17, wide, 0)
-    yield from map(clip, text_lines(Table(head=head, rows=rows, align="lrl", widths=widths)))
+        rows.append(("", f"and {count - SHOWN} more (--format json, or -o DIR)"))
+    head = (f"{'switches':<17}{'t':>10}", "truth: from -> to")
+    yield from text_lines(Table(head=head, rows=rows, align="rl", wrapped=(1,)))
 
 
 def _footer(result: Summary) -> Iterator[str]:

@@ -49,8 +49,6 @@ class Kind:
         A file by which the folder is known even without a manifest, and which stays.
     opens : tuple of str
         What to open, the first that there is.
-    options : str
-        Options that make pictures, for messages.
     """
 
     name: str
@@ -58,7 +56,6 @@ class Kind:
     names: Collection[str]
     log: str | None = None
     opens: tuple[str, ...] = ()
-    options: str = ""
 
     def owns(self, folder: Path) -> bool:
         """Whether the folder is one of this kind; what the log says is for its reader."""
@@ -85,7 +82,6 @@ RESULT = Kind(
     ),
     log=WORK_LOG,
     opens=("report.html",),
-    options=" --pictures {0}",
 )
 
 PROOF_FILES = ("proof.json", "truth.csv", "estimate.csv", "distances.csv")
@@ -95,7 +91,6 @@ SWEEP = Kind(
     document="sweep.json",
     names=("sweep.json", "sweep.csv"),
     opens=_files("sweep", *PICTURES),
-    options=" --pictures {0}",
 )
 COMPARISON = Kind(
     name="compare",
@@ -119,40 +114,7 @@ BATCH = Kind(
     names=("report.html", "curve.csv", "slices.csv", *_files("parts heat curve", "png")),
     log=manifest.STORE,
     opens=("report.html",),
-    options=" --pictures {0}",
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Written:
-    """What was written.
-
-    Parameters
-    ----------
-    folder : str
-        Where, as typed.
-    names : tuple of str
-        The files.
-    removed : int
-        How many files of an older run were taken away.
-    opens : tuple of str
-        What to open, the first that there is.
-    """
-
-    folder: str
-    names: tuple[str, ...]
-    removed: int = 0
-    opens: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        pictures = sum(name.endswith(PICTURES) for name in self.names)
-        counts = {"file": len(self.names) - pictures, "picture": pictures}
-        parts = [counted(count, what) for what, count in counts.items() if count]
-        text = f"wrote {' and '.join(parts)} to {os.path.join(self.folder, '')}"
-        if self.removed:
-            text += f", removed {self.removed} of the run before"
-        shown = next((name for name in self.opens if name in self.names), None)
-        return text if shown is None else f"{text}; open {os.path.join(self.folder, shown)}"
 
 
 def check_folder(
@@ -184,7 +146,7 @@ def check_folder(
         if path.exists() and not path.is_dir():
             raise ConfigError(f"{option} {folder}: is a file; name a folder")
         if not path.is_dir():
-            _check_name(folder, kind, option)
+            _check_name(folder, option)
         elif not force and not (kind and kind.owns(path)) and any(manifest.others(path)):
             raise ConfigError(f"{option} {folder}: is not empty; name another folder, or --force")
 
@@ -228,8 +190,8 @@ def write_texts(
     *,
     force: bool,
     option: str = "--output",
-) -> Written:
-    """`write_files` of files by name.
+) -> str:
+    """`write_files` of files by name, which says what was written.
 
     Raises
     ------
@@ -260,13 +222,14 @@ def write_files(
     *,
     force: bool,
     option: str = "--output",
-) -> Written:
+) -> str:
     """Write the files of a folder, in place of those that an older run of its kind has left.
 
     A new folder appears whole. In one that is there, the old document goes before anything else
     changes and the new one comes last; of two runs that write it at once one waits. Those of a
     kind get a manifest. Files that are not in it, or are not as it says, are never removed, and
     replaced only by force. `fill` is called again where another run was first to make the folder.
+    Returns what was written, in a sentence.
 
     Raises
     ------
@@ -281,8 +244,14 @@ def write_files(
             check_folder(folder, kind, force=force, option=option)
             where = None if force else f"{option} {folder}"
             removed, files = _write_over(fill, path, kind, where)
-    names, opens = tuple(entry.name for entry in files), () if kind is None else kind.opens
-    return Written(folder=folder, names=names, removed=removed, opens=opens)
+    names = [entry.name for entry in files]
+    pictures = sum(name.endswith(PICTURES) for name in names)
+    counts = {"file": len(names) - pictures, "picture": pictures}
+    parts = [counted(count, what) for what, count in counts.items() if count]
+    text = f"wrote {' and '.join(parts)} to {os.path.join(folder, '')}"
+    text += f", removed {removed} of the run before" if removed else ""
+    shown = [name for name in (kind.opens if kind else ()) if name in names]
+    return f"{text}; open {os.path.join(folder, shown[0])}" if shown else text
 
 
 def _take(file: Path, place: Path, work: Path) -> None:
@@ -296,7 +265,7 @@ def _take(file: Path, place: Path, work: Path) -> None:
     shutil.copyfile(file, place)
 
 
-def _check_name(folder: str, kind: Kind | None, option: str) -> None:
+def _check_name(folder: str, option: str) -> None:
     """A folder that is not there yet and is called like a file is a misunderstanding.
 
     Raises
@@ -306,19 +275,11 @@ def _check_name(folder: str, kind: Kind | None, option: str) -> None:
     """
     stem, suffix = os.path.splitext(folder)
     suffix = suffix.lower()
-    pictures = suffix[1:] in PICTURES
-    if not pictures and suffix not in (*AS_FORMAT, ".html", ".txt"):
+    if suffix not in (*AS_FORMAT, *(f".{kind}" for kind in (*PICTURES, "html", "txt"))):
         return
-    if option != "--output" or kind is None:  # an argument, of a command or in Python
-        remedy = f"name it {stem}"
-    elif suffix in AS_FORMAT:
+    remedy = f"name it {stem}"
+    if option == "--output" and suffix in AS_FORMAT:
         remedy = f"type --format {AS_FORMAT[suffix]} > {folder}"
-    elif pictures:
-        remedy = f"type -o {stem}{kind.options.format(suffix[1:])}"
-    elif suffix == ".html" and kind is RESULT:
-        remedy = f"type -o {stem}, and open {os.path.join(stem, 'report.html')}"
-    else:
-        remedy = f"type -o {stem}"
     raise ConfigError(f"{option} {folder}: must be a folder, not a file; {remedy}")
 
 

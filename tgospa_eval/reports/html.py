@@ -25,6 +25,7 @@ from tgospa_eval.reports.console import (
     similarity_in_words,
 )
 from tgospa_eval.reports.other_metrics import other_table, similarity
+from tgospa_eval.reports.page_data import binned
 from tgospa_eval.reports.slices import about_slices, share, shown_slices
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import PARTS, Columns, Json
@@ -62,7 +63,7 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
     names : pair of str
         What truth and estimate are called, as the paths of their files.
     """
-    data, arrays = result.drawn
+    data, arrays, _ = result.drawn
     repaired = result.explained
     return (
         environment()
@@ -202,25 +203,23 @@ def _bars(per_step: Columns) -> Json:
 
     They stand on white, for a notebook does not say whether its paper is light or dark.
     """
-    totals = [sum(values) for values in zip(*(per_step[name] for name in PARTS), strict=True)]
-    high = max(totals, default=0.0)
-    paths = dict.fromkeys(PARTS, "")
+    costs = np.array([per_step[name] for name in PARTS], float)
+    total = costs.sum(axis=0)
+    high = float(total.max(initial=0.0))
     if not high > 0:
-        return {"label": "", "paths": paths}
-    together = -(-len(totals) // BARS)
-    chosen = [
-        max(range(first, min(first + together, len(totals))), key=totals.__getitem__)
-        for first in range(0, len(totals), together)
-    ]
-    wide = CHART_WIDTH / len(chosen)
-    below = [0.0] * len(chosen)
-    for name in PARTS:
-        for bar, step in enumerate(chosen):
-            tall = per_step[name][step] / high * CHART_HEIGHT
-            if tall > 0:
-                below[bar] += tall
-                x, y = bar * wide, CHART_HEIGHT - below[bar]
-                paths[name] += f"M{x:.1f} {y:.1f}h{wide * 0.85:.1f}v{tall:.1f}h{-wide * 0.85:.1f}z"
+        return {"label": "", "paths": dict.fromkeys(PARTS, "")}
+    first, chosen = binned(total, BARS)
+    tall = costs[:, chosen] / high * CHART_HEIGHT
+    wide, tops = CHART_WIDTH / len(chosen), CHART_HEIGHT - np.cumsum(tall, axis=0)
+    right, left = f"h{wide * 0.85:.1f}", f"h{-wide * 0.85:.1f}"
+    paths = {
+        name: "".join(
+            f"M{k * wide:.1f} {tops[part, k]:.1f}{right}v{tall[part, k]:.1f}{left}z"
+            for k in np.flatnonzero(tall[part] > 0).tolist()
+        )
+        for part, name in enumerate(PARTS)
+    }
+    together = -(-len(total) // len(first))
     times = per_step["t"]
     label = f"cost of each step from {times[0]} to {times[-1]}, at most {number(high)}"
     if together > 1:

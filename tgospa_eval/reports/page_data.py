@@ -6,10 +6,11 @@ other, or to none. Rows are its states, thinned where there are very many, but n
 
 import math
 from collections.abc import Collection
-from dataclasses import replace
-from typing import TypeAlias
+from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.formats.columns.headers import BOX
@@ -25,8 +26,17 @@ from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.tracks.covariances import size_of
 
-Drawn: TypeAlias = tuple[Json, dict[str, Ints]]
-"""What page and pictures draw, by `page_data.document`: a document, and whole numbers by name.
+Rows: TypeAlias = dict[str, NDArray[Any]]
+"""States of one side, by track and step: columns ``track``, ``step``, ``other``, ``error`` ....
+
+``other`` is the track of the other side to which the largest part of it is assigned, or `NONE`, and
+``shared`` whether that is a part only; ``error`` the distance to it as a fraction of the cutoff, 1
+where it is unassigned; ``state`` (R, d), with d = 0 where the states are unknown; ``spread``
+(R, d (d + 1) / 2) lower triangles of covariances, (R, 0) of points.
+"""
+
+Drawn: TypeAlias = "tuple[Json, dict[str, Ints], dict[str, DrawnSide]]"
+"""What is drawn: the page has a document, and whole numbers by name; pictures that and the sides.
 
 Each of its `times` begins a stretch of `together` steps, of which `costs` and `counts` are means,
 and `curve` is that of its last step; where these are several, `worst` has the costliest steps.
@@ -51,33 +61,44 @@ FARTHEST_NORTH = 88.0
 
 NONE = -1
 
+KINDS = {"truth": "missed", "estimate": "false"}
+"""What a track of either side costs where it is unassigned."""
+
+RUN = ("track", "begin", "end", "other")
+"""What there is of each stretch of one assignment."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PageSide:
-    """The trajectories of one side, by track and step.
+class DrawnSide:
+    """The tracks of one side.
 
     Parameters
     ----------
-    track, step, other : (R,) int arrays
-        Of each state: its track, its step, and the track of the other side to which the largest
-        part of it is assigned, or `NONE`.
-    error : (R,) float array
-        Distance to it as a fraction of the cutoff; 1 where it is unassigned.
-    state : (R, d) float array
-        d = 0 where the states are unknown.
-    spread : (R, d (d + 1) / 2) float array
-        Lower triangles of covariances; (R, 0) where the states are points.
-    shared : int
-        Number of states that are assigned to `other` in part only.
+    name : str
+        ``"truth"`` or ``"estimate"``.
+    table : dict
+        Of each track its id, costs, counts and steps.
+    run : dict
+        Stretches of one assignment, by track and step: ``track``, ``begin``, ``end``, ``other``.
+    row : dict
+        The states that are drawn.
     """
 
-    track: Ints
-    step: Ints
-    other: Ints
-    error: Floats
-    state: Floats
-    spread: Floats
-    shared: int
+    name: str
+    table: Columns
+    run: dict[str, Ints]
+    row: Rows
+
+    @cached_property
+    def ids(self) -> list[str]:
+        """With the class in front where classes are evaluated apart."""
+        ids, classes = self.table["id"], self.table.get("class")
+        return [f"{classes[k]}: {i}" if classes else i for k, i in enumerate(ids)]
+
+    @property
+    def unassigned(self) -> Ints:
+        """Rows that are missed, or false."""
+        return np.flatnonzero(self.row["other"] == NONE)
 
 
 def document(result: Summary) -> Drawn:
@@ -89,38 +110,35 @@ def document(result: Summary) -> Drawn:
     parts = [part for part in whole if isinstance(part, Result)]
     scenes = [part.scene for part in parts]
     columns = scenes[0].columns if scenes and scenes[0] is not None else ()
-    sides = {name: _joined(parts, name, len(columns)) for name in ("truth", "estimate")}
-    runs = {name: _runs(side) for name, side in sides.items()}
-    stride, kept = _thinned(sides, runs)
-    low, quantum = _grid([side.state for side in sides.values()], len(columns))
-    spread = described([side.spread for side in sides.values()], stride)
+    rows = {name: _joined(parts, name, len(columns)) for name in KINDS}
+    runs = {name: _runs(side) for name, side in rows.items()}
+    stride, kept = _thinned(rows, runs)
+    low, quantum = _grid([side["state"] for side in rows.values()], len(columns))
+    spread = described([side["spread"] for side in rows.values()], stride)
+    sides: dict[str, DrawnSide] = {}
     arrays: dict[str, Ints] = {}
-    for name, side in sides.items():
+    for name, side in rows.items():
         (opens, closes), keep = runs[name], kept[name]
-        arrays |= {
-            f"{name}/run/track": side.track[opens],
-            f"{name}/run/begin": side.step[opens],
-            f"{name}/run/end": side.step[closes],
-            f"{name}/run/other": side.other[opens],
-            f"{name}/row/track": side.track[keep],
-            f"{name}/row/step": side.step[keep],
-        }
+        run = {column: side[column][opens] for column in ("track", "other")}
+        run |= {"begin": side["step"][opens], "end": side["step"][closes]}
+        row = {column: values[keep] for column, values in side.items()}
+        table = _tracks(result, name)
+        sides[name] = DrawnSide(name=name, table=table, run=run, row=row)
+        arrays |= {f"{name}/run/{field}": run[field] for field in RUN}
+        arrays |= {f"{name}/row/{column}": row[column] for column in ("track", "step")}
         for axis in range(len(columns)):
             # halves, for the difference of two large numbers may overflow
-            offset = side.state[keep, axis] / 2 - low[axis] / 2
+            offset = row["state"][:, axis] / 2 - low[axis] / 2
             value = np.rint(offset / (quantum[axis] / 2))
             arrays[f"{name}/row/{axis}"] = value.astype(np.int64)
         if spread:
-            entries = encoded(side.track[keep], side.step[keep], side.spread[keep], spread)
+            entries = encoded(row["track"], row["step"], row["spread"], spread)
             arrays |= {f"{name}/spread/{key}": values for key, values in entries.items()}
         if name == "truth":
-            arrays["truth/row/error"] = np.rint(side.error[keep] * ERRORS).astype(np.int64)
+            arrays["truth/row/error"] = np.rint(row["error"] * ERRORS).astype(np.int64)
     stretches = len(result.labels.times) if parts else MOST_STRETCHES
     data = over_time(result, stretches) | {
-        "tracks": {
-            "truth": _tracks(result, "per_truth", "missed"),
-            "estimate": _tracks(result, "per_estimate", "false"),
-        },
+        "tracks": {name: side.table for name, side in sides.items()},
         "switches": _switches(parts),
         "repairs": _repairs(result),
         "columns": list(columns),
@@ -130,16 +148,16 @@ def document(result: Summary) -> Drawn:
         "spread": spread,
         "errors": ERRORS,
         "stride": stride,
-        "shared": sides["truth"].shared,
-        "rows": {name: [len(kept[name]), len(side.track)] for name, side in sides.items()},
+        "shared": int(np.count_nonzero(rows["truth"]["shared"])),
+        "rows": {name: [len(kept[name]), len(side["track"])] for name, side in rows.items()},
         "arrays": [(name, len(array)) for name, array in arrays.items()],
     }
     if is_map(columns):
-        latitudes = [side.state[:, columns.index("lat")] for side in sides.values()]
+        latitudes = [side["state"][:, columns.index("lat")] for side in rows.values()]
         data["stretch"] = map_stretch(np.concatenate(latitudes))
     if result.slid is not None:
         data["windows"] = _windows(result, result.slid)
-    return data, arrays
+    return data, arrays, sides
 
 
 def is_map(names: Collection[str]) -> bool:
@@ -155,55 +173,43 @@ def map_stretch(latitudes: Floats) -> float:
 
 def _windows(result: Summary, slid: Windows) -> Json:
     """Of each window (cost / n) ^ (1/p) of each part, n its steps of the horizon."""
-    table = result.table("windows")
+    table, power = result.table("windows"), 1 / result.proof.parameters.order
     each = np.maximum(np.array(table["steps"]), 1)
-    costs = dict(zip(PARTS, slid.parts, strict=True)) | {"total": slid.parts.sum(axis=0)}
-    parameters = result.proof.parameters
+    costs: dict[str, Floats] = {name: np.array(table[name]) for name in PARTS}
+    costs["total"] = sum(costs.values(), np.zeros(len(each)))
     return {
         "size": slid.size,
         "first": slid.first.tolist(),
         "last": slid.last.tolist(),
         "tgospa": rounded(table["tgospa"]),
-        "lines": {
-            name: rounded((parameters.cutoff * (cost / each) ** (1 / parameters.order)).tolist())
-            for name, cost in costs.items()
-        },
+        "lines": {n: rounded(((cost / each) ** power).tolist()) for n, cost in costs.items()},
     }
 
 
-def _joined(parts: list[Result], name: str, size: int) -> PageSide:
+def _joined(parts: list[Result], name: str, size: int) -> Rows:
     """One side of all parts, tracks numbered through."""
-    first = {"truth": 0, "estimate": 0}
     none = np.zeros(0, np.int64)
-    sides = [
-        PageSide(
-            track=none,
-            step=none,
-            other=none,
-            error=np.zeros(0),
-            state=np.zeros((0, size)),
-            spread=np.zeros((0, 0)),
-            shared=0,
-        )
+    found: list[Rows] = [
+        dict.fromkeys(("track", "step", "other", "error", "shared"), none)
+        | {"state": np.zeros((0, size)), "spread": np.zeros((0, 0))}
     ]
     other = "estimate" if name == "truth" else "truth"
+    first = {"truth": 0, "estimate": 0}
     for part in parts:
-        side = _side(part, name, size)
-        partner = np.where(side.other == NONE, NONE, side.other + first[other])
-        sides.append(replace(side, track=side.track + first[name], other=partner))
+        rows = _rows(part, name, other, size)
+        rows["other"] = np.where(rows["other"] == NONE, NONE, rows["other"] + first[other])
+        found.append(rows | {"track": rows["track"] + first[name]})
         first["truth"] += len(part.labels.truths)
         first["estimate"] += len(part.labels.estimates)
-    fields = ("track", "step", "other", "error", "state")
-    return PageSide(
-        **{field: np.concatenate([getattr(side, field) for side in sides]) for field in fields},
-        spread=concatenated([side.spread for side in sides]),
-        shared=sum(side.shared for side in sides),
-    )
+    wide = max(rows["spread"].shape[1] for rows in found)
+    for rows in found:  # of some parts the states may be points, which have no spread
+        if rows["spread"].shape[1] != wide:
+            rows["spread"] = np.zeros((len(rows["track"]), wide))
+    return {column: np.concatenate([rows[column] for rows in found]) for column in found[0]}
 
 
-def _side(result: Result, name: str, size: int) -> PageSide:
+def _rows(result: Result, name: str, other: str, size: int) -> Rows:
     states, problem = result.proof.states, result.proof.states.problem
-    other = "estimate" if name == "truth" else "truth"
     own_row: Ints = getattr(problem, f"{name}_row")
     other_row: Ints = getattr(problem, f"{other}_row")
     other_track: Ints = getattr(problem, f"{other}_track")
@@ -229,47 +235,40 @@ def _side(result: Result, name: str, size: int) -> PageSide:
     spread = getattr(scene, f"{name}_covariance", None)
     spread = np.zeros((len(step), 0)) if spread is None else spread
     by_track = np.argsort(track, kind="stable")
-    return PageSide(
-        track=track[by_track],
-        step=step[by_track],
-        other=partner[by_track],
-        error=error[by_track],
-        state=state[by_track],
-        spread=spread[by_track],
-        shared=int(np.count_nonzero((partner != NONE) & (best < ONE))),
-    )
+    rows: Rows = {"track": track, "step": step, "other": partner, "error": error}
+    rows |= {"shared": (partner != NONE) & (best < ONE), "state": state, "spread": spread}
+    return {column: values[by_track] for column, values in rows.items()}
 
 
-def _runs(side: PageSide) -> tuple[Ints, Ints]:
+def _runs(side: Rows) -> tuple[Ints, Ints]:
     """First and last row of each run."""
-    if not len(side.track):
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    opens = np.ones(len(side.track), bool)
-    opens[1:] = (np.diff(side.track) != 0) | (np.diff(side.step) != 1) | (np.diff(side.other) != 0)
+    track, step, other = side["track"], side["step"], side["other"]
+    opens = np.ones(len(track), bool)
+    opens[1:] = (np.diff(track) != 0) | (np.diff(step) != 1) | (np.diff(other) != 0)
     first = np.flatnonzero(opens)
-    return first, np.append(first[1:], len(side.track)) - 1
+    return first, np.append(first, len(track))[1:] - 1
 
 
 def _thinned(
-    sides: dict[str, PageSide], runs: dict[str, tuple[Ints, Ints]]
+    sides: dict[str, Rows], runs: dict[str, tuple[Ints, Ints]]
 ) -> tuple[int, dict[str, Ints]]:
     """Stride with which hardly more than `VALUES` coordinates are drawn, and the rows by side."""
-    stride = max(1, -(-sum(side.state.size for side in sides.values()) // VALUES))
+    stride = max(1, -(-sum(side["state"].size for side in sides.values()) // VALUES))
     while True:
         kept = {name: _drawn(side, *runs[name], stride) for name, side in sides.items()}
         # The steps of rows that are thinned are no longer regular, and cost like a coordinate.
-        each = [side.state.shape[1] + (stride > 1) for side in sides.values()]
+        each = [side["state"].shape[1] + (stride > 1) for side in sides.values()]
         size = sum(n * len(rows) for n, rows in zip(each, kept.values(), strict=True))
         if size <= VALUES or stride >= COARSEST:
             return stride, kept
         stride += -(-stride // 4)
 
 
-def _drawn(side: PageSide, opens: Ints, closes: Ints, stride: int) -> Ints:
+def _drawn(side: Rows, opens: Ints, closes: Ints, stride: int) -> Ints:
     """Rows that are drawn: every so many steps, ends of runs, and all that is unassigned."""
-    if not side.state.shape[1]:
+    if not side["state"].shape[1]:
         return np.zeros(0, np.int64)
-    keep = (side.step % stride == 0) | (side.other == NONE)
+    keep = (side["step"] % stride == 0) | (side["other"] == NONE)
     keep[opens] = True
     keep[closes] = True
     return np.flatnonzero(keep)
@@ -286,17 +285,18 @@ def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
     return low.tolist(), np.where(quantum > 0, quantum, 1.0).tolist()
 
 
-def _tracks(result: Summary, name: str, kind: str) -> Columns:
+def _tracks(result: Summary, side: str) -> Columns:
     """The columns of a table of tracks by the same names for both sides, with the total.
 
     Of data in parts the costliest tracks.
     """
+    kind = KINDS[side]
     if isinstance(result, PartitionedResult):
         rows = result.costliest_tracks(kind, SHOWN_ROWS)
         parts = ("localisation", kind, "switch", f"{kind}_count", "switch_count")
         table = {column: [row[column] for row in rows] for column in ("id", "steps", *parts)}
     else:
-        table = result.table(name)
+        table = result.table(f"per_{side}")
     total = np.sum([table[name] for name in ("localisation", kind, "switch")], axis=0)
     names = {"localisation": "localisation", "unassigned": kind, "switch": "switch"}
     return (
@@ -377,7 +377,7 @@ def described(spreads: list[Floats], stride: int) -> Json:
     if not around or size_of(around[0].shape[1]) < 2:
         return {}
     rows, columns = np.tril_indices(size_of(around[0].shape[1]))
-    largest = np.max([_deviations(s[:, rows == columns]).max(axis=0) for s in around], axis=0)
+    largest = np.max([deviations(s[:, rows == columns]).max(axis=0) for s in around], axis=0)
     size = sum(spread.size for spread in around) // stride
     return {
         "stride": stride * max(1, -(-size // NUMBERS)),
@@ -404,17 +404,10 @@ def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Int
     return {"row": row} | {str(entry): level for entry, level in enumerate(entries)}
 
 
-def concatenated(spreads: list[Floats]) -> Floats:
-    """Those of several parts, of which some may be points, which have no spread."""
-    wide = max((spread.shape[1] for spread in spreads), default=0)
-    parts = [s if s.shape[1] == wide else np.zeros((len(s), wide)) for s in spreads]
-    return np.concatenate(parts)
-
-
 def levels(spread: Floats, largest: list[float]) -> list[Ints]:
     """Lower triangles (K, d (d + 1) / 2) as whole numbers, one array for each of its entries."""
     rows, columns = np.tril_indices(size_of(spread.shape[1]))
-    deviation = _deviations(spread[:, rows == columns])
+    deviation = deviations(spread[:, rows == columns])
     found = []
     for entry, (i, j) in enumerate(zip(rows, columns, strict=True)):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -431,7 +424,7 @@ def levels(spread: Floats, largest: list[float]) -> list[Ints]:
     return found
 
 
-def _deviations(variances: Floats) -> Floats:
+def deviations(variances: Floats) -> Floats:
     """Roots of what is a variance; of what overflowed there is no picture."""
     return np.sqrt(np.where(np.isfinite(variances), np.maximum(variances, 0.0), 0.0))
 
@@ -473,6 +466,15 @@ def rounded(values: list[float]) -> list[float]:
         rounded = np.rint(exact * factor) / factor
     shortest: list[float] = np.where(np.isfinite(rounded), rounded, exact).tolist()
     return shortest
+
+
+def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
+    """First steps of at most so many bins of equal length, and of each its costliest step."""
+    together = max(1, -(-len(total) // most))
+    first = np.arange(0, len(total), together)
+    padded = np.full(len(first) * together, -1.0)
+    padded[: len(total)] = total
+    return first, first + padded.reshape(len(first), together).argmax(axis=1)
 
 
 def over_time(result: Summary, stretches: int) -> Json:

@@ -111,7 +111,7 @@ def test_page_and_pictures_show_means_over_stretches_of_steps(
     stored: PartitionedResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(page_data, "MOST_STRETCHES", 8)
-    data, arrays = document(stored)
+    data, arrays, sides = document(stored)
     assert data["together"] == 8
     assert data["times"] == stored.labels.times[::8]
     per_step, curve = stored.table("per_step"), page_data.curves(stored)
@@ -122,7 +122,7 @@ def test_page_and_pictures_show_means_over_stretches_of_steps(
         assert np.allclose(data["costs"][name], means, rtol=1e-6)
         assert np.allclose(data["curve"][name], [curve[name][b - 1] for b in ends[1:]], rtol=1e-6)
     assert not any(map(len, arrays.values()))
-    monkeypatch.setitem(vars(stored), "drawn", (data, arrays))
+    monkeypatch.setitem(vars(stored), "drawn", (data, arrays, sides))
     assert "Each bar is the mean of 8 steps" in stored.to_html()
     worst = stored.worst(20)
     assert data["worst"]["t"] == worst["steps"]

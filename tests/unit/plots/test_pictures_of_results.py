@@ -34,9 +34,10 @@ from tgospa_eval.plots import (
 from tgospa_eval.plots.lanes import draw_lanes
 from tgospa_eval.plots.result_pictures import Pictures, names_in, result_pictures
 from tgospa_eval.plots.style import literal, power, styled
-from tgospa_eval.plots.views import binned, view
+from tgospa_eval.plots.views import view
 from tgospa_eval.reports import page_data
 from tgospa_eval.reports.clock import nice
+from tgospa_eval.reports.page_data import binned
 from tgospa_eval.results.result import Result
 
 Draw = Callable[..., Answer]

@@ -56,7 +56,7 @@ def write_output(
     with shielded():
         written = write_texts(files, folder, kind, force=output.force)
     if not output.quiet:
-        print_notice(str(written))
+        print_notice(written)
 
 
 def _made(
