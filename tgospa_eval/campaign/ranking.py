@@ -397,7 +397,9 @@ def ranking_document(
         for name in PARTS:
             per_step[name] = float(np.mean((costs[name][b] - costs[name][a]) / steps))
         change, count = upper[b] - upper[a], len(steps)
-        signs = [_signs(total[b], total[a]) for total in totals]
+        # Steps that cost the same but for rounding are neither better nor worse.
+        clear = EQUAL * np.concatenate([np.maximum(total[a], total[b]) for total in totals])
+        more = np.concatenate([total[b] - total[a] for total in totals])
         pairs.append(
             {
                 "first": names[a],
@@ -406,8 +408,8 @@ def ranking_document(
                 "opposed": bool(costs["total"][b].mean() < costs["total"][a].mean() * (1 - EQUAL)),
                 "per_step": per_step,
                 "steps": {
-                    "better": int(sum((sign < 0).sum() for sign in signs)),
-                    "worse": int(sum((sign > 0).sum() for sign in signs)),
+                    "better": int((more < -clear).sum()),
+                    "worse": int((more > clear).sum()),
                 },
                 "per_run": {
                     "mean": float(change.mean()),
@@ -471,12 +473,6 @@ def _means(found: Sequence[Json]) -> Json | None:
         each = [record[name] for record in found]
         means[name] = _means(each) if isinstance(first, dict) else float(np.mean(each))
     return means
-
-
-def _signs(own: Floats, other: Floats) -> Floats:
-    """Whether each step costs less (-1), the same but for rounding (0), or more (1)."""
-    small = np.abs(own - other) <= EQUAL * np.maximum(own, other)
-    return np.where(small, 0.0, np.sign(own - other))
 
 
 # -------------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import os
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ import numpy as np
 
 from tgospa_eval.campaign.row import Row
 from tgospa_eval.common import files
-from tgospa_eval.common.files import named, reason
+from tgospa_eval.common.files import named
 from tgospa_eval.common.manifest import STORE, STORE_SCHEMA
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
@@ -192,12 +192,6 @@ def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
 SCHEMA, SETTINGS_FILE = STORE_SCHEMA, STORE
 PART_FOLDER = "jobs"
 
-MANY_PARTS = 64
-"""Parts of which one is made: to open each takes longer than to read the rows of a hundred."""
-
-TRIES = 3
-"""Times that parts are listed anew when somebody joins them meanwhile."""
-
 
 class Store:
     """A folder of results.
@@ -279,14 +273,18 @@ class Store:
             A part is damaged.
         """
         import pandas as pd
+        import pyarrow as pa
+        import pyarrow.parquet as pq
 
-        table = None
-        for _ in range(TRIES):
-            with suppress(FileNotFoundError):  # joined since they were listed
-                table = self._read(self._parts())
-                break
-        if table is None:
+        tables = []
+        for path in sorted((self.folder / PART_FOLDER).glob("part-*.parquet")):
+            # Of one file, without the search for a dataset, which takes longer than reading.
+            with named(str(path), InputError), pq.ParquetFile(path) as file:
+                tables.append(file.read().replace_schema_metadata())
+        if not tables:
             return pd.DataFrame(columns=["key", "status"])
+        # Parts of failed jobs alone lack columns.
+        table = pa.concat_tables(tables, promote_options="permissive")
         labels = [name for name in table.column_names if name.startswith("label.")]
         # A file that changed since has another key: its older row is one of the past.
         same = [*labels, "truth", "estimate", "options"]
@@ -299,51 +297,6 @@ class Store:
         # All columns, which are many, are taken once.
         rows: pd.DataFrame = table.take(kept.to_numpy()).to_pandas()
         return rows
-
-    def join(self) -> None:
-        """Make one part of many, and take away what was half written when a process was killed.
-
-        For who is sure that nobody else writes meanwhile.
-
-        Raises
-        ------
-        InputError, ConfigError
-            A part is damaged, or the new one cannot be written.
-        """
-        import pyarrow.parquet as pq
-
-        for left in self.folder.glob("*/part-*.new"):
-            left.unlink(missing_ok=True)
-        paths = self._parts()
-        if len(paths) <= MANY_PARTS:
-            return
-        table = self._read(paths)
-        # A row that is there twice, if this is broken off now, is one row to all who read it.
-        self._write(PART_FOLDER, _part_name(), lambda path: pq.write_table(table, path))
-        for path in paths:
-            with suppress(OSError):  # somebody reads it, on Windows
-                path.unlink()
-
-    def _parts(self) -> list[Path]:
-        return sorted((self.folder / PART_FOLDER).glob("part-*.parquet"))
-
-    def _read(self, paths: Sequence[Path]) -> Any:
-        """An Arrow table of some parts, None of none."""
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        tables = []
-        for path in paths:
-            try:
-                # Of one file, without the search for a dataset, which takes longer than reading.
-                with pq.ParquetFile(path) as file:
-                    tables.append(file.read().replace_schema_metadata())
-            except FileNotFoundError:
-                raise
-            except (OSError, ValueError) as error:
-                raise InputError(f"{path}: cannot be read: {reason(error)}") from None
-        # Parts of failed jobs alone lack columns.
-        return pa.concat_tables(tables, promote_options="permissive") if tables else None
 
     def add(self, rows: Sequence[Row]) -> None:
         """Store some rows, whole.
@@ -358,7 +311,8 @@ class Store:
 
         if not rows:
             return
-        name = _part_name()
+        # A name that no other has, later than all before.
+        name = f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"
         steps = step_table(rows)
         # First, so that no job is known whose steps are not there.
         if steps is not None:
@@ -388,8 +342,3 @@ class Store:
             A part is damaged.
         """
         return read_steps(self.folder / STEP_FOLDER, rows)
-
-
-def _part_name() -> str:
-    """A name that no other has, later than all before."""
-    return f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"
