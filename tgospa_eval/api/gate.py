@@ -63,8 +63,6 @@ ACCURACY_KEYS = tuple(name.replace("_", "-") for name in ACCURACY)
 JUDGED_COLUMNS = ("parameters", "judged.truth_sha256", "normalised.tgospa")
 """Columns without which rows cannot be judged."""
 
-NOTHING_MADE = "no baseline: name the file to make with --baseline FILE"
-
 Evaluated = tuple[Measured, Mapping[str, object], Mapping[str, Any]]
 """What came out of a pair, the options that made it, and more for its outcome."""
 
@@ -142,14 +140,8 @@ class GateOptions(Values):
         ConfigError
             One is wrong; or there is no baseline, and they are not all absolute limits.
         """
-        own = {
-            key: [part for text in getattr(self, name) for part in split_rules(text)]
-            for key, name in RULE_PARAMETERS.items()
-        }
-        suite = {
-            key: [part for text in pair.rules.get(key, ()) for part in split_rules(text) or [text]]
-            for key in own
-        }
+        own = {key: _texts(getattr(self, name)) for key, name in RULE_PARAMETERS.items()}
+        suite = {key: _texts(pair.rules.get(key, ())) for key in own}
         is_own = own["fail-on"] and (self.strong("fail_on") or not suite["fail-on"])
         found = parse_rules(
             (own if is_own else suite)["fail-on"],
@@ -205,7 +197,6 @@ def judge_all(
     _check_junit(gate, truth, estimate)
     if truth is not None and is_store(truth):
         folder, path = _stores(gate, truth, estimate)
-        _check_update(gate, path)
         table = _store_rows(folder)
         settings = Store(folder).settings()["options"]
         pairs = [
@@ -231,7 +222,6 @@ def judge_all(
     for pair in pairs:
         _check_junit(gate, pair.truth, pair.estimate, named)
     path = gate.baseline if gate.strong("baseline") or not named else named
-    _check_update(gate, path)
     return _report(
         gate,
         pairs,
@@ -259,23 +249,6 @@ def _check_junit(gate: GateOptions, *paths: str | None) -> None:
             )
 
 
-def _check_update(gate: GateOptions, path: str | None) -> None:
-    """Whether the baseline can be written, if that is asked for.
-
-    Raises
-    ------
-    ConfigError
-        There is no path, or it is the folder of a batch.
-    """
-    if gate.update_baseline and not path:
-        raise ConfigError(NOTHING_MADE)
-    if gate.update_baseline and is_store(path):
-        raise ConfigError(
-            f"--baseline {path}: is a batch, which tgospa-eval batch makes; --update-baseline "
-            "writes a file"
-        )
-
-
 def _report(
     gate: GateOptions, pairs: Iterable[Pair], path: str, evaluated: Evaluate, whence: str
 ) -> Report:
@@ -283,7 +256,10 @@ def _report(
 
     A baseline is made anew of all pairs or not at all.
     """
-    pairs = list(pairs)
+    if gate.update_baseline and (not path or is_store(path)):
+        wrong = f"{path} is a batch, which tgospa-eval batch makes" if path else "no baseline"
+        raise ConfigError(f"{wrong}: name the file to make with --baseline FILE")
+    pairs, update = list(pairs), gate.update_baseline
     old = load_baseline(path) if path else None
     names = {pair.name for pair in pairs}
     if names == {ONLY_PAIR} and not gate.suite and old and ONLY_PAIR not in old:
@@ -291,7 +267,6 @@ def _report(
     rules = {
         pair.name: gate.rules(pair, baseline=bool(path)) for pair in pairs if not pair.fault
     }  # wrong ones before any work
-    update = bool(path) and gate.update_baseline
     faults = [
         pair.fault if gate.suite else f"{pair.name}: {pair.fault}" for pair in pairs if pair.fault
     ]
@@ -650,11 +625,8 @@ def gate(
 
 def _texts(given: str | Iterable[str]) -> list[str]:
     """The rules of a text, or of several."""
-    return [
-        part
-        for text in ([given] if isinstance(given, str) else given)
-        for part in split_rules(text)
-    ]
+    texts = [given] if isinstance(given, str) else given
+    return [part for text in texts for part in split_rules(text) or [text]]
 
 
 def _called(side: object, otherwise: str) -> str:

@@ -3,7 +3,8 @@
 import json
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 from tgospa_eval.campaign.row import Row, row_of
@@ -15,7 +16,7 @@ from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import contradiction, strict_json, unlike
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.judged import JUDGE_ALIKE, JUDGED_FIELDS, fault_of, incomparable, judged_of
+from tgospa_eval.tracks.judged import JUDGE_ALIKE, fault_of, incomparable, judged_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,25 +91,15 @@ ROUNDING_GAP = 1e-9
 
 def measured(result: Summary) -> Measured:
     """What a gate judges of a result."""
-    classes = {}
-    if result.table("per_class"):
-        from tgospa_eval.results.by_class import ByClass  # here: few evaluate classes apart
+    status = str(result.solver["status"])
+    now = measured_row(row_of(result) | {"version": result.version, "message": status})
+    if not result.table("per_class"):
+        return now
+    from tgospa_eval.results.by_class import ByClass  # here: few evaluate classes apart
 
-        assert isinstance(result, ByClass)
-        classes = {
-            name: values_of(row_of(part), part.scale) for name, part in result.results.items()
-        }
-    settings = json.loads(json.dumps(result.parameters, allow_nan=False))  # as they come back
-    return Measured(
-        values=values_of(row_of(result), result.scale),
-        classes=classes,
-        bounds=(result.lower_bound, result.upper_bound),
-        parameters=settings,
-        judged={name: result.judged[name] for name in JUDGED_FIELDS},
-        version=result.version,
-        status=str(result.solver["status"]),
-        certified=result.certified,
-    )
+    assert isinstance(result, ByClass)
+    classes = {name: values_of(row_of(part), part.scale) for name, part in result.results.items()}
+    return replace(now, classes=classes)
 
 
 def values_of(numbers: Mapping[str, float], scale: float) -> dict[str, Value]:
@@ -263,21 +254,15 @@ def _fault(entry: Json) -> str | None:
     groups = [("values", values, BASELINE_VALUES)]
     groups += [(f"values.by_class.{name}", _object(classes, name), MEASURED) for name in classes]
     for where, group, paths in groups:
-        fault = _fault_of_values(group, paths, parameters.get("order"))
-        if fault:
-            return f"{where}.{fault}"
+        found = {path: value_at(group, path) for path in paths}
+        for path, value in found.items():
+            if value is None:
+                return f"{where}.{path} is missing"
+            if type(value) not in (int, float) or not 0 <= value <= sys.float_info.max:
+                return f"{where}.{path} is {json.dumps(value)}: must be a number, finite and >= 0"
+        wrong = contradiction(found, parameters.get("order"))
+        if wrong:
+            return f"{where} contradict each other: {wrong}"
     if not isinstance(entry.get("version"), str):
         return "version is no text"
     return fault_of(judged)
-
-
-def _fault_of_values(group: Json, paths: Sequence[str], order: object) -> str | None:
-    """What is wrong with the numbers of a result, or of a class."""
-    found = {path: value_at(group, path) for path in paths}
-    for path, value in found.items():
-        if value is None:
-            return f"{path} is missing"
-        if type(value) not in (int, float) or not 0 <= value <= sys.float_info.max:
-            return f"{path} is {json.dumps(value)}: must be a number, finite and >= 0"
-    wrong = contradiction(found, order)
-    return wrong and f"total and others contradict each other: {wrong}"

@@ -226,9 +226,14 @@ def annotations(report: Report) -> Iterator[str]:
         for outcome in report.outcomes
         if outcome.status
     ]
-    warnings = [
-        _warning(outcome) for outcome in report.outcomes if outcome.warned or outcome.warnings
-    ]
+    warnings = []
+    for outcome in report.outcomes:
+        lines = [notice.sentence for notice in outcome.warnings]
+        if outcome.warned:
+            broken = ", ".join(finding.rule.text for finding in outcome.warned)
+            lines.insert(0, f"broken or undecided, for a warning only: {broken}")
+        if lines:
+            warnings.append((title(outcome), "\n".join(lines)))
     for kind, found in (("error", errors), ("warning", warnings)):
         shown = found if len(found) <= MOST_ANNOTATIONS else found[: MOST_ANNOTATIONS - 1]
         for name, text in shown:
@@ -237,12 +242,6 @@ def annotations(report: Report) -> Iterator[str]:
             rest = found[len(shown) :]
             names = ", ".join(name for name, _ in rest)
             yield _command(kind, f"TGOSPA gate: {len(rest)} more pairs", names)
-
-
-def _warning(outcome: PairOutcome) -> tuple[str, str]:
-    broken = ", ".join(f"{finding.rule.text}" for finding in outcome.warned)
-    lines = [f"broken or undecided, for a warning only: {broken}"] if broken else []
-    return title(outcome), "\n".join((*lines, *(notice.sentence for notice in outcome.warnings)))
 
 
 def _command(kind: str, heading: str, text: str) -> str:

@@ -412,7 +412,7 @@ def _inferred(
 
 def confidence(
     having: "pd.DataFrame", groups: "pd.Series[int]", orders: "pd.Series[float]"
-) -> dict[str, NDArray[Any]]:
+) -> "pd.DataFrame":
     """Intervals of the combined values of groups, NaN for those that are too small.
 
     Parameters
@@ -426,9 +426,11 @@ def confidence(
 
     Returns
     -------
-    dict of array, shape (groups,)
-        ``confidence_lower``, ``confidence_upper``.
+    DataFrame
+        A row for each group: ``confidence_lower``, ``confidence_upper``.
     """
+    import pandas as pd
+
     frame = having[TOTAL_ENDS].assign(_group=groups, _truth=truths(having))
     several = frame.groupby("_group")["_truth"].transform("nunique") > 1
     frame["_unit"] = frame["_truth"].where(several, np.arange(len(frame)).astype(str))
@@ -445,4 +447,5 @@ def confidence(
         groups_of = numbers[of_size]
         order = np.asarray(orders.loc[groups_of], np.float64)[:, None]
         found[:, groups_of] = intervals(lower, upper, order)
-    return {"confidence_lower": found[0], "confidence_upper": found[1]}
+    names = ["confidence_lower", "confidence_upper"]
+    return pd.DataFrame(found.T, columns=names, index=orders.index)

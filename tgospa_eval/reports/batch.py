@@ -163,29 +163,30 @@ def of_expected(jobs: int, expected: int) -> str:
 
 
 def _sums_table(tables: BatchTables) -> Table:
-    heads, groups = tables.heads, tables.groups
-    with_intervals = groups["confidence_upper"].notna().any()
+    groups, rows = tables.groups, tables.groups.to_dict("records")
     values = {"combined": "combined", "per_step": "per step", "rms": "RMS"}
     if "mean_of_roots" in groups:
         values["mean_of_roots"] = "mean of roots"
-    shown, rows = [], groups.to_dict("records")
-    columns = [[interval(row, name) for row in rows] for name in values]
-    for row, ends in zip(rows, zip(*columns, strict=True), strict=True):
-        cells = list(map(_between, ends))
-        if with_intervals:
-            cells.insert(1, _interval(row["confidence_lower"], row["confidence_upper"]))
-        jobs = of_expected(int(row["jobs"]), int(row["expected"]))
-        shown.append((*(value_in_words(row[name]) for name in heads), jobs, *cells))
-    titles = list(values.values())
-    places = dict(enumerate(columns, start=len(heads) + 1))
-    if with_intervals:
-        titles.insert(1, INTERVAL)
-        places = {k + (k > len(heads) + 1): column for k, column in places.items()}
+    heads = [*tables.heads.values(), "jobs"]
+    columns = [
+        *zip(*map(tables.named, rows), strict=True),
+        [of_expected(int(row["jobs"]), int(row["expected"])) for row in rows],
+    ]
+    compared: dict[int, list[Interval]] = {}
+    for name, title in values.items():
+        compared[len(heads)] = [interval(row, name) for row in rows]
+        columns.append([_between(value) for value in compared[len(heads)]])
+        heads.append(title)
+        if name == "combined" and groups["confidence_upper"].notna().any():
+            ends = zip(groups["confidence_lower"], groups["confidence_upper"], strict=True)
+            columns.append([_interval(*both) for both in ends])
+            heads.append(INTERVAL)
+    named = len(tables.heads)
     return Table(
-        head=(*heads.values(), "jobs", *titles),
-        rows=shown,
-        align="l" * len(heads) + "r" * (1 + len(titles)),
-        bold=best_cells(places, _rivals(tables, rows)),
+        head=heads,
+        rows=list(zip(*columns, strict=True)),
+        align="l" * named + "r" * (len(heads) - named),
+        bold=best_cells(compared, _rivals(tables, rows)),
     )
 
 
@@ -232,7 +233,11 @@ def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:
 def _orders(ranking: Ranking) -> Iterator[str]:
     """Both orders in a sentence each."""
     entries, where = ranking.entries, _where(ranking)
-    yield f"{where}{order_of('combined', ranking)} ({_jobs(ranking)})"
+    jobs = f"{counted(ranking.jobs, 'job')} each"
+    if ranking.jobs < ranking.all_jobs:
+        all_have = f"over the {counted(ranking.jobs, 'job')} that all {len(entries)} have"
+        jobs = f"{all_have}, of {ranking.all_jobs:,}"
+    yield f"{where}{order_of('combined', ranking)} ({jobs})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     if not ranking.permutations:
         yield f"{begin}: fewer than 6, nothing can be concluded about {ranking.others}"
@@ -258,13 +263,6 @@ def order_of(value: str, ranking: Ranking) -> str:
 def _where(ranking: Ranking) -> str:
     """For which parameters a ranking is, if there are several."""
     return f"{parameters_in_words(ranking.parameters)}: " if ranking.parameters else ""
-
-
-def _jobs(ranking: Ranking) -> str:
-    count = len(ranking.entries)
-    if ranking.jobs == ranking.all_jobs:
-        return f"{counted(ranking.jobs, 'job')} each"
-    return f"over the {counted(ranking.jobs, 'job')} that all {count} have, of {ranking.all_jobs:,}"
 
 
 def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
@@ -363,16 +361,11 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         if ranking.left_out:
             names = listed(ranking.left_out, MOST_NAMED)
             yield f"{_where(ranking)}{names}: no job with a value, and no place"
-    yield from _preprocessed(tables.rows)
-    yield from about_others(tables)
-    yield from about_slices_of(tables)
-
-
-def _preprocessed(rows: "pd.DataFrame") -> Iterator[str]:
-    """What was left out before anything was counted."""
-    texts = rows["parameters"].dropna().unique() if "parameters" in rows else ()
+    texts = tables.rows["parameters"].dropna().unique() if "parameters" in tables.rows else ()
     for name in sorted({str(json.loads(text).get("preprocess") or "") for text in texts} - {""}):
         yield f"boxes were left out by --preprocess {name} before all metrics"
+    yield from about_others(tables)
+    yield from about_slices_of(tables)
 
 
 def about_others(tables: BatchTables) -> Iterator[str]:

@@ -164,7 +164,7 @@ def batch_page(view: BatchView) -> str:
             unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
             rankings=[_ranking(view, ranking) for ranking in view.tables.rankings],
             notes=view.tables.notes,
-            parameter_sets=len({group.parameters for group in view.groups}),
+            parameter_sets=len({(*group["parameters"],) for group in view.groups}),
             groups=groups[:MOST_GROUPS],
             common=any(found.jobs < found.all_jobs for found in view.tables.rankings),
             others=list(other_tables(view.tables)),
@@ -229,7 +229,7 @@ def _title(view: BatchView, ranking: Ranking | None) -> str:
             return f"{ranking.label}: none of {len(ranking.entries)} is proven best"
         return f"{best['name']}: TGOSPA {view.between(bracket(best, 'per_step'))} per step"
     if len(view.groups) == 1:
-        return f"TGOSPA {view.between(view.groups[0].values['per_step'])} per step"
+        return f"TGOSPA {view.between(view.groups[0]['per_step'])} per step"
     return "TGOSPA of a batch"
 
 

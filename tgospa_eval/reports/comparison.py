@@ -316,9 +316,9 @@ def solvers_document(document: Json) -> Document:
                     (
                         run["name"],
                         *(or_dash(s, ".4f") for s in _split(run["seconds"])),
-                        _megabytes(run["memory"]),
+                        or_dash(memory and (memory["peak"] - memory["before"]) / 1e6, ".1f"),
                     )
-                    for run in runs
+                    for run, memory in ((run, run["memory"]) for run in runs)
                 ],
             ),
         ],
@@ -385,10 +385,6 @@ def _split(seconds: Json | None) -> tuple[float | None, ...]:
     ]
     rest = max(seconds["solve"] - sum(named), 0.0)
     return seconds["solve"] + seconds["certify"], *named, rest, seconds["certify"]
-
-
-def _megabytes(memory: Json | None) -> str:
-    return "-" if memory is None else f"{(memory['peak'] - memory['before']) / 1e6:.1f}"
 
 
 # -------------------------------------------------------------------------------------------------

@@ -1,9 +1,10 @@
 """The table for a terminal: 80 columns, no colour, plain ASCII but for the user's own words."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.problem.problem import Ints
@@ -12,7 +13,7 @@ from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.slices import about_slices, slices_lines, slices_table
 from tgospa_eval.reports.tables import WIDTH, Document, Row, Table, clip, text_lines, wrap
 from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
-from tgospa_eval.results.records import PARTS, Time
+from tgospa_eval.results.records import PARTS, Columns
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import ending, visible
 
@@ -86,7 +87,7 @@ def table(result: Summary) -> str:
 
 def blocks(result: Summary) -> dict[str, list[str]]:
     """The lines of each block by name, none where it does not apply."""
-    makers = {
+    makers: dict[str, Callable[[Summary], Iterable[str]]] = {
         "headline": _headline,
         "meaning": _meaning,
         "parts": _parts,
@@ -264,23 +265,13 @@ def _curve(result: Summary) -> Iterator[str]:
     if traced is None or not table["t"]:
         return
     met, size = traced.met(result.gap), len(table["t"])
-    known = "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
-    title = f"TGOSPA per step of the steps up to each of {size}, {known}"
+    title = f"TGOSPA per step of the steps up to each of {size}, {_known(met)}"
     yield from wrap(f"{title}; its parts are costs per step", " " * 10)
     count = min(size, 2 * SHOWN)
     shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
-    most = 19
-    times = fitting([table["t"][k] for k in shown], most, lambda: table["t"])
-    first = min(max(13, *map(len, times)), most)
+    rows = _rooted(table, shown, met, [str(table["t"][k]) for k in shown])
+    first = min(max(13, *(len(visible(row[0])) for row in rows)), 19)
     each = 13 if first == 13 else 11  # so that long stamps have their place
-    rows = [
-        (
-            time,
-            ("" if met[k] else "<= ") + number(table["tgospa"][k], 5),
-            *(number(table[name][k], 5) for name in PARTS),
-        )
-        for k, time in zip(shown, times, strict=True)
-    ]
     head, widths = ("up to t", "TGOSPA", *PARTS), (first, 13, 13, each, each, each)
     yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
 
@@ -291,9 +282,7 @@ def _windows(result: Summary) -> Iterator[str]:
     if slid is None or not table["t_first"]:
         return
     met, size = slid.met(result.gap), len(table["t_first"])
-    known = "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
-    if size == 1:
-        known = "proven exact" if met.all() else "an upper bound"
+    known = _known(met) if size > 1 else "proven exact" if met.all() else "an upper bound"
     every = f", one every {slid.every}" if size > 1 else ""
     value = np.array(table["tgospa"])
     middle = f"median {number(float(np.median(value)), 5)}, " if size > SHOWN else ""
@@ -301,16 +290,29 @@ def _windows(result: Summary) -> Iterator[str]:
     note = "; they do not add up; the worst of which no two overlap:" if size > 1 else ""
     yield from wrap(f"{title}{note}", " " * 10)
     worst = _apart(slid, np.argsort(-value, kind="stable"))
-    rows = [
-        (
-            f"{table['t_first'][k]} to {table['t_last'][k]}",
-            ("" if met[k] else "<= ") + number(value[k], 5),
-            *(number(table[name][k], 5) for name in PARTS),
-        )
-        for k in worst
-    ]
+    names = [f"{table['t_first'][k]} to {table['t_last'][k]}" for k in worst]
+    rows = _rooted(table, worst, met, names)
     head, widths = ("from t to t", "TGOSPA", *PARTS), (20, 12, 13, 11, 11, 11)
     yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
+
+
+def _known(met: NDArray[np.bool_]) -> str:
+    """How many of several values are exact."""
+    return "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
+
+
+def _rooted(
+    table: Columns, chosen: list[int], met: NDArray[np.bool_], names: list[str]
+) -> list[tuple[str, ...]]:
+    """Name, TGOSPA or its upper bound, and parts of the chosen rows."""
+    return [
+        (
+            name,
+            ("" if met[k] else "<= ") + number(table["tgospa"][k], 5),
+            *(number(table[part][k], 5) for part in PARTS),
+        )
+        for k, name in zip(chosen, names, strict=True)
+    ]
 
 
 def _apart(slid: Windows, order: Ints) -> list[int]:
@@ -350,61 +352,39 @@ def _repairs(result: Summary) -> Iterator[str]:
     yield from (line for note in repair_notes(found) for line in wrap(f"  {note}", "  "))
 
 
-def fitting(texts: Iterable[Time], width: int, every: Callable[[], Sequence[Time]]) -> list[str]:
-    """Stamps in so many columns if every one of the recording begins alike: that becomes dots."""
-    shown = [visible(str(text)) for text in texts]
-    cut = max(map(len, shown), default=0) - width + 3
-    if cut <= 3 or not all(str(text).startswith(shown[0][:cut]) for text in every()):
-        return shown
-    return [f"...{text[cut:]}" for text in shown]
-
-
 WORST = {"steps": "worst steps", "truth": "worst truths", "estimates": "worst estimates"}
 
 
-def worst(result: Summary, kinds: Iterable[str] = WORST) -> Iterator[str]:
+def worst(result: Summary, kinds: Iterable[str] = WORST) -> list[str]:
     """The worst of each kind by name, on as many lines as they need."""
     found = result.worst(SHOWN)
-    for kind in kinds:
-        line = f"  {WORST[kind]:<15}"
-        for name in found[kind]:
-            cell = clip(str(name), WIDTH - 19)
-            if len(line) > 17 and len(line) + 2 + len(cell) > WIDTH:
-                yield line
-                line = " " * 17
-            line += f"  {cell}"
-        if found[kind]:
-            yield line
+    rows = [
+        (f"{WORST[kind]:<15}", "  ".join(clip(str(name), WIDTH - 19) for name in found[kind]))
+        for kind in kinds
+        if found[kind]
+    ]
+    return text_lines(Table(head=rows[0], rows=rows[1:], align="ll", wrapped=(1,))) if rows else []
 
 
 def _switches(result: Summary) -> Iterator[str]:
-    """The first switches; where one is too long for a line its ids stay whole, on several."""
+    """The first switches."""
     switches, count = result.first_switches(SHOWN)
     if not count:
         return
-    moves = []
-    for k in range(len(switches["t"])):
+    times = [visible(str(t)) for t in switches["t"]]
+    room = WIDTH - 6 - max(27, *map(len, times))  # beside the time and a colon
+    rows = []
+    for k, time in enumerate(times):
         ends = (switches[key][k] for key in ("from", "to"))
         names = [switches["truth"][k], *("none" if end is None else end for end in ends)]
+        truth, before, after = (ending(visible(str(name)), room) for name in names)
         mass = switches["mass"][k]
         half = "" if mass == 1 else f"  ({number(mass, 3)} of a switch)"
-        moves.append(([visible(str(name)) for name in names], half))
-    longest = max(len("".join(ids) + half) for ids, half in moves) + len(":  -> ")
-    times = fitting(switches["t"], max(22, WIDTH - 21 - longest), lambda: result.labels.times)
-    wide = max(10, *map(len, times))
-    if max(len(name) for ids, _ in moves for name in ids) > WIDTH - 25 - wide:
-        wide = 10  # such times have lines of their own
-    rows: list[Row] = []
-    for time, (ids, half) in zip(times, moves, strict=True):
-        truth, before, after = (ending(name, WIDTH - 25 - wide) for name in ids)
-        rows += [("", "", f"  {time}")] if len(time) > wide else []
-        words = wrap(f"{truth}: {before} -> {after}{half}", width=WIDTH - 21 - wide)
-        rows += [("", "" if k or len(time) > wide else time, f"  {x}") for k, x in enumerate(words)]
+        rows.append((time, f"{truth}: {before} -> {after}{half}"))
     if count > SHOWN:
-        more = wrap(f"and {count - SHOWN} more (--format json, or -o DIR)", width=WIDTH - 21 - wide)
-        rows += [("", "", f"  {line}") for line in more]
-    head, widths = ("switches", "t", "  truth: from -> to"), (17, wide, 0)
-    yield from map(clip, text_lines(Table(head=head, rows=rows, align="lrl", widths=widths)))
+        rows.append(("", f"and {count - SHOWN} more (--format json, or -o DIR)"))
+    head = (f"{'switches':<17}{'t':>10}", "truth: from -> to")
+    yield from text_lines(Table(head=head, rows=rows, align="rl", wrapped=(1,)))
 
 
 def _footer(result: Summary) -> Iterator[str]:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, field
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -708,6 +708,11 @@ class Summary(ABC):
         Parameters, errors and return value are those of `plot_costs`; only `components` count.
         """
         return self._plot("worst", style=style, components=components)
+
+    @cached_property
+    def drawn(self) -> Any:
+        """What page and pictures draw: `reports.page_data.Drawn`."""
+        return import_module("tgospa_eval.reports.page_data").document(self)
 
     def _plot(self, name: str, **options: object) -> "Figure":
         made: Figure = import_module("tgospa_eval.plots.result_pictures").plot(
