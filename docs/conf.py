@@ -1,5 +1,6 @@
 """Sphinx settings. Formulas become MathML at build time: no JavaScript, no network."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -46,9 +47,11 @@ html_math_renderer = "mathml"
 
 
 def to_mathml(node, *, block):
+    # a fraction of two digits: each is one argument in TeX, but a number to docutils
+    text = re.sub(r"(\\[dt]?frac)(\d)(\d)", r"\1{\2}{\3}", node.astext())
     try:
         # the empty set is no operator, with space around it
-        made = str(tex2mathml(node.astext(), as_block=block))
+        made = str(tex2mathml(text, as_block=block))
         return made.replace("<mo>⌀</mo>", "<mi mathvariant='normal'>∅</mi>")
     except MathError as error:
         raise ExtensionError(f"formula {node.astext()!r}: {error}") from error

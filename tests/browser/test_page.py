@@ -10,8 +10,10 @@ import pytest
 from checkout import SAMPLES
 from pages import NASTY, address, detail, ink, labels, texts
 
+from tests.support.partitioned import partitioned
 from tgospa_eval import Sinkhorn, evaluate
 from tgospa_eval.common import palette
+from tgospa_eval.reports import page_data
 from tgospa_eval.results.result import Result
 
 
@@ -31,6 +33,22 @@ def test_everything_is_drawn(shown: Callable, sample: Result, dark: bool) -> Non
     for name in ("costs", "lanes-canvas", "plane", "curve"):
         assert ink(tab, f"#{name}") > 10
     assert tab.run("document.querySelectorAll('#truth-table tbody tr').length") == 5
+
+
+def test_of_data_in_parts_there_are_costs_over_time_and_the_costliest(
+    shown: Callable, sample: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pyarrow")
+    monkeypatch.setattr(page_data, "MOST_STRETCHES", 7)
+    tab = shown(partitioned(sample, tmp_path))
+    assert ink(tab, "#costs") > 10
+    assert ink(tab, "#curve") > 10
+    assert tab.run("document.getElementById('costs-note').textContent").endswith("mean of 8 steps")
+    assert not tab.run("document.getElementById('lanes-canvas').clientWidth")
+    assert not tab.run("document.getElementById('plane').clientWidth")
+    assert tab.run("document.querySelectorAll('#truth-table tbody tr').length") == 5
+    worst = tab.run("document.querySelector('#worst tbody th').innerText")
+    assert worst == str(sample.worst(1)["steps"][0])
 
 
 def test_a_click_on_the_costs_selects_a_step_everywhere(shown: Callable, sample: Result) -> None:

@@ -46,7 +46,7 @@ def read(levels: dict[str, np.ndarray], how: dict, size: int) -> np.ndarray:
 
 
 def told(result: Result, side: str = "estimate") -> tuple[dict, dict[str, np.ndarray]]:
-    data, arrays = document(result)
+    data, arrays, _ = document(result)
     mark = f"{side}/spread/"
     return data, {key.removeprefix(mark): v for key, v in arrays.items() if key.startswith(mark)}
 
@@ -102,7 +102,7 @@ def test_points_and_what_is_nearly_singular() -> None:
     flat = np.array([[[[4.0, 2.0], [2.0, 1.0]]], [[[0.0, 0.0], [0.0, 9.0]]], [np.zeros((2, 2))]])
     data, levels = told(laws(flat, 3))
     assert read(levels, data["spread"], 2) == pytest.approx(flat[:, 0], rel=0.05, abs=1e-12)
-    data, arrays = document(evaluate(np.zeros((3, 1, 2)), np.zeros((3, 1, 2)), cutoff=1.0))
+    data, arrays, _ = document(evaluate(np.zeros((3, 1, 2)), np.zeros((3, 1, 2)), cutoff=1.0))
     assert data["spread"] == {}
     assert not any("spread" in name for name in arrays)
 
@@ -144,9 +144,9 @@ def test_the_plane_shows_what_was_read() -> None:
         scale=(3.0, 3.0), inner="mahalanobis", covariance=np.diag([4.0, 9.0])
     )
     result = evaluate(side, side, cutoff=10.0, distance=distance)
-    assert result.scene is not None
-    assert result.scene.truth.tolist() == [[1, 2], [11, 12]]
-    assert result.scene.estimate_covariance == pytest.approx(np.array([[1, 2, 4]] * 2))
+    compared = result.proof.compared
+    assert compared.truth.tolist() == [[1, 2], [11, 12]]
+    assert compared.estimate_covariance == pytest.approx(np.array([[1, 2, 4]] * 2))
 
 
 # --- in a browser ---------------------------------------------------------------------------------
@@ -204,7 +204,7 @@ def test_boxes_are_drawn_around_their_centres(shown: Callable) -> None:
 def test_one_column_has_no_ellipses() -> None:
     truth = np.zeros((3, 1, 1))
     side = Trajectories.from_array(truth, covariance=np.ones((3, 1, 1, 1)))
-    data, arrays = document(evaluate(side, side, distance="gaussian-wasserstein"))
+    data, arrays, _ = document(evaluate(side, side, distance="gaussian-wasserstein"))
     assert data["spread"] == {}
     assert not any("spread" in name for name in arrays)
 

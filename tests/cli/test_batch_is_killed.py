@@ -56,7 +56,7 @@ def begin(folder: Path, env: dict[str, str]) -> "subprocess.Popen[str]":
 
 
 def stored(folder: Path) -> pd.DataFrame:
-    """Every row of every part; the same row twice, while parts are joined, is one."""
+    """Every row of every part."""
     while True:
         try:
             parts = [pd.read_parquet(path) for path in (folder / "r/jobs").glob("part-*.parquet")]

@@ -179,7 +179,7 @@ def test_a_study_on_a_full_disk(tmp_path: Path, unmeasured: dict[str, str]) -> N
 )
 def test_damaged_records_of_a_study(tmp_path: Path, line: str) -> None:
     settings = {"solvers": ["certified"]}
-    Log(str(tmp_path), settings).close()
+    Log(str(tmp_path), settings)
     with (tmp_path / "runs.jsonl").open("a", encoding="ascii") as file:
         file.write(line + "\n")
     with pytest.raises(ConfigError, match=r"runs\.jsonl, line 2: no record of this study"):

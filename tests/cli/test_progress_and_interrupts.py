@@ -11,7 +11,6 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,7 +27,7 @@ from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.plots.result_pictures import DRAWN
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.tgospa import Parameters
-from tgospa_eval.solvers import Solver, batches, certified, exact
+from tgospa_eval.solvers import Solver, batches, certified
 from tgospa_eval.solvers.block_costs import share_of_digits
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.exact import Exact
@@ -57,7 +56,7 @@ class Recorded(Progress):
 
     def __init__(self) -> None:
         super().__init__(watched=True)
-        self.expect_long()
+        self._due = 0.0  # shown at once
         self.brackets: list[tuple[float, float]] = []
         self.shares: list[float] = []
 
@@ -79,9 +78,8 @@ def test_brackets_on_the_way_hold(
 ) -> None:
     """Of one component and of many in batches, with trivial ones, and with a cutoff far above."""
     monkeypatch.setattr(batches, "BATCH_STATES", size)
-    late = replace(certified.PROGRAMMES, early_states=0)  # small programmes: sweeps are seen
-    monkeypatch.setattr(certified, "PROGRAMMES", late)
-    monkeypatch.setattr(exact, "SLOW", 0.0)
+    # small programmes: sweeps are seen
+    monkeypatch.setattr(certified.PROGRAMMES, "early_states", 0)
     rng = np.random.default_rng(3)
     paths = rng.uniform(0, area, (1, 12, 2)) + rng.normal(0, 1, (15, 12, 2)).cumsum(axis=0)
     sides = [Trajectories.from_array(paths + rng.normal(0, 1.5, paths.shape)) for _ in range(2)]
@@ -410,13 +408,13 @@ def test_an_interrupted_sweep_has_the_points_so_far(interrupted: Run, crowd: Pai
 
 @POSIX
 def test_an_interrupted_comparison(interrupted: Run, crowd: Pair) -> None:
-    """The process of the solver is told; those after it are left out."""
+    """The solver stops with what it has; those after it are left out."""
     lines = (
-        "from tgospa_eval.campaign import solvers as entrants; listen = entrants._listen\n"
-        "def told(target, source, progress):\n"
+        "from tgospa_eval.campaign import solvers; run_here = solvers.run_here\n"
+        "def stopped(prepared, solver, progress):\n"
         "    interrupt(); progress.stop.wait()\n"
-        "    return listen(target, source, progress)\n"
-        "entrants._listen = told"
+        "    return run_here(prepared, solver, progress)\n"
+        "solvers.run_here = stopped"
     )
     given = ("compare", *crowd, *HARD, "--solvers", "certified,exact")
     status, out, err = interrupted(lines, *given, "--format", "json")

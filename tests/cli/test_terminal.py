@@ -146,11 +146,11 @@ def test_long_stamps_lose_no_digit_that_tells_them_apart(
     plain = invoke(*given).out
     assert all(stamp in plain for stamp in stamps[4:])  # the worst steps, whole
     assert f" {stamps[5]}  a: 0 -> 1\n" in plain  # the switch
-    assert re.search(r"\n +\.\.\.03:08\.163556123Z +", plain)  # the curve
+    assert f"\n  {stamps[8]}\n" in plain  # the curve, with a line of its own
     assert f"\n  {stamps[4]} to {stamps[7]}\n" in plain  # a window, with a line of its own
     monkeypatch.setenv("FORCE_COLOR", "1")
     lively = COLOUR.sub("", invoke(*given).out)
-    assert re.search(r"\n +\.\.\.[-T0-9]*19:03:08\.163556123Z +[\d.]+ +0 +0 +0\n", lively)
+    assert re.search(rf"\n +{stamps[8]} +[\d.]+ +0 +0 +0\n", lively)
     assert max(map(len, (plain + lively).splitlines())) <= 80
 
 
@@ -223,18 +223,6 @@ def test_ascii_stands_in(run: Callable, quickstart: tuple[str, str]) -> None:
     out = run(*quickstart, env={"FORCE_COLOR": "1", "PYTHONIOENCODING": "ascii"}).out
     assert out.isascii()
     assert "=#=##" in out
-
-
-@pytest.mark.process
-def test_rich_is_for_terminals_alone(quickstart: tuple[str, str]) -> None:
-    code = (
-        "import sys; from tgospa_eval.cli import main\n"
-        f"try: main({[*quickstart, '-q']!r})\n"
-        "except SystemExit: print('rich' in sys.modules)"
-    )
-    env = {k: v for k, v in os.environ.items() if k != "FORCE_COLOR"}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env)
-    assert done.stdout.endswith("False\n")
 
 
 def test_sparkline() -> None:

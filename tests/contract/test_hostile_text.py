@@ -28,7 +28,7 @@ NAME = EVIL.replace("src=x onerror=alert(1)", "onerror")
 FORMULA = "=cmd()" + EVIL
 
 SGR = re.compile("\x1b\\[[0-9;]*m")
-"""Colours, of which rich makes its own."""
+"""Colours, which a terminal gets."""
 
 
 @pytest.fixture

@@ -31,14 +31,9 @@ from tgospa_eval import (
 from tgospa_eval.api.batch import BatchOptions
 from tgospa_eval.api.keywords import OF_THE_COMMAND
 from tgospa_eval.api.options import SETTINGS
-from tgospa_eval.campaign import solvers
-from tgospa_eval.campaign.solvers import run_here
 from tgospa_eval.cli.simulate import OPTIONS
 from tgospa_eval.distances import Mahalanobis
-from tgospa_eval.evaluation.prepare import Prepared
-from tgospa_eval.results.records import Json
 from tgospa_eval.simulation.settings import USUAL_ERRORS, usual_tracker
-from tgospa_eval.solvers import Solver
 
 TRUTHS, ESTIMATES = ("truth", "gt"), ("estimate", "res")
 METRIC = ("-c", "10", "-g", "5")
@@ -108,7 +103,6 @@ def test_arrays_and_sets_as_values(quickstart: tuple[str, str]) -> None:
     assert evaluate(*quickstart, **GIVEN, with_={"gospa"}).with_.keys() == {"gospa"}
     names = evaluate(*quickstart, **GIVEN, columns=pd.Index(["x", "y"]))
     assert names.total == plain.total
-    assert plain.per_step_table() == plain.table("per_step")
     with pytest.raises(ConfigError, match="no table"):
         plain.table("nope")
 
@@ -184,11 +178,7 @@ def test_compare_ranks(invoke, quickstart: tuple[str, str]) -> None:
     ]
 
 
-def test_compare_solvers(quickstart: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    def here(prepared: Prepared, solver: Solver, progress: object) -> Json:
-        return run_here(prepared, solver)
-
-    monkeypatch.setattr(solvers, "run_apart", here)  # a process for each would take longer
+def test_compare_solvers(quickstart: tuple[str, str]) -> None:
     found = compare(*quickstart, **GIVEN, solvers=["certified", "sinkhorn"])
     assert found.table["name"].tolist() == ["certified", "sinkhorn 0.03"]
     assert found.document["agree"]

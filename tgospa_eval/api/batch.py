@@ -59,8 +59,9 @@ from tgospa_eval.reports.batch import BATCH_REPORTS, slices_of_groups
 from tgospa_eval.reports.batch_records import BatchTables
 from tgospa_eval.reports.batch_view import BatchView
 from tgospa_eval.reports.curves import BANDS, curves_csv
-from tgospa_eval.reports.files import BATCH, Files, csv_text, write_texts
+from tgospa_eval.reports.files import BATCH, Files, write_texts
 from tgospa_eval.reports.proofs import folder_name
+from tgospa_eval.reports.tables import csv_text
 from tgospa_eval.text import as_unicode, quoted
 
 if TYPE_CHECKING:
@@ -77,8 +78,9 @@ FAULTS_SHOWN = 10
 DECIDING = ("steps", "resample", "grid", "interpolate")
 """Options that say which steps count, in place of what a benchmark declares."""
 
-FLUSH = 2.0
-"""Seconds after which rows are written: so much work a killed process loses at most."""
+FLUSH, SHARE = 2.0, 0.01
+"""Seconds, and share of the time so far, after which rows are written: so much work a killed
+process loses at most."""
 
 MOST_HELD = 200_000
 """Steps that are kept in memory until they are written, about 30 MB."""
@@ -102,10 +104,23 @@ class Batch:
         Sums of groups, and their order.
     faults : tuple of str
         What is wrong with jobs, a line for each.
+    store : Store
+        Where it is stored.
+    page : bool
+        Whether its page is to be written: of shards more is to come, and where nothing is new it
+        is there.
+    notices : tuple of str
+        What else the user should know.
+    status : int
+        Exit status.
     """
 
     tables: BatchTables
     faults: tuple[str, ...]
+    store: Store
+    page: bool
+    notices: tuple[str, ...]
+    status: int
 
     @property
     def rows(self) -> "pd.DataFrame":
@@ -217,7 +232,7 @@ def batch(
         except ConfigError as error:  # the rows are stored in any case
             told.append(f"the page is not written: {error}")
     warn_user([Notice(text=in_python(text)) for text in told])
-    return Batch(tables=done.tables, faults=tuple(map(in_python, done.faults)))
+    return replace(done, faults=tuple(map(in_python, done.faults)))
 
 
 def _each(given: str | Iterable[str]) -> tuple[str, ...]:
@@ -269,34 +284,7 @@ class BatchOptions(Values):
         return Cluster(self.scheduler) if self.scheduler else Processes(self.workers)
 
 
-@dataclass(frozen=True, kw_only=True)
-class DoneBatch:
-    """What came of the jobs.
-
-    Parameters
-    ----------
-    store : Store
-        Where it is stored.
-    tables : BatchTables
-        Sums and order.
-    page : bool
-        Whether its page is to be written: of shards more is to come, and where nothing is new it
-        is there.
-    faults, notices : list of str
-        What is wrong with jobs, and what else the user should know.
-    status : int
-        Exit status.
-    """
-
-    store: Store
-    tables: BatchTables
-    page: bool
-    faults: list[str]
-    notices: list[str]
-    status: int
-
-
-def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) -> DoneBatch:
+def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) -> Batch:
     """Do what is not done yet.
 
     Raises
@@ -333,9 +321,10 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
             **({"slices": list(options.slices)} if options.slices else {}),
             "jobs": {
                 "paths": list(paths),
-                **{
-                    name: getattr(batch, name) for name in ("truth", "estimate", "layout", "seqmap")
-                },
+                "truth": batch.truth,
+                "estimate": batch.estimate,
+                "layout": batch.layout,
+                "seqmap": batch.seqmap,
             },
             **settings_field(batch.config),
         }
@@ -345,8 +334,6 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
             notify(text)
     with locked(store.folder, (number, count)):
         tasks = list(tasks_of(plan, batch))[number - 1 :: count]
-        if count == 1:
-            store.join()
         rows = store.rows()
         left = list(_left_over(tasks, rows, retry_failed=batch.retry_failed))
         left.sort(key=_size, reverse=True)
@@ -366,13 +353,16 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
         notices.append(
             f"no row is left to evaluate in {nothing} of {counted(len(done), 'job')}: a total of 0"
         )
+    listed = read_manifest(store.folder, BATCH.name) or ()
+    names = {entry.name for entry in listed}
+    has_page = bool(listed) and unchanged(store.folder, listed) == names
     opened = len(rows) and (rows["status"] == "open").any()
-    return DoneBatch(
-        store=store,
+    return Batch(
         tables=tables,
-        page=count == 1 and bool(left or batch.by or batch.band or not _has_page(store)),
-        faults=faults,
-        notices=notices,
+        faults=tuple(faults),
+        store=store,
+        page=count == 1 and bool(left or batch.by or batch.band or not has_page),
+        notices=tuple(notices),
         status=5 if faults else ExitStatus.NOT_REACHED if opened else ExitStatus.DONE,
     )
 
@@ -544,7 +534,7 @@ def _work(tasks: list[JobTask], store: Store, engine: Engine, tell: Notify) -> l
                 faults.append(row)
             held += row.get(STORED_STEPS, 0)
             now = time.monotonic()
-            if now - flushed > FLUSH or held > MOST_HELD:
+            if now - flushed > max(FLUSH, SHARE * (now - begin)) or held > MOST_HELD:
                 store.add(pending)
                 pending, flushed, held = [], now, 0
             if now - shown > FLUSH:
@@ -649,7 +639,7 @@ def batch_files(
     """
     from tgospa_eval.reports.batch_page import batch_page  # here: only where it is written
 
-    def link(row: "pd.Series[Any]") -> str:
+    def link(row: Mapping[Any, Any]) -> str:
         """Where the report of a job is, seen from the page; nothing if there is none."""
         labels = {name: str(row[LABEL + name]) for name in labels_of(tables.rows)}
         folder = folder_of(str(store.folder), labels, json.loads(str(row["options"])))
@@ -670,9 +660,3 @@ def batch_files(
     from tgospa_eval.plots.batch import batch_pictures  # here: it draws
 
     return files | batch_pictures(view, wanted, notify)
-
-
-def _has_page(store: Store) -> bool:
-    """Whether the folder of a store has its page and pictures."""
-    listed = read_manifest(store.folder, BATCH.name) or ()
-    return bool(listed) and unchanged(store.folder, listed) == {entry.name for entry in listed}

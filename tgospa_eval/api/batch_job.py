@@ -233,31 +233,26 @@ def finished_row(task: JobTask, row: Mapping[str, object], seconds: float) -> Ro
 
 
 def _written(result: Summary, task: JobTask, folder: str | None) -> Row:
-    """Write the result folder, if it is asked for; what the row says where that is not possible.
+    """Write the result folder, without pictures; what the row says where that is not possible.
 
     A full disk, or what is in the way of a folder, takes nothing from the number.
     """
     if folder is None:
         return {}
+    from tgospa_eval.reports.files import RESULT, result_texts, write_texts
+
     try:
-        _write(result, task, folder)
+        Path(folder).parent.mkdir(parents=True, exist_ok=True)
+        result = replace(result, files={"truth": task.job.truth, "estimate": task.job.estimate})
+        texts = result_texts(result, (task.job.truth, task.job.estimate))
+        if task.proof:
+            from tgospa_eval.reports.proofs import proof_files
+
+            files = proof_files(result, task.options.given)
+            texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in files.items()}
+        write_texts(texts, folder, RESULT, force=False)
     except TgospaError as error:
         return {NOT_WRITTEN: " ".join(error.args)}
     except OSError as error:
         return {NOT_WRITTEN: fault_of(error)}
     return {}
-
-
-def _write(result: Summary, task: JobTask, folder: str) -> None:
-    """The result folder of a job, without pictures, in place of an older one."""
-    from tgospa_eval.reports.files import RESULT, result_texts, write_texts
-
-    Path(folder).parent.mkdir(parents=True, exist_ok=True)
-    result = replace(result, files={"truth": task.job.truth, "estimate": task.job.estimate})
-    texts = result_texts(result, (task.job.truth, task.job.estimate))
-    if task.proof:
-        from tgospa_eval.reports.proofs import proof_files
-
-        files = proof_files(result, task.options.given)
-        texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in files.items()}
-    write_texts(texts, folder, RESULT, force=False)

@@ -13,12 +13,11 @@ from tgospa_eval.api.resolve import Settings, called, infos, make_settings
 from tgospa_eval.api.sweep import ONE_EVALUATION
 from tgospa_eval.campaign.pairs import expand, first_file, is_pattern, short_names
 from tgospa_eval.campaign.ranking import (
-    Entrant,
-    EntrantOutcome,
-    other_parameters,
+    Entrants,
+    RunOutcome,
     outcome,
-    outcomes,
     ranking_document,
+    saved_outcomes,
     shared_metrics,
 )
 from tgospa_eval.campaign.solvers import (
@@ -28,6 +27,7 @@ from tgospa_eval.campaign.solvers import (
     name_of,
     solvers_document,
     takes_long,
+    warm_up,
 )
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, warn_user
@@ -35,13 +35,13 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Effort
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import solve
-from tgospa_eval.evaluation.other_metrics import other_metrics
+from tgospa_eval.evaluation.other_metrics import Others, joined, other_metrics
 from tgospa_eval.evaluation.prepare import Prepared, prepare
 from tgospa_eval.evaluation.sides import TrajectoriesLike, as_solver
 from tgospa_eval.formats import Reading
 from tgospa_eval.reports.comparison import estimates_columns, pairs_columns, render, solvers_columns
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.results.saved import MADE_BY, read_result, saved_result
+from tgospa_eval.results.saved import MADE_BY, read_result, saved_result, unlike
 from tgospa_eval.solvers import SOLVERS, Solver
 from tgospa_eval.text import quoted
 
@@ -126,7 +126,7 @@ def compare(
     cutoff, order, switch_penalty, mapping
         As for `evaluate`, as all others.
     solvers : sequence of str or solver record
-        Solvers to compare on one estimate, each in a process of its own.
+        Solvers to compare on one estimate, one after the other.
 
     Returns
     -------
@@ -263,7 +263,7 @@ class PairReader:
         return prepare(sides.fitted, sides.request, files=files, stopwatch=self.stopwatch)
 
 
-Ranked = tuple[Json, list[Entrant]]
+Ranked = tuple[Json, Entrants]
 """The document, and what it was made of."""
 
 
@@ -298,33 +298,31 @@ def ranked(
         what there is of the first.
     """
     stopwatch = pairs.stopwatch
-    found: list[list[EntrantOutcome]] = [[] for _ in names]
+    found: dict[str, list[RunOutcome]] = {}
+    others: dict[str, list[Others]] = {}
     count = len(names) * len(runs)
-    for done, (k, truth, estimate) in enumerate(
-        (k, truth, estimate) for truth, each in runs for k, estimate in enumerate(each)
+    for done, (name, truth, estimate) in enumerate(
+        (name, truth, estimate)
+        for truth, estimates in runs
+        for name, estimate in zip(names, estimates, strict=True)
     ):
         if done and stopwatch.progress.stop.is_set():
             break
-        (path,) = called([estimate], [names[k]])
+        (path,) = called([estimate], [name])
         with stopwatch.progress.part(path, done, count):
             prepared = pairs.prepared(truth, estimate, path if count > 1 else "")
             effort = Effort(jobs=solver.jobs, stopwatch=stopwatch)
-            others = other_metrics(prepared, with_, effort) if with_ else None
+            if with_:
+                others.setdefault(name, []).append(other_metrics(prepared, with_, effort))
             result = solve(prepared, solver, stopwatch)
-            found[k].append(outcome(result, prepared.moments, per_step=per_step, others=others))
-    whole = max(min(map(len, found)), 1)
-    entrants = [
-        Entrant(
-            name=name,
-            paths=called([estimates[k] for _, estimates in runs[:whole]], [name] * whole),
-            outcomes=mine[:whole],
-        )
-        for k, (name, mine) in enumerate(zip(names, found, strict=True))
-        if mine
-    ]
+            made = outcome(path, result, prepared.moments, per_step=per_step)
+            found.setdefault(name, []).append(made)
+    whole = len(found[names[-1]]) if names[-1] in found else 1
+    entrants = {name: own[:whole] for name, own in found.items()}
+    metrics = {name: joined(own[:whole]) for name, own in others.items()}
     truths = called([truth for truth, _ in runs[:whole]], ["truth"] * whole)
     metric = dict(result.settings)
-    return ranking_document(entrants, truths, metric, pairs.warnings), entrants
+    return ranking_document(entrants, truths, metric, pairs.warnings, metrics), entrants
 
 
 def solvers_on(
@@ -346,7 +344,8 @@ def solvers_on(
         left_out = {solver.name: reason for solver in solvers if solver.referee}
     stopwatch.stage = "solve/lp"
     stopwatch.progress.begin(prepared.parameters.root)
-    found = compare_solvers(prepared, chosen, progress=stopwatch.progress)
+    warm_up(chosen)
+    found = compare_solvers(prepared, chosen, stopwatch.progress)
     for solver in chosen[len(found) :]:
         left_out[name_of(solver)] = "interrupted before its turn"
     once = {name: stopwatch.spans.get(span, 0.0) for name, span in ONCE.items()}
@@ -402,22 +401,21 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
     ]
     names = short_names(paths if any(marked) else runs[0])
     heads: list[list[Json]] = []
-    found: list[list[EntrantOutcome]] = []
+    found: list[list[RunOutcome]] = []
     for group in runs:
         documents = [read_result(path) for path in group]
         heads.append([{name: item.get(name, {}) for name in HEAD} for item in documents])
-        faults = [
-            f"{path}: cannot be ranked with {runs[0][0]}: {wrong}"
-            for path, document in zip(group, heads[-1], strict=True)
-            if (wrong := other_parameters(document, heads[0][0]))
-        ]
+        faults = []
+        for path, document in zip(group, documents, strict=True):
+            wrong = unlike(document["parameters"], heads[0][0]["parameters"])
+            texts = [f"{name} is {one}, there {other}" for name, one, other in wrong]
+            if texts:
+                which = f"{path}: cannot be ranked with {runs[0][0]}"
+                faults.append(f"{which}: {'; '.join(texts)}")
         if faults:
             raise ConfigError(*faults)
-        found.append(outcomes(documents, group))
-    entrants = [
-        Entrant(name=name, paths=[run[k] for run in runs], outcomes=[items[k] for items in found])
-        for k, name in enumerate(names)
-    ]
+        found.append(saved_outcomes(documents, group))
+    entrants = dict(zip(names, zip(*found, strict=True), strict=True))
     warnings = [
         Notice(**record).about(path)
         for run, items in zip(runs, heads, strict=True)
@@ -438,9 +436,5 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
         for first, *_ in heads
     ]
     records = [warning.record() for warning in warnings]
-    document = ranking_document(entrants, truths, shared, records)
-    for item in document["estimates"]:
-        beside = others[names.index(item["name"])]
-        if beside:
-            item["with"] = beside
-    return document, entrants
+    beside = {name: own for name, own in zip(names, others, strict=True) if own}
+    return ranking_document(entrants, truths, shared, records, beside), entrants

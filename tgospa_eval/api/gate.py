@@ -14,7 +14,6 @@ from tgospa_eval.api.keywords import KEYWORDS, with_options
 from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, Request, Values, typed
 from tgospa_eval.campaign.baseline import (
     Baseline,
-    BaselineEntry,
     Measured,
     dump,
     load,
@@ -33,13 +32,14 @@ from tgospa_eval.campaign.outcome import (
 from tgospa_eval.campaign.row import Row, job_name
 from tgospa_eval.campaign.rules import Finding, Rule, Verdict, parse_rules, split_rules
 from tgospa_eval.campaign.store import SETTINGS_FILE, Store
-from tgospa_eval.campaign.suite import ONLY_PAIR, Pair, Suite, load_suite
+from tgospa_eval.campaign.suite import ONLY_PAIR, Pair, load_suite
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.evaluation.sides import TrajectoriesLike
 from tgospa_eval.reports.files import PROOF, write_file, write_texts
+from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import ACCURACY
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import clipped, quoted
@@ -63,15 +63,13 @@ ACCURACY_KEYS = tuple(name.replace("_", "-") for name in ACCURACY)
 JUDGED_COLUMNS = ("parameters", "judged.truth_sha256", "normalised.tgospa")
 """Columns without which rows cannot be judged."""
 
-NOTHING_MADE = "no baseline: name the file to make with --baseline FILE"
-
-Evaluated = tuple[Measured, Mapping[str, object], Mapping[str, Any], Mapping[str, str]]
-"""What came out of a pair, the options that made it, more for its outcome, and its proof."""
+Evaluated = tuple[Measured, Mapping[str, object], Mapping[str, Any]]
+"""What came out of a pair, the options that made it, and more for its outcome."""
 
 EvaluatePair = Callable[[str, str, Request, Callable[[str], None]], tuple[Summary, bool]]
 """Of two files."""
 
-Evaluate = Callable[[Pair, BaselineEntry | None], Evaluated]
+Evaluate = Callable[[Pair, Json | None], Evaluated]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,9 +120,9 @@ class GateOptions(Values):
         """What a line about a pair begins with: its name, where there are several."""
         return f"{clipped(pair.name)}: " if self.suite else ""
 
-    def resolve(self, pair: Pair, entry: BaselineEntry | None, path: str) -> dict[str, object]:
+    def resolve(self, pair: Pair, entry: Json | None, path: str) -> dict[str, object]:
         """The options of a pair that are no defaults, by field."""
-        inherited = dict(entry.options) if entry else {}
+        inherited = dict(entry["options"]) if entry else {}
         for key in (key for key in PATHS_GIVEN if inherited.get(key)):
             inherited[key] = os.path.join(os.path.dirname(path), str(inherited[key]))
         return {
@@ -142,14 +140,8 @@ class GateOptions(Values):
         ConfigError
             One is wrong; or there is no baseline, and they are not all absolute limits.
         """
-        own = {
-            key: [part for text in getattr(self, name) for part in split_rules(text)]
-            for key, name in RULE_PARAMETERS.items()
-        }
-        suite = {
-            key: [part for text in pair.rules.get(key, ()) for part in split_rules(text) or [text]]
-            for key in own
-        }
+        own = {key: _texts(getattr(self, name)) for key, name in RULE_PARAMETERS.items()}
+        suite = {key: _texts(pair.rules.get(key, ())) for key in own}
         is_own = own["fail-on"] and (self.strong("fail_on") or not suite["fail-on"])
         found = parse_rules(
             (own if is_own else suite)["fail-on"],
@@ -205,7 +197,6 @@ def judge_all(
     _check_junit(gate, truth, estimate)
     if truth is not None and is_store(truth):
         folder, path = _stores(gate, truth, estimate)
-        _check_update(gate, path)
         table = _store_rows(folder)
         settings = Store(folder).settings()["options"]
         pairs = [
@@ -218,23 +209,22 @@ def judge_all(
             for name, row in table.items()
         ]
 
-        def evaluated(pair: Pair, _: BaselineEntry | None) -> Evaluated:
+        def evaluated(pair: Pair, _: Json | None) -> Evaluated:
             row = table[pair.name]
             warnings = tuple(Notice(**record) for record in json.loads(row["warnings"]))
             about = {"seconds": float(row["seconds"]), "warnings": warnings}
-            return measured_row(row), _row_options(row, settings, path or ""), about, {}
+            return measured_row(row), _row_options(row, settings, path or ""), about
 
         return _report(gate, pairs, path or "", evaluated, folder)
-    suite = _suite(gate, truth, estimate, notify)
+    pairs, named = _pairs(gate, truth, estimate, notify)
     if truth is not None:
         gate = replace(gate, suite=None)
-    for pair in suite.pairs:
-        _check_junit(gate, pair.truth, pair.estimate, suite.baseline)
-    path = gate.baseline if gate.strong("baseline") or not suite.baseline else suite.baseline
-    _check_update(gate, path)
+    for pair in pairs:
+        _check_junit(gate, pair.truth, pair.estimate, named)
+    path = gate.baseline if gate.strong("baseline") or not named else named
     return _report(
         gate,
-        suite.pairs,
+        pairs,
         path or "",
         lambda pair, entry: _evaluated(gate, pair, entry, path or "", evaluate_pair, notify),
         "the suite",
@@ -259,23 +249,6 @@ def _check_junit(gate: GateOptions, *paths: str | None) -> None:
             )
 
 
-def _check_update(gate: GateOptions, path: str | None) -> None:
-    """Whether the baseline can be written, if that is asked for.
-
-    Raises
-    ------
-    ConfigError
-        There is no path, or it is the folder of a batch.
-    """
-    if gate.update_baseline and not path:
-        raise ConfigError(NOTHING_MADE)
-    if gate.update_baseline and is_store(path):
-        raise ConfigError(
-            f"--baseline {path}: is a batch, which tgospa-eval batch makes; --update-baseline "
-            "writes a file"
-        )
-
-
 def _report(
     gate: GateOptions, pairs: Iterable[Pair], path: str, evaluated: Evaluate, whence: str
 ) -> Report:
@@ -283,7 +256,10 @@ def _report(
 
     A baseline is made anew of all pairs or not at all.
     """
-    pairs = list(pairs)
+    if gate.update_baseline and (not path or is_store(path)):
+        wrong = f"{path} is a batch, which tgospa-eval batch makes" if path else "no baseline"
+        raise ConfigError(f"{wrong}: name the file to make with --baseline FILE")
+    pairs, update = list(pairs), gate.update_baseline
     old = load_baseline(path) if path else None
     names = {pair.name for pair in pairs}
     if names == {ONLY_PAIR} and not gate.suite and old and ONLY_PAIR not in old:
@@ -291,102 +267,86 @@ def _report(
     rules = {
         pair.name: gate.rules(pair, baseline=bool(path)) for pair in pairs if not pair.fault
     }  # wrong ones before any work
-    if path and gate.update_baseline:
-        outcomes = _updated(gate, pairs, old or {}, path, evaluated)
-        outcomes += leftover(old or {}, names, Verdict.UPDATED, f"removed: it is not in {whence}")
-        return Report(baseline=path, outcomes=tuple(outcomes), version=__version__)
+    faults = [
+        pair.fault if gate.suite else f"{pair.name}: {pair.fault}" for pair in pairs if pair.fault
+    ]
+    if update and faults:
+        raise InputError(*faults)
     missing = f"no such file: {path}" if old is None else f"not in {path}"
+    old, new = old or {}, Baseline()
     outcomes = []
     for pair in pairs:
-        entry = (old or {}).get(pair.name)
+        entry = old.get(pair.name)
         begin = time.monotonic()
         if pair.fault:
             outcomes.append(PairOutcome.of(pair, Verdict.ERROR, pair.fault))
-        elif path and entry is None:
+            continue
+        if path and entry is None and not update:
             outcomes.append(PairOutcome.of(pair, Verdict.INCOMPARABLE, missing))
+            continue
+        try:
+            now, options, about = evaluated(pair, entry)
+            if update:
+                new[pair.name] = make_entry(now, options)
+        except TgospaError as error:
+            if update:
+                raise type(error)(f"{gate.prefix(pair)}{error}") from None
+            about = {"status": error.exit_status, "seconds": time.monotonic() - begin}
+            outcomes.append(PairOutcome.of(pair, Verdict.ERROR, str(error), **about))
+            continue
+        about = {"seconds": time.monotonic() - begin, **about}
+        if update:
+            outcomes.append(updated_outcome(pair, entry, new[pair.name], now, **about))
         else:
-            try:
-                now, _, about, proof = evaluated(pair, entry)
-                _write_proof(gate, pair, proof)
-            except TgospaError as error:
-                about = {"status": error.exit_status, "seconds": time.monotonic() - begin}
-                outcomes.append(PairOutcome.of(pair, Verdict.ERROR, str(error), **about))
-                continue
-            about = {"seconds": time.monotonic() - begin, **about}
             outcomes.append(judged_outcome(pair, now, entry, rules[pair.name], **about))
-    outcomes += leftover(
-        old or {}, names, Verdict.INCOMPARABLE, f"in the baseline and not in {whence}"
+    if update and (new != old or not os.path.exists(path)):
+        write_file(path, dump(new), "--baseline")
+    verdict, note = (
+        (Verdict.UPDATED, f"removed: it is not in {whence}")
+        if update
+        else (Verdict.INCOMPARABLE, f"in the baseline and not in {whence}")
     )
+    outcomes += leftover(old, names, verdict, note)
     at = gate.typed.index("--") if "--" in gate.typed else len(gate.typed)
     again = ("tgospa-eval", "gate", *gate.typed[:at], "--update-baseline", *gate.typed[at:])
     return Report(
         baseline=path,
         outcomes=tuple(outcomes),
         version=__version__,
-        again=() if not path or is_store(path) else again,
+        again=() if update or not path or is_store(path) else again,
     )
 
 
-def _updated(
-    gate: GateOptions, pairs: Iterable[Pair], old: Baseline, path: str, evaluated: Evaluate
-) -> list[PairOutcome]:
-    """Make the baseline anew, and list what changed."""
-    faults = [
-        pair.fault if gate.suite else f"{pair.name}: {pair.fault}" for pair in pairs if pair.fault
-    ]
-    if faults:
-        raise InputError(*faults)
-    new: Baseline = {}
-    outcomes, proofs = [], []
-    for pair in pairs:
-        begin = time.monotonic()
-        try:
-            now, options, about, proof = evaluated(pair, old.get(pair.name))
-        except TgospaError as error:
-            raise type(error)(f"{gate.prefix(pair)}{error}") from None
-        new[pair.name] = make_entry(now, options)
-        about = {"seconds": time.monotonic() - begin, **about}
-        outcomes.append(updated_outcome(pair, old.get(pair.name), new[pair.name], now, **about))
-        proofs.append((pair, proof))
-    if new != old or not os.path.exists(path):
-        write_file(path, dump(new), "--baseline")
-    for pair, proof in proofs:
-        _write_proof(gate, pair, proof)
-    return outcomes
-
-
-def _suite(
+def _pairs(
     gate: GateOptions, truth: str | None, estimate: str | None, notify: Callable[[str], None]
-) -> Suite:
-    """The pairs: one of two files, or those of a suite."""
+) -> tuple[list[Pair], str | None]:
+    """The pairs: one of two files, or those of a suite; and the baseline that a suite names."""
     path = gate.suite
     if truth is not None and estimate is not None:
         if path and gate.sources["suite"] == "commandline":
             raise ConfigError("give TRUTH ESTIMATE or --suite, not both")
-        return Suite(pairs=(Pair(name=ONLY_PAIR, truth=truth, estimate=estimate),), baseline=None)
+        return [Pair(name=ONLY_PAIR, truth=truth, estimate=estimate)], None
     if truth is not None or not path:
         name = "TRUTH" if truth is None else "ESTIMATE"
         raise ConfigError(
             f"{name} is missing; type tgospa-eval gate {truth or 'TRUTH'} ESTIMATE "
             "--baseline FILE, or tgospa-eval gate --suite FILE"
         )
-    suite = load_suite(path, FLAGS)
-    for text in () if gate.quiet else suite.notices:
+    pairs, baseline, notices = load_suite(path, FLAGS)
+    for text in () if gate.quiet else notices:
         notify(text)
-    return suite
+    return pairs, baseline
 
 
 def _evaluated(
     gate: GateOptions,
     pair: Pair,
-    entry: BaselineEntry | None,
+    entry: Json | None,
     path: str,
     evaluate_pair: EvaluatePair,
     notify: Callable[[str], None],
 ) -> Evaluated:
     """A pair of files, read and evaluated."""
-    from tgospa_eval.reports.proofs import proof_files
-
     given, prefix = gate.resolve(pair, entry, path), gate.prefix(pair)
     options = Request.of(given)
     result, finished = evaluate_pair(
@@ -403,8 +363,14 @@ def _evaluated(
     }
     used = result.proof.parameters
     recorded |= {"cutoff": used.cutoff, "switch-penalty": used.switch_penalty}
-    proof = proof_files(result, options.given) if gate.proof else {}
-    return measured(result), _portable(recorded, path), {"warnings": result.warnings}, proof
+    if gate.proof is not None:
+        from tgospa_eval.reports.proofs import folder_name, proof_files
+
+        of = "baseline" if gate.update_baseline else "run"
+        folder = os.path.join(gate.proof, of, *([folder_name(pair.name)] if gate.suite else []))
+        files = proof_files(result, options.given)
+        write_texts(files, folder, PROOF, force=False, option="--proof")
+    return measured(result), _portable(recorded, path), {"warnings": result.warnings}
 
 
 def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
@@ -423,17 +389,6 @@ def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
         except ValueError:
             found[key] = os.path.abspath(str(found[key]))
     return found
-
-
-def _write_proof(gate: GateOptions, pair: Pair, files: Mapping[str, str]) -> None:
-    """The proof of a pair: to a folder of its own in a suite."""
-    if gate.proof is None:
-        return
-    from tgospa_eval.reports.proofs import folder_name
-
-    of = "baseline" if gate.update_baseline else "run"
-    parts = (gate.proof, of, *([folder_name(pair.name)] if gate.suite else []))
-    write_texts(files, os.path.join(*parts), PROOF, force=False, option="--proof")
 
 
 # -------------------------------------------------------------------------------------------------
@@ -636,7 +591,7 @@ def gate(
     entry = (old or {}).get(ONLY_PAIR)
     maximum = [f"{name}={value!r}" for name, value in (limits or {}).items()]
     rules = parse_rules(_texts(fail_on), _texts(warn_on), maximum)
-    kept = {} if entry is None else entry.options
+    kept = {} if entry is None else entry["options"]
     inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
     given: dict[str, Any] = {**inherited, **options}
     result = evaluate(truth, estimate, **given)
@@ -670,11 +625,8 @@ def gate(
 
 def _texts(given: str | Iterable[str]) -> list[str]:
     """The rules of a text, or of several."""
-    return [
-        part
-        for text in ([given] if isinstance(given, str) else given)
-        for part in split_rules(text)
-    ]
+    texts = [given] if isinstance(given, str) else given
+    return [part for text in texts for part in split_rules(text) or [text]]
 
 
 def _called(side: object, otherwise: str) -> str:

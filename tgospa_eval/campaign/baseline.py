@@ -2,19 +2,21 @@
 
 import json
 import math
+import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 from tgospa_eval.campaign.row import Row, row_of
-from tgospa_eval.campaign.rules import PROVEN, SPLIT, Key, Value
+from tgospa_eval.campaign.rules import PROVEN, SPLIT, Value
 from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.results.records import json_text
+from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import contradiction, strict_json, unlike
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.judged import JUDGE_ALIKE, JUDGED_FIELDS, fault_of, incomparable, judged_of
+from tgospa_eval.tracks.judged import JUDGE_ALIKE, fault_of, incomparable, judged_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,8 +25,10 @@ class Measured:
 
     Parameters
     ----------
-    values : mapping of str, or of class and str, to Value
+    values : mapping of str to Value
         Those that rules can name.
+    classes : mapping of str to mapping
+        The same of each class, where these are evaluated apart.
     bounds : pair of float
         Of the metric, in state units.
     parameters : mapping
@@ -39,7 +43,8 @@ class Measured:
         Whether the asked gap was met.
     """
 
-    values: Mapping[Key, Value]
+    values: Mapping[str, Value]
+    classes: Mapping[str, Mapping[str, Value]]
     bounds: tuple[float, float]
     parameters: Mapping[str, object]
     judged: Mapping[str, Any]
@@ -86,27 +91,18 @@ ROUNDING_GAP = 1e-9
 
 def measured(result: Summary) -> Measured:
     """What a gate judges of a result."""
-    found = values_of(row_of(result), result.scale)
-    if result.table("per_class"):
-        from tgospa_eval.results.by_class import ByClass  # here: few evaluate classes apart
+    status = str(result.solver["status"])
+    now = measured_row(row_of(result) | {"version": result.version, "message": status})
+    if not result.table("per_class"):
+        return now
+    from tgospa_eval.results.by_class import ByClass  # here: few evaluate classes apart
 
-        assert isinstance(result, ByClass)
-        for name, part in result.results.items():
-            values = values_of(row_of(part), part.scale)
-            found |= {(name, str(path)): value for path, value in values.items()}
-    settings = json.loads(json.dumps(result.parameters, allow_nan=False))  # as they come back
-    return Measured(
-        values=found,
-        bounds=(result.lower_bound, result.upper_bound),
-        parameters=settings,
-        judged={name: result.judged[name] for name in JUDGED_FIELDS},
-        version=result.version,
-        status=str(result.solver["status"]),
-        certified=result.certified,
-    )
+    assert isinstance(result, ByClass)
+    classes = {name: values_of(row_of(part), part.scale) for name, part in result.results.items()}
+    return replace(now, classes=classes)
 
 
-def values_of(numbers: Mapping[str, float], scale: float) -> dict[Key, Value]:
+def values_of(numbers: Mapping[str, float], scale: float) -> dict[str, Value]:
     """Values that rules can name, with their brackets.
 
     Parameters
@@ -123,7 +119,7 @@ def values_of(numbers: Mapping[str, float], scale: float) -> dict[Key, Value]:
         "tgospa": (numbers["lower_bound"], tgospa, 1.0),
         "normalised.tgospa": (share * numbers["lower_bound"] * (1 - 2.0**-50), normalised, 1.0),
     }
-    found: dict[Key, Value] = {
+    found: dict[str, Value] = {
         path: Value(lower=low, upper=high, proven=True, unit=unit)
         for path, (low, high, unit) in brackets.items()
     }
@@ -137,6 +133,7 @@ def measured_row(row: Row) -> Measured:
     """What a gate judges of a row of a store."""
     return Measured(
         values=values_of(row, row["cutoff"] ** row["order"]),
+        classes={},
         bounds=(row["lower_bound"], row["upper_bound"]),
         parameters=json.loads(row["parameters"]),
         judged=judged_of(row),
@@ -150,42 +147,15 @@ SCHEMA = "tgospa-eval/baseline/2"
 BOUNDS = ("lower_bound", "upper_bound")
 MEASURED = (*PROVEN, *SPLIT)
 BASELINE_VALUES = (*MEASURED, *BOUNDS)
-MADE = "the JSON that --update-baseline makes"
+REMEDY = "mend it, or delete it and make it anew with --update-baseline"
+
+Baseline: TypeAlias = dict[str, Json]
+"""An entry for each pair, by its name, as the JSON has it: `values` (`upper_bound` and what follows
+from it, the split, `lower_bound`; those of classes under `by_class`), `options` that were given,
+`parameters` that change the number, `judged`, and the `version` of the program."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class BaselineEntry:
-    """What a baseline keeps of one pair.
-
-    Parameters
-    ----------
-    values : dict of str, or of class and str, to float
-        By path: `upper_bound` and what follows from it, the split, `lower_bound`.
-    options : dict
-        Options that were given, by their names in a configuration file.
-    parameters : dict
-        Every option that changes the number, as in the JSON of a result.
-    judged : mapping
-        What it was judged on, as in the JSON of a result.
-    version : str
-        Version of the program that made it.
-    """
-
-    values: Mapping[Key, float]
-    options: Mapping[str, object]
-    parameters: Mapping[str, object]
-    judged: Mapping[str, Any]
-    version: str
-
-
-Table: TypeAlias = dict[str, object]
-"""An object of JSON that was read."""
-
-Baseline: TypeAlias = dict[str, BaselineEntry]
-"""By name of the pair."""
-
-
-def make_entry(now: Measured, options: Mapping[str, object]) -> BaselineEntry:
+def make_entry(now: Measured, options: Mapping[str, object]) -> Json:
     """What a baseline keeps of a result that was made with these options.
 
     Raises
@@ -193,45 +163,53 @@ def make_entry(now: Measured, options: Mapping[str, object]) -> BaselineEntry:
     SolverError
         A value is not finite.
     """
-    values = {key: value.upper for key, value in now.values.items()}
-    values |= dict(zip(BOUNDS, now.bounds, strict=True))
-    if not all(map(math.isfinite, values.values())):
+    values = nested(now.values) | dict(zip(BOUNDS, now.bounds, strict=True))
+    if not all(math.isfinite(value.upper) for value in now.values.values()):
         raise SolverError("the bracket is not finite; no baseline can be made of it")
-    return BaselineEntry(
-        values=values,
-        options=dict(options),
-        parameters=now.parameters,
-        judged=now.judged,
-        version=now.version,
-    )
+    if now.classes:
+        values["by_class"] = {name: nested(group) for name, group in now.classes.items()}
+    return {
+        "values": values,
+        "options": dict(options),
+        "parameters": now.parameters,
+        "judged": now.judged,
+        "version": now.version,
+    }
 
 
-def differences(entry: BaselineEntry, now: Measured) -> list[str]:
+def nested(values: Mapping[str, Value]) -> Json:
+    """The upper ends of values, as in the JSON of a result."""
+    table: Json = {}
+    for path, value in values.items():
+        head, _, rest = path.partition(".")
+        if rest:
+            table.setdefault(head, {})[rest] = value.upper
+        else:
+            table[head] = value.upper
+    return table
+
+
+def value_at(values: Json, path: str) -> Any:
+    """What a path names among values, as ``counts.missed``; None if there is nothing."""
+    found: Any = values
+    for part in path.split("."):
+        found = found.get(part) if isinstance(found, dict) else None
+    return found
+
+
+def differences(entry: Json, now: Measured) -> list[str]:
     """Why a result cannot be compared with an entry; empty if it can."""
     found = [
         f"{name} is {own}, in the baseline {other}"
-        for name, own, other in unlike(now.parameters, entry.parameters)
+        for name, own, other in unlike(now.parameters, entry["parameters"])
     ]
-    wrong = incomparable({"now": now.judged, "the baseline": entry.judged})
+    wrong = incomparable({"now": now.judged, "the baseline": entry["judged"]})
     return [*found, f"{wrong}; {JUDGE_ALIKE}"] if wrong else found
 
 
 def dump(baseline: Baseline) -> str:
     """The baseline as JSON: sorted, a line for each number, full doubles."""
-    document = {
-        "schema": SCHEMA,
-        "pairs": {
-            name: {
-                "values": _nested(entry.values),
-                "options": entry.options,
-                "parameters": entry.parameters,
-                "judged": entry.judged,
-                "version": entry.version,
-            }
-            for name, entry in baseline.items()
-        },
-    }
-    return json_text(document)
+    return json_text({"schema": SCHEMA, "pairs": baseline})
 
 
 def load(path: str) -> Baseline | None:
@@ -244,156 +222,47 @@ def load(path: str) -> Baseline | None:
     """
     if is_missing(path):
         return None
+    content = read_bytes(path, ConfigError)
     try:
-        text = read_bytes(path, ConfigError).decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise ConfigError(f"{path}: not UTF-8 text; a baseline is JSON") from None
-    _check_json(text, path)
-    try:
-        document = strict_json(text)
-    except json.JSONDecodeError as error:
-        line = (text.splitlines() or [""])[error.lineno - 1 : error.lineno]
-        mark = " (a merge conflict)" if line and line[0].startswith(("<<<<<<<", "=======")) else ""
-        raise ConfigError(
-            f"{path}, line {error.lineno}: not valid JSON{mark}: {error.msg}; is this "
-            "the baseline? If so, mend it, or delete it and make it anew with --update-baseline"
-        ) from None
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{path}: {error}") from None
-    return _read(document, path)
+        document = strict_json(content.decode("utf-8-sig"))
+        schema = document.get("schema") if isinstance(document, dict) else None
+        if not isinstance(document, dict) or schema != SCHEMA:
+            raise ValueError(f'its schema is {json.dumps(schema)}, this version reads "{SCHEMA}"')
+        pairs = _object(document, "pairs")
+        for name in pairs:
+            fault = _fault(_object(pairs, name))
+            if fault:
+                raise ValueError(f"pair {quoted(name)}: {fault}")
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ConfigError(f"{path}: is no baseline: {error}; {REMEDY}") from None
+    return pairs
 
 
-def _check_json(text: str, path: str) -> None:
-    """Whether the text is meant as JSON, and not another file that was named by mistake.
-
-    Raises
-    ------
-    ConfigError
-        The text begins like another kind of file.
-    """
-    begin = text.lstrip()
-    if begin and begin[0] not in "{[<":
-        what = f"text that begins with {quoted(begin.splitlines()[0])}"
-    elif begin[:1] == "<" and not begin.startswith("<<<<<<<"):
-        what = "HTML or XML"
-    else:
-        return
-    raise ConfigError(f"{path}: is no baseline but {what}; a baseline is {MADE}")
-
-
-def _read(document: object, path: str) -> Baseline:
-    table: Table = document if isinstance(document, dict) else {}
-    schema = table.get("schema")
-    family = SCHEMA.rpartition("/")[0]
-    if schema != SCHEMA:
-        if isinstance(schema, str) and schema.rpartition("/")[0] == family:
-            raise ConfigError(
-                f'{path}: has the schema {quoted(schema)}, this version reads "{SCHEMA}"; use the '
-                "version that made it, or delete the file and make it anew with --update-baseline"
-            )
-        what = f"has the schema {quoted(schema)}" if schema else 'has no "schema"'
-        raise ConfigError(f"{path}: is no baseline, it {what}; a baseline is {MADE}")
-    pairs = _table(table, "pairs", path)
-    return {
-        name: _entry(_table(pairs, name, path), f"{path}, pair {quoted(name)}") for name in pairs
-    }
-
-
-def _entry(table: Table, where: str) -> BaselineEntry:
-    groups = _values(_table(table, "values", where), where)
-    order = _table(table, "parameters", where).get("order")
-    for name, group in groups.items():
-        about = where if name is None else f"{where}, class {quoted(name)}"
-        missing = [
-            path for path in (BASELINE_VALUES if name is None else MEASURED) if path not in group
-        ]
-        if missing:
-            raise ConfigError(f"{about}: values.{missing[0]} is missing; {REMEDY}")
-        wrong = contradiction(group, order)
-        if wrong is not None:
-            raise ConfigError(f"{about}: values contradict each other: {wrong}; {REMEDY}")
-    values: dict[Key, float] = {}
-    for name, group in groups.items():
-        values |= {(path if name is None else (name, path)): v for path, v in group.items()}
-    version = table.get("version")
-    if "judged" not in table:
-        raise ConfigError(
-            f"{where}: made before version 0.2.0, without what it was judged on; renew it with "
-            "--update-baseline"
-        )
-    judged = _table(table, "judged", where)
-    if not isinstance(version, str):
-        raise ConfigError(f"{where}: version is no text; {REMEDY}")
-    if wrong := fault_of(judged):
-        raise ConfigError(f"{where}: {wrong}; {REMEDY}")
-    return BaselineEntry(
-        values=values,
-        options=_table(table, "options", where),
-        parameters=_table(table, "parameters", where),
-        judged=judged,
-        version=version,
-    )
-
-
-REMEDY = "mend it, or make it anew with --update-baseline"
-
-
-def _table(parent: Table, name: str, where: str) -> Table:
+def _object(parent: Json, name: str) -> Json:
     table = parent.get(name)
     if not isinstance(table, dict):
-        raise ConfigError(f"{where}: {quoted(name)} must be an object; {REMEDY}")
+        raise TypeError(f"{quoted(name)} must be an object")
     return table
 
 
-def _values(table: Table, where: str) -> dict[str | None, dict[str, float]]:
-    """The values by class and path; of all classes together under None."""
-    groups: dict[str | None, dict[str, float]] = {
-        None: _flat({name: value for name, value in table.items() if name != "by_class"}, where)
-    }
-    classes = _table(table, "by_class", where) if "by_class" in table else {}
-    for name in classes:
-        groups[name] = _flat(_table(classes, name, where), where, f"by_class.{name}.")
-        groups[name] = {k[len(f"by_class.{name}.") :]: v for k, v in groups[name].items()}
-    return groups
-
-
-def _flat(values: Table, where: str, prefix: str = "") -> dict[str, float]:
-    """Numbers by path."""
-    found: dict[str, float] = {}
-    for name, value in values.items():
-        path = f"{prefix}{name}"
-        if "." in name:
-            raise ConfigError(f"{where}: {quoted(name)} among the values has a dot; {REMEDY}")
-        if isinstance(value, dict):
-            found |= _flat(value, where, f"{path}.")
-        elif isinstance(value, bool) or not isinstance(value, int | float) or not _finite(value):
-            raise ConfigError(
-                f"{where}: values.{path} is {json.dumps(value)}: must be a number, finite "
-                f"and >= 0; {REMEDY}"
-            )
-        else:
-            found[path] = float(value)
-    return found
-
-
-def _finite(value: float) -> bool:
-    try:
-        return value >= 0 and math.isfinite(value)
-    except OverflowError:  # an integer of JSON that no double holds
-        return False
-
-
-def _nested(values: Mapping[Key, float]) -> Table:
-    """The values as in the JSON of a result."""
-    nested: dict[str, Any] = {}
-    for key, value in values.items():
-        inner, path = nested, key
-        if isinstance(path, tuple):
-            inner = nested.setdefault("by_class", {}).setdefault(path[0], {})
-            path = path[1]
-        head, dot, rest = path.partition(".")
-        if dot:
-            inner.setdefault(head, {})[rest] = value
-        else:
-            inner[head] = value
-    return nested
+def _fault(entry: Json) -> str | None:
+    """What is wrong with an entry that was read."""
+    values, parameters, judged, _ = (
+        _object(entry, name) for name in ("values", "parameters", "judged", "options")
+    )
+    classes = _object(values, "by_class") if "by_class" in values else {}
+    groups = [("values", values, BASELINE_VALUES)]
+    groups += [(f"values.by_class.{name}", _object(classes, name), MEASURED) for name in classes]
+    for where, group, paths in groups:
+        found = {path: value_at(group, path) for path in paths}
+        for path, value in found.items():
+            if value is None:
+                return f"{where}.{path} is missing"
+            if type(value) not in (int, float) or not 0 <= value <= sys.float_info.max:
+                return f"{where}.{path} is {json.dumps(value)}: must be a number, finite and >= 0"
+        wrong = contradiction(found, parameters.get("order"))
+        if wrong:
+            return f"{where} contradict each other: {wrong}"
+    if not isinstance(entry.get("version"), str):
+        return "version is no text"
+    return fault_of(judged)

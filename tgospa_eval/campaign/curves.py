@@ -6,10 +6,9 @@ script that adds up single results gets the same doubles.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +16,7 @@ from numpy.typing import NDArray
 from tgospa_eval.campaign.grouping import in_words, labels_of, shown_labels, with_parameters
 from tgospa_eval.campaign.row import LABEL
 from tgospa_eval.campaign.statistics import CONFIDENCE, LEAST_PAIRS, NUMBERS_AT_ONCE, intervals
-from tgospa_eval.campaign.store import COST_COLUMNS, StoredSteps
-from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.campaign.store import COST_COLUMNS, CURVE_COLUMNS
 from tgospa_eval.common.words import counted
 from tgospa_eval.formats.times import TimeError, places
 from tgospa_eval.problem.problem import Floats, Ints
@@ -48,6 +46,8 @@ BAND_TAIL = round(BAND_RESAMPLES * BAND_LEVELS[0])
 MOST_BANDED = 20_000
 """Times with bands, of runs that have few in common."""
 
+Bounds = tuple[Sequence[float], Sequence[float]]
+
 LEAST_RUNS: Mapping[BandKind, int] = {
     "interval": LEAST_PAIRS,
     "bootstrap": LEAST_PAIRS,
@@ -59,7 +59,7 @@ LEAST_RUNS: Mapping[BandKind, int] = {
 
 def rms_curves(
     rows: "pd.DataFrame",
-    steps: StoredSteps | None,
+    steps: "pd.DataFrame | None",
     by: Sequence[str],
     band: BandKind = "interval",
 ) -> tuple[list[RmsCurve], list[str]]:
@@ -69,8 +69,8 @@ def rms_curves(
     ----------
     rows : DataFrame
         Of a store, in the order of the jobs.
-    steps : StoredSteps, optional
-        Of these rows.
+    steps : DataFrame, optional
+        Of these rows, as `read_steps` has them.
     by : sequence of str
         Labels that make a group; parameters that differ make groups as well.
     band : str
@@ -86,137 +86,87 @@ def rms_curves(
     grouped = valued.assign(_all="").groupby(keys or "_all", sort=True, dropna=False)
     number = np.full(int(rows.index.max()) + 1, -1)
     number[valued.index] = grouped.ngroup()
-    order = np.argsort(number[steps.job], kind="stable")
-    ends = np.cumsum(np.bincount(number[steps.job], minlength=grouped.ngroups))
+    parts: dict[Any, pd.DataFrame] = dict(iter(steps.groupby(number[steps["job"]])))
     found: list[RmsCurve] = []
     notes: dict[str, list[str]] = {}
     for k, (_, group) in enumerate(grouped):
-        at = order[ends[k - 1] if k else 0 : ends[k]]
-        if not len(at):
+        if k not in parts:
             continue
         first = group.iloc[0]
         labels = {head: in_words(first[key]) for head, key in zip(heads, keys, strict=True)}
-        made = _Curves(group=labels, order=float(first["order"]), band=band)
+        about: list[str] = []
         # A run without any step has nothing at all times.
-        counts = np.isin(group.index, steps.job[at]) | (group["sizes.steps"] == 0).to_numpy()
+        counts = group.index.isin(parts[k]["job"]) | (group["sizes.steps"] == 0).to_numpy()
         try:
-            found += made.of(steps, at, group.index[counts].to_numpy())
+            jobs = group.index[counts].to_numpy()
+            for kind, runs, lines, bounds in _curves(
+                parts[k], jobs, float(first["order"]), band, about
+            ):
+                found.append(
+                    RmsCurve(
+                        group=labels,
+                        kind=kind,
+                        times=runs.times,
+                        runs=runs.count,
+                        lines=dict(zip(COST_COLUMNS, lines, strict=False)),
+                        bounds=bounds,
+                        band=band,
+                    )
+                )
         except TimeError as error:
-            made.notes.append(f"there are none: {error}")
+            about.append(f"there are none: {error}")
         if not counts.all():
             missing = f"{np.count_nonzero(~counts):,} of {counted(len(counts), 'run')}"
-            made.notes.append(f"of {missing} no steps are stored, and these do not count")
-        for text in made.notes:
+            about.append(f"of {missing} no steps are stored, and these do not count")
+        for text in about:
             notes.setdefault(text, []).append("/".join(labels.values()) or "all jobs")
     return found, [f"curves of {listed(names)}: {text}" for text, names in notes.items()]
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Curves:
-    """What makes the curves of a group.
-
-    Parameters
-    ----------
-    group : mapping of str to str
-        Its labels.
-    order : float
-        The order p.
-    band : str
-        What is around the curves.
-    notes : list of str
-        What is to be told of them.
-    """
-
-    group: Mapping[str, str]
-    order: float
-    band: BandKind
-    notes: list[str] = field(default_factory=list)
-
-    def of(self, steps: StoredSteps, at: Ints, jobs: Ints) -> Iterator[RmsCurve]:
-        """The curves of these jobs, whose steps are at these places."""
-        runs = _Runs(steps, at, jobs)
-        if runs.apart:
-            bands = f"; more than {MOST_BANDED:,} times have no bands" if runs.many else ""
-            self.notes.append(
-                "at most times half of the runs or fewer have a step, and the others count with "
-                f"cost 0{bands}; where their stamps differ, --resample puts all on one clock"
-            )
-        costs = steps.costs[:, runs.rows]
-        kinds: tuple[CurveKind, CurveKind] = ("step", "cumulative")
-        for kind, rows in zip(kinds, (costs, runs.so_far(costs)), strict=True):
-            lines = [self._line(runs, kind, row) for row in rows]
-            yield self._curve(kind, runs, lines)
-        traced = at[~np.isnan(steps.curve[0][at])]
-        if not len(traced):
-            return
-        having = np.isin(jobs, steps.job[traced]) | ~np.isin(jobs, steps.job[at])
-        if not having.all():
-            missing = f"{np.count_nonzero(~having):,} of {counted(len(having), 'run')}"
-            self.notes.append(f"{missing} have no values of the steps up to each step")
-        runs = _Runs(steps, traced, jobs[having])
-        value, lower, upper = self._powers(steps.curve[:, runs.rows])
-        line = self._line(runs, "growing", value, (lower, upper))
-        bounds = self._rms(runs, "growing", lower), self._rms(runs, "growing", upper)
-        yield self._curve("growing", runs, [line], bounds)
-
-    def _curve(
-        self,
-        kind: CurveKind,
-        runs: "_Runs",
-        lines: Sequence[RmsLine],
-        bounds: tuple[Sequence[float], Sequence[float]] | None = None,
-    ) -> RmsCurve:
-        return RmsCurve(
-            group=self.group,
-            kind=kind,
-            times=runs.times,
-            runs=runs.count,
-            lines=dict(zip(COST_COLUMNS, lines, strict=False)),
-            bounds=bounds,
-            band=self.band,
+def _curves(
+    steps: "pd.DataFrame", jobs: Ints, order: float, band: BandKind, notes: list[str]
+) -> Iterator[tuple[CurveKind, "_Runs", list[RmsLine], Bounds | None]]:
+    """The curves of these jobs, whose steps these are; what is to be told of them is noted."""
+    runs = _Runs(steps, jobs, order, band)
+    if runs.apart:
+        bands = f"; more than {MOST_BANDED:,} times have no bands" if runs.many else ""
+        notes.append(
+            "at most times half of the runs or fewer have a step, and the others count with "
+            f"cost 0{bands}; where their stamps differ, --resample puts all on one clock"
         )
+    costs = runs.columns(COST_COLUMNS)
+    yield "step", runs, [runs.line(row, carried=False) for row in costs], None
+    yield "cumulative", runs, [runs.line(row, carried=True) for row in runs.so_far(costs)], None
+    traced = steps[steps[CURVE_COLUMNS[0]].notna()]
+    if not len(traced):
+        return
+    having = np.isin(jobs, traced["job"]) | ~np.isin(jobs, steps["job"])
+    if not having.all():
+        missing = f"{np.count_nonzero(~having):,} of {counted(len(having), 'run')}"
+        notes.append(f"{missing} have no values of the steps up to each step")
+    runs = _Runs(traced, jobs[having], order, band)
+    powers = [[value**order for value in own] for own in runs.columns(CURVE_COLUMNS).tolist()]
+    value, lower, upper = np.array(powers)
+    line = runs.line(value, (lower, upper), carried=True)
+    yield "growing", runs, [line], (runs.rms(lower, carried=True), runs.rms(upper, carried=True))
 
-    def _powers(self, values: Floats) -> Floats:
-        return np.array([[value**self.order for value in own] for own in values.tolist()])
 
-    def _rms(self, runs: "_Runs", kind: CurveKind, costs: Floats) -> list[float]:
-        means = runs.sums(costs, carried=kind != "step") / runs.count
-        return [cost ** (1 / self.order) for cost in means.tolist()]
-
-    def _line(
-        self,
-        runs: "_Runs",
-        kind: CurveKind,
-        costs: Floats,
-        bounds: tuple[Floats, Floats] | None = None,
-    ) -> RmsLine:
-        """The line of the costs (R,) at rows, with the band of costs between bounds."""
-        band = None
-        if runs.count >= LEAST_RUNS[self.band] and not runs.many:
-            ends = []
-            for row, there in runs.cells(carried=kind != "step"):
-                cells = [np.where(there, side[row], 0.0) for side in bounds or (costs,)]
-                ends.append(self._band(cells[0], cells[-1]))
-            low, high = np.concatenate(ends, axis=1).tolist()
-            band = low, high
-        return RmsLine(rms=self._rms(runs, kind, costs), band=band)
-
-    def _band(self, lower: Floats, upper: Floats) -> Floats:
-        """Ends of the band (2, K) of costs (N, K) of runs that are between these bounds."""
-        root, runs = 1 / self.order, len(lower)
-        if self.band == "interval":
-            return np.stack(intervals(lower.T / runs, upper.T / runs, self.order))
-        if self.band == "bootstrap":
-            least = _resampled(lower)
-            most = least if upper is lower else _resampled(upper)
-            return np.stack([least[BAND_TAIL - 1], most[-BAND_TAIL]]) ** root
-        low, high = lower**root, upper**root
-        if self.band == "percentiles":
-            levels = zip((low, high), BAND_LEVELS, strict=True)
-            return np.stack([np.quantile(values, level, axis=0) for values, level in levels])
-        least, most = (side.mean(axis=0) ** root for side in (lower, upper))
-        least, most = least - low.std(axis=0, ddof=1), most + high.std(axis=0, ddof=1)
-        return np.stack([np.maximum(least, 0.0), most])
+def _band(kind: BandKind, lower: Floats, upper: Floats, order: float) -> Floats:
+    """Ends of the band (2, K) of costs (N, K) of runs that are between these bounds."""
+    runs, root = len(lower), 1 / order
+    if kind == "interval":
+        return np.stack(intervals(lower.T / runs, upper.T / runs, order))
+    if kind == "bootstrap":
+        least = _resampled(lower)
+        most = least if upper is lower else _resampled(upper)
+        return np.stack([least[BAND_TAIL - 1], most[-BAND_TAIL]]) ** root
+    low, high = lower**root, upper**root
+    if kind == "percentiles":
+        levels = zip((low, high), BAND_LEVELS, strict=True)
+        return np.stack([np.quantile(values, level, axis=0) for values, level in levels])
+    least, most = (side.mean(axis=0) ** root for side in (lower, upper))
+    least, most = least - low.std(axis=0, ddof=1), most + high.std(axis=0, ddof=1)
+    return np.stack([np.maximum(least, 0.0), most])
 
 
 def _resampled(costs: Floats) -> Floats:
@@ -243,22 +193,27 @@ class _Runs:
         Times are of several kinds.
     """
 
-    def __init__(self, steps: StoredSteps, at: Ints, jobs: Ints) -> None:
+    def __init__(self, steps: "pd.DataFrame", jobs: Ints, order: float, band: BandKind) -> None:
         import pandas as pd
 
-        codes, texts = pd.factorize(steps.times[at])
+        codes, texts = pd.factorize(steps["t"].to_numpy())
         read = [_as_read(text) for text in texts]
         (place,) = places([read])
-        run, place = np.searchsorted(jobs, steps.job[at]), place[codes]
-        order = np.lexsort((place, run))
-        self.count, self.rows = len(jobs), at[order]
-        self.run, self.place = run[order], place[order]
+        run, place = np.searchsorted(jobs, steps["job"]), place[codes]
+        by_run = np.lexsort((place, run))
+        self.order, self.band = order, band
+        self.count, self.steps = len(jobs), steps.iloc[by_run]
+        self.run, self.place = run[by_run], place[by_run]
         # Of equal times, as 1 and 1.0, that of the first run is shown.
-        first = order[np.unique(self.place, return_index=True)[1]]
+        first = by_run[np.unique(self.place, return_index=True)[1]]
         self.times: list[Time] = [read[code] for code in codes[first].tolist()]
         begins = np.flatnonzero(np.diff(self.run, prepend=-1)).tolist()
-        self.slices = [slice(*ends) for ends in pairwise([*begins, len(at)])]
-        self.divisor = np.maximum(steps.steps[self.rows], 1)
+        self.slices = [slice(*ends) for ends in pairwise([*begins, len(steps)])]
+        self.divisor = np.maximum(self.columns(["steps"])[0], 1)
+
+    def columns(self, names: Sequence[str]) -> Floats:
+        """Columns (M, R) of the steps."""
+        return np.ascontiguousarray(self.steps[list(names)].to_numpy(float).T)
 
     @cached_property
     def apart(self) -> bool:
@@ -300,6 +255,25 @@ class _Runs:
             else:
                 found[place] += costs[own]
         return found
+
+    def rms(self, costs: Floats, *, carried: bool) -> list[float]:
+        """Root mean squares over the runs of costs (R,) at each time."""
+        means = self.sums(costs, carried=carried) / self.count
+        return [cost ** (1 / self.order) for cost in means.tolist()]
+
+    def line(
+        self, costs: Floats, bounds: tuple[Floats, Floats] | None = None, *, carried: bool
+    ) -> RmsLine:
+        """The line of the costs (R,) at rows, with the band of costs between bounds."""
+        band = None
+        if self.count >= LEAST_RUNS[self.band] and not self.many:
+            ends = []
+            for row, there in self.cells(carried=carried):
+                cells = [np.where(there, side[row], 0.0) for side in bounds or (costs,)]
+                ends.append(_band(self.band, cells[0], cells[-1], self.order))
+            low, high = np.concatenate(ends, axis=1).tolist()
+            band = low, high
+        return RmsLine(rms=self.rms(costs, carried=carried), band=band)
 
     def cells(self, *, carried: bool) -> Iterator[tuple[Ints, NDArray[np.bool_]]]:
         """Of some times after the others the steps (N, K) of all runs, and whether there are such.

@@ -46,11 +46,44 @@ def headline(report: Report) -> str:
     return f"gate: {report.verdict} (exit status {report.status}){pairs}"
 
 
+UNPROVEN = "the reported split, not proven: where optima tie, another has the same total"
+"""Of values that are marked."""
+
+LIMITS = ("baseline", "limit", "now")
+
+
+def _rows(
+    report: Report,
+) -> Iterator[tuple[PairOutcome, str, tuple[float | None, ...], str, bool]]:
+    """Of each rule the pair, its text, baseline, limit, value, the verdict, whether proven.
+
+    Of an update each value that changes, before and after; of what could not be judged a single
+    row without numbers.
+    """
+    for outcome in report.outcomes:
+        for path, change in outcome.changes.items():
+            yield outcome, path, change, "", True
+        for finding in outcome.findings:
+            base = None if finding.rule.maximum else finding.base
+            # The bound that decides.
+            now = finding.now.lower if finding.verdict is Verdict.FAIL else finding.now.upper
+            values = (base, finding.limit, now)
+            yield outcome, finding.rule.text, values, shown_verdict(finding), finding.now.proven
+        if not outcome.findings and outcome.verdict is not Verdict.UPDATED:
+            yield outcome, "", (None,) * len(LIMITS), outcome.verdict, True
+
+
 def table(report: Report) -> str:
     """The rules of all pairs, then notes about them."""
     updated = report.verdict is Verdict.UPDATED
-    cells = _changes if updated else _findings
-    rows = [row for outcome in report.outcomes for row in cells(outcome)]
+    rows: list[Row] = []
+    above = None
+    for outcome, rule, values, verdict, proven in _rows(report):
+        pair = "" if outcome is above else ending(visible(title(outcome)), WIDTHS[0] - 1)
+        text = ending(visible(f"{rule or verdict}{'' if proven else ' *'}"), WIDTHS[1] - 1)
+        numbers = map(number_of, values) if rule else ()
+        rows.append((pair, text, *numbers, *([f" {verdict}"] if rule and not updated else [])))
+        above = outcome
     head = ("pair", "value", "old", "new") if updated else ("pair", "rule", *LIMITS)
     lines = text_lines(Table(head=head, rows=rows, align="llrrrl", widths=WIDTHS), "")
     if any(not finding.now.proven for o in report.outcomes for finding in o.findings):
@@ -70,42 +103,9 @@ def table(report: Report) -> str:
     return "\n\n".join("\n".join(block) for block in blocks if block) + "\n"
 
 
-UNPROVEN = "the reported split, not proven: where optima tie, another has the same total"
-"""Of values that are marked."""
-
-LIMITS = ("baseline", "limit", "now")
-
-
-def _named(outcome: PairOutcome, k: int, rule: str) -> tuple[str, str]:
-    """The pair, in its first row, and a rule, as far as their columns hold them."""
-    pair = "" if k else ending(visible(title(outcome)), WIDTHS[0] - 1)
-    return pair, ending(visible(rule), WIDTHS[1] - 1)
-
-
-def _findings(outcome: PairOutcome) -> Iterator[Row]:
-    if not outcome.findings:
-        yield _named(outcome, 0, outcome.verdict)
-    for k, finding in enumerate(outcome.findings):
-        rule = finding.rule.text + ("" if finding.now.proven else " *")
-        values = map(number_of, _values(finding))
-        yield *_named(outcome, k, rule), *values, f" {shown_verdict(finding)}"
-
-
-def _values(finding: Finding) -> tuple[float | None, float, float]:
-    """The baseline, where it matters, the limit, and the bound that decides."""
-    base = None if finding.rule.maximum else finding.base
-    now = finding.now.lower if finding.verdict is Verdict.FAIL else finding.now.upper
-    return base, finding.limit, now
-
-
 def shown_verdict(finding: Finding) -> str:
     """The verdict of a rule; one that only warns and is not proven to hold is a warning."""
     return "warning" if finding.warning else finding.verdict
-
-
-def _changes(outcome: PairOutcome) -> Iterator[Row]:
-    for k, one in enumerate(outcome.changes):
-        yield *_named(outcome, k, one.path), number_of(one.old), number_of(one.new)
 
 
 def number_of(value: float | None) -> str:
@@ -141,7 +141,7 @@ def _pair(outcome: PairOutcome) -> Json:
         "notes": list(outcome.notes),
         "warnings": [notice.record() for notice in outcome.warnings],
         "rules": [_finding(finding) for finding in outcome.findings],
-        "changes": {one.path: {"old": one.old, "new": one.new} for one in outcome.changes},
+        "changes": {path: {"old": old, "new": new} for path, (old, new) in outcome.changes.items()},
         "seconds": outcome.seconds,
     }
 
@@ -175,11 +175,16 @@ def github_lines(report: Report) -> Iterator[str]:
     """The lines of the Markdown report, the verdict first."""
     yield from (f"**TGOSPA {headline(report)}**", "")
     updated = report.verdict is Verdict.UPDATED
-    rows = [row for outcome in report.outcomes for row in _cells(outcome, updated=updated)]
-    if updated:
-        found = Table(head=("pair", "value", "old", "new"), rows=rows, align="llrr")
-    else:
-        found = Table(head=("pair", "rule", *LIMITS, "verdict"), rows=rows, align="llrrrl")
+    rows: list[Row] = []
+    for outcome, rule, values, verdict, proven in _rows(report):
+        about = verdict if rule and verdict == Verdict.PASS else f"**{verdict}**"
+        about += "" if proven else ", split, not proven"
+        cells = [_cell(value) for value in values] if rule else [None] * len(LIMITS)
+        text = markdown_code(rule) if rule else None
+        rows.append((markdown_code(title(outcome)), text, *cells, *([] if updated else [about])))
+    head = ("value", "old", "new") if updated else ("rule", *LIMITS, "verdict")
+    align = "llrr" if updated else "llrrrl"
+    found = Table(head=("pair", *head), rows=rows, align=align)
     yield from (*markdown_lines(found, escape=str), "")
     for outcome in report.outcomes:
         for note in (*outcome.notes, *map(str, outcome.warnings)):
@@ -187,23 +192,6 @@ def github_lines(report: Report) -> Iterator[str]:
     yield from (f"- {escape.markdown(text)}" for text in report.told())
     if report.advice:
         yield f"\n{ANEW}: {markdown_code(report.advice)}"
-
-
-def _cells(outcome: PairOutcome, *, updated: bool) -> Iterator[Row]:
-    """Rows of the table, in Markdown already."""
-    name = markdown_code(title(outcome))
-    if updated:
-        for one in outcome.changes:
-            yield name, markdown_code(one.path), _cell(one.old), _cell(one.new)
-        return
-    if not outcome.findings:
-        yield name, *[None] * 4, f"**{outcome.verdict}**"
-    for finding in outcome.findings:
-        mark = "" if finding.now.proven else ", split, not proven"
-        verdict = shown_verdict(finding)
-        shown = verdict if verdict == Verdict.PASS else f"**{verdict}**"
-        values = map(_cell, _values(finding))
-        yield name, markdown_code(finding.rule.text), *values, f"{shown}{mark}"
 
 
 def _cell(value: float | None) -> str:
@@ -238,9 +226,14 @@ def annotations(report: Report) -> Iterator[str]:
         for outcome in report.outcomes
         if outcome.status
     ]
-    warnings = [
-        _warning(outcome) for outcome in report.outcomes if outcome.warned or outcome.warnings
-    ]
+    warnings = []
+    for outcome in report.outcomes:
+        lines = [notice.sentence for notice in outcome.warnings]
+        if outcome.warned:
+            broken = ", ".join(finding.rule.text for finding in outcome.warned)
+            lines.insert(0, f"broken or undecided, for a warning only: {broken}")
+        if lines:
+            warnings.append((title(outcome), "\n".join(lines)))
     for kind, found in (("error", errors), ("warning", warnings)):
         shown = found if len(found) <= MOST_ANNOTATIONS else found[: MOST_ANNOTATIONS - 1]
         for name, text in shown:
@@ -249,12 +242,6 @@ def annotations(report: Report) -> Iterator[str]:
             rest = found[len(shown) :]
             names = ", ".join(name for name, _ in rest)
             yield _command(kind, f"TGOSPA gate: {len(rest)} more pairs", names)
-
-
-def _warning(outcome: PairOutcome) -> tuple[str, str]:
-    broken = ", ".join(f"{finding.rule.text}" for finding in outcome.warned)
-    lines = [f"broken or undecided, for a warning only: {broken}"] if broken else []
-    return title(outcome), "\n".join((*lines, *(notice.sentence for notice in outcome.warnings)))
 
 
 def _command(kind: str, heading: str, text: str) -> str:

@@ -2,26 +2,25 @@
 
 import math
 from collections.abc import Container, Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import Any, Self
 
 from tgospa_eval.campaign.baseline import (
-    BASELINE_VALUES,
+    MEASURED,
     Baseline,
-    BaselineEntry,
     Measured,
     differences,
+    value_at,
 )
 from tgospa_eval.campaign.rules import (
+    BY_CLASS,
     STATUS,
     Finding,
-    Key,
     Rule,
     Value,
     Verdict,
     judge,
-    keys,
-    name_of,
+    meanings,
     worst,
 )
 from tgospa_eval.campaign.suite import Pair
@@ -29,21 +28,12 @@ from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
 from tgospa_eval.common.words import number
-from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.tracks.judged import incomparable
 
 WORST_FIRST = (Verdict.FAIL, Verdict.INCOMPARABLE, Verdict.UNDECIDED, Verdict.PASS)
 OPEN = 1e-6
 """Relative gap of a total from which on a baseline is called open."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ValueChange:
-    """A value of a baseline before and after an update; None where there is none."""
-
-    path: str
-    old: float | None
-    new: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,8 +50,8 @@ class PairOutcome:
         Exit status.
     findings : tuple of Finding
         One for each rule.
-    changes : tuple of ValueChange
-        Of an update.
+    changes : mapping of str to pair of float
+        Of an update: values before and after by path; None where there is none.
     notes : tuple of str
         What the user should know: reasons, remedies.
     seconds : float
@@ -76,7 +66,7 @@ class PairOutcome:
     verdict: Verdict
     status: int
     findings: tuple[Finding, ...] = ()
-    changes: tuple[ValueChange, ...] = ()
+    changes: Mapping[str, tuple[float | None, float | None]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     seconds: float = 0.0
     warnings: tuple[Notice, ...] = ()
@@ -148,7 +138,7 @@ class Report:
 
 
 def judged_outcome(
-    pair: Pair, now: Measured, entry: BaselineEntry | None, rules: Iterable[Rule], **about: Any
+    pair: Pair, now: Measured, entry: Json | None, rules: Iterable[Rule], **about: Any
 ) -> PairOutcome:
     """Verdict, findings and notes of a result against its entry of the baseline.
 
@@ -157,7 +147,7 @@ def judged_outcome(
     apart = differences(entry, now) if entry else []
     if apart:
         return PairOutcome.of(pair, Verdict.INCOMPARABLE, *apart, **about)
-    findings = [_judged(rule, now.values, entry.values if entry else {}) for rule in rules]
+    findings = [_judged(rule, now, entry["values"] if entry else {}) for rule in rules]
     binding = [finding.verdict for finding in findings if not finding.rule.warns]
     verdict = min(binding, key=WORST_FIRST.index)
     notes = _notes(findings, now, entry)
@@ -165,52 +155,54 @@ def judged_outcome(
 
 
 def updated_outcome(
-    pair: Pair, before: BaselineEntry | None, entry: BaselineEntry, now: Measured, **about: Any
+    pair: Pair, before: Json | None, entry: Json, now: Measured, **about: Any
 ) -> PairOutcome:
     """What an update of a baseline changes; `about` has further fields."""
-    notes, changes = _update_notes(before, entry, now), _changes(before, entry)
+    notes = _update_notes(before, entry, now)
+    changes = _changes(before["values"] if before else {}, entry["values"])
     return PairOutcome.of(pair, Verdict.UPDATED, *notes, changes=changes, **about)
 
 
-def _judged(rule: Rule, values: Mapping[Key, Value], old: Mapping[Key, float]) -> Finding:
+def _judged(rule: Rule, now: Measured, old: Json) -> Finding:
     """What a rule finds; a class that is on one side only costs 0 on the other."""
-    key = next((key for key in keys(rule.path) if key in values or key in old), None)
-    if key is None:
-        unknown = Value(lower=math.nan, upper=math.nan, proven=True, unit=1.0)
-        return Finding(
-            rule=rule, base=None, limit=math.nan, now=unknown, verdict=Verdict.INCOMPARABLE
-        )
-    now = values.get(key) or replace(values[key[1]], lower=0.0, upper=0.0)
-    return judge(rule, now, old.get(key, 0.0))
+    for name, path in meanings(rule.path):
+        own = now.values if name is None else now.classes.get(name)
+        before = old if name is None else old.get("by_class", {}).get(name)
+        if own or before:
+            value = own[path] if own else replace(now.values[path], lower=0.0, upper=0.0)
+            return judge(rule, value, value_at(before, path) if before else 0.0)
+    unknown = Value(lower=math.nan, upper=math.nan, proven=True, unit=1.0)
+    return Finding(rule=rule, base=None, limit=math.nan, now=unknown, verdict=Verdict.INCOMPARABLE)
 
 
-def _changes(old: BaselineEntry | None, new: BaselineEntry) -> tuple[ValueChange, ...]:
+def _changes(
+    before: Json, after: Json, name: str = ""
+) -> dict[str, tuple[float | None, float | None]]:
     """Values that differ between two entries, bounds left out: `tgospa` is the upper one."""
-    before, after = (old.values if old else {}), new.values
-    return tuple(
-        ValueChange(path=name_of(key), old=before.get(key), new=after.get(key))
-        for key in (*BASELINE_VALUES, *sorted({*before, *after} - {*BASELINE_VALUES}))
-        if key not in ("lower_bound", "upper_bound") and before.get(key) != after.get(key)
-    )
+    values = {path: (value_at(before, path), value_at(after, path)) for path in MEASURED}
+    changes = {name + path: ends for path, ends in values.items() if ends[0] != ends[1]}
+    old, new = (side.get("by_class", {}) for side in (before, after))
+    for inner in sorted({*old, *new}):
+        about = f"{BY_CLASS}{inner}."
+        changes |= _changes(old.get(inner, {}), new.get(inner, {}), about)
+    return changes
 
 
-def _notes(findings: list[Finding], now: Measured, entry: BaselineEntry | None) -> Iterator[str]:
+def _notes(findings: list[Finding], now: Measured, entry: Json | None) -> Iterator[str]:
     for finding in findings:
         yield from _sentences(finding)
     if entry and any(f.verdict is Verdict.FAIL and f.now.proven for f in findings):
-        yield from _parts(now.values, entry)
+        yield from _parts(now.values, entry["values"])
     if any(f.verdict is Verdict.UNDECIDED for f in findings):
         yield f"undecided: {now.remedy}"
     if entry:
-        yield from _against(findings, now.values, entry, now.order)
+        yield from _against(findings, now, entry["values"])
 
 
-def _against(
-    findings: list[Finding], values: Mapping[Key, Value], entry: BaselineEntry, order: float
-) -> Iterator[str]:
+def _against(findings: list[Finding], now: Measured, old: Json) -> Iterator[str]:
     """What the user should know of the baseline."""
     moved = any(f.verdict is Verdict.FAIL and not f.now.proven for f in findings)
-    if moved and values["total"].lower <= entry.values["total"] * (1 + 1e-9):
+    if moved and now.values["total"].lower <= old["total"] * (1 + 1e-9):
         yield (
             "the total is not proven to be worse: where optima tie, another one splits the same "
             "total in another way"
@@ -221,8 +213,8 @@ def _against(
             f"baseline can be tightened: {', '.join(dict.fromkeys(better))} improved by more than "
             "the slack"
         )
-    lower, upper = (entry.values[f"{side}_bound"] for side in ("lower", "upper"))
-    gap = 1 - (lower / upper) ** order if upper else 0.0
+    lower, upper = (old[f"{side}_bound"] for side in ("lower", "upper"))
+    gap = 1 - (lower / upper) ** now.order if upper else 0.0
     if gap > OPEN:
         yield (
             f"the bracket of the baseline is open, relative gap {gap:.2g}: the gate is as loose as "
@@ -245,12 +237,12 @@ def _sentences(finding: Finding) -> Iterator[str]:
         yield f"{warning}{rule.path} is {known}, {allowed}{mark}"
 
 
-def _parts(values: Mapping[Key, Value], entry: BaselineEntry) -> Iterator[str]:
+def _parts(values: Mapping[str, Value], old: Json) -> Iterator[str]:
     """Where the cost went, as far as the split shows."""
     moved = [
-        f"{path} {number(entry.values[path], 7)} -> {number(values[path].upper, 7)}"
+        f"{path} {number(old[path], 7)} -> {number(values[path].upper, 7)}"
         for path in PARTS
-        if abs(values[path].upper - entry.values[path]) > values[path].tolerance
+        if abs(values[path].upper - old[path]) > values[path].tolerance
     ]
     if moved:
         yield f"split, not proven: {', '.join(moved)}"
@@ -277,17 +269,15 @@ def leftover(
     return [PairOutcome.of(pair, verdict, note) for pair in gone]
 
 
-def _update_notes(
-    before: BaselineEntry | None, entry: BaselineEntry, now: Measured
-) -> Iterator[str]:
+def _update_notes(before: Json | None, entry: Json, now: Measured) -> Iterator[str]:
     """What is not seen from the values."""
     if before is None:
         yield "new in the baseline"
     elif before == entry:
         yield "unchanged"
-    elif incomparable({"before": before.judged, "now": entry.judged}):
+    elif incomparable({"before": before["judged"], "now": entry["judged"]}):
         yield "the truth is another one than before"
-    elif {**before.parameters} != {**entry.parameters}:
+    elif before["parameters"] != entry["parameters"]:
         yield "parameters are others than before"
     if not now.certified:
         yield (

@@ -8,7 +8,7 @@ import glob
 import itertools
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from pathlib import Path
 
@@ -219,21 +219,17 @@ def layout_of(truth: str, trackers: str) -> str | None:
 
 def _elsewhere(layout: str, shape: str, folder: str) -> str:
     """What to say of a folder that is not laid out so: which one near it is."""
-    text = f"{folder}: has no {shape}, which --layout {layout} looks for"
     if not os.path.isdir(folder):
         return f"{folder}: {'is a file' if os.path.exists(folder) else 'no such folder'}"
+    near = []
     for level in range(1, NEARBY_LEVELS + 1):
         above = os.path.normpath(os.path.join(folder, *[os.pardir] * level))
-        inner = [f"{{inner{k}}}" for k in range(level)]
-        below = {
-            os.path.join(folder, *(values[name[1:-1]] for name in inner))
-            for _, values in patterns.found("/".join((*inner, shape)), folder)
-        }
-        is_above = next(patterns.found(shape, above), None) is not None
-        near = [*([above] if is_above else []), *sorted(below)]
-        if near:
-            return f"{text}; name {'one of ' if len(near) > 1 else ''}{listed(near, 3)}"
-    return text
+        near += [above] if next(patterns.found(shape, above), None) else []
+        inner = "/".join(f"{{inner{k}}}" for k in range(level))
+        below = (values for _, values in patterns.found(f"{inner}/{shape}", folder))
+        near += sorted({os.path.join(folder, patterns.fill(inner, values)) for values in below})
+    name = f"; name {'one of ' if len(near) > 1 else ''}{listed(near, 3)}" if near else ""
+    return f"{folder}: has no {shape}, which --layout {layout} looks for{name}"
 
 
 def read_sequences(path: str) -> list[str]:
@@ -267,7 +263,10 @@ def with_frames(plan: BatchPlan, layout: str, truth: str, seqmap: str | None = N
         found = {name: _frames_of_seqinfo(os.path.join(truth, name, SEQINFO)) for name in names}
     else:
         found = dict.fromkeys(names)
-        for path in (seqmap, _seqmap_in(truth)):
+        # The seqmap of the training sequences, or the only one.
+        there = glob.glob(os.path.join(glob.escape(truth), f"{SEQMAP}*"))
+        there = [path for path in there if path.endswith(".training")] or there
+        for path in (seqmap, there[0] if len(there) == 1 else None):
             missing = [name for name in names if found[name] is None]
             found |= _frames_of_seqmap(path, missing) if path and missing else {}
     missing = [name for name in names if found[name] is None]
@@ -286,29 +285,21 @@ def _frames_of_seqinfo(path: str) -> tuple[int, int] | None:
     """Frames 1 to seqLength of MOTChallenge's description of a sequence; None if it has none."""
     if not os.path.lexists(path):
         return None
-    found = None
+    found = set()
     for number, line in enumerate(decode(load(path), path).split("\n"), 1):
-        said = re.fullmatch(r"\s*seqLength\s*[=:](.*)", line, re.IGNORECASE)
-        if said is None:
+        named = re.fullmatch(r"\s*seqLength\s*[=:](.*)", line, re.IGNORECASE)
+        if named is None:
             continue
-        where = f"{path}, line {number}"
-        length = parsed_whole(said[1])
+        length = parsed_whole(named[1])
         if length is None or not 1 <= length <= MAX_STEPS:
             raise InputError(
-                f"{where}: seqLength is {quoted(said[1].strip())}; it must be the number of "
-                f"frames, 1 to {MAX_STEPS:,}"
+                f"{path}, line {number}: seqLength is {quoted(named[1].strip())}; it must be the "
+                f"number of frames, 1 to {MAX_STEPS:,}"
             )
-        if found not in (None, (1, length)):
-            raise InputError(f"{where}: seqLength is said twice, and differs")
-        found = (1, length)
-    return found
-
-
-def _seqmap_in(folder: str) -> str | None:
-    """The seqmap of the training sequences of KITTI, or the only one."""
-    there = glob.glob(os.path.join(glob.escape(folder), f"{SEQMAP}*"))
-    chosen = [path for path in there if path.endswith(".training")] or there
-    return chosen[0] if len(chosen) == 1 else None
+        found.add((1, length))
+    if len(found) > 1:
+        raise InputError(f"{path}: seqLength is there twice, and differs")
+    return found.pop() if found else None
 
 
 def _frames_of_seqmap(path: str, names: Collection[str]) -> dict[str, tuple[int, int]]:
@@ -375,18 +366,6 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
         faults += [f"{path}, line {line}: there is no file {name}" for name in absent]
         if not absent:
             jobs.append(job)
-    _check_labels(path, jobs)
-    return BatchPlan(jobs=tuple(jobs), faults=tuple(faults))
-
-
-def _check_labels(path: str, jobs: Iterable[Job]) -> None:
-    """Whether labels and options tell the jobs apart.
-
-    Raises
-    ------
-    InputError
-        They do not.
-    """
     seen = set()
     for job in jobs:
         key = (*job.labels.items(), *job.options.items())
@@ -395,6 +374,7 @@ def _check_labels(path: str, jobs: Iterable[Job]) -> None:
                 f"{path}: two rows are {quoted(job.name)}; a column tells them apart, such as run"
             )
         seen.add(key)
+    return BatchPlan(jobs=tuple(jobs), faults=tuple(faults))
 
 
 # -------------------------------------------------------------------------------------------------
@@ -565,16 +545,9 @@ def short_names(paths: Sequence[str]) -> list[str]:
     parts = [Path(path).with_suffix("").parts for path in paths]
     if len(paths) == 1:
         return [parts[0][-1]]
-    names = ["/".join(part) for part in _without_common(_without_common(parts, 1), -1)]
+    for _ in range(2):  # what all have in common is left out at the beginning, then at the end
+        levels = enumerate(zip(*parts, strict=False))
+        same = next((k for k, names in levels if len(set(names)) > 1), min(map(len, parts)))
+        parts = [part[same:][::-1] for part in parts]
+    names = ["/".join(part) for part in parts]
     return names if len(set(names)) == len(names) and all(names) else list(paths)
-
-
-def _without_common(parts: list[tuple[str, ...]], step: int) -> list[tuple[str, ...]]:
-    """Without what is the same in all, at the beginning (1) or at the end (-1)."""
-    turned = [part[::step] for part in parts]
-    same = 0
-    for level in zip(*turned, strict=False):
-        if len(set(level)) > 1:
-            break
-        same += 1
-    return [part[same:][::step] for part in turned]

@@ -9,18 +9,17 @@ the mean totals may be another, and `opposed` marks it.
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval._version import __version__
 from tgospa_eval.campaign import SCHEMA
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.interval import EQUAL, Interval, less, places, second_less_first, verdict
+from tgospa_eval.common.interval import EQUAL, Interval, places, second_less_first, verdict
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation.other_metrics import Others
-from tgospa_eval.evaluation.other_metrics import joined as joined_metrics
 from tgospa_eval.formats.times import TimeError
 from tgospa_eval.formats.times import places as places_of_times
 from tgospa_eval.problem.gospa import (
@@ -34,9 +33,8 @@ from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.other_metrics import COMPARED
 from tgospa_eval.reports.phrases import RULES, Rule
 from tgospa_eval.results.numbers import outward
-from tgospa_eval.results.records import PARTS, Columns, Json, OtherMetrics, Part, Time
+from tgospa_eval.results.records import PARTS, Columns, Json, OtherMetrics, Time
 from tgospa_eval.results.result import Result
-from tgospa_eval.results.saved import unlike
 from tgospa_eval.tracks.alignment import Times
 from tgospa_eval.tracks.judged import JUDGE_ALIKE, incomparable
 
@@ -153,190 +151,195 @@ def _count(number: float, word: str) -> str:
 
 
 # -------------------------------------------------------------------------------------------------
-# Entrants of a ranking: what is needed of their evaluations, and how long each run is.
+# What a ranking needs of the evaluation of one estimate in one run.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class EntrantOutcome:
+class RunOutcome:
     """What a ranking needs of the evaluation of one estimate in one run.
 
     Parameters
     ----------
-    bracket : Interval
-        Proven bounds of the total.
-    parts, counts : dict
-        Costs and counts.
+    path : str
+        Its file.
+    run : dict
+        As the document has it: proven bounds of the total, its parts, and how the solver ended.
+    counts : dict
+        Misses, false targets, switches.
     steps : dict of (T,) float arrays
         Costs of each step, by part; and the values of other rules, by rule.
     moments, times : (T,) array and list
         The steps, as numbers and as they were read.
     judged : mapping
         What it was judged on, as `Judged.record`.
-    finished, status : bool, str
-        Whether the solver did what was asked, and how it ended.
-    input, against, others : dict, or None
-        Rows and digests; per-step GOSPA; other metrics.
+    against : dict, optional
+        Per-step GOSPA.
     """
 
-    bracket: Interval
-    parts: Json
+    path: str
+    run: Json
     counts: dict[str, float]
     steps: dict[str, Floats]
     moments: Times
     times: list[Time]
     judged: Mapping[str, Any]
-    finished: bool
-    status: str
-    input: Mapping[str, Json]
     against: Json | None = None
-    others: Others | None = None
 
 
-def outcome(
-    result: Result, moments: Times, *, per_step: bool, others: Others | None = None
-) -> EntrantOutcome:
+Entrants = Mapping[str, Sequence[RunOutcome]]
+"""The runs of each estimate by its name; all have the same runs."""
+
+
+def outcome(path: str, result: Result, moments: Times, *, per_step: bool) -> RunOutcome:
     """What to keep of a result, so that the problem can go."""
     split, (lower, upper) = result.proof.breakdown, result.total_bounds
     record, values = against(result) if per_step else (None, {})
-    return EntrantOutcome(
-        bracket=Interval(lower=lower, upper=upper),
-        parts={name: getattr(result, name) for name in PARTS},
+    return RunOutcome(
+        path=path,
+        run={
+            "total": upper,
+            "total_lower": lower,
+            **{name: getattr(result, name) for name in PARTS},
+            "status": result.solver["status"],
+            "finished": bool(result.solver["finished"]),
+            "input": result.input,
+        },
         counts=result.counts,
         steps={name: result.scale * getattr(split, name) for name in PARTS} | values,
         moments=moments,
         times=result.labels.times,
         judged=result.judged,
-        finished=bool(result.solver["finished"]),
-        status=result.solver["status"],
-        input=result.input,
         against=record,
-        others=others,
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Entrant:
-    """One tracker.
+def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunOutcome]:
+    """The same of saved results of one run, which are of the same truth.
 
-    Parameters
-    ----------
-    name : str
-        What it is called.
-    paths : sequence of str
-        Its file in each run.
-    outcomes : sequence of EntrantOutcome
-        What came of each.
+    Raises
+    ------
+    InputError
+        Times are of several kinds or out of order.
     """
-
-    name: str
-    paths: Sequence[str]
-    outcomes: Sequence[EntrantOutcome]
-
-
-def durations(entrants: Sequence[Entrant]) -> list[int]:
-    """Steps of the horizon of each run, at least 1; all entrants are judged on the same ones."""
-    return [max(item.judged["steps"], 1) for item in entrants[0].outcomes]
+    times = [[step["t"] for step in document["per_step"]] for document in documents]
+    try:
+        moments = places_of_times(times)
+    except TimeError as error:
+        raise InputError(f"{paths[0]}, or a result of its truth: per_step: {error}") from None
+    found = []
+    for document, path, own, named in zip(documents, paths, moments, times, strict=True):
+        if np.any(np.diff(own) <= 0):
+            raise InputError(f"{path}: per_step: times are not in order")
+        order, solver = document["parameters"]["order"], document["solver"]
+        steps = document["per_step"]
+        run: Json = {
+            # The bounds of the total, from those of the value, rounded outward once more.
+            "total": outward(document["upper_bound"] ** order, 1),
+            "total_lower": outward(document["lower_bound"] ** order, -1),
+            **{name: document[name] for name in PARTS},
+            "status": solver["status"],
+            "finished": bool(solver["finished"]),
+            "input": document["input"],
+        }
+        found.append(
+            RunOutcome(
+                path=path,
+                run=run,
+                counts=document["counts"],
+                steps={name: np.array([step[name] for step in steps], float) for name in PARTS},
+                moments=own,
+                times=named,
+                judged=document["judged"],
+            )
+        )
+    return found
 
 
 # -------------------------------------------------------------------------------------------------
-# The ranking.
+# Costs of the steps, side by side.
 
 
-StepCosts = tuple[list[Time], dict[str, list[float]]]
-"""Times, and costs of the steps by estimate."""
+SideBySide = tuple[list[Time], dict[str, Floats], NDArray[np.bool_]]
+"""Of one run the times of the T steps that any of the N evaluations has; costs (N, T) by part, in
+``total``, and by rule, 0 at steps that one has not, for nothing is there; which steps each has."""
 
 
-def steps_columns(entrants: Sequence[Entrant], best: str) -> Columns:
+def side_by_side(entrants: Entrants) -> Iterator[SideBySide]:
+    """The costs of the steps of each run."""
+    for outcomes in zip(*entrants.values(), strict=True):
+        moments = np.unique(np.concatenate([item.moments for item in outcomes]))
+        there = np.zeros((len(outcomes), len(moments)), bool)
+        costs = {name: np.zeros(there.shape) for name in outcomes[0].steps}
+        named: dict[int, Time] = {}
+        for k, item in enumerate(outcomes):
+            at = np.searchsorted(moments, item.moments)
+            there[k, at] = True
+            for name, values in item.steps.items():
+                costs[name][k, at] = values
+            named = dict(zip(at.tolist(), item.times, strict=True)) | named
+        costs["total"] = sum((costs[name] for name in PARTS), np.zeros(there.shape))
+        yield [named[k] for k in range(len(moments))], costs, there
+
+
+def steps_columns(entrants: Entrants, best: str) -> Columns:
     """Costs of each step, run, and estimate, and the differences to the best estimate's.
 
     A step that an estimate's evaluation has not, because nothing is there, costs nothing.
     """
-    extra = [] if entrants[0].outcomes[0].against is None else ["gospa", *RULES]
-    differences = ["difference", *(f"difference_{name}" for name in PARTS)]
-    names = ["run", "t", "estimate", *PARTS, "total", *differences, *extra]
+    runs, leader = list(side_by_side(entrants)), list(entrants).index(best)
+    rules = [name for name in ("gospa", *RULES) if name in runs[0][1]]
+    heads: dict[str, str] = {
+        "total": "difference",
+        **{name: f"difference_{name}" for name in PARTS},
+    }
+    names = ("run", "t", "estimate", *PARTS, "total", *heads.values(), *rules)
     table: Columns = {name: [] for name in names}
-    leader = next(entrant for entrant in entrants if entrant.name == best)
-    for entrant in entrants:
-        for run, (item, first) in enumerate(zip(entrant.outcomes, leader.outcomes, strict=True)):
-            times, own, other = joined(item, first)
-            table["run"] += [run + 1] * len(times)
-            table["t"] += times
-            table["estimate"] += [entrant.name] * len(times)
-            for name in ("total", *PARTS):
-                table[name] += own[name].tolist()
-                head = "difference" if name == "total" else f"difference_{name}"
-                table[head] += (own[name] - other[name]).tolist()
-            for rule in extra:
-                table[rule] += own[rule].tolist()
+    for (k, name), (run, steps) in itertools.product(enumerate(entrants), enumerate(runs, 1)):
+        times, costs, there = steps
+        rows = np.flatnonzero(there[k] | there[leader])
+        table["run"] += [run] * len(rows)
+        table["t"] += [times[row] for row in rows]
+        table["estimate"] += [name] * len(rows)
+        for cost in (*heads, *rules):
+            table[cost] += costs[cost][k, rows].tolist()
+        for cost, head in heads.items():
+            table[head] += (costs[cost][k, rows] - costs[cost][leader, rows]).tolist()
     return table
 
 
-def steps_costs(entrants: Sequence[Entrant]) -> StepCosts:
+def steps_costs(entrants: Entrants) -> tuple[list[Time], dict[str, list[float]]]:
     """Times, and the cost of each step by estimate, mean over runs.
 
     None where the runs differ in length; of runs with other times each the numbers of the steps.
     """
-    found: dict[str, list[float]] = {}
-    times: list[list[Time]] = []
-    for entrant in entrants:
-        runs = []
-        for run, item in enumerate(entrant.outcomes):
-            rivals = [other.outcomes[run] for other in entrants]
-            named = {m: t for o in rivals for m, t in zip(o.moments.tolist(), o.times, strict=True)}
-            moments = np.array(sorted(named), item.moments.dtype)
-            times.append([named[m] for m in moments.tolist()])
-            costs = np.zeros(len(moments))
-            costs[np.searchsorted(moments, item.moments)] = sum(item.steps[name] for name in PARTS)
-            runs.append(costs)
-        if len({len(costs) for costs in runs}) > 1:
-            return [], {}
-        found[entrant.name] = np.mean(runs, axis=0).tolist()
-    same = all(other == times[0] for other in times)
-    return (times[0] if same else [*range(1, len(times[0]) + 1)]), found
+    each, costs, _ = zip(*side_by_side(entrants), strict=True)
+    times = each[0]
+    if any(len(other) != len(times) for other in each):
+        return [], {}
+    means = np.mean([run["total"] for run in costs], axis=0).tolist()
+    same = all(other == times for other in each)
+    return times if same else [*range(1, len(times) + 1)], dict(zip(entrants, means, strict=True))
 
 
-Costs = dict[str, Floats]
-"""Of steps, by part, in ``total``, and by rule."""
-
-
-def joined(first: EntrantOutcome, second: EntrantOutcome) -> tuple[list[Time], Costs, Costs]:
-    """Times, and costs of both on the steps of either; 0 at those that one has not."""
-    moments = np.union1d(first.moments, second.moments)
-    times: dict[int, Time] = {}
-    for item in (second, first):
-        times |= zip(np.searchsorted(moments, item.moments).tolist(), item.times, strict=True)
-
-    def spread(item: EntrantOutcome) -> Costs:
-        at = np.searchsorted(moments, item.moments)
-        costs = {name: np.zeros(len(moments)) for name in item.steps}
-        for name, values in item.steps.items():
-            costs[name][at] = values
-        return costs | {"total": sum((costs[name] for name in PARTS), np.zeros(len(moments)))}
-
-    return [times[k] for k in range(len(moments))], spread(first), spread(second)
-
-
-def signs(own: Floats, other: Floats) -> Floats:
-    """Whether each step costs less (-1), the same but for rounding (0), or more (1)."""
-    small = np.abs(own - other) <= EQUAL * np.maximum(own, other)
-    return np.where(small, 0.0, np.sign(own - other))
-
+# -------------------------------------------------------------------------------------------------
+# The ranking.
 
 RANKED = "normalised.tgospa"
 """The field of an estimate by which estimates are ranked."""
 
 
 def ranking_document(
-    entrants: Sequence[Entrant],
+    entrants: Entrants,
     truths: Sequence[str],
     parameters: Json,
     warnings: list[dict[str, str]],
+    others: Mapping[str, OtherMetrics],
 ) -> Json:
     """The JSON document, the estimates in the order of their values.
 
     Parameters
     ----------
-    entrants : sequence of Entrant
+    entrants : mapping of str to sequence of RunOutcome
         At least one, each with the same number of runs.
     truths : sequence of str
         The file with the truth of each run.
@@ -344,32 +347,78 @@ def ranking_document(
         Every option that changes the number.
     warnings : list of dict
         What looks wrong with the data.
+    others : mapping of str to dict
+        Other metrics of all runs together, by the name of the estimate.
 
     Raises
     ------
     ConfigError
         Some are judged on another truth, or at other steps, than others.
     """
-    for run, outcomes in enumerate(zip(*(item.outcomes for item in entrants), strict=True)):
-        names = (f"{item.name}, {item.paths[run]}" for item in entrants)
-        wrong = incomparable(dict(zip(names, (one.judged for one in outcomes), strict=True)))
+    for outcomes in zip(*entrants.values(), strict=True):
+        both = zip(entrants, outcomes, strict=True)
+        wrong = incomparable({f"{name}, {item.path}": item.judged for name, item in both})
         if wrong:
             raise ConfigError(f"no order: {wrong}; {JUDGE_ALIKE}")
-    order = parameters["order"]
-    steps = durations(entrants)
-    per_step = [
-        [run.bracket.scaled(1 / count) for run, count in zip(item.outcomes, steps, strict=True)]
-        for item in entrants
+    names, order = list(entrants), parameters["order"]
+    steps = [max(item.judged["steps"], 1) for item in entrants[names[0]]]
+    costs = {
+        name: np.array([[item.run[name] for item in runs] for runs in entrants.values()], float)
+        for name in ("total", "total_lower", *PARTS)
+    }
+    shares = 1 / np.array(steps, float)
+    lower, upper = costs["total_lower"] * shares, costs["total"] * shares
+    ends = zip(lower.mean(axis=1).tolist(), upper.mean(axis=1).tolist(), strict=True)
+    normal = [Interval(lower=low, upper=high) for low, high in ends]
+    ranked = sorted(range(len(names)), key=lambda k: (normal[k].upper, normal[k].lower))
+    # Equal data have equal values, whatever the brackets are.
+    digests = [
+        [item.run["input"]["estimate"]["sha256"] for item in runs] for runs in entrants.values()
     ]
-    normal = [_mean(brackets) for brackets in per_step]
-    ranked = sorted(range(len(entrants)), key=lambda k: (normal[k].upper, normal[k].lower))
-    place = places(normal, lambda *pair: _verdict(entrants, normal, pair) == "equal")
+
+    def verdict_of(a: int, b: int) -> str:
+        return "equal" if digests[a] == digests[b] else verdict(normal[a], normal[b])
+
+    place = places(normal, lambda *pair: verdict_of(*pair) == "equal")
     estimates = []
     for k in ranked:
-        item = _entry(entrants[k], steps, order, place[k])
-        if item["per_step_gospa"] is not None:
-            item["differences"] = list(differences(item, item["per_step_gospa"], steps, order))
+        runs = entrants[names[k]]
+        own = {name: values[k] for name, values in costs.items()}
+        item = _estimate(names[k], runs, own, steps, order) | {"place": list(place[k])}
+        if names[k] in others:
+            item["with"] = others[names[k]]
         estimates.append(item)
+    totals = [run["total"] for _, run, _ in side_by_side(entrants)]
+    pairs = []
+    for a, b in itertools.combinations(ranked, 2):
+        difference = second_less_first(normal[a], normal[b])
+        # The second less the first, which has the smaller value.
+        per_step: Json = {"total": [difference.lower, difference.upper]}
+        for name in PARTS:
+            per_step[name] = float(np.mean((costs[name][b] - costs[name][a]) / steps))
+        change, count = upper[b] - upper[a], len(steps)
+        # Steps that cost the same but for rounding are neither better nor worse.
+        clear = EQUAL * np.concatenate([np.maximum(total[a], total[b]) for total in totals])
+        more = np.concatenate([total[b] - total[a] for total in totals])
+        pairs.append(
+            {
+                "first": names[a],
+                "second": names[b],
+                "verdict": verdict_of(a, b),
+                "opposed": bool(costs["total"][b].mean() < costs["total"][a].mean() * (1 - EQUAL)),
+                "per_step": per_step,
+                "steps": {
+                    "better": int((more < -clear).sum()),
+                    "worse": int((more > clear).sum()),
+                },
+                "per_run": {
+                    "mean": float(change.mean()),
+                    "standard_error": float(change.std(ddof=1) / count**0.5) if count > 1 else None,
+                    "first_less": int((upper[a] < lower[b]).sum()),
+                    "second_less": int((upper[b] < lower[a]).sum()),
+                },
+            }
+        )
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -379,161 +428,62 @@ def ranking_document(
         "truth": list(truths),
         "ranked_by": RANKED,
         "estimates": estimates,
-        "pairs": [
-            _pair(
-                (entrants[a], entrants[b]),
-                (normal[a], normal[b]),
-                (per_step[a], per_step[b]),
-                steps,
-            )
-            for a, b in itertools.combinations(ranked, 2)
-        ],
+        "pairs": pairs,
         "parameters": parameters,
         "warnings": warnings,
     }
 
 
-def _entry(entrant: Entrant, steps: list[int], order: float, place: tuple[int, int]) -> Json:
-    outcomes = entrant.outcomes
-    total = _mean([item.bracket for item in outcomes])
-    shares = np.array(steps, float)
-
-    def root(costs: Sequence[float]) -> float:
-        return float(np.mean(np.asarray(costs) / shares) ** (1 / order))
-
-    def mean(part: Part) -> float:
-        return float(np.mean([item.parts[part] for item in outcomes]))
-
-    found = [item.against for item in outcomes if item.against is not None]
-    others = [item.others for item in outcomes if item.others is not None]
-    record: Json = {
-        "name": entrant.name,
-        "paths": list(entrant.paths),
-        "place": list(place),
-        "tgospa": total.upper ** (1 / order),
-        "lower_bound": total.lower ** (1 / order),
-        "total": total.upper,
-        "total_lower": total.lower,
-        "localisation": mean("localisation"),
-        "missed": mean("missed"),
-        "false": mean("false"),
-        "switch": mean("switch"),
-        "counts": {
-            name: float(np.mean([item.counts[name] for item in outcomes]))
-            for name in outcomes[0].counts
-        },
-        "normalised": {
-            "tgospa": root([item.bracket.upper for item in outcomes]),
-            "lower_bound": root([item.bracket.lower for item in outcomes]),
-            **{name: root([item.parts[name] for item in outcomes]) for name in PARTS},
-        },
-        "runs": [
-            {
-                "total": item.bracket.upper,
-                "total_lower": item.bracket.lower,
-                **item.parts,
-                "status": item.status,
-                "finished": item.finished,
-                "input": item.input,
-            }
-            for item in outcomes
-        ],
-        "per_step_gospa": _means(found) if found else None,
+def _estimate(
+    name: str, runs: Sequence[RunOutcome], costs: dict[str, Floats], steps: list[int], order: float
+) -> Json:
+    """What the document has of one estimate; means over its runs, roots last."""
+    means = {part: float(values.mean()) for part, values in costs.items()}
+    roots = {
+        part: float(np.mean(values / np.array(steps, float)) ** (1 / order))
+        for part, values in costs.items()
     }
-    if others:
-        record["with"] = joined_metrics(others)
-    return record
+    step = _means([run.against for run in runs if run.against is not None])
+    item: Json = {
+        "name": name,
+        "paths": [run.path for run in runs],
+        "tgospa": means["total"] ** (1 / order),
+        "lower_bound": means["total_lower"] ** (1 / order),
+        **means,
+        "counts": _means([run.counts for run in runs]),
+        "normalised": {
+            "tgospa": roots["total"],
+            "lower_bound": roots["total_lower"],
+            **{part: roots[part] for part in PARTS},
+        },
+        "runs": [run.run for run in runs],
+        "per_step_gospa": step,
+    }
+    if step is not None:
+        item["differences"] = list(differences(item, step, steps, order))
+    return item
 
 
-def _means(found: Sequence[Mapping[str, object]]) -> dict[str, object]:
-    """The means of numbers by name, also of those in records inside."""
-    means: dict[str, object] = {}
+def _means(found: Sequence[Json]) -> Json | None:
+    """The means of numbers by name, also of those in records inside; None of nothing."""
+    if not found:
+        return None
+    means: Json = {}
     for name, first in found[0].items():
-        if isinstance(first, Mapping):
-            means[name] = _means(cast("list[Mapping[str, object]]", [r[name] for r in found]))
-        else:
-            means[name] = float(np.mean(cast("list[float]", [r[name] for r in found])))
+        each = [record[name] for record in found]
+        means[name] = _means(each) if isinstance(first, dict) else float(np.mean(each))
     return means
 
 
-def _verdict(
-    entrants: Sequence[Entrant], normal: Sequence[Interval], pair: tuple[int, int] = (0, 1)
-) -> str:
-    """What is proven of two of them: equal data have equal values, whatever the brackets are."""
-    runs = zip(*(entrants[k].outcomes for k in pair), strict=True)
-    same = all(a.input["estimate"]["sha256"] == b.input["estimate"]["sha256"] for a, b in runs)
-    return "equal" if same else verdict(*(normal[k] for k in pair))
-
-
-def _pair(
-    entrants: tuple[Entrant, Entrant],
-    normal: tuple[Interval, Interval],
-    runs: tuple[list[Interval], list[Interval]],
-    durations: list[int],
-) -> Json:
-    """The second less the first, which has the smaller value; costs per step, means over runs."""
-    first, second = entrants
-    pairs = list(zip(first.outcomes, second.outcomes, strict=True))
-    change = np.array([b.upper - a.upper for a, b in zip(*runs, strict=True)])
-    shares = np.array(durations, float)
-    count, difference = len(pairs), second_less_first(*normal)
-    costs = [joined(b, a)[1:] for a, b in pairs]
-    steps = [signs(own["total"], other["total"]) for own, other in costs]
-
-    def change_of(part: Part) -> float:
-        return float(np.mean([b.parts[part] - a.parts[part] for a, b in pairs] / shares))
-
-    totals = [_mean([item.bracket for item in entrant.outcomes]) for entrant in entrants]
-    return {
-        "first": first.name,
-        "second": second.name,
-        "verdict": _verdict(entrants, normal),
-        "opposed": totals[1].upper < totals[0].upper * (1 - EQUAL),
-        "per_step": {
-            "total": [difference.lower, difference.upper],
-            "localisation": change_of("localisation"),
-            "missed": change_of("missed"),
-            "false": change_of("false"),
-            "switch": change_of("switch"),
-        },
-        "steps": {
-            "better": int(sum((sign < 0).sum() for sign in steps)),
-            "worse": int(sum((sign > 0).sum() for sign in steps)),
-        },
-        "per_run": {
-            "mean": float(change.mean()),
-            "standard_error": float(change.std(ddof=1) / count**0.5) if count > 1 else None,
-            "first_less": sum(less(a, b) for a, b in zip(*runs, strict=True)),
-            "second_less": sum(less(b, a) for a, b in zip(*runs, strict=True)),
-        },
-    }
-
-
-def _mean(brackets: Sequence[Interval]) -> Interval:
-    return Interval(
-        lower=float(np.mean([bracket.lower for bracket in brackets])),
-        upper=float(np.mean([bracket.upper for bracket in brackets])),
-    )
-
-
 # -------------------------------------------------------------------------------------------------
-# Saved results as what a ranking needs of evaluations. Solves nothing.
+# Other metrics of saved results.
 
 BESIDE = {"similarity": ("zero", "threshold")}
 FIELDS_SHOWN = {**COMPARED, **BESIDE}
 """Names of the numbers of other metrics that a ranking shows, by metric."""
 
-Documents = Sequence[Json]
-Paths = Sequence[str]
 
-
-def other_parameters(own: Json, first: Json) -> str:
-    """In which parameters of the metric two results differ; blank if in none."""
-    found = unlike(own["parameters"], first["parameters"])
-    return "; ".join(f"{name} is {one}, there {other}" for name, one, other in found)
-
-
-def shared_metrics(runs: Sequence[Documents]) -> tuple[list[OtherMetrics], list[Notice]]:
+def shared_metrics(runs: Sequence[Sequence[Json]]) -> tuple[list[OtherMetrics], list[Notice]]:
     """Other metrics that all results of one run have; and a notice of those that are left out.
 
     Those of several runs are ratios of counts over all of them, and cannot be had from the ratios
@@ -553,44 +503,3 @@ def shared_metrics(runs: Sequence[Documents]) -> tuple[list[OtherMetrics], list[
         for name in left_out
     ]
     return [{name: found[name] for name in shared} for found in each[: len(runs[0])]], notices
-
-
-def outcomes(documents: Documents, paths: Paths) -> list[EntrantOutcome]:
-    """What a ranking needs of the results of one run, which are of the same truth.
-
-    Raises
-    ------
-    InputError
-        Times are of several kinds or out of order.
-    """
-    times = [[step["t"] for step in document["per_step"]] for document in documents]
-    try:
-        moments = places_of_times(times)
-    except TimeError as error:
-        raise InputError(f"{paths[0]}, or a result of its truth: per_step: {error}") from None
-    found = []
-    for document, path, own, named in zip(documents, paths, moments, times, strict=True):
-        if np.any(np.diff(own) <= 0):
-            raise InputError(f"{path}: per_step: times are not in order")
-        order = document["parameters"]["order"]
-        # The bounds of the total, from those of the value, rounded outward once more.
-        lower = outward(document["lower_bound"] ** order, -1)
-        upper = outward(document["upper_bound"] ** order, 1)
-        steps: dict[str, Floats] = {
-            name: np.array([step[name] for step in document["per_step"]], float) for name in PARTS
-        }
-        found.append(
-            EntrantOutcome(
-                bracket=Interval(lower=lower, upper=upper),
-                parts={name: document[name] for name in PARTS},
-                counts=document["counts"],
-                steps=steps,
-                moments=own,
-                times=named,
-                judged=document["judged"],
-                finished=bool(document["solver"]["finished"]),
-                status=document["solver"]["status"],
-                input=document["input"],
-            )
-        )
-    return found

@@ -22,9 +22,6 @@ BY_CLASS = "by_class."
 TAILS = tuple(sorted((*PROVEN, *SPLIT), key=len, reverse=True))
 """How a path may end, the longer of two first: ``counts.missed`` before ``missed``."""
 
-Key = str | tuple[str, str]
-"""A value: a path, or a class and a path of its own; the name of a class may have dots."""
-
 TOLERANCE = 1e-6
 """Of rules on the split: in counts, or in units of c^p."""
 
@@ -259,17 +256,16 @@ def parse_rules(
     ]
 
 
-def keys(path: str) -> list[Key]:
-    """What a path may name, with the longer tail first: ``counts.missed`` before ``missed``."""
+def meanings(path: str) -> list[tuple[str | None, str]]:
+    """The class, if it names one, and the value that a path may mean, likeliest first.
+
+    The name of a class may have dots: the longer tail comes first, ``counts.missed`` before
+    ``missed``.
+    """
     if not path.startswith(BY_CLASS):
-        return [path]
+        return [(None, path)]
     rest = path[len(BY_CLASS) :]
     return [(rest[: -len(tail) - 1], tail) for tail in TAILS if rest.endswith(f".{tail}")]
-
-
-def name_of(key: Key) -> str:
-    """The path of a value in one text."""
-    return key if isinstance(key, str) else f"{BY_CLASS}{key[0]}.{key[1]}"
 
 
 def split_rules(text: str) -> list[str]:
@@ -288,10 +284,7 @@ def _not_negative(text: str) -> float | None:
 
 
 def _path(path: str, option: str, text: str) -> str:
-    name = path
-    if path.startswith(BY_CLASS):
-        name = next((key[1] for key in keys(path)), "")
-    if name not in PROVEN and name not in SPLIT:
+    if not any(value in (*PROVEN, *SPLIT) for _, value in meanings(path)):
         raise ConfigError(
             f"--{option} {quoted(text)}: {quoted(path)} cannot be judged; there are "
             f"{', '.join((*PROVEN, *SPLIT))}, and with --by class {BY_CLASS}NAME.total and so on"

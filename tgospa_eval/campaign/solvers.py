@@ -1,14 +1,10 @@
 """One problem through several solvers: do they agree, how near are they, what do they cost."""
 
-import io
 import itertools
 import math
-import pickle
-import subprocess
-import sys
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
-from typing import IO, Any, cast
+from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +14,7 @@ from tgospa_eval.common.interval import Interval, excess, narrowest, overlap, sh
 from tgospa_eval.common.machine import fault_of
 from tgospa_eval.common.progress import Progress, Stopwatch
 from tgospa_eval.distances import DISTANCES
-from tgospa_eval.errors import ConfigError, SolverError, TgospaError
+from tgospa_eval.errors import ConfigError, TgospaError
 from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve
 from tgospa_eval.evaluation.prepare import Prepared, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -28,14 +24,15 @@ from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.trajectories import Trajectories
 
-COSTS = (
+RUN = (
+    *("name", "solver", "epsilon", "status", "finished", "counts", "history"),
     *("tgospa", "lower_bound", "total", "total_lower", "error", "lower_error", *PARTS),
     *("iterations", "seconds", "memory"),
 )
-"""What a run that failed does not have."""
+"""What a run has; all but the first five are None, or empty, of one that failed."""
 
-OWN_GROUP: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
-"""Ctrl-C reaches the one who asked, who stops the process."""
+STATUS_FILE, RESET_FILE = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+"""Of Linux: what memory this process has, and what begins its peak anew."""
 
 EXACT_STATES = 15_000
 """Where the referee takes about a minute: states of one component.
@@ -58,18 +55,16 @@ def name_of(solver: Solver) -> str:
     return called(solver.name, solver.epsilon)
 
 
+def _run(solver: Solver, status: str, **found: object) -> Json:
+    """A run, as far as it is known."""
+    about = {"name": name_of(solver), "solver": solver.name, "epsilon": solver.epsilon}
+    nothing = {"finished": False, "counts": {}, "history": []}
+    return {**dict.fromkeys(RUN), **about, **nothing, "status": status, **found}
+
+
 def failed(solver: Solver, error: BaseException) -> Json:
     """What is left of a run whose solver raised."""
-    return {
-        "name": name_of(solver),
-        "solver": solver.name,
-        "epsilon": solver.epsilon,
-        "status": f"failed: {reason(error)}",
-        "finished": False,
-        **dict.fromkeys(COSTS),
-        "counts": {},
-        "history": [],
-    }
+    return _run(solver, f"failed: {reason(error)}")
 
 
 def reason(error: BaseException) -> str:
@@ -77,116 +72,59 @@ def reason(error: BaseException) -> str:
     return str(error) if isinstance(error, TgospaError) else fault_of(error)
 
 
-def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = None) -> Json:
-    """Solve and prove in this process."""
-    result = solve(prepared, solver, stopwatch or Stopwatch())
+def run_here(prepared: Prepared, solver: Solver, progress: Progress | None = None) -> Json:
+    """Solve and prove; `progress` gets how far that is."""
+    stopwatch = Stopwatch()
+    stopwatch.progress = progress or stopwatch.progress
+    before = memory("VmRSS")
+    with suppress(OSError):
+        RESET_FILE.write_text("5", encoding="ascii")
+    result = solve(prepared, solver, stopwatch)
+    peak = memory("VmHWM")
     stages = {name: seconds for name, seconds in result.timings["solve"].items() if seconds}
     lower, upper = result.total_bounds
-    return {
-        "name": name_of(solver),
-        "solver": solver.name,
-        "epsilon": solver.epsilon,
-        "tgospa": result.tgospa,
-        "lower_bound": result.lower_bound,
-        "total": upper,
-        "total_lower": lower,
-        "error": None,
-        "lower_error": None,
-        "localisation": result.localisation,
-        "missed": result.missed,
-        "false": result.false,
-        "switch": result.switch,
-        "counts": result.counts,
-        "status": result.solver["status"],
-        "finished": bool(result.solver["finished"]),
-        "iterations": result.solver["iterations"],
-        "seconds": {
-            "solve": sum(stages.values()),
-            "certify": result.timings["certify"],
-            "stages": stages,
-        },
-        "memory": None,
-        "history": list(result.solver["history"]),
-    }
+    seconds = {"solve": sum(stages.values()), "certify": result.timings["certify"]}
+    return _run(
+        solver,
+        str(result.solver["status"]),
+        finished=bool(result.solver["finished"]),
+        tgospa=result.tgospa,
+        lower_bound=result.lower_bound,
+        total=upper,
+        total_lower=lower,
+        counts=result.counts,
+        iterations=result.solver["iterations"],
+        seconds=seconds | {"stages": stages},
+        memory=before and peak and {"before": before, "peak": peak},
+        history=list(result.solver["history"]),
+        **{name: getattr(result, name) for name in PARTS},
+    )
 
 
-def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = None) -> Json:
-    """The same in a process of its own, which also measures the memory that it takes.
-
-    Raises
-    ------
-    SolverError
-        The process died, for want of memory perhaps.
-    TgospaError
-        As for `run_here`.
-    """
-    import os
-
-    message = pickle.dumps((prepared, solver), protocol=pickle.HIGHEST_PROTOCOL)
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    with subprocess.Popen(
-        [sys.executable, "-P", "-m", "tgospa_eval.campaign.worker"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        env=environment,
-        cwd=os.path.dirname(__file__),  # the working folder may be gone, and Python would not start
-        bufsize=0,  # so that nothing is left to write when stdin is closed
-        **OWN_GROUP,
-    ) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        try:
-            _write_all(process.stdin, message)
-            del message
-            found = _listen(process.stdin, process.stdout, progress or Progress())
-        except (OSError, EOFError, pickle.UnpicklingError):  # it died, or in mid-answer
-            raise SolverError(
-                "its process ended without an answer; out of memory perhaps"
-            ) from None
-        finally:
-            process.kill()  # it has answered, or nobody waits for it
-    if isinstance(found, dict):
-        return found
-    raise found[0](found[1])
+def memory(field: str) -> int | None:
+    """Bytes of this process, as Linux counts them: VmRSS now, VmHWM at most; else None."""
+    try:
+        lines = STATUS_FILE.read_text(encoding="ascii", errors="replace").splitlines()
+    except OSError:
+        return None
+    found = next((line for line in lines if line.startswith(f"{field}:")), None)
+    return None if found is None else 1024 * int(found.split()[1])
 
 
-def _listen(
-    target: IO[bytes], source: IO[bytes], progress: Progress
-) -> Json | tuple[type[TgospaError], str]:
-    """What the process answers in the end; it is stopped where the work is."""
-    stopped = False
-    with io.BufferedReader(cast("io.RawIOBase", source)) as words:
-        while True:
-            found = pickle.load(words)
-            if isinstance(found, dict) or isinstance(found[0], type):
-                return cast("Json | tuple[type[TgospaError], str]", found)
-            share, progress.bracket = found
-            progress.done(share)
-            if progress.stop.is_set() and not stopped:
-                stopped = True
-                target.write(b"s")
-
-
-def _write_all(target: IO[bytes], message: bytes) -> None:
-    """Write to a pipe without a buffer, which may take less than all at once."""
-    rest = memoryview(message)
-    while rest:
-        rest = rest[target.write(rest) :]
-
-
-def warm_up(solver: Solver) -> None:
-    """Import what the solver needs: a first call takes longer than those that follow."""
-    if solver.proves:
-        import tgospa_eval.solvers.restricted_lp  # noqa: F401  HiGHS, which small scenes do without
+def warm_up(solvers: Iterable[Solver]) -> None:
+    """Import what solvers need: a first call takes longer than those that follow."""
     rng = np.random.default_rng(0)
     truth, estimate = (Trajectories.from_array(rng.random((4, 3, 1))) for _ in range(2))
-    request = EvaluationRequest(
-        parameters=Parameters(cutoff=1.0, order=1.0, switch_penalty=0.3),
-        distance=DISTANCES["euclidean"],
-        solver=solver,
-    )
-    evaluate_fitted(fit(truth, estimate, request), request, stopwatch=Stopwatch())
+    for solver in solvers:
+        if solver.proves:
+            import tgospa_eval.solvers.restricted_lp  # noqa: F401  HiGHS, which small scenes do without
+        request = EvaluationRequest(
+            parameters=Parameters(cutoff=1.0, order=1.0, switch_penalty=0.3),
+            distance=DISTANCES["euclidean"],
+            solver=solver,
+        )
+        with suppress(Exception):  # what fails here fails again where it is recorded
+            evaluate_fitted(fit(truth, estimate, request), request, stopwatch=Stopwatch())
 
 
 def takes_long(prepared: Prepared) -> int | None:
@@ -227,37 +165,48 @@ ONCE = {"read": "read", "distances": "distances", "preparation": "solve/preparat
 """What is done once for all solvers, and the span of the stopwatch that has its time."""
 
 
-Proven = tuple[str, Interval | None]
-"""Name of a run, and what it proves of the total, if it has an answer."""
-
-
-def contradictions(runs: Iterable[Proven]) -> list[tuple[str, str]]:
+def contradictions(runs: Iterable[Json]) -> list[tuple[str, str]]:
     """Pairs of runs whose brackets do not overlap: one of their proofs is wrong."""
+    proven = [(run["name"], bracket) for run in runs if (bracket := bracket_of(run))]
     return [
         (first, second)
-        for (first, own), (second, other) in itertools.combinations(runs, 2)
-        if own and other and not overlap(own, other)
+        for (first, own), (second, other) in itertools.combinations(proven, 2)
+        if not overlap(own, other)
     ]
 
 
-def referee(runs: Sequence[Proven]) -> Interval | None:
+def referee(runs: Sequence[Json]) -> Interval | None:
     """What all runs together prove of the total: nothing where they contradict each other."""
-    proven = [bracket for _, bracket in runs if bracket is not None]
+    proven = [bracket for run in runs if (bracket := bracket_of(run))]
     return narrowest(proven) if proven and not contradictions(runs) else None
 
 
-def errors(bracket: Interval | None, known: Interval | None) -> tuple[float | None, float | None]:
+def errors(run: Json, known: Interval | None) -> tuple[float | None, float | None]:
     """Proven: how far, relative, both ends of a run may at most be above and below the total."""
+    bracket = bracket_of(run)
     if bracket is None or known is None:
         return None, None
     return excess(bracket.upper, known.lower), shortfall(bracket.lower, known.upper)
 
 
+def bracket_of(run: Json) -> Interval | None:
+    """What a run proves of the total; None where it failed."""
+    if run["total"] is None:
+        return None
+    return Interval(lower=run["total_lower"], upper=run["total"])
+
+
+def spent(run: Json) -> float | None:
+    """Seconds of solving and proof; None where it failed."""
+    seconds = run["seconds"]
+    return None if seconds is None else float(seconds["solve"] + seconds["certify"])
+
+
 def compare_solvers(
     prepared: Prepared,
     solvers: Sequence[Solver],
-    run: Callable[[Prepared, Solver], Json] | None = None,
     progress: Progress | None = None,
+    run: Callable[[Prepared, Solver, Progress], Json] | None = None,
 ) -> list[Json]:
     """Run all solvers, one after the other; one that fails leaves the others their results.
 
@@ -269,20 +218,19 @@ def compare_solvers(
         The problem; made once.
     solvers : sequence of Solver
         With their settings.
-    run : callable, optional
-        `run_here`, or else `run_apart`.
     progress : Progress, optional
         Gets which of them runs, and how far that is.
+    run : callable, optional
+        `run_here`.
     """
-    progress = progress or Progress()
-    run = run or partial(run_apart, progress=progress)
+    progress, run = progress or Progress(), run or run_here
     runs: list[Json] = []
     for number, solver in enumerate(solvers):
         if runs and progress.stop.is_set():
             break
         with progress.part(name_of(solver), number, len(solvers)):
             try:
-                runs.append(run(prepared, solver))
+                runs.append(run(prepared, solver, progress))
             except Exception as error:  # whatever it is, it must not cost what others have found
                 runs.append(failed(solver, error))
     return runs
@@ -310,10 +258,9 @@ def solvers_document(
     warnings : list of dict
         What looks wrong with the data.
     """
-    proven = [(run["name"], bracket_of(run["total_lower"], run["total"])) for run in runs]
-    known, opposed = referee(proven), contradictions(proven)
-    for run, (_, bracket) in zip(runs, proven, strict=True):
-        error, run["lower_error"] = errors(bracket, known)
+    known, opposed = referee(runs), contradictions(runs)
+    for run in runs:
+        error, run["lower_error"] = errors(run, known)
         run["error"] = error if error is not None and math.isfinite(error) else None
     order = prepared.parameters.order
     return {
@@ -337,8 +284,3 @@ def solvers_document(
         "seconds": seconds,
         "warnings": warnings,
     }
-
-
-def bracket_of(lower: float | None, upper: float | None) -> Interval | None:
-    """What a run proves of the total; None where it failed."""
-    return None if lower is None or upper is None else Interval(lower=lower, upper=upper)

@@ -15,18 +15,11 @@ from numpy.typing import NDArray
 
 from tgospa_eval.campaign.grouping import ESTIMATE_DIGEST, pair_numbers, truths
 from tgospa_eval.campaign.row import LABEL
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import EQUAL, Interval, places, second_less_first, verdict
 from tgospa_eval.common.words import counted, natural
-from tgospa_eval.problem.problem import Floats
-from tgospa_eval.reports.batch_records import (
-    Comparison,
-    Inference,
-    Places,
-    Ranked,
-    Ranking,
-    Verdict,
-)
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.reports.batch_records import Places, Ranking
+from tgospa_eval.results.records import Json
 from tgospa_eval.tracks.judged import DIGESTS, JUDGE_ALIKE, incomparable, judged_of
 
 if TYPE_CHECKING:
@@ -202,53 +195,6 @@ NOTHING = Interval(lower=0.0, upper=0.0)
 Parameters = Mapping[str, float | str]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Paired:
-    """What is compared; rows are names, columns are truths, or jobs of one truth.
-
-    Parameters
-    ----------
-    names : list of str
-        Best first.
-    lower, upper : array, shape (names, pairs)
-        Bounds of totals.
-    steps : array, shape (names,)
-        Steps of the horizon, of all.
-    data : list of tuple of str
-        Digests of the estimates, if they are known.
-    order : float
-        Of all.
-    """
-
-    names: list[str]
-    lower: Floats
-    upper: Floats
-    steps: Floats
-    data: list[tuple[str, ...]]
-    order: float
-
-    def combined(self, per: Floats | float = 1.0) -> list[Interval]:
-        """Brackets of the roots of the sums, divided by something before."""
-        ends = ((side.sum(axis=1) / per) ** (1 / self.order) for side in (self.lower, self.upper))
-        return _between(*ends)
-
-    def same(self, first: int, second: int) -> bool:
-        """Whether two have the same data, and so the same values, whatever the brackets are."""
-        return bool(self.data[first]) and self.data[first] == self.data[second]
-
-    def verdict(self, values: Sequence[Interval], first: int, second: int) -> Verdict:
-        """What is proven of two."""
-        if self.same(first, second):
-            return "equal"
-        return verdict(values[first], values[second])
-
-    def difference(self, values: Sequence[Interval], first: int, second: int) -> Interval:
-        """Bracket of the second value less the first."""
-        if self.same(first, second):
-            return NOTHING
-        return second_less_first(values[first], values[second])
-
-
 def rankings(
     having: "pd.DataFrame", label: str, parameters: Sequence[str], names: Iterable[str]
 ) -> Iterator[Ranking | str]:
@@ -297,10 +243,9 @@ def _ranking(
         wrong = incomparable({row[column]: judged_of(row) for row in jobs.to_dict("records")})
         yield f"{label} is not ranked: {jobs['truth'].iloc[0]}: {wrong}; {JUDGE_ALIKE}"
         return
-    paired = _paired(common, column, names)
-    count = paired.lower.shape[1]
-    enough = count >= LEAST_PAIRS
-    entries, comparisons = _entries(paired, enough=enough)
+    names, lower, upper = _side_by_side(common, column, names)
+    entries, comparisons = _orders(common, column, names, (lower, upper))
+    count = lower.shape[1]
     yield Ranking(
         label=label,
         entries=entries,
@@ -314,7 +259,7 @@ def _ranking(
         parameters=parameters,
         left_out=tuple(sorted(set(all_names) - set(names), key=natural)),
     )
-    yield from _opposed(common, column, paired.names)
+    yield from _opposed(common, column, names)
 
 
 def _opposed(common: "pd.DataFrame", column: str, names: Sequence[str]) -> Iterator[str]:
@@ -337,111 +282,137 @@ def _opposed(common: "pd.DataFrame", column: str, names: Sequence[str]) -> Itera
         )
 
 
-def _paired(common: "pd.DataFrame", column: str, names: Sequence[str]) -> _Paired:
-    """The totals side by side, in an order that no name of a sequence or run has a part in."""
-    table = common.set_index(["_pair", column]).sort_index()
+def _side_by_side(
+    common: "pd.DataFrame", column: str, names: Sequence[str]
+) -> tuple[list[str], Floats, Floats]:
+    """Names, best first, and bounds of their totals of each truth, or of each job of one truth.
+
+    They are in an order that no name of a sequence or run has a part in.
+    """
     truth = common.groupby("_pair")["_truth"].first()
-    costs = table[TOTAL_ENDS].unstack(column)
+    costs = common.set_index(["_pair", column]).sort_index()[TOTAL_ENDS].unstack(column)
     if truth.nunique() > 1:
         costs = costs.groupby(truth).sum()
     lower, upper = (costs[side][list(names)].to_numpy(float).T for side in TOTAL_ENDS)
     pairs = np.lexsort(np.concatenate([np.sort(lower, axis=0), np.sort(upper, axis=0)]))
     lower, upper = lower[:, pairs], upper[:, pairs]
-    ends = zip(upper.sum(axis=1), lower.sum(axis=1), strict=True)
-    best = [k for _, k in sorted((end, k) for k, end in enumerate(ends))]
-    names = [names[k] for k in best]
-    steps = table["judged.steps"].groupby(level=column).sum()
-    digests = table[ESTIMATE_DIGEST].unstack(column) if ESTIMATE_DIGEST in table else None
-    return _Paired(
-        names=names,
-        lower=lower[best],
-        upper=upper[best],
-        steps=steps[names].to_numpy(float),
-        data=[() if digests is None else tuple(digests[name].dropna()) for name in names],
-        order=float(common["order"].iloc[0]),
-    )
+    best = np.lexsort((lower.sum(axis=1), upper.sum(axis=1)))
+    return [names[k] for k in best], lower[best], upper[best]
 
 
-def _entries(paired: _Paired, *, enough: bool) -> tuple[tuple[Ranked, ...], tuple[Comparison, ...]]:
-    """Those that are compared, and all pairs of them."""
-    values, per_step = paired.combined(), paired.combined(paired.steps)
-    proven = places(values, lambda *pair: paired.verdict(values, *pair) == "equal")
-    found = list(itertools.combinations(range(len(values)), 2))
-    own = _between(*intervals(paired.lower, paired.upper, paired.order)) if enough else None
-    inferences = _inferences(paired, found, values) if enough else [None] * len(found)
-    statistical = _statistical(found, inferences, len(values)) if enough else None
-    return tuple(
-        Ranked(
-            name=name,
-            place=proven[k],
-            combined=values[k],
-            per_step=per_step[k],
-            confidence=own[k] if own else None,
-            statistical_place=statistical[k] if statistical else None,
+def _orders(
+    common: "pd.DataFrame", column: str, names: Sequence[str], totals: tuple[Floats, Floats]
+) -> tuple[list[Json], list[Json]]:
+    """A row for each that is compared, and for each pair of them, as the JSON of a batch has them.
+
+    Parameters
+    ----------
+    common : DataFrame
+        Jobs that all have.
+    column : str
+        What is compared.
+    names : sequence of str
+        Best first.
+    totals : pair of array, shape (names, pairs)
+        Bounds of the totals.
+    """
+    size, order = len(names), float(common["order"].iloc[0])
+    steps = common.groupby(column)["judged.steps"].sum().loc[list(names)].to_numpy(float)
+    values, per_step = (_combined(totals, order, divisor) for divisor in (1.0, steps))
+    compared = list(itertools.combinations(range(size), 2))
+    data = _digests(common, column, names)
+    same = np.array([bool(data[a]) and data[a] == data[b] for a, b in compared])
+    comparisons: list[Json] = []
+    for (a, b), alike in zip(compared, same, strict=True):
+        difference = NOTHING if alike else second_less_first(values[a], values[b])
+        comparisons.append(
+            {
+                "first": names[a],
+                "second": names[b],
+                "verdict": "equal" if alike else verdict(values[a], values[b]),
+                "difference": [difference.lower, difference.upper],
+                **dict.fromkeys(("lower", "upper", "p_value", "p_holm", "significant")),
+            }
         )
-        for k, name in enumerate(paired.names)
-    ), tuple(
-        Comparison(
-            first=paired.names[a],
-            second=paired.names[b],
-            verdict=paired.verdict(values, a, b),
-            difference=paired.difference(values, a, b),
-            inference=inference,
+    equal = {
+        frozenset(pair)
+        for pair, row in zip(compared, comparisons, strict=True)
+        if row["verdict"] == "equal"
+    }
+    proven = places(values, lambda *pair: frozenset(pair) in equal)
+    sure: list[Any] = [None] * size
+    inferred: list[Any] = sure
+    if totals[0].shape[1] >= LEAST_PAIRS:
+        sure = np.stack(intervals(*totals, order), axis=1).tolist()
+        inferred = _inferred(comparisons, np.array(compared).T, same, totals, order)
+    entries = [
+        {
+            "name": name,
+            "place": place,
+            "combined": value.upper,
+            "combined_lower": value.lower,
+            "per_step": each.upper,
+            "per_step_lower": each.lower,
+            "confidence": ends,
+            "statistical_place": statistical,
+        }
+        for name, place, value, each, ends, statistical in zip(
+            names, proven, values, per_step, sure, inferred, strict=True
         )
-        for (a, b), inference in zip(found, inferences, strict=True)
-    )
+    ]
+    return entries, comparisons
 
 
-def _between(lower: Floats, upper: Floats) -> list[Interval]:
-    """One for each pair of ends."""
-    ends = zip(lower.tolist(), upper.tolist(), strict=True)
-    return [Interval(lower=low, upper=high) for low, high in ends]
+def _combined(totals: tuple[Floats, Floats], order: float, per: Floats | float) -> list[Interval]:
+    """Brackets of the roots of the sums, divided by something before."""
+    lower, upper = (((side.sum(axis=1) / per) ** (1 / order)).tolist() for side in totals)
+    return [Interval(lower=low, upper=high) for low, high in zip(lower, upper, strict=True)]
 
 
-def _inferences(
-    paired: _Paired, found: Sequence[tuple[int, int]], values: Sequence[Interval]
-) -> list[Inference]:
-    """What is concluded of each pair."""
-    first, second = (list(side) for side in zip(*found, strict=True))
-    least = paired.lower[second] - paired.upper[first]
-    most = paired.upper[second] - paired.lower[first]
-    same = [paired.same(a, b) for a, b in found]
+def _digests(common: "pd.DataFrame", column: str, names: Sequence[str]) -> list[tuple[str, ...]]:
+    """Of the data of each: those with the same have equal values, whatever the brackets are."""
+    if ESTIMATE_DIGEST not in common:
+        return [()] * len(names)
+    known = common.sort_values("_pair").dropna(subset=ESTIMATE_DIGEST)
+    found = {name: tuple(group) for name, group in known.groupby(column)[ESTIMATE_DIGEST]}
+    return [found.get(name, ()) for name in names]
+
+
+def _inferred(
+    comparisons: Sequence[Json],
+    compared: Ints,
+    same: NDArray[np.bool_],
+    totals: tuple[Floats, Floats],
+    order: float,
+) -> list[Places]:
+    """Fill in what is concluded of each pair; the places that follow from it.
+
+    One is ahead only of those from which it differs significantly.
+    """
+    first, second = compared
+    lower, upper = totals
+    least, most = lower[second] - upper[first], upper[second] - lower[first]
     least[same] = most[same] = 0.0
     p_value = p_values(least, most)
-    lower, upper = (without_each(side, paired.order) for side in (paired.lower, paired.upper))
-    inferences = []
-    for (a, b), p, adjusted in zip(found, p_value, holm(p_value), strict=True):
-        least_without, most_without = lower[b] - upper[a], upper[b] - lower[a]
-        margin = 0.0 if paired.same(a, b) else float(margins(least_without, most_without))
-        difference = paired.difference(values, a, b)
-        inferences.append(
-            Inference(
-                confidence=Interval(
-                    lower=difference.lower - margin, upper=difference.upper + margin
-                ),
-                p_value=float(p),
-                p_holm=float(adjusted),
-                significant=bool(adjusted < 1 - CONFIDENCE),
-            )
-        )
-    return inferences
-
-
-def _statistical(
-    found: Sequence[tuple[int, int]], inferences: Sequence[Inference | None], count: int
-) -> list[Places]:
-    """Best and worst place: one is ahead only of those from which it differs significantly."""
-    ahead, behind = [0] * count, [0] * count
-    for (a, b), inference in zip(found, inferences, strict=True):
-        if inference is not None and inference.significant:
-            ahead[b] += 1
-            behind[a] += 1
-    return [(1 + ahead[k], count - behind[k]) for k in range(count)]
+    adjusted = holm(p_value)
+    significant = adjusted < 1 - CONFIDENCE
+    lower, upper = (without_each(side, order) for side in totals)
+    margin = margins(lower[second] - upper[first], upper[second] - lower[first])
+    found = np.stack([np.where(same, 0.0, margin), p_value, adjusted], axis=1).tolist()
+    for row, (half, p, p_holm), differs in zip(
+        comparisons, found, significant.tolist(), strict=True
+    ):
+        low, high = row["difference"]
+        row |= {"lower": low - half, "upper": high + half, "p_value": p, "p_holm": p_holm}
+        row["significant"] = differs
+    size = len(lower)
+    ahead, behind = (np.bincount(side[significant], minlength=size) for side in (second, first))
+    return list(zip((1 + ahead).tolist(), (size - behind).tolist(), strict=True))
 
 
 def confidence(
     having: "pd.DataFrame", groups: "pd.Series[int]", orders: "pd.Series[float]"
-) -> dict[str, NDArray[Any]]:
+) -> "pd.DataFrame":
     """Intervals of the combined values of groups, NaN for those that are too small.
 
     Parameters
@@ -455,9 +426,11 @@ def confidence(
 
     Returns
     -------
-    dict of array, shape (groups,)
-        ``confidence_lower``, ``confidence_upper``.
+    DataFrame
+        A row for each group: ``confidence_lower``, ``confidence_upper``.
     """
+    import pandas as pd
+
     frame = having[TOTAL_ENDS].assign(_group=groups, _truth=truths(having))
     several = frame.groupby("_group")["_truth"].transform("nunique") > 1
     frame["_unit"] = frame["_truth"].where(several, np.arange(len(frame)).astype(str))
@@ -474,4 +447,5 @@ def confidence(
         groups_of = numbers[of_size]
         order = np.asarray(orders.loc[groups_of], np.float64)[:, None]
         found[:, groups_of] = intervals(lower, upper, order)
-    return {"confidence_lower": found[0], "confidence_upper": found[1]}
+    names = ["confidence_lower", "confidence_upper"]
+    return pd.DataFrame(found.T, columns=names, index=orders.index)

@@ -10,7 +10,7 @@ import os
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,12 +18,10 @@ import numpy as np
 
 from tgospa_eval.campaign.row import Row
 from tgospa_eval.common import files
-from tgospa_eval.common.files import named, reason
-from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.files import named
 from tgospa_eval.common.manifest import STORE, STORE_SCHEMA
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 
@@ -42,7 +40,7 @@ STORED_STEPS, STORED_CURVE = "per_step.rows", "per_step.curve"
 COST_COLUMNS = ("total", *PARTS)
 """Columns of costs."""
 
-CURVE_COLUMNS = ("tgospa", "lower_bound", "upper_bound")
+CURVE_COLUMNS = ("curve.tgospa", "curve.lower_bound", "curve.upper_bound")
 
 
 def stored_steps(result: Summary, *, per_step: bool) -> Row:
@@ -63,7 +61,7 @@ def stored_steps(result: Summary, *, per_step: bool) -> Row:
         **dict(zip(PARTS, parts, strict=True)),
         "total": parts.sum(axis=0),
         **{
-            f"curve.{name}": np.array(curve[name], float) if curve else missing
+            name: np.array(curve[name.removeprefix("curve.")], float) if curve else missing
             for name in CURVE_COLUMNS
         },
     }
@@ -91,63 +89,31 @@ def step_table(rows: Sequence[Row]) -> "pa.Table | None":
     return pa.table(columns)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class StoredSteps:
-    """Steps of several jobs, N in all.
-
-    Parameters
-    ----------
-    job : (N,) int array
-        Whose each is: the number of its row.
-    steps : (N,) int array
-        How many of the horizon are no later.
-    times : (N,) array of str
-        As read.
-    costs : (5, N) float array
-        The whole, and its parts.
-    curve : (3, N) float array
-        Value of the steps up to each, and its bounds; NaN where it was not asked for.
-    """
-
-    job: Ints
-    steps: Ints
-    times: "np.ndarray[Any, Any]"
-    costs: Floats
-    curve: Floats
-
-
-def read_steps(folder: Path, rows: "pd.DataFrame") -> StoredSteps | None:
+def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
     """The steps of the jobs of these rows; None if none has any.
+
+    Returns
+    -------
+    DataFrame
+        Of each step ``job``, the number of its row; ``steps``, how many of the horizon are no
+        later; ``t`` as read; `COST_COLUMNS`; and `CURVE_COLUMNS`, NaN where they were not asked
+        for.
 
     Raises
     ------
     InputError
         A part is damaged.
     """
-    parts = list(_parts(folder, rows))
-    if not parts:
-        return None
-    joined = {name: np.concatenate([np.asarray(part[name]) for part in parts]) for name in parts[0]}
-    return StoredSteps(
-        job=joined["job"],
-        steps=joined["steps"],
-        times=joined["t"],
-        costs=np.array([joined[name] for name in COST_COLUMNS]),
-        curve=np.array([joined[f"curve.{name}"] for name in CURVE_COLUMNS]),
-    )
-
-
-def _parts(folder: Path, rows: "pd.DataFrame") -> Iterator[dict[str, Any]]:
     import pandas as pd
     import pyarrow.parquet as pq
 
     if STORED_STEPS not in rows:
-        return
+        return None
     wanted = rows[rows[STORED_STEPS] > 0]
     known = pd.Series(wanted.index, index=pd.MultiIndex.from_frame(wanted[["key", "finished"]]))
-    columns = ["key", "finished", "step", "t", "steps", *COST_COLUMNS]
-    columns += [f"curve.{name}" for name in CURVE_COLUMNS]
+    parts = []
     for path in sorted(folder.glob("part-*.parquet")):
+        columns = ["key", "finished", "step", "t", "steps", *COST_COLUMNS, *CURVE_COLUMNS]
         with named(str(path), InputError):
             table = pq.read_table(path, columns=columns).to_pandas()
         # A job is looked up once, where it begins.
@@ -156,9 +122,10 @@ def _parts(folder: Path, rows: "pd.DataFrame") -> Iterator[dict[str, Any]]:
             pd.MultiIndex.from_frame(table.loc[first, ["key", "finished"]].astype({"key": str}))
         )
         table["job"] = jobs.to_numpy()[np.cumsum(first.to_numpy()) - 1]
-        kept = table[table["job"].notna()].astype({"job": np.int64})
+        kept = table[table["job"].notna()]
         if len(kept):
-            yield {name: kept[name].to_numpy() for name in kept.columns if name != "key"}
+            parts.append(kept.astype({"job": np.int64}).drop(columns=["key", "finished", "step"]))
+    return pd.concat(parts, ignore_index=True) if parts else None
 
 
 # -------------------------------------------------------------------------------------------------
@@ -224,12 +191,6 @@ def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
 
 SCHEMA, SETTINGS_FILE = STORE_SCHEMA, STORE
 PART_FOLDER = "jobs"
-
-MANY_PARTS = 64
-"""Parts of which one is made: to open each takes longer than to read the rows of a hundred."""
-
-TRIES = 3
-"""Times that parts are listed anew when somebody joins them meanwhile."""
 
 
 class Store:
@@ -312,14 +273,18 @@ class Store:
             A part is damaged.
         """
         import pandas as pd
+        import pyarrow as pa
+        import pyarrow.parquet as pq
 
-        table = None
-        for _ in range(TRIES):
-            with suppress(FileNotFoundError):  # joined since they were listed
-                table = self._read(self._parts())
-                break
-        if table is None:
+        tables = []
+        for path in sorted((self.folder / PART_FOLDER).glob("part-*.parquet")):
+            # Of one file, without the search for a dataset, which takes longer than reading.
+            with named(str(path), InputError), pq.ParquetFile(path) as file:
+                tables.append(file.read().replace_schema_metadata())
+        if not tables:
             return pd.DataFrame(columns=["key", "status"])
+        # Parts of failed jobs alone lack columns.
+        table = pa.concat_tables(tables, promote_options="permissive")
         labels = [name for name in table.column_names if name.startswith("label.")]
         # A file that changed since has another key: its older row is one of the past.
         same = [*labels, "truth", "estimate", "options"]
@@ -332,51 +297,6 @@ class Store:
         # All columns, which are many, are taken once.
         rows: pd.DataFrame = table.take(kept.to_numpy()).to_pandas()
         return rows
-
-    def join(self) -> None:
-        """Make one part of many, and take away what was half written when a process was killed.
-
-        For who is sure that nobody else writes meanwhile.
-
-        Raises
-        ------
-        InputError, ConfigError
-            A part is damaged, or the new one cannot be written.
-        """
-        import pyarrow.parquet as pq
-
-        for left in self.folder.glob("*/part-*.new"):
-            left.unlink(missing_ok=True)
-        paths = self._parts()
-        if len(paths) <= MANY_PARTS:
-            return
-        table = self._read(paths)
-        # A row that is there twice, if this is broken off now, is one row to all who read it.
-        self._write(PART_FOLDER, _part_name(), lambda path: pq.write_table(table, path))
-        for path in paths:
-            with suppress(OSError):  # somebody reads it, on Windows
-                path.unlink()
-
-    def _parts(self) -> list[Path]:
-        return sorted((self.folder / PART_FOLDER).glob("part-*.parquet"))
-
-    def _read(self, paths: Sequence[Path]) -> Any:
-        """An Arrow table of some parts, None of none."""
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        tables = []
-        for path in paths:
-            try:
-                # Of one file, without the search for a dataset, which takes longer than reading.
-                with pq.ParquetFile(path) as file:
-                    tables.append(file.read().replace_schema_metadata())
-            except FileNotFoundError:
-                raise
-            except (OSError, ValueError) as error:
-                raise InputError(f"{path}: cannot be read: {reason(error)}") from None
-        # Parts of failed jobs alone lack columns.
-        return pa.concat_tables(tables, promote_options="permissive") if tables else None
 
     def add(self, rows: Sequence[Row]) -> None:
         """Store some rows, whole.
@@ -391,7 +311,8 @@ class Store:
 
         if not rows:
             return
-        name = _part_name()
+        # A name that no other has, later than all before.
+        name = f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"
         steps = step_table(rows)
         # First, so that no job is known whose steps are not there.
         if steps is not None:
@@ -412,7 +333,7 @@ class Store:
             finally:
                 beside.unlink(missing_ok=True)
 
-    def steps(self, rows: "pd.DataFrame") -> StoredSteps | None:
+    def steps(self, rows: "pd.DataFrame") -> "pd.DataFrame | None":
         """The steps of the jobs of these rows; None if none has any.
 
         Raises
@@ -421,8 +342,3 @@ class Store:
             A part is damaged.
         """
         return read_steps(self.folder / STEP_FOLDER, rows)
-
-
-def _part_name() -> str:
-    """A name that no other has, later than all before."""
-    return f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"

@@ -11,27 +11,29 @@ import math
 import os
 import platform
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager
 from dataclasses import asdict, replace
+from operator import itemgetter
 from pathlib import Path
-from typing import Literal, NoReturn, TypeAlias, TypeGuard
+from typing import NoReturn, TypeGuard
 
 import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.campaign import SCHEMA
 from tgospa_eval.campaign.solvers import (
-    Proven,
-    bracket_of,
+    RUN,
     compare_solvers,
     contradictions,
     errors,
     failed,
     referee,
     run_here,
+    spent,
     warm_up,
 )
-from tgospa_eval.common.files import is_regular, named, take_lock
+from tgospa_eval.campaign.store import locked
+from tgospa_eval.common.files import is_missing, is_regular, named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
@@ -47,32 +49,13 @@ from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver
 
 Key = tuple[int, int, int]
-Kind: TypeAlias = type | tuple[type, ...]
+"""Targets, steps and number of a scene."""
 
-LOG_SCHEMA = "tgospa-eval/study/1"
+LOG_SCHEMA = "tgospa-eval/study/2"
 LOG_NAME = "runs.jsonl"
 
-LOCKED_BYTE = 1 << 40
-"""A byte that no file of ours reaches, for locking."""
-
-NUMBER = (int, float)
-LARGEST = 1e100
-"""Beyond any cost, count or time; squares of it are finite."""
-
-NO = type(None)
-RECORD: dict[str, Kind] = {
-    **dict.fromkeys(("targets", "steps", "run"), int),
-    "occupied": (int, NO),
-    "sizes": (dict, NO),
-    "prepare_seconds": (*NUMBER, NO),
-    "runs": list,
-}
-RUN: dict[str, Kind] = {
-    **dict.fromkeys(("name", "solver", "status"), str),
-    **dict.fromkeys(("epsilon", "lower", "upper", "iterations", "seconds", *PARTS), (*NUMBER, NO)),
-    "finished": bool,
-}
-"""What a record must hold, and each of its runs; None where there is no answer."""
+RECORD = {"targets", "steps", "run", "occupied", "sizes", "prepare_seconds", "runs"}
+"""What a record has."""
 
 
 def machine() -> str:
@@ -84,7 +67,7 @@ def machine() -> str:
 
 
 class Log:
-    """The file of a study, locked until it is closed; use it in a ``with``.
+    """The records of a study that are there, and the file to which more are added.
 
     Parameters
     ----------
@@ -101,72 +84,26 @@ class Log:
     Raises
     ------
     ConfigError
-        The file is of another study, or no file of ours, or damaged, or in use by another process,
-        or cannot be read or written.
+        The file is of another study, or no file of ours, or damaged, or cannot be read or written.
     """
 
-    def __init__(self, folder: str, settings: Mapping[str, object]) -> None:
+    def __init__(self, folder: str, settings: Json) -> None:
         self.path = Path(folder) / LOG_NAME
+        self.known: dict[Key, Json] = {}
         header = {
             "schema": LOG_SCHEMA,
             "version": __version__,
             "machine": machine(),
             "settings": settings,
         }
-        self.header = json.loads(json.dumps(header))
-        self.known: dict[Key, Json] = {}
         with named(str(self.path), ConfigError, "cannot be opened"):
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = self.path.open("a+b")
-        try:
-            with named(str(self.path), ConfigError, "cannot be opened"):
-                if not is_regular(str(self.path)):
-                    self._refuse()
-                self._lock()
-                whole = self._read()
-                self._file.truncate(whole)
-                if not whole:
-                    self.keep(self.header)
-        except BaseException:
-            self.close()
-            raise
-
-    def __enter__(self) -> "Log":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Let others use the file."""
-        with suppress(OSError):  # what could not be written is known
-            self._file.close()
-
-    def keep(self, record: Mapping[str, object]) -> None:
-        """Add a record; it is on the disk when this returns."""
-        line = json.dumps(record, sort_keys=True, allow_nan=False) + "\n"
-        with named(str(self.path), ConfigError, "cannot be written"):
-            self._file.write(line.encode())
-            self._file.flush()
-            os.fsync(self._file.fileno())
-
-    def _lock(self) -> None:
-        """Two processes would do the same scenes, and write into each other's lines."""
-        try:
-            take_lock(self._file, at=LOCKED_BYTE)  # a locked byte cannot be read
-        except (BlockingIOError, PermissionError):
-            raise ConfigError(
-                f"{self.path}: another process is at this study; wait for it, or name another "
-                "folder"
-            ) from None
-
-    def _read(self) -> int:
-        """Take the records that are there; the number of bytes up to the last whole one."""
-        self._file.seek(0)
-        content = self._file.read()
-        whole = content.rfind(b"\n") + 1
-        own = json.dumps(self.header, sort_keys=True).encode()
-        if not whole and not own.startswith(content):  # not even the begin of our first line
+            there = not is_missing(str(self.path))
+            if there and not is_regular(str(self.path)):
+                self._refuse()
+            content = self.path.read_bytes() if there else b""
+        whole, solvers = content.rfind(b"\n") + 1, len(settings["solvers"])
+        first = json.dumps(header, sort_keys=True)
+        if not whole and not first.encode().startswith(content):  # not even its begin
             self._refuse()
         for number, line in enumerate(content[:whole].splitlines(), start=1):
             try:
@@ -174,50 +111,63 @@ class Log:
             except (ValueError, RecursionError):
                 document = None
             if number == 1:
-                self._check(document)
-            elif is_record(document, len(self.header["settings"]["solvers"])):
-                key = document["targets"], document["steps"], document["run"]
-                self.known[key] = document
-            else:
+                self._check(json.loads(first), document)
+                continue
+            if not is_record(document, solvers):
                 raise ConfigError(
                     f"{self.path}, line {number}: no record of this study; remove the line, or "
                     "name another folder"
                 )
-        return whole
+            self.known[document["targets"], document["steps"], document["run"]] = document
+        if whole < len(content):  # killed in the middle of a line
+            os.truncate(self.path, whole)
+        if not whole:
+            self.keep(header)
+
+    def keep(self, record: Mapping[str, object]) -> None:
+        """Add a record; it is on the disk when this returns."""
+        line = json.dumps(record, sort_keys=True, allow_nan=False) + "\n"
+        with (
+            named(str(self.path), ConfigError, "cannot be written"),
+            self.path.open("ab") as file,
+        ):
+            file.write(line.encode())
+            file.flush()
+            os.fsync(file.fileno())
 
     def _refuse(self) -> NoReturn:
         raise ConfigError(f"{self.path}: not the file of a study; name another folder")
 
-    def _check(self, header: object) -> None:
+    def _check(self, own: Json, header: object) -> None:
         """The settings must be the same."""
         if not isinstance(header, dict) or header.get("schema") != LOG_SCHEMA:
             self._refuse()
-        own, other = _flat(self.header), _flat(header)
-        for name in [*own, *other]:
-            if own.get(name) != other.get(name):
+        mine, other = _flat(own), _flat(header)
+        for name in [*mine, *other]:
+            if mine.get(name) != other.get(name):
                 raise ConfigError(
                     f"{self.path}: is of a study with another {name.removeprefix('settings.')} "
-                    f"({other.get(name)}, now {own.get(name)}); name another folder"
+                    f"({other.get(name)}, now {mine.get(name)}); name another folder"
                 )
 
 
+@contextmanager
+def opened(folder: str, settings: Json) -> Iterator[Log]:
+    """The log of a study, for one process at a time; arguments and errors as of `Log`."""
+    with named(os.path.join(folder, LOG_NAME), ConfigError, "cannot be opened"):
+        os.makedirs(folder, exist_ok=True)
+    with locked(Path(folder), (0, 1)):
+        yield Log(folder, settings)
+
+
 def is_record(document: object, solvers: int) -> TypeGuard[Json]:
-    """Whether this has everything that a record of so many solvers needs."""
+    """Whether this has everything that a record of so many solvers has."""
     return (
         isinstance(document, dict)
-        and _has(document, RECORD)
-        and (document["sizes"] is None or _has(document["sizes"], {"states": int}))
+        and document.keys() == RECORD
+        and isinstance(document["runs"], list)
         and len(document["runs"]) == solvers
-        and all(_has(run, RUN) for run in document["runs"])
-    )
-
-
-def _has(document: object, fields: Mapping[str, Kind]) -> bool:
-    return isinstance(document, dict) and all(
-        name in document
-        and isinstance(document[name], kind)
-        and (not isinstance(document[name], NUMBER) or 0 <= document[name] <= LARGEST)
-        for name, kind in fields.items()
+        and all(isinstance(run, dict) and run.keys() == {*RUN} for run in document["runs"])
     )
 
 
@@ -303,7 +253,7 @@ class Study:
             "solvers": [solver_settings(s) | {"jobs": s.jobs} for s in self.solvers],
         }
 
-    def wanted(self) -> Iterator[tuple[int, int, int]]:
+    def wanted(self) -> Iterator[Key]:
         """Targets, steps and number of each scene: every size once before any a second time."""
         for run in range(1, self.runs + 1):
             for targets, steps in self.sizes:
@@ -312,7 +262,7 @@ class Study:
 
 def carry_out(
     study: Study,
-    known: dict[tuple[int, int, int], Json],
+    known: dict[Key, Json],
     keep: Callable[[Json], None],
     notify: Callable[[str, float], None] = lambda text, share: None,  # noqa: ARG005
 ) -> list[Json]:
@@ -330,9 +280,7 @@ def carry_out(
         Gets what is next, and the share that is done.
     """
     if any(key not in known for key in study.wanted()):
-        for solver in study.solvers:
-            with suppress(Exception):  # what fails here fails again where it is recorded
-                warm_up(solver)
+        warm_up(study.solvers)
     count = len(study.sizes) * study.runs
     records = []
     for done, key in enumerate(study.wanted()):
@@ -366,7 +314,7 @@ def measure(study: Study, targets: int, steps: int, run: int) -> Json:
         sides = simulate(replace(study.scene, targets=targets, steps=steps), study.tracker, rng)
         prepared = prepare(fit(*sides, request), request, stopwatch=stopwatch)
     except Exception as error:  # whatever it is: the other scenes are to be done
-        record["runs"] = [_recorded(failed(solver, error)) for solver in study.solvers]
+        record["runs"] = [failed(solver, error) for solver in study.solvers]
         return record
     problem = prepared.states.problem
     record["occupied"] = max(len(np.union1d(problem.truth_step, problem.estimate_step)), 1)
@@ -374,34 +322,9 @@ def measure(study: Study, targets: int, steps: int, run: int) -> Json:
     record["prepare_seconds"] = sum(
         stopwatch.spans[name] for name in ("distances", "solve/preparation")
     )
-    found = compare_solvers(prepared, study.solvers, run_here)
-    record["runs"] = [_recorded(made) for made in found]
+    found = compare_solvers(prepared, study.solvers, run=run_here)
+    record["runs"] = [run | {"history": [], "memory": None} for run in found]
     return record
-
-
-def _recorded(made: Json) -> Json:
-    """What a record keeps of a run."""
-    seconds = made["seconds"]
-    return {
-        "name": made["name"],
-        "solver": made["solver"],
-        "epsilon": made["epsilon"],
-        "lower": made["total_lower"],
-        "upper": made["total"],
-        "localisation": made["localisation"],
-        "missed": made["missed"],
-        "false": made["false"],
-        "switch": made["switch"],
-        "iterations": made["iterations"],
-        "finished": made["finished"],
-        "status": made["status"],
-        "seconds": None if seconds is None else seconds["solve"] + seconds["certify"],
-    }
-
-
-def proven(record: Json) -> list[Proven]:
-    """What each run of a scene proves."""
-    return [(run["name"], bracket_of(run["lower"], run["upper"])) for run in record["runs"]]
 
 
 def study_document(study: Study, records: Sequence[Json], machine: str) -> Json:
@@ -421,33 +344,34 @@ def study_document(study: Study, records: Sequence[Json], machine: str) -> Json:
             (record["targets"], record["steps"], record["run"], *pair)
             for scenes in by_size.values()
             for record in scenes
-            for pair in contradictions(proven(record))
+            for pair in contradictions(record["runs"])
         ],
     }
 
 
 def _size(size: Size, scenes: Sequence[Json], study: Study) -> Json:
     """All scenes of one size; those whose brackets contradict each other have no part in means."""
-    sound = [record for record in scenes if not contradictions(proven(record))]
+    sound = [record for record in scenes if not contradictions(record["runs"])]
     best = [
-        (min(answered, key=lambda run: run["upper"] or 0.0), record["occupied"] or 1)
+        (min(answered, key=itemgetter("total")), record["occupied"] or 1)
         for record in sound
-        if (answered := [run for run in record["runs"] if run["upper"] is not None])
+        if (answered := [run for run in record["runs"] if run["total"] is not None])
     ]
-
-    def root(name: Literal["upper", "localisation", "missed", "false", "switch"]) -> float | None:
-        if not best:
-            return None
-        costs = [(run[name] or 0.0) / t for run, t in best]
-        return float(np.mean(costs) ** (1 / study.parameters.order))
-
+    order = study.parameters.order
+    costs: dict[str, str] = {"tgospa": "total", **{name: name for name in PARTS}}
+    normalised = {
+        name: float(np.mean([run[cost] / steps for run, steps in best]) ** (1 / order))
+        if best
+        else None
+        for name, cost in costs.items()
+    }
     return {
         "targets": size[0],
         "steps": size[1],
         "left_out": len(scenes) - len(best),
-        "states": spread([record["sizes"]["states"] for record in scenes if record["sizes"]]),
+        "states": _spread_of(record["sizes"] and record["sizes"]["states"] for record in scenes),
         "prepare_seconds": _spread_of(record["prepare_seconds"] for record in scenes),
-        "normalised": {"tgospa": root("upper"), **{name: root(name) for name in PARTS}},
+        "normalised": normalised,
         "solvers": [_solver(scenes, sound, k) for k in range(len(study.solvers))],
     }
 
@@ -455,21 +379,20 @@ def _size(size: Size, scenes: Sequence[Json], study: Study) -> Json:
 def _solver(scenes: Sequence[Json], sound: Sequence[Json], k: int) -> Json:
     """One solver on all scenes of one size; errors against what all solvers prove of a scene."""
     every = [record["runs"][k] for record in scenes]
-    made = [record["runs"][k] for record in sound if record["runs"][k]["upper"] is not None]
-    found = [(runs[k][1], referee(runs)) for runs in map(proven, sound)]
-    above, below = zip(*(errors(*pair) for pair in found), strict=True) if found else ((), ())
-    known = [error for error in above if error is not None]
+    made = [run for record in sound if (run := record["runs"][k])["total"] is not None]
+    found = [errors(record["runs"][k], referee(record["runs"])) for record in sound]
+    above = [error for error, _ in found if error is not None]
     return {
         "name": every[0]["name"],
         "solver": every[0]["solver"],
         "epsilon": every[0]["epsilon"],
-        "seconds": _spread_of(run["seconds"] for run in made),
-        "error": spread([error for error in known if math.isfinite(error)]),
-        "infinite_errors": sum(math.isinf(error) for error in known),
-        "lower_error": _spread_of(below),
+        "seconds": _spread_of(map(spent, made)),
+        "error": spread([error for error in above if math.isfinite(error)]),
+        "infinite_errors": sum(map(math.isinf, above)),
+        "lower_error": _spread_of(below for _, below in found),
         "iterations": _spread_of(run["iterations"] for run in made),
-        "failed": sum(run["upper"] is None for run in every),
-        "unfinished": sum(not run["finished"] and run["upper"] is not None for run in every),
+        "failed": sum(run["total"] is None for run in every),
+        "unfinished": sum(not run["finished"] and run["total"] is not None for run in every),
     }
 
 

@@ -47,27 +47,10 @@ class Pair:
     fault: str = ""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Suite:
-    """Pairs, and the baseline if the file names one.
+def load_suite(path: str, known: Mapping[str, bool]) -> tuple[list[Pair], str | None, list[str]]:
+    """The pairs of a suite, its baseline if it names one, and notices of what was passed over.
 
-    Parameters
-    ----------
-    pairs : tuple of Pair
-        In the order of the file, those of one pattern by name; at least one.
-    baseline : str or None
-        Path.
-    notices : tuple of str
-        What patterns passed over.
-    """
-
-    pairs: tuple[Pair, ...]
-    baseline: str | None
-    notices: tuple[str, ...] = ()
-
-
-def load_suite(path: str, known: Mapping[str, bool]) -> Suite:
-    """Read a suite; its paths are relative to its folder.
+    Paths are relative to its folder; pairs are in its order, those of one pattern by name.
 
     Parameters
     ----------
@@ -107,11 +90,7 @@ def load_suite(path: str, known: Mapping[str, bool]) -> Suite:
             )
         seen[pair.name] = pair
     baseline = _text(document, "baseline", path) if "baseline" in document else None
-    return Suite(
-        pairs=tuple(pairs),
-        baseline=None if baseline is None else os.path.join(folder, baseline),
-        notices=tuple(dict.fromkeys(notices)),
-    )
+    return pairs, baseline and os.path.join(folder, baseline), list(dict.fromkeys(notices))
 
 
 def _pairs(

@@ -7,7 +7,7 @@ the bounds.
 """
 
 import json
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.campaign.grouping import (
@@ -22,7 +22,7 @@ from tgospa_eval.campaign.statistics import confidence, rankings
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.states import connected_components
-from tgospa_eval.reports.batch_records import BatchTables, GroupSlices, Ranking
+from tgospa_eval.reports.batch_records import BatchTables, Ranking
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, OtherMetrics
 from tgospa_eval.results.slices import Slicing, added_up
 
@@ -139,36 +139,72 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     check_labels(by, labels_of(rows))
     if not len(rows) or (rows["status"] == "failed").all():
         return BatchTables(rows=rows, groups=rows.iloc[:0], by=tuple(by))
+    import pandas as pd
+
     rows, parameters = with_parameters(rows)
-    groups = _Groups(rows, by, parameters)
-    table = _summed(groups, roots=roots)
-    having = groups.having
+    filled = rows.fillna({LABEL + name: "" for name in labels_of(rows)})
+    having = filled[filled["status"] != "failed"]
+    # Of a job without value the parameters are not known.
+    heads, numbers = _groups(having if parameters else filled, by, parameters)
+    own = numbers.loc[having.index]
+    orders = having["order"].groupby(own).first()
+    orders = orders.reindex(heads.index, fill_value=float(orders.iloc[0]))
+    table = _summed(having, own, orders)
+    table["expected"] = _expected(having if parameters else filled, numbers, by, parameters)
+    for name, group in having.groupby(own) if metrics_of(having.columns) else ():
+        for column, value in joined_metrics(group).items():
+            table.loc[name, column] = value
+    if roots:
+        for end in ENDS:
+            values = having["total" + end] ** (1 / having["order"])
+            table["mean_of_roots" + end] = values.groupby(own).mean()
+    taken = {*table, *OF_INTERVALS, *parameters}
+    shown = zip(by, shown_labels(by, taken), strict=True)
+    heads = heads.rename(columns={LABEL + name: head for name, head in shown})
     items: list[Ranking | str] = []
     if by:
-        items = list(rankings(having, by[0], parameters, groups.names))
-    intervals = confidence(having, groups.numbers[having.index], groups.orders())
+        items = list(rankings(having, by[0], parameters, filled[LABEL + by[0]].unique()))
     return BatchTables(
         rows=rows,
-        groups=table.assign(**intervals),
+        groups=pd.concat([heads, table, confidence(having, own, orders)], axis=1),
         by=tuple(by),
         parameters=tuple(parameters),
         rankings=tuple(item for item in items if isinstance(item, Ranking)),
         notes=tuple(dict.fromkeys(item for item in items if isinstance(item, str))),
-        slices=tuple(sliced_groups(having, groups.numbers)),
+        slices=sliced_groups(having, numbers),
     )
 
 
-def _summed(groups: "_Groups", *, roots: bool) -> "pd.DataFrame":
+def _groups(
+    rows: "pd.DataFrame", by: Sequence[str], differing: Sequence[str]
+) -> tuple["pd.DataFrame", "pd.Series[int]"]:
+    """What tells groups apart, digits in labels in the order of numbers; the group of each row."""
     import pandas as pd
 
-    having, heads = groups.having, groups.heads
-    own = having.groupby(groups.numbers[having.index])
-    table = own[list(SUMS)].sum().reindex(heads.index)
-    table["jobs"] = own.size().reindex(heads.index, fill_value=0)
-    table["open"] = table["jobs"] - own["certified"].sum().reindex(heads.index, fill_value=0)
+    keys = [*(LABEL + name for name in by), *differing]
+    if not keys:
+        return pd.DataFrame(index=[0]), pd.Series(0, index=rows.index)
+    found = rows[keys].drop_duplicates()
+    heads = list(found.itertuples(index=False, name=None))
+
+    def place(k: int) -> tuple[Any, ...]:
+        head = heads[k]
+        return (*(natural(str(value)) for value in head[: len(by)]), *head[len(by) :])
+
+    found = found.iloc[sorted(range(len(heads)), key=place)].reset_index(drop=True)
+    numbers = rows[keys].merge(found.reset_index(names="_group"), "left", keys)["_group"]
+    return found, numbers.set_axis(rows.index)
+
+
+def _summed(
+    having: "pd.DataFrame", numbers: "pd.Series[int]", orders: "pd.Series[float]"
+) -> "pd.DataFrame":
+    """Sums over the jobs of each group, and their roots."""
+    own = having.groupby(numbers)
+    table = own[list(SUMS)].sum().reindex(orders.index)
+    table["jobs"] = own.size().reindex(orders.index, fill_value=0)
+    table["open"] = table["jobs"] - own["certified"].sum().reindex(orders.index, fill_value=0)
     table = table.astype({"jobs": int, "open": int})
-    table["expected"] = groups.expected()
-    inverse = 1 / groups.orders()
     divisors: dict[str, Any] = {
         "combined": 1.0,
         "per_step": table["judged.steps"],
@@ -176,87 +212,34 @@ def _summed(groups: "_Groups", *, roots: bool) -> "pd.DataFrame":
     }
     for name, divisor in divisors.items():
         for end in ENDS:
-            table[name + end] = (table["total" + end] / divisor) ** inverse
-    if metrics_of(having.columns):
-        records = {number: joined_metrics(group) for number, group in own}
-        for name in next(iter(records.values())):
-            table[name] = pd.Series({number: found[name] for number, found in records.items()})
-    if roots:
-        values = [having["total" + end] ** (1 / having["order"]) for end in ENDS]
-        for end, value in zip(ENDS, values, strict=True):
-            table["mean_of_roots" + end] = value.groupby(groups.numbers[having.index]).mean()
-    taken = {*table, *OF_INTERVALS, *groups.differing}
-    shown = zip(groups.by, shown_labels(groups.by, taken), strict=True)
-    return heads.rename(columns={LABEL + name: head for name, head in shown}).join(table)
+            table[name + end] = (table["total" + end] / divisor) ** (1 / orders)
+    return table
 
 
-class _Groups:
-    """Which group each job is in.
+def _expected(
+    rows: "pd.DataFrame", numbers: "pd.Series[int]", by: Sequence[str], differing: Sequence[str]
+) -> Any:
+    """How many jobs each group would have, had it what those have that are like it.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        Of a store, of which one at least has a value.
-    by : sequence of str
-        Labels that make a group.
-    differing : sequence of str
-        Columns with parameters in which they differ.
+    These are groups with a truth in common, or all groups where each has one truth alone.
+
+    Returns
+    -------
+    array of int, shape (groups,)
     """
+    import numpy as np
 
-    def __init__(self, rows: "pd.DataFrame", by: Sequence[str], differing: Sequence[str]) -> None:
-        import pandas as pd
-
-        rows = rows.fillna({LABEL + name: "" for name in labels_of(rows)})
-        having = rows[rows["status"] != "failed"]
-        self.by, self.differing = list(by), list(differing)
-        self.names = rows[LABEL + by[0]].drop_duplicates() if by else ()
-        # Of a job without value the parameters are not known.
-        self.rows = having if self.differing else rows
-        self.having = having
-        keys = [*(LABEL + name for name in by), *self.differing]
-        if keys:
-            found = self.rows[keys].drop_duplicates()
-            heads = list(found.itertuples(index=False, name=None))
-            order = sorted(range(len(heads)), key=lambda k: _sorted_by(heads[k], len(self.by)))
-            self.heads = found.iloc[order].reset_index(drop=True)
-            numbers = self.rows[keys].merge(self.heads.reset_index(names="_group"), "left", keys)
-            self.numbers = pd.Series(numbers["_group"].to_numpy(), index=self.rows.index)
-        else:
-            self.heads = pd.DataFrame(index=[0])
-            self.numbers = pd.Series(0, index=self.rows.index)
-
-    def orders(self) -> "pd.Series[float]":
-        """The order p of each group."""
-        first = self.having["order"].groupby(self.numbers[self.having.index]).first()
-        return first.reindex(self.heads.index, fill_value=float(first.iloc[0]))
-
-    def expected(self) -> Any:
-        """How many jobs each group would have, had it what those have that are like it.
-
-        These are groups with a truth in common, or all groups where each has one truth alone.
-
-        Returns
-        -------
-        array of int, shape (groups,)
-        """
-        import numpy as np
-
-        count = len(self.heads)
-        alone = truths(self.rows).groupby(self.numbers).nunique().max() == 1
-        pairs = pair_numbers(self.rows, self.by, self.differing, truth=not alone).to_numpy()
-        size = count + int(pairs.max()) + 1
-        parts = connected_components(self.numbers.to_numpy(), count + pairs, size)
-        alike = np.bincount(parts[count:], minlength=size)[parts[:count]]
-        return np.maximum(alike, np.bincount(self.numbers))
+    counts = np.bincount(numbers)
+    alone = truths(rows).groupby(numbers).nunique().max() == 1
+    pairs = pair_numbers(rows, by, differing, truth=not alone).to_numpy()
+    size = len(counts) + int(pairs.max()) + 1
+    parts = connected_components(numbers.to_numpy(), len(counts) + pairs, size)
+    alike = np.bincount(parts[len(counts) :], minlength=size)[parts[: len(counts)]]
+    return np.maximum(alike, counts)
 
 
-def _sorted_by(head: Sequence[Any], labels: int) -> tuple[Any, ...]:
-    """Digits in labels compare as numbers."""
-    return (*(natural(str(value)) for value in head[:labels]), *head[labels:])
-
-
-def sliced_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> Iterator[GroupSlices]:
-    """The sums of each group that has slices.
+def sliced_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[int, list[Slicing]]:
+    """The sums of each group that has slices, by its number.
 
     Parameters
     ----------
@@ -266,9 +249,9 @@ def sliced_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> Iterator
         The group of each row, by the index of the rows.
     """
     if STORED_SLICES not in having:
-        return
+        return {}
     stored = having[STORED_SLICES].dropna()
-    for number, texts in stored.groupby(numbers[stored.index]):
-        records = map(json.loads, texts)
-        jobs = [tuple(map(Slicing.of, record)) for record in records]
-        yield GroupSlices(group=int(number), slicings=tuple(added_up(jobs)))
+    return {
+        int(number): list(added_up([[*map(Slicing.of, json.loads(text))] for text in texts]))
+        for number, texts in stored.groupby(numbers[stored.index])
+    }

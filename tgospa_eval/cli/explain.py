@@ -113,7 +113,8 @@ def command(
     from tgospa_eval.cli.shared.values import OutputOptions
     from tgospa_eval.cli.shared.writing import check_apart
     from tgospa_eval.formats.write import TABLES
-    from tgospa_eval.reports.explanation import render
+    from tgospa_eval.reports import rendered
+    from tgospa_eval.reports.explanation import explanation_document
     from tgospa_eval.reports.files import check_file
 
     if output is not None:
@@ -126,7 +127,7 @@ def command(
     found = explained(result, request, shown, max(top, apply))
     if output is not None:
         _write(found, apply, output, quiet=shown.quiet)
-    emit(render(found, shown.format_), shown.format_)
+    emit(rendered(found, shown.format_, explanation_document(found)), shown.format_)
     ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
 
 

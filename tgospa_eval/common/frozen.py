@@ -29,7 +29,7 @@ else:
         eq : bool
             Whether equal fields make records equal, and give their hash.
         repr : bool
-            Whether the representation shows the fields.
+            Whether the representation shows the fields; one that the class defines itself stays.
         """
         if not frozen:
             raise TypeError("a record that can be changed: say frozen=True")
@@ -40,7 +40,7 @@ else:
             cls.__init__ = _initialiser(fields, hasattr(cls, "__post_init__"))
             cls.__signature__ = _Signature()
             cls.__setattr__, cls.__delattr__ = _refuse_to_set, _refuse_to_delete
-            if repr:
+            if repr and "__repr__" not in cls.__dict__:
                 cls.__repr__ = _shown
             if eq:
                 cls.__eq__, cls.__hash__ = _comparison([field.name for field in fields])

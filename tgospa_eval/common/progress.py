@@ -87,10 +87,6 @@ class Progress:
         """Whether it takes long enough to be shown."""
         return self.watched and time.monotonic() > self._due
 
-    def expect_long(self) -> None:
-        """It will take long: what is known is shown at once."""
-        self._due = 0.0
-
     def silent(self) -> "Progress":
         """One for work inside of this work: stopped together, and shown to nobody."""
         return Progress(watched=self.watched, stop=self.stop)

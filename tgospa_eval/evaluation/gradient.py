@@ -2,7 +2,7 @@
 
 The metric is a minimum over assignments, so by the envelope theorem (Danskin) its derivative is
 that of the cost at the best one, where that is unique; else it is a subgradient of the minimum's
-directional derivatives (docs/theory/gradient.md).
+directional derivatives (docs/how-to/gradient.md).
 """
 
 import math

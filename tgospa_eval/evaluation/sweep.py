@@ -24,7 +24,7 @@ from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.tgospa import Parameters
-from tgospa_eval.results.records import FileInfo
+from tgospa_eval.results.records import PARTS, FileInfo
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.sweep import Point, Sweep
 from tgospa_eval.solvers import Solver
@@ -235,24 +235,15 @@ def _value(parameters: Parameters, name: str) -> float:
 
 
 def _point(result: Result, name: str) -> Point:
-    counts = result.counts
+    numbers = ("tgospa", "lower_bound", "total", "relative_gap", "certified", *PARTS)
+    values = {number: getattr(result, number) for number in numbers}
+    values |= {f"{part}_count": count for part, count in result.counts.items()}
     return Point(
         value=_value(result.proof.parameters, name),
-        tgospa=result.tgospa,
-        lower_bound=result.lower_bound,
-        total=result.total,
-        relative_gap=result.relative_gap,
-        certified=result.certified,
         normalised=result.normalised["tgospa"],
-        localisation=result.localisation,
-        missed=result.missed,
-        false=result.false,
-        switch=result.switch,
-        missed_count=counts["missed"],
-        false_count=counts["false"],
-        switch_count=counts["switch"],
         status=result.solver["status"],
         finished=bool(result.solver["finished"]),
+        **values,
     )
 
 

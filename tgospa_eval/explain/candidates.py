@@ -8,10 +8,8 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.frozen import dataclass
@@ -24,12 +22,10 @@ from tgospa_eval.explain.edits import (
     Edit,
     TrackPiece,
     exchange,
-    renamed,
     split,
 )
-from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
+from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.tgospa import Parameters
-from tgospa_eval.solvers.warm_start import SavedSolution
 from tgospa_eval.tracks.attributes import chosen
 from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -240,188 +236,6 @@ def _cut(assigned: Assigned, track: int, rows: Ints) -> Candidate:
         begin=begin,
         end=end,
     )
-
-
-# -------------------------------------------------------------------------------------------------
-# Components as repairs leave them, as copies in one problem at steps of their own.
-
-Mask = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Copy:
-    """The components that an edit touches.
-
-    Parameters
-    ----------
-    edit : Edit
-        What changes.
-    blocks : (B,) bool array
-        Components of the original that it touches.
-    truth_in, estimate_in : bool arrays
-        Tracks that it consists of: those of the components, and tracks without one that it changes;
-        of estimates the new ones come last.
-    near : Problem, optional
-        The rows that edits add as its estimates, with all truths.
-    rows, entries : int arrays
-        Those of `near` that this edit adds.
-    """
-
-    edit: Edit
-    blocks: Mask
-    truth_in: Mask
-    estimate_in: Mask
-    near: Problem | None
-    rows: Ints
-    entries: Ints
-
-
-def size_of(copy: Copy, problem: Problem) -> int:
-    """About how many rows and entries a copy has."""
-    whole = len(problem.cost) + len(problem.truth_step) + len(problem.estimate_step)
-    return int(whole * np.count_nonzero(copy.truth_in) / max(len(copy.truth_in), 1)) + 1
-
-
-def joined(
-    copies: list[Copy], problem: Problem, held: SavedSolution
-) -> tuple[Problem, SavedSolution]:
-    """One problem of all copies, each at steps of its own, and where its solution may begin.
-
-    Parameters
-    ----------
-    copies : list of Copy
-        What edits touch.
-    problem : Problem
-        Before any edit.
-    held : SavedSolution
-        Its solution.
-    """
-    parts: dict[str, list[Any]] = {}
-    warm: dict[str, list[Any]] = {}
-    truths = estimates = truth_rows = estimate_rows = 0
-    for number, copy in enumerate(copies):
-        first = number * problem.steps
-        rows = _rows(copy, problem)
-        own = _entries(copy, rows, problem)
-        for name, value in (
-            ("truth_step", problem.truth_step[rows.truth] + first),
-            ("truth_track", rows.truth_number[problem.truth_track[rows.truth]] + truths),
-            ("truth_price", problem.truth_price[rows.truth]),
-            ("estimate_step", rows.step + first),
-            ("estimate_track", rows.track + estimates),
-            ("estimate_price", rows.price),
-            ("truth_row", own[0] + truth_rows),
-            ("estimate_row", own[1] + estimate_rows),
-            ("cost", own[2]),
-        ):
-            parts.setdefault(name, []).append(value)
-        shifts = {
-            **dict.fromkeys(("begin", "end", "step"), first),
-            **dict.fromkeys(("estimate", "priced"), estimates),
-            "truth": truths,
-        }
-        for name, value in _warm(copy, rows, held):
-            warm.setdefault(name, []).append(value + shifts[name] if name in shifts else value)
-        truths += int(np.count_nonzero(copy.truth_in))
-        estimates += int(np.count_nonzero(copy.estimate_in))
-        truth_rows, estimate_rows = truth_rows + len(rows.truth), estimate_rows + len(rows.step)
-    arrays: dict[str, Any] = {name: np.concatenate(values) for name, values in parts.items()}
-    steps = len(copies) * problem.steps
-    price = problem.switch_price
-    if not isinstance(price, float):
-        price = np.tile(np.append(price, 0.0), len(copies))[:-1]
-    near = [copy.near for copy in copies if copy.near is not None]
-    whole = Problem(
-        steps=steps,
-        truths=truths,
-        estimates=estimates,
-        switch_price=price,
-        cost_error=max(part.cost_error for part in (problem, *near)),
-        cost_slack=max(part.cost_slack for part in (problem, *near)),
-        rounding=problem.rounding,
-        **arrays,
-    )
-    ours: dict[str, Any] = {name: np.concatenate(values) for name, values in warm.items()}
-    return whole, SavedSolution(**ours, estimates=estimates, steps=steps)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _CopyRows:
-    """Rows of a copy: of truths those of the problem, of estimates with new tracks, in order.
-
-    `place` is where each old row is here, and each that is added, -1 for others.
-    """
-
-    truth: Ints
-    truth_number: Ints
-    estimate_number: Ints
-    step: Ints
-    track: Ints
-    price: Floats
-    place: Ints
-
-
-def _rows(copy: Copy, problem: Problem) -> _CopyRows:
-    edit = copy.edit
-    chosen = np.flatnonzero(copy.estimate_in[problem.estimate_track])
-    track = edit.tracks(problem.estimate_track[chosen], problem.estimate_step[chosen])
-    chosen, track = chosen[track >= 0], track[track >= 0]
-    step, price = problem.estimate_step[chosen], problem.estimate_price[chosen]
-    sources = len(problem.estimate_step)
-    if copy.near is not None and edit.added is not None:
-        step = np.concatenate((step, copy.near.estimate_step[copy.rows]))
-        track = np.concatenate((track, np.full(len(copy.rows), edit.added.track[0])))
-        price = np.concatenate((price, copy.near.estimate_price[copy.rows]))
-    number = np.cumsum(copy.estimate_in) - 1
-    track = number[track]
-    order = np.lexsort((track, step))
-    back = np.empty(len(order), np.int64)
-    back[order] = np.arange(len(order))
-    place = np.full(sources + len(copy.rows), -1)
-    place[chosen] = back[: len(chosen)]
-    place[sources:] = back[len(chosen) :]
-    return _CopyRows(
-        truth=np.flatnonzero(copy.truth_in[problem.truth_track]),
-        truth_number=np.cumsum(copy.truth_in) - 1,
-        estimate_number=number,
-        step=step[order],
-        track=track[order],
-        price=price[order],
-        place=place,
-    )
-
-
-def _entries(copy: Copy, rows: _CopyRows, problem: Problem) -> tuple[Ints, Ints, Floats]:
-    """Rows of the entries of a copy, and their costs."""
-    truth_place = np.full(len(problem.truth_step), -1)
-    truth_place[rows.truth] = np.arange(len(rows.truth))
-    truth, estimate = truth_place[problem.truth_row], rows.place[problem.estimate_row]
-    kept = np.flatnonzero((truth >= 0) & (estimate >= 0))
-    truth, estimate, cost = truth[kept], estimate[kept], problem.cost[kept]
-    if copy.near is not None and len(copy.entries):
-        near, at = copy.near, np.zeros(len(copy.near.estimate_step), np.int64)
-        at[copy.rows] = len(problem.estimate_step) + np.arange(len(copy.rows))
-        truth = np.concatenate((truth, truth_place[near.truth_row[copy.entries]]))
-        estimate = np.concatenate((estimate, rows.place[at[near.estimate_row[copy.entries]]]))
-        cost = np.concatenate((cost, near.cost[copy.entries]))
-    order = np.lexsort((estimate, truth))
-    return truth[order].astype(np.int32), estimate[order].astype(np.int32), cost[order]
-
-
-def _warm(copy: Copy, rows: _CopyRows, held: SavedSolution) -> Iterator[tuple[str, Ints | Floats]]:
-    """The assignment and the prices at hand, with the names of tracks after the edit."""
-    edit = copy.edit
-    which, track, begin, end = renamed(held, edit, np.flatnonzero(copy.truth_in[held.truth]))
-    yield "truth", rows.truth_number[held.truth[which]]
-    yield "estimate", rows.estimate_number[track]
-    yield "begin", begin
-    yield "end", end
-    yield "weight", held.weight[which]
-    became = edit.tracks(held.priced, held.step)
-    paid = np.flatnonzero((became >= 0) & copy.estimate_in[np.maximum(became, 0)])
-    yield "priced", rows.estimate_number[became[paid]]
-    yield "step", held.step[paid]
-    yield "price", held.price[paid]
 
 
 # -------------------------------------------------------------------------------------------------

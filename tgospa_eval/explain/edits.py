@@ -190,12 +190,12 @@ class Edit:
         return found
 
 
-def renamed(held: SavedSolution, edit: Edit, chosen: Ints) -> tuple[Ints, Ints, Ints, Ints]:
-    """What becomes of the chosen runs: which each was, its estimate afterwards, begin and end."""
-    still = chosen[~np.isin(held.estimate[chosen], list(edit.pieces))]
+def renamed(held: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
+    """What becomes of the runs: which each was, its estimate afterwards, begin and end."""
+    still = np.flatnonzero(~np.isin(held.estimate, list(edit.pieces)))
     found = [(still, held.estimate[still], held.begin[still], held.end[still])]
     for track, pieces in edit.pieces.items():
-        own = chosen[held.estimate[chosen] == track]
+        own = np.flatnonzero(held.estimate == track)
         for piece in pieces:
             begin = np.maximum(held.begin[own], piece.begin)
             end = np.minimum(held.end[own], piece.end)

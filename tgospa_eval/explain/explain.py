@@ -9,11 +9,20 @@ from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import on_own_times, periods_of
 from tgospa_eval.evaluation.prepare import Source
-from tgospa_eval.explain import candidates as found
-from tgospa_eval.explain import candidates as motion
-from tgospa_eval.explain.candidates import Candidate, StatePlaces
+from tgospa_eval.explain.candidates import (
+    Candidate,
+    StatePlaces,
+    best,
+    extended,
+    filled,
+    moved,
+    of_names,
+    of_rows,
+    shifted,
+)
 from tgospa_eval.explain.edits import Assigned
-from tgospa_eval.explain.trials import Trial, Trials
+from tgospa_eval.explain.trials import Trials
+from tgospa_eval.problem.solution import Bounds
 from tgospa_eval.results.explanation import Explanation, Repair
 from tgospa_eval.results.numbers import outward
 from tgospa_eval.results.records import Columns
@@ -68,11 +77,11 @@ def explain(
             for candidate in _candidates(result, source, assigned, TRIED * top)
             if candidate.kind not in without
         ]
-        tried = found.best(able, TRIED * top)
+        tried = best(able, TRIED * top)
         trials = Trials(proof, assigned, sides, request).run(tried, stopwatch) if tried else []
-        repairs = [_repair(result, source, candidate, trial) for candidate, trial in trials]
+        repairs = [_repair(result, source, *trial) for trial in trials]
     worth = [repair for repair in repairs if repair.saving_upper > result.gap * result.total]
-    worth.sort(key=lambda repair: (-repair.saving_lower, -repair.saving_upper))
+    worth.sort(key=lambda repair: -float(f"{repair.saving_lower:.6g}"))  # ties keep their order
     return Explanation(
         result=result,
         repairs=tuple(worth[:top]),
@@ -92,16 +101,16 @@ def _candidates(
         return
     places = _places(result, source)
     names = (*result.labels.truths, *result.labels.estimates)
-    makers = [found.of_names(assigned, names), found.of_rows(assigned, most)]
+    makers = [of_names(assigned, names), of_rows(assigned, most)]
     if len(source.sides.alignment.truth.step):
         if estimate.clouds is None:
             makers += [
-                motion.filled(assigned, places, most),
-                motion.extended(assigned, places, most),
+                filled(assigned, places, most),
+                extended(assigned, places, most),
             ]
         if assigned.problem.steps > 1 and source.request.step_weights is None:
-            makers.append(motion.shifted(assigned, places))
-        makers.append(motion.moved(assigned, places))
+            makers.append(shifted(assigned, places))
+        makers.append(moved(assigned, places))
     for maker in makers:
         yield from (candidate for candidate in maker if candidate.saving > 0)
 
@@ -121,11 +130,13 @@ def _places(result: Result, source: Source) -> StatePlaces:
     )
 
 
-def _repair(result: Result, source: Source, candidate: Candidate, trial: Trial) -> Repair:
-    """A candidate with its names and what is proven of it."""
+def _repair(
+    result: Result, source: Source, candidate: Candidate, after: Bounds, total: float
+) -> Repair:
+    """A candidate with its names and what is proven of the cost after it."""
     edit, labels, scale = candidate.edit, result.labels, result.scale
     columns = source.sides.read[0].columns
-    bounds = result.proof.bounds
+    before = result.proof.bounds
     begin, end = (None if k is None else labels.times[k] for k in (candidate.begin, candidate.end))
     rows: Columns = {}
     if edit.added is not None:
@@ -142,12 +153,12 @@ def _repair(result: Result, source: Source, candidate: Candidate, trial: Trial) 
         shift=edit.shift,
         offset=offset,
         rows=rows,
-        total=scale * trial.total,
-        tgospa=result.proof.parameters.root(trial.total),
-        lower_bound=result.outward_root(trial.lower, -1),
-        upper_bound=result.outward_root(trial.upper, 1),
-        saving_lower=_outward(scale * (bounds.lower - trial.upper), -1),
-        saving_upper=_outward(scale * (bounds.upper - trial.lower), 1),
+        total=scale * total,
+        tgospa=result.proof.parameters.root(total),
+        lower_bound=result.outward_root(after.lower, -1),
+        upper_bound=result.outward_root(after.upper, 1),
+        saving_lower=_outward(scale * (before.lower - after.upper), -1),
+        saving_upper=_outward(scale * (before.upper - after.lower), 1),
         edit=edit,
     )
 

@@ -1,6 +1,5 @@
 """Tables of Arrow, of Parquet and Feather files, with the columns of the CSV files."""
 
-import struct
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -47,7 +46,8 @@ def arrow_rows(
     InputError
         The content is damaged, or see `formats.read`. Rows count from 0.
     """
-    names = list(schema.names)
+    with readable(path, kind):
+        names = list(schema.names)
     roles = find_roles(names, options, path)
     used = {roles.id, roles.time, *roles.numbers, *roles.texts}
     if roles.klass is not None:
@@ -144,15 +144,6 @@ def _exact(table: "pa.Table", *names: str | None) -> "pa.Table":
     return table
 
 
-def _check(path: str, kind: str, data: bytes) -> None:
-    """Whether there is something, and what reads it."""
-    check_parquet(kind, f"{path}: ")
-    if not data:
-        raise InputError(
-            f"{path}: the file is empty; a set without objects has a schema and no rows"
-        )
-
-
 def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
     """The rows of a Parquet file, the same in either role; only the columns in use are read.
 
@@ -163,29 +154,10 @@ def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, giv
     ConfigError
         pyarrow is not installed.
     """
-    _check(path, "Parquet", data)
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    with readable(path, "Parquet"):
-        file = pq.ParquetFile(pa.BufferReader(data))
-        schema = file.schema_arrow
-
-    def read(subset: Sequence[str]) -> "pa.Table":
-        rows = file.metadata.num_rows
-        what = f"{rows:,} rows of {len(subset)} columns"
-        check_memory(path, TABLE * 8 * rows * len(subset), len(data), options.max_input, what)
-        return file.read(columns=subset)
-
-    return arrow_rows(path, "Parquet", schema, read, options)
+    return _file_rows(path, "Parquet", data, options)
 
 
 FIRST_VERSION = b"FEA1"
-PREAMBLE = 8
-"""Bytes before the messages: ARROW1 and two of zero."""
-
-HEADERS = {"record batch": (2,), "dictionary": (2, 1)}
-"""Where in the header of a message the lengths of its arrays are."""
 
 
 def read_feather(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
@@ -198,75 +170,31 @@ def read_feather(path: str, data: bytes, options: ReadOptions, role: str, *, giv
     ConfigError
         pyarrow is not installed.
     """
-    _check(path, "Feather", data)
-    import pyarrow as pa
-    from pyarrow import ipc
-
     if data.startswith(FIRST_VERSION):
         raise InputError(f"{path}: Feather of version 1; write version 2, the default since 2020")
-    # The messages in their order, not by the footer: what was measured is what is read.
-    content = pa.py_buffer(data)[PREAMBLE:]
-    with readable(path, "Feather"):
-        schema = ipc.open_stream(content).schema
-        names = schema.names
+    return _file_rows(path, "Feather", data, options)
+
+
+def _file_rows(path: str, kind: str, data: bytes, options: ReadOptions) -> Rows:
+    check_parquet(kind, f"{path}: ")
+    if not data:
+        raise InputError(
+            f"{path}: the file is empty; a set without objects has a schema and no rows"
+        )
+    import pyarrow as pa
+    import pyarrow.dataset as ds
+
+    layout = ds.ParquetFileFormat() if kind == "Parquet" else ds.IpcFileFormat()
+    with readable(path, kind):
+        file = layout.make_fragment(pa.py_buffer(data))
+        schema, rows = file.physical_schema, file.count_rows()
 
     def read(subset: Sequence[str]) -> "pa.Table":
-        rows, unpacked = _lengths(content)
-        what = f"{rows:,} rows of {len(subset)} columns, {unpacked:,} bytes"
-        size = TABLE * max(8 * rows * len(subset), unpacked)
-        check_memory(path, size, len(data), options.max_input, what)
-        wanted = ipc.IpcReadOptions(included_fields=[names.index(name) for name in subset])
-        return ipc.open_stream(content, options=wanted).read_all()
+        what = f"{rows:,} rows of {len(subset)} columns"
+        check_memory(path, TABLE * 8 * rows * len(subset), len(data), options.max_input, what)
+        return file.to_table(columns=subset)
 
-    return arrow_rows(path, "Feather", schema, read, options)
-
-
-def _lengths(content: "pa.Buffer") -> tuple[int, int]:
-    """Rows of all batches, and the bytes to which their arrays unpack, before any does.
-
-    By the columnar format of Arrow: a message is a flat buffer and a body; a compressed array of
-    the body begins with its length.
-    """
-    from pyarrow import ipc
-
-    rows = unpacked = 0
-    for message in ipc.MessageReader.open_stream(content):
-        if message.type not in HEADERS:
-            continue
-        try:
-            data = message.metadata.to_pybytes()
-            batch = struct.unpack_from("<I", data)[0]
-            for field in HEADERS[message.type]:
-                batch = _target(data, batch, field)
-            length = _place(data, batch, 0)
-            rows += struct.unpack_from("<q", data, length)[0] if length else 0
-            body = memoryview(message.body) if message.body is not None else b""
-            packed = _place(data, batch, 3)
-            begin = _target(data, batch, 2)
-            for k in range(struct.unpack_from("<I", data, begin)[0]):
-                offset, length = struct.unpack_from("<qq", data, begin + 4 + 16 * k)
-                size = struct.unpack_from("<q", body, offset)[0] if packed and length else -1
-                unpacked += length if size < 0 else size
-        except (struct.error, ValueError):
-            raise OSError("a damaged message") from None
-    return rows, unpacked
-
-
-def _place(data: bytes, table: int, field: int) -> int:
-    """Where a field of a table of a flat buffer is; 0 if it is missing."""
-    offsets = table - int(struct.unpack_from("<i", data, table)[0])
-    if 4 + 2 * field >= struct.unpack_from("<H", data, offsets)[0]:
-        return 0
-    offset = int(struct.unpack_from("<H", data, offsets + 4 + 2 * field)[0])
-    return table + offset if offset else 0
-
-
-def _target(data: bytes, table: int, field: int) -> int:
-    """Where the table or vector is that a field has; ValueError if it is missing."""
-    at = _place(data, table, field)
-    if not at:
-        raise ValueError
-    return at + int(struct.unpack_from("<I", data, at)[0])
+    return arrow_rows(path, kind, schema, read, options)
 
 
 ARGOVERSE_HEADERS = {

@@ -10,7 +10,6 @@ from tgospa_eval.common.arrays import places_of
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import fraction, one_stamp
 from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.options import Flags, ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import Reading
@@ -467,10 +466,6 @@ def refusal(taken: Ints, again: Ints, key: Ints, rows: Rows, format: str) -> str
 
 def _cause(taken: Ints, again: Ints, rows: Rows) -> str:
     """Why rows may repeat an (id, t), with a remedy; blank if it is not known."""
-    time = rows.roles.headers[rows.roles.time]
-    rest = next(filter(fraction, rows.roles.unused), None)
-    if rest and not fraction(time):
-        return f"it seems that {one_stamp(time, rest)}"
     counts = np.bincount(rows.ids[1][taken])
     name, header = rows.ids[0][int(counts.argmax())], rows.roles.headers[rows.roles.id]
     if counts.max() < NEARLY_ALL * len(taken):

@@ -11,11 +11,11 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache, partial
-from typing import Any, NamedTuple
+from functools import cache, cached_property, partial
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,30 +30,15 @@ from tgospa_eval.formats.rows import Rows, number_ids, rows_by_components
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.trajectories import Ints, column_names
 
-Fields = dict[str, NDArray[np.generic]]
-"""Fields of a structure; of what is no array of real numbers an array of objects."""
+Structure: TypeAlias = "dict[str, Value]"
+Value: TypeAlias = "Structure | list[Callable[[], Value]] | NDArray[Any] | None"
+"""A structure by its fields, the elements of a cell, real numbers; None of anything else."""
+
+Variables = dict[str, Callable[[], Value]]
+"""The variables of a file, which are taken apart when they are needed."""
 
 Room = Callable[[int, str], None]
 """Raises if there is none for so many bytes, of what."""
-
-
-class Variable(NamedTuple):
-    """A variable of a file.
-
-    Parameters
-    ----------
-    cells : int, optional
-        How many elements a cell has; None is no cell.
-    fields : frozenset of str
-        Names of the fields of a structure; of a cell those of its first element that is not empty.
-    read : callable
-        Gives the fields of the structure, or of the element at a place, from 0 on; none of what is
-        no single structure.
-    """
-
-    cells: int | None
-    fields: frozenset[str]
-    read: Callable[[int], Fields]
 
 
 # -------------------------------------------------------------------------------------------------
@@ -73,63 +58,53 @@ ELEMENT_TYPES = dict(zip((1, 2, 3, 4, 5, 6, 7, 9, 12, 13), NUMBER_TYPES, strict=
 
 CELL_ARRAY, STRUCTURE = 1, 2
 NUMERIC = range(6, 16)
-"""Classes of arrays."""
+"""Classes of arrays; those beyond are functions and objects."""
 
 COMPLEX = 0x800
 """Flag of an array."""
 
-BEGIN_BYTES = 1 << 12
-"""Bytes of a variable that mostly have its class, its name and those of its fields."""
+BEGIN_BYTES = 1 << 10
+"""Bytes of a variable that have its class and its name, which has 63 letters at most."""
 
 INFLATED_BYTES = 1 << 24
 """Bytes that are unpacked at a time."""
 
 
-def _variables(data: bytes, room: Room) -> Iterator[tuple[str, Variable]]:
-    """Variables one by one; what is compressed is unpacked as far as it is needed."""
+def _variables(data: bytes, room: Room) -> Variables:
+    """The structures and cells of a file; what is compressed is unpacked when it is needed."""
     room(len(data), "arrays")
     order = "<" if data[126:128] == b"IM" else ">"
     at = TEXT_HEADER
+    found: Variables = {}
     while at < len(data):
-        kind, begin, end, after = _tag(data, at, order)
+        kind, begin, end, after = _element(data, at, order)
         if kind == DEFLATED:
-            head, whole = _inflated(data[begin:end], room)
-            at = end
+            packed, at = data[begin:end], end
+            whole = partial(_inflated, packed, room)
+            head = zlib.decompressobj().decompress(packed, BEGIN_BYTES)
         else:
-            head = data[begin - 8 : end]
+            head, at = data[begin - 8 : end], after
             whole = partial(bytes, head)
-            at = after
-        try:
-            name, cells, fields = _begin(head, order)
-        except (ValueError, struct.error):
-            name, cells, fields = _begin(whole(), order)
-
-        def read(place: int, whole: Callable[[], bytes] = whole) -> Fields:
-            return _structure(whole(), order, place)
-
-        yield name, Variable(cells, fields, read)
+        kind, _, _, name, _ = _header(head, 8, order)
+        is_read = kind in (CELL_ARRAY, STRUCTURE)
+        found[name] = partial(_value, whole, 0, order) if is_read else lambda: None
+    return found
 
 
-def _inflated(data: bytes, room: Room) -> tuple[bytes, Callable[[], bytes]]:
-    """The first bytes of what is compressed, and what gives all; `room` raises if there is none."""
-    inflate = zlib.decompressobj()
-    head = inflate.decompress(data, BEGIN_BYTES)
-
-    @cache
-    def whole() -> bytes:
-        found = bytearray(head)
-        while inflate.unconsumed_tail:
-            found += inflate.decompress(inflate.unconsumed_tail, INFLATED_BYTES)
-            room(len(found), "arrays")
-        return bytes(found)
-
-    return head, whole
+def _inflated(data: bytes, room: Room) -> bytes:
+    """What is compressed, as far as there is room."""
+    inflate, found = zlib.decompressobj(), bytearray()
+    while data:
+        found += inflate.decompress(data, INFLATED_BYTES)
+        data = inflate.unconsumed_tail
+        room(len(found), "arrays")
+    return bytes(found)
 
 
-def _tag(data: bytes, at: int, order: str, *, cut: bool = False) -> tuple[int, int, int, int]:
+def _element(data: bytes, at: int, order: str) -> tuple[int, int, int, int]:
     """Type, begin and end of an element, and where the next one is.
 
-    ValueError if the data end before the element does, unless they are `cut`.
+    ValueError if the data end before the element does.
     """
     (kind,) = struct.unpack_from(f"{order}I", data, at)
     if kind >> 16:  # a small one: type, size and content in eight bytes
@@ -139,90 +114,59 @@ def _tag(data: bytes, at: int, order: str, *, cut: bool = False) -> tuple[int, i
         (size,) = struct.unpack_from(f"{order}I", data, at + 4)
         begin, end, after = at + 8, at + 8 + size, at + 8 + size + -size % 8
         early = end > len(data)
-    if early and not cut:
+    if early:
         raise ValueError("it ends early")
     return kind, begin, end, after
 
 
-class _Array(NamedTuple):
-    """What an array begins with; functions and objects have a class alone.
+def _header(data: bytes, at: int, order: str) -> tuple[int, bool, tuple[int, ...], str, int]:
+    """Class of an array, whether it is real, its sizes and name, and where its content begins."""
+    _, at, _, after = _element(data, at, order)
+    (flags,) = struct.unpack_from(f"{order}I", data, at)
+    kind = flags & 0xFF
+    if kind > NUMERIC[-1]:
+        return kind, False, (), "", after
+    _, at, end, after = _element(data, after, order)
+    sizes = struct.unpack_from(f"{order}{(end - at) // 4}i", data, at)
+    _, at, end, after = _element(data, after, order)
+    return kind, not flags & COMPLEX, sizes, data[at:end].decode("ascii", "replace"), after
 
-    Names of fields are those of a single structure, and `rest` is where these begin.
-    """
 
-    kind: int
-    real: bool = False
-    sizes: tuple[int, ...] = ()
-    name: str = ""
-    fields: tuple[str, ...] = ()
-    rest: int = 0
-
-
-def _array(data: bytes, at: int, order: str, *, cut: bool = False) -> tuple[_Array, int]:
-    """The first parts of an array, and where the next element is; data may be `cut` behind them."""
-    kind, begin, end, following = _tag(data, at, order, cut=cut)
+def _value(whole: Callable[[], bytes], at: int, order: str) -> Value:
+    """The array at a place of a variable; cells take their elements apart when they are needed."""
+    data = whole()
+    kind, at, end, _ = _element(data, at, order)
     if kind != MATRIX:
         raise ValueError(f"an element of type {kind}, not an array")
-    if begin == end:
-        return _Array(NUMERIC[0], real=True, sizes=(0, 0)), following
-    _, at, _, after = _tag(data, begin, order)
-    (flags,) = struct.unpack_from(f"{order}I", data, at)
-    if flags & 0xFF > NUMERIC[-1]:
-        return _Array(flags & 0xFF), following
-    _, at, end, after = _tag(data, after, order)
-    sizes = struct.unpack_from(f"{order}{(end - at) // 4}i", data, at)
-    _, at, end, after = _tag(data, after, order)
-    name = data[at:end].decode("ascii", "replace")
-    fields: tuple[str, ...] = ()
-    if flags & 0xFF == STRUCTURE and math.prod(sizes) == 1:
-        _, at, _, after = _tag(data, after, order)
-        (width,) = struct.unpack_from(f"{order}i", data, at)
-        _, at, end, after = _tag(data, after, order)
-        if width < 1 or (end - at) % width:
+    if at == end:
+        return np.zeros((0, 0))
+    kind, is_real, sizes, _, at = _header(data, at, order)
+    count = math.prod(sizes)
+    if kind == CELL_ARRAY:
+        places = []
+        for _ in range(count):
+            places.append(at)
+            at = _element(data, at, order)[3]
+        return [partial(_value, lambda: data, place, order) for place in places]
+    if kind == STRUCTURE and count == 1:
+        _, begin, _, at = _element(data, at, order)
+        (width,) = struct.unpack_from(f"{order}i", data, begin)
+        _, begin, end, at = _element(data, at, order)
+        if width < 1 or (end - begin) % width:
             raise ValueError("names of fields of odd lengths")
-        texts = (data[k : k + width].partition(b"\0")[0] for k in range(at, end, width))
-        fields = tuple(text.decode("ascii", "replace") for text in texts)
-    return _Array(flags & 0xFF, not flags & COMPLEX, sizes, name, fields, after), following
-
-
-def _begin(data: bytes, order: str) -> tuple[str, int | None, frozenset[str]]:
-    """Name of a variable, elements of a cell, names of fields, from the beginning of its bytes."""
-    array, _ = _array(data, 0, order, cut=True)
-    if array.kind != CELL_ARRAY:
-        return array.name, None, frozenset(array.fields)
-    at, count = array.rest, max(math.prod(array.sizes), 0)
-    for _ in range(count):
-        inner, at = _array(data, at, order, cut=True)
-        if math.prod(inner.sizes):
-            return array.name, count, frozenset(inner.fields)
-    return array.name, count, frozenset()
-
-
-def _structure(data: bytes, order: str, place: int) -> Fields:
-    """Fields of a structure, or of the one at a place in a cell."""
-    array, _ = _array(data, 0, order)
-    if array.kind == CELL_ARRAY:
-        at = array.rest
-        for _ in range(place):
-            at = _tag(data, at, order)[3]
-        array, _ = _array(data, at, order)
-    at = array.rest
-    found: Fields = {}
-    for name in array.fields:
-        found[name], at = _numbers(data, at, order)
-    return found
-
-
-def _numbers(data: bytes, at: int, order: str) -> tuple[NDArray[np.generic], int]:
-    """An array of real numbers in the order of MATLAB, and where the next element is."""
-    array, following = _array(data, at, order)
-    if array.kind not in NUMERIC or not array.real:
-        return np.empty(1, dtype=object), following
-    if not math.prod(array.sizes):
-        return np.zeros(array.sizes), following
-    kind, begin, end, _ = _tag(data, array.rest, order)
+        fields: Structure = {}
+        for place in range(begin, end, width):
+            name = data[place : place + width].partition(b"\0")[0].decode("ascii", "replace")
+            fields[name] = _value(lambda: data, at, order)
+            at = _element(data, at, order)[3]
+        return fields
+    if kind not in NUMERIC or not is_real:
+        return None
+    if not count:
+        return np.zeros(sizes)
+    kind, begin, end, _ = _element(data, at, order)
     values = np.frombuffer(data[begin:end], f"{order}{ELEMENT_TYPES[kind]}")
-    return np.asarray(values.reshape(array.sizes, order="F")), following
+    return values.reshape(sizes, order="F")
 
 
 # -------------------------------------------------------------------------------------------------
@@ -236,7 +180,7 @@ EMPTY = "MATLAB_empty"
 
 
 @contextmanager
-def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[dict[str, Variable]]:
+def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables]:
     """Variables by name, to be read while the context lasts."""
     try:
         import h5py  # here: the extra may be missing, and other formats do without
@@ -251,46 +195,34 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[dict[str,
     access.set_file_image(data)
     image = os.fsencode(os.path.join(path, "image"))  # must be no file, and none is below one
 
-    def held(group: Any, name: str) -> Any:
+    def within(group: Any, name: str, *, numbers: bool = True) -> Value:
+        """What a name stands for, if it is in the group itself: a structure, a cell, numbers."""
         is_here = isinstance(group.get(name, getlink=True), h5py.HardLink)
-        return group[name] if is_here else None
+        return value(group[name], name, numbers=numbers) if is_here else None
 
-    def names_in(item: Any) -> frozenset[str]:
-        return frozenset(item) if isinstance(item, h5py.Group) else frozenset()
-
-    def is_data(item: Any) -> bool:
-        return isinstance(item, h5py.Dataset) and not (item.external or item.is_virtual)
-
-    def fields(group: Any) -> Fields:
-        found: Fields = {}
-        for field in sorted(names_in(group)):
-            data = held(group, field)
-            if not is_data(data):
-                continue
-            room(data.nbytes, field)
-            values = np.asarray(data[()]).T
-            if data.attrs.get(EMPTY):  # which has its dimensions for values
-                sizes = [int(size) for size in values.ravel()]
-                if 0 not in sizes:
-                    raise ValueError(f"{field} is called empty, and is not")
-                values = np.zeros(sizes)
-            found[field] = values
-        return found
-
-    def variable(name: str) -> Variable:
-        """A group is a structure, references are the elements of a cell."""
-        item = held(file, name)
-        if not is_data(item) or h5py.check_ref_dtype(item.dtype) is not h5py.Reference:
-            return Variable(None, names_in(item), lambda _: fields(item))
+    def value(item: Any, name: str, *, numbers: bool = True) -> Value:
+        if isinstance(item, h5py.Group):
+            return {field: within(item, field) for field in sorted(item)}
+        if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
+            return None
+        is_cell = h5py.check_ref_dtype(item.dtype) is h5py.Reference
+        if not (is_cell or numbers):
+            return None
         room(item.nbytes, name)
-        elements = np.asarray(item[()]).T.ravel(order="F")
-        filled = (each for each in map(file.__getitem__, elements) if not each.attrs.get(EMPTY))
-        return Variable(
-            len(elements), names_in(next(filled, None)), lambda at: fields(file[elements[at]])
-        )
+        values = np.asarray(item[()]).T
+        if item.attrs.get(EMPTY):  # which has its dimensions for values
+            sizes = [int(size) for size in values.ravel()]
+            if 0 not in sizes:
+                raise ValueError(f"{name} is called empty, and is not")
+            return np.zeros(sizes)
+        if is_cell:
+            elements = map(file.__getitem__, values.ravel(order="F"))
+            return [partial(value, element, name) for element in elements]
+        return values
 
     with h5py.File(h5py.h5f.open(image, h5py.h5f.ACC_RDONLY, access)) as file:
-        yield {name: variable(name) for name in file if not name.startswith("#")}
+        names = [name for name in file if not name.startswith("#")]
+        yield {name: partial(within, file, name, numbers=False) for name in names}
 
 
 # -------------------------------------------------------------------------------------------------
@@ -330,12 +262,11 @@ def names_of_runs(path: str, data: bytes, limit: float | None) -> list[str]:
         As of `read_mat`.
     """
     with _sets(path, data, limit) as sets:
-        found = []
-        for name, count in sets.there.items():
-            if count:
-                sets.fields(_run(name, count))  # a damaged file may claim any count
-            found += [name] if count is None else [_run(name, k + 1) for k in range(count)]
-        return found
+        return [
+            run
+            for name, count in sets.there.items()
+            for run in ([_run(name, k + 1) for k in range(count)] if count else [name])
+        ]
 
 
 @contextmanager
@@ -362,7 +293,7 @@ def _sets(path: str, data: bytes, limit: float | None) -> "Iterator[_Sets]":
             with _variables_of_hdf5(path, data, room) as found:
                 yield _Sets(file_of(path), found)
         else:
-            yield _Sets(file_of(path), dict(_variables(data, room)))
+            yield _Sets(file_of(path), _variables(data, room))
     except (TgospaError, MemoryError):
         raise
     except Exception as error:  # damaged files end in errors of many kinds
@@ -374,6 +305,11 @@ def _run(name: str, place: int) -> str:
     return f"{name}{{{place}}}"
 
 
+def _is_set(value: Value) -> bool:
+    """Whether this is a set of trajectories."""
+    return isinstance(value, dict) and value.keys() >= set(TRAJECTORY_FIELDS)
+
+
 class _Sets:
     """The sets of trajectories of a file: structures, and elements of cells.
 
@@ -381,19 +317,28 @@ class _Sets:
     ----------
     file : str
         Path of the file itself.
-    found : mapping of str to Variable
-        What is in it.
+    found : dict
+        Its variables.
     """
 
-    def __init__(self, file: str, found: Mapping[str, Variable]) -> None:
+    def __init__(self, file: str, found: Variables) -> None:
         self.file, self.found = file, found
-        self.there = {
-            name: variable.cells
-            for name, variable in found.items()
-            if variable.fields >= set(TRAJECTORY_FIELDS)
-        }
+        self.value = cache(lambda name: found[name]())
 
-    def fields(self, name: str) -> Fields:
+    @cached_property
+    def there(self) -> dict[str, int]:
+        """The variables that are sets: elements of a cell, 0 of a structure."""
+        counts = {name: self._count(name) for name in self.found}
+        return {name: count for name, count in counts.items() if count is not None}
+
+    def _count(self, name: str) -> int | None:
+        """Elements of a cell that has a set, 0 of a structure that is one; None of others."""
+        value = self.value(name) if name in self.found else None
+        if isinstance(value, list):
+            return len(value) if any(_is_set(read()) for read in value) else None
+        return 0 if _is_set(value) else None
+
+    def fields(self, name: str) -> Structure:
         """Fields of ``X``, or of ``Y{3}``.
 
         Raises
@@ -402,10 +347,12 @@ class _Sets:
             An element of a cell is something else.
         """
         variable, _, place = name.partition("{")
-        fields = self.found[variable].read(int(place[:-1]) - 1 if place else 0)
-        if not fields.keys() >= set(TRAJECTORY_FIELDS):
+        value = self.value(variable)
+        if isinstance(value, list):
+            value = value[int(place[:-1]) - 1]()
+        if not isinstance(value, dict) or not _is_set(value):
             raise InputError(f"{self.file}: {name} is {NO_SET}")
-        return fields
+        return value
 
     def chosen(self, path: str, role: str) -> str:
         """What to read, ``X`` or ``Y{3}``: what the path names, else what is usual for the role.
@@ -416,21 +363,38 @@ class _Sets:
             There is none of this name, or there are several and none is usual.
         """
         asked = path[len(self.file) + 1 :]
-        if asked:
-            return self._named(path, asked)
-        if not self.there:
-            inside = f"in it: {listed(self.found)}" if self.found else "nothing else is in it"
+        if not asked:
+            if not self.there:
+                inside = f"in it: {listed(self.found)}" if self.found else "nothing else is in it"
+                raise InputError(
+                    f"{path}: {NO_SET} ({inside}); save one: tVec are the first steps, iVec the "
+                    "lengths, xState the states (d, T, n)"
+                )
+            asked = next(iter(self.there)) if len(self.there) == 1 else VARIABLES[role]
+            if asked not in self.there:
+                raise InputError(
+                    f"{path}: {len(self.there)} sets of trajectories ({self._listed()}); say "
+                    f"which, {path}:{self._firsts()[0]}"
+                )
+        parts = re.fullmatch(r"(\w+)(?:\{([0-9]+)\})?", asked)
+        name, place = parts.groups() if parts else (asked, None)
+        count = self._count(name)
+        if count is None:
+            there = self._listed() or "none"
+            raise InputError(f"{path}: no set of trajectories {quoted(asked)} (there are: {there})")
+        if not count and place is None:
+            return name
+        if not count:
+            raise InputError(f"{path}: {name} is no cell; {self.file}:{name} reads it")
+        if place is None and count > 1:
             raise InputError(
-                f"{path}: {NO_SET} ({inside}); save one: tVec are the first steps, iVec the "
-                "lengths, xState the states (d, T, n)"
+                f"{path}: {name} is a cell of {counted(count, 'run')}; choose one, "
+                f"{self.file}:{_run(name, 1)}, or all in a batch, {self.file}:{name}{{run}}"
             )
-        name = next(iter(self.there)) if len(self.there) == 1 else VARIABLES[role]
-        if name in self.there:
-            return self._one_of(path, name)
-        raise InputError(
-            f"{path}: {len(self.there)} sets of trajectories ({self._listed()}); say which, "
-            f"{path}:{self._runs()[0]}"
-        )
+        if not 1 <= int(place or 1) <= count:
+            span = f"{_run(name, 1)} to {_run(name, count)}"
+            raise InputError(f"{path}: {name} has {counted(count, 'run')}, {span}")
+        return _run(name, int(place or 1))
 
     def check_sides(self, paths: tuple[str, ...], roles: tuple[str, ...]) -> None:
         """Whether both sides are one set of this file, though not both are named.
@@ -448,11 +412,10 @@ class _Sets:
         except InputError:
             return  # which is said when that side is read
         if name == other:
-            others = [run for run in self._runs() if run != name] or [name]
+            others = [run for run in self._firsts() if run != name] or [name]
             raise InputError(
                 f"{self.file}: both sides are its variable {name}, compared with itself; in it: "
-                f"{self._listed(everything=True)}; name both, {self.file}:{name} "
-                f"{self.file}:{others[0]}"
+                f"{listed(self.found)}; name both, {self.file}:{name} {self.file}:{others[0]}"
             )
 
     def notices(self, path: str, name: str, role: str) -> Iterator[str]:
@@ -461,73 +424,44 @@ class _Sets:
         if path != self.file:
             return
         if len(self.there) > 1:
-            other = next(run for run in self._runs() if run != name)
+            other = next(run for run in self._firsts() if run != name)
             is_named = file_of(f"{path}:{other}") == path  # not where it comes by a pipe
             way = f"; {path}:{other} reads another" if is_named else ""
             yield f"variable {name} of {self._listed()}{way}"
         elif usual in self.found and usual not in self.there:
             yield f"variable {name}; {usual} is {NO_SET}"
 
-    def _named(self, path: str, asked: str) -> str:
-        """What the path names."""
-        found = re.fullmatch(r"(\w+)(?:\{([0-9]+)\})?", asked)
-        name, place = found.groups() if found else (asked, None)
-        if name not in self.there:
-            there = self._listed() or "none"
-            raise InputError(f"{path}: no set of trajectories {quoted(asked)} (there are: {there})")
-        count = self.there[name]
-        if place is None:
-            return self._one_of(path, name)
-        if count is None:
-            raise InputError(f"{path}: {name} is no cell; {self.file}:{name} reads it")
-        if not 1 <= int(place) <= count:
-            raise InputError(f"{path}: {name} has {counted(count, 'run')}, {self._span(name)}")
-        return _run(name, int(place))
+    def _firsts(self) -> list[str]:
+        """The sets, of cells the first element."""
+        return [_run(name, 1) if count else name for name, count in self.there.items()]
 
-    def _one_of(self, path: str, name: str) -> str:
-        """A variable, or the only run of a cell."""
-        count = self.there[name]
-        if count is None:
-            return name
-        if count == 1:
-            return _run(name, 1)
-        raise InputError(
-            f"{path}: {name} is a cell of {counted(count, 'run')}; choose one, "
-            f"{self.file}:{_run(name, 1)}, or all in a batch, {self.file}:{name}{{run}}"
+    def _listed(self) -> str:
+        """The sets, cells from their first element to their last."""
+        ends = zip(self._firsts(), self.there.items(), strict=True)
+        return listed(
+            f"{first} to {_run(name, count)}" if count > 1 else first
+            for first, (name, count) in ends
         )
 
-    def _runs(self) -> list[str]:
-        """The variables, cells by their first elements."""
-        return [name if count is None else _run(name, 1) for name, count in self.there.items()]
 
-    def _span(self, name: str) -> str:
-        """A variable, a cell from its first element to its last."""
-        count = self.there[name]
-        ends = [name] if count is None else [_run(name, k) for k in sorted({1, count})]
-        return " to ".join(ends)
-
-    def _listed(self, *, everything: bool = False) -> str:
-        """The sets; on request with what is none."""
-        rest = [name for name in self.found if name not in self.there] if everything else []
-        others = (f"{name} (no trajectories)" for name in rest)
-        return listed([*map(self._span, self.there), *others])
-
-
-def _rows(path: str, name: str, fields: Fields, about: list[str], options: ReadOptions) -> Rows:
+def _rows(path: str, name: str, fields: Structure, about: list[str], options: ReadOptions) -> Rows:
     """A row for each trajectory and step; `name` begins the messages."""
+    arrays = {}
     for field in TRAJECTORY_FIELDS:
-        if fields[field].dtype.kind not in "iuf":
+        values = fields[field]
+        if not isinstance(values, np.ndarray) or values.dtype.kind not in "iuf":
             raise InputError(
                 f"{name}.{field}: no real numbers; it must be a numeric array of one structure"
             )
-    start, length = (_whole(f"{name}.{field}", fields[field]) for field in ("tVec", "iVec"))
-    state = fields["xState"]
+        arrays[field] = values
+    start, length = (_whole(f"{name}.{field}", arrays[field]) for field in ("tVec", "iVec"))
+    state = arrays["xState"]
     if not state.size and not len(start):
         state = np.zeros((state.shape[0] or 2, 0, 0))
     if state.ndim == 2:  # MATLAB drops a last dimension of 1
         state = state[:, :, None]
     if state.ndim != 3 or not len(start) == len(length) == state.shape[2]:
-        shape = " x ".join(map(str, fields["xState"].shape))
+        shape = " x ".join(map(str, arrays["xState"].shape))
         raise InputError(
             f"{name}: {len(start)} in tVec, {len(length)} in iVec, and xState is {shape}; it must "
             "be d x T x n for n trajectories"

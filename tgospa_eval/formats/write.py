@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import BOX
-from tgospa_eval.formats.columns.spread import spelt
+from tgospa_eval.formats.columns.spread import entries
 from tgospa_eval.formats.loading import check_parquet
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -93,8 +93,8 @@ def _columns(trajectories: Trajectories) -> dict[str, NDArray[np.generic]]:
     names = trajectories.columns
     columns |= dict(zip(names, state.T, strict=True))
     if trajectories.covariance is not None:
-        entries = [spelt(one, two)[0] for k, two in enumerate(names) for one in names[: k + 1]]
-        columns |= dict(zip(entries, trajectories.covariance.T, strict=True))
+        labels = (label for _, _, label in entries(names))
+        columns |= dict(zip(labels, trajectories.covariance.T, strict=True))
     for name, values in trajectories.attributes.items():
         columns.setdefault(name, np.repeat(values, counts))
     return columns

@@ -1,8 +1,8 @@
 """The tables of a result, written as Parquet in chunks: no more than one of them is in memory.
 
-Each has the columns of the CSV file of the same name (docs/reference/csv.md), and its rows in the
-same order. Arrays are in units of c^p, and tracks and steps are global numbers; here they get the
-units and names of the user.
+Each has the columns of the CSV file of the same name (docs/reference/result-tables.md), and its
+rows in the same order. Arrays are in units of c^p, and tracks and steps are global numbers; here
+they get the units and names of the user.
 """
 
 import itertools

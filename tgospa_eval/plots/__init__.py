@@ -3,8 +3,6 @@
 matplotlib is imported when a picture is made.
 """
 
-import functools
-import inspect
 import io
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -23,37 +21,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.patches import StepPatch
 
-__all__ = [
-    "plot_costs",
-    "plot_cumulative",
-    "plot_lanes",
-    "plot_plane",
-    "plot_windows",
-    "plot_worst",
-]
-
-
-def _function(method: "Callable[..., Figure]") -> "Callable[..., Figure]":
-    """A method of results as a function of one."""
-
-    @functools.wraps(method)
-    def plot(result: Summary, *arguments: Any, **settings: Any) -> "Figure":
-        return method(result, *arguments, **settings)
-
-    signature = inspect.signature(method)
-    _, *others = signature.parameters.values()
-    first = inspect.Parameter("result", inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    made: Any = plot
-    made.__signature__ = signature.replace(parameters=[first, *others])
-    return plot
-
-
-plot_costs = _function(Summary.plot_costs)
-plot_cumulative = _function(Summary.plot_cumulative)
-plot_lanes = _function(Summary.plot_lanes)
-plot_plane = _function(Summary.plot_plane)
-plot_windows = _function(Summary.plot_windows)
-plot_worst = _function(Summary.plot_worst)
+plot_costs = Summary.plot_costs
+plot_cumulative = Summary.plot_cumulative
+plot_lanes = Summary.plot_lanes
+plot_plane = Summary.plot_plane
+plot_windows = Summary.plot_windows
+plot_worst = Summary.plot_worst
 
 Draw: TypeAlias = "Callable[[], Mapping[str, Figure]]"
 """Makes figures by name."""

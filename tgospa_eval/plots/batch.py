@@ -139,13 +139,13 @@ def draw_heat(heat: Heat, style: Style, unit: str) -> "Figure":
 
     values = np.array(
         [
-            [np.nan if cell is None or cell.value is None else cell.value.upper for cell in row]
+            [cell["value"].upper if cell and cell["value"] else np.nan for cell in row]
             for row in heat.cells
         ]
     )
     if heat.scales > 1:
         values = np.array(
-            [[np.nan if cell is None or cell.value is None else cell.level for cell in row]
+            [[cell["level"] if cell and cell["value"] else np.nan for cell in row]
              for row in heat.cells]
         )  # fmt: skip
     if heat.squares:
@@ -179,11 +179,11 @@ def _numbers(axis: "Axes", heat: Heat) -> None:
         for column, cell in enumerate(row):
             if cell is None:
                 continue
-            text = "failed" if cell.value is None else heat.text(cell.value)
-            weight = "bold" if cell.best else "normal"
+            text = heat.text(cell["value"]) if cell["value"] else "failed"
+            weight = "bold" if cell["best"] else "normal"
             axis.text(
                 column + 0.5, k + 0.5, text, ha="center", va="center", fontsize="small",
-                fontweight=weight, color=SOFT if cell.value is None else LIGHT["ink"],
+                fontweight=weight, color=LIGHT["ink"] if cell["value"] else SOFT,
             )  # fmt: skip
 
 
@@ -209,7 +209,7 @@ def batch_pictures(
         if view.groups:
             orders = view.tables.rows["order"].dropna().unique()
             unit = power(view.unit, orders[0]) if len(orders) == 1 else ""
-            costs = {group.name or "all jobs": group.costs for group in view.groups}
+            costs = {group["name"] or "all jobs": group["costs"] for group in view.groups}
             draw["parts"] = lambda: draw_parts(costs, style, f"cost per step{unit}")
         heat = view.heat
         if heat is not None and heat.ends is not None:

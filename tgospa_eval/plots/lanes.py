@@ -19,9 +19,9 @@ from tgospa_eval.plots.style import (
     literal,
     titled,
 )
-from tgospa_eval.plots.views import DrawnSide, View
+from tgospa_eval.plots.views import View
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.reports.page_data import NONE
+from tgospa_eval.reports.page_data import NONE, DrawnSide
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

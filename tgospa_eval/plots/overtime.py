@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import number
 from tgospa_eval.plots import boxes, counted, figure, stairs
 from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, titled
-from tgospa_eval.plots.views import DrawnSide, View, binned
+from tgospa_eval.plots.views import View
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.clock import Clock
+from tgospa_eval.reports.page_data import KINDS, DrawnSide, binned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +26,7 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     """Stacked bars of each step, or of the costliest of several."""
     made, ((axis,),) = figure(style.width, style.low)
     costs = {name: np.asarray(seen.data["costs"][name], float) for name in parts}
-    stretch = seen.data.get("together", 1)
+    stretch = seen.data["together"]
     most = style.bars if stretch == 1 else seen.steps
     first, costliest = binned(sum(costs.values(), np.zeros(seen.steps)), most)
     begin, end = seen.edges
@@ -58,53 +58,41 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
 
 def draw_cumulative(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     """The root of the mean cost of the steps up to each."""
-    lines = _TimeLines(at=seen.at, values=seen.data["curve"], axis="per step, so far")
-    return _draw_lines(seen, style, parts, lines, "Normalised cumulative cost")
+    values = {name: seen.data["curve"][name] for name in (*parts, "total")}
+    made, axis = _draw_lines(seen, style, seen.at, values, "per step, so far")
+    titled(axis, style, "Normalised cumulative cost", seen.about)
+    return made
 
 
 def draw_windows(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     """The root of the mean cost of each window."""
     found = seen.data["windows"]
-    ends = (seen.at[np.asarray(found[name], int)] for name in ("first", "last"))
-    lines = _TimeLines(
-        at=sum(ends, np.zeros(len(found["first"]))) / 2,
-        values=found["lines"],
-        axis="per step of the window",
-    )
-    title = f"Windows of {found['size']}, each at its middle"
-    return _draw_lines(seen, style, parts, lines, title)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _TimeLines:
-    """Values of the parts and the total at times, and what the axis is called."""
-
-    at: Floats
-    values: dict[str, list[float]]
-    axis: str
+    first, last = (seen.at[np.asarray(found[name], int)] for name in ("first", "last"))
+    values = {name: found["lines"][name] for name in (*parts, "total")}
+    made, axis = _draw_lines(seen, style, (first + last) / 2, values, "per step of the window")
+    titled(axis, style, f"Windows of {found['size']}, each at its middle", seen.about)
+    return made
 
 
 def _draw_lines(
-    seen: View, style: Style, parts: Sequence[str], lines: _TimeLines, title: str
-) -> "Figure":
+    seen: View, style: Style, at: Floats, values: Mapping[str, Sequence[float]], name: str
+) -> "tuple[Figure, Axes]":
     """A line for each part and for the total."""
     made, ((axis,),) = figure(style.width, style.low)
-    names = [*parts, "total"]
-    dot = {"marker": "o", "markersize": 4} if len(lines.at) == 1 else {}  # one point is no line
+    dot = {"marker": "o", "markersize": 4} if len(at) == 1 else {}  # one point is no line
     width = axis.spines["left"].get_linewidth() * 1.3  # of the style
     handles = []
-    for name in names:
-        looks = {**LINES[name], **dot, "zorder": 2 + (name != "total") / 10, "clip_on": False}
-        looks |= {"linewidth": width * (1.6 if name == "total" else 1), "label": name}
-        handles += axis.plot(lines.at, lines.values[name], **looks)
-    top = max((max(lines.values[name], default=0.0) for name in names), default=0.0)
+    for part, line in values.items():
+        looks = {**LINES[part], **dot, "zorder": 2 + (part != "total") / 10, "clip_on": False}
+        looks |= {"linewidth": width * (1.6 if part == "total" else 1), "label": part}
+        handles += axis.plot(at, line, **looks)
+    top = max(max(line, default=0.0) for line in values.values())
     axis.set_ylim(0, top * 1.05 or 1.0)
     time_axis(axis, seen, style)
     unit = f" ({literal(seen.data['unit'])})" if seen.data["unit"] else ""
-    axis.set_ylabel(f"{lines.axis}{unit}", parse_math=False)
-    titled(axis, style, title, seen.about)
-    legend(made, handles, names, 5)
-    return made
+    axis.set_ylabel(f"{name}{unit}", parse_math=False)
+    legend(made, handles, list(values), 5)
+    return made, axis
 
 
 def _with_gaps(begin: Floats, end: Floats, *values: Floats) -> tuple[Floats, list[Floats]]:
@@ -141,9 +129,6 @@ def name_times(
 
 THICK = 0.36
 """Half the height of a bar; bars are 1 apart."""
-
-UNASSIGNED = {"truth": "missed", "estimate": "false"}
-"""What a track costs where it is unassigned."""
 
 
 def draw_worst(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
@@ -184,7 +169,7 @@ def _costs(side: DrawnSide) -> dict[str, list[float]]:
     table = side.table
     return {
         "localisation": table["localisation"],
-        UNASSIGNED[side.name]: table["unassigned"],
+        KINDS[side.name]: table["unassigned"],
         "switch": table["switch"],
     }
 

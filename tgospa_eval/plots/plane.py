@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval.common.palette import TRACK_COLOURS
+from tgospa_eval.plots import boxes as corners
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.overtime import time_axis
 from tgospa_eval.plots.style import FALSE, INK, MISSED, SOFT, Style, legend, literal, styled, titled
-from tgospa_eval.plots.views import TIME, DrawnSide, View, is_box, plane_columns
+from tgospa_eval.plots.views import TIME, View, is_box, plane_columns, with_centres
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.reports.page_data import is_map, map_stretch
+from tgospa_eval.reports.page_data import DrawnSide, deviations, is_map, map_stretch
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -46,11 +47,12 @@ def outlines(axis: "Axes", seen: View, across: str, up: str, style: Style) -> "d
 
     handles: dict[str, Artist] = {}
     for side in (seen.truth, seen.estimate):
-        row, shapes = _boxes(side) if boxes else ellipses(seen, side, across, up)
+        axes = seen.axes[side.name]
+        row, shapes = _boxes(axes) if boxes else ellipses(seen, side, across, up)
         if not len(row):
             continue
         reach = (shapes.max(axis=1) / 2 - shapes.min(axis=1) / 2).max(axis=1)
-        middle = np.stack([side.axes[across][row], side.axes[up][row]], axis=1)
+        middle = np.stack([axes[across][row], axes[up][row]], axis=1)
         kept = spaced(side.row["track"][row], middle, APART * reach)
         truth = side.name == "truth"
         colours = np.array(TRACK_COLOURS)[side.row["track"][row[kept]] % len(TRACK_COLOURS)]
@@ -65,38 +67,31 @@ def outlines(axis: "Axes", seen: View, across: str, up: str, style: Style) -> "d
 
 
 def ellipses(seen: View, side: DrawnSide, across: str, up: str) -> tuple[Ints, Floats]:
-    """Rows that are drawn with a spread, and outlines (K, CORNERS, 2), of those that have any.
+    """Rows with a spread, and outlines (K, CORNERS, 2) of these.
 
     Of two components with deviations s, t and correlation r the n-sigma outline is
-    (n s cos u, n t sin(u + arcsin r)), 0 <= u < 2 pi; `reports.page_data` encodes these.
+    (n s cos u, n t sin(u + arcsin r)), 0 <= u < 2 pi.
     """
-    how, names = seen.data["spread"], seen.data["columns"]
-    if "row" not in side.spread:
+    spread, axes = side.row["spread"], seen.axes[side.name]
+    if not spread.shape[1]:
         return np.zeros(0, np.int64), np.zeros((0, CORNERS, 2))
-    chosen = [names.index(name) for name in (across, up)]
-
-    def deviation(k: int) -> Floats:
-        level = side.spread[str(k * (k + 3) // 2)]
-        deviation = how["largest"][k] * np.exp(-level / how["fine"])
-        return np.asarray(np.where(level >= how["faint"], 0.0, deviation), float)
-
-    s, t = (deviation(k) for k in chosen)
+    chosen = [seen.data["columns"].index(name) for name in (across, up)]
+    s, t = (deviations(spread[:, k * (k + 3) // 2]) for k in chosen)
     i, j = max(chosen), min(chosen)
-    turn = side.spread[str(i * (i + 1) // 2 + j)] / how["angle"]
-    there = np.flatnonzero((s > 0) | (t > 0))
-    row = side.spread["row"][there]
+    row = np.flatnonzero((s > 0) | (t > 0))
+    s, t, shared = s[row, None], t[row, None], spread[row, i * (i + 1) // 2 + j, None]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        turn = np.nan_to_num(np.arcsin(np.clip(shared / s / t, -1, 1)))
     u = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
-    x = side.axes[across][row, None] + SIGMAS * s[there, None] * np.cos(u)
-    y = side.axes[up][row, None] + SIGMAS * t[there, None] * np.sin(u + turn[there, None])
+    x = axes[across][row, None] + SIGMAS * s * np.cos(u)
+    y = axes[up][row, None] + SIGMAS * t * np.sin(u + turn)
     return row, np.stack([x, y], axis=2)
 
 
-def _boxes(side: DrawnSide) -> tuple[Ints, Floats]:
+def _boxes(axes: dict[str, Floats]) -> tuple[Ints, Floats]:
     """All rows, and corners (R, 4, 2)."""
-    left, top, width, height = (side.axes[name] for name in ("left", "top", "width", "height"))
-    x = np.stack([left, left + width, left + width, left], axis=1)
-    y = np.stack([top, top, top + height, top + height], axis=1)
-    return np.arange(len(left)), np.stack([x, y], axis=2)
+    left, top, width, height = (axes[name] for name in ("left", "top", "width", "height"))
+    return np.arange(len(left)), corners(left, left + width, top, top + height)
 
 
 def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
@@ -141,8 +136,8 @@ def draw_plane(seen: View, style: Style, columns: Sequence[str] | None = None) -
     """Trajectories with misses, false targets and switches."""
     boxes = seen.data["boxes"]
     across, up = plane_columns(seen.data["columns"], columns, boxes=boxes)
-    sides = [side for side in (seen.truth, seen.estimate) if side.axes]
-    places = {side.name: (side.axes[across], side.axes[up]) for side in sides}
+    sides = [side for side in (seen.truth, seen.estimate) if seen.axes[side.name]]
+    places = {name: (axes[across], axes[up]) for name, axes in seen.axes.items() if axes}
     extent = [_extent([pair[k] for pair in places.values()]) for k in (0, 1)]
     scale = unit_scale(across, up, seen.data.get("stretch", 1.0))
     if scale is not None and not 1 / STRETCH <= scale * extent[1] / extent[0] <= STRETCH:
@@ -320,6 +315,9 @@ NAMED = 30
 INCHES_ACROSS, INCHES_UP = 9.0, 4.2
 """Of the picture."""
 
+PRESENCE = "trajectory"
+"""What is up where the time is across."""
+
 
 def plot_inspection(
     sides: Sequence[tuple[str, Trajectories]], *, unit: str = "", style: str = "screen"
@@ -341,85 +339,46 @@ def plot_inspection(
         matplotlib is not installed.
     """
     columns = sides[0][1].columns
-    boxes = is_box(columns)
+    boxes, stretch = is_box(columns), 1.0
     across, up = plane_columns(columns, None, boxes=boxes)
-    begin = min((side.times[0] for _, side in sides if len(side.times)), default=0)
-    clock = next((side.clock for _, side in sides if len(side.times)), "number")
+    if is_map(columns):
+        latitudes = [side.state[:, columns.index("lat")] for _, side in sides]
+        stretch = map_stretch(np.concatenate(latitudes))
+    timed = [side for _, side in sides if len(side.times)]
+    first = min(timed, key=lambda side: side.times[0], default=sides[0][1])
     with styled(style):
         made, ((plane, presence),) = figure(INCHES_ACROSS, INCHES_UP, 1, 2)
         handles: dict[str, Artist] = {}
         below = 0
         for (name, side), looks in zip(sides, LOOKS, strict=False):
-            order, breaks = _runs(side)
-            moments = _moments(side, begin)
-            axes = {TIME: moments, **_places(side)}
-            drawn = plane.plot(
-                *(_broken(axes[key][order], breaks) for key in (across, up)),
-                marker=".",
-                markersize=2,
-                **looks,
+            order = np.argsort(side.track, kind="stable")
+            track, step = side.track[order], side.step[order]
+            breaks = np.flatnonzero((np.diff(track) != 0) | (np.diff(step) > 1)) + 1
+            seconds = side.clock != "number" and len(side.times)
+            times = (side.times - first.times[0]) / SECOND if seconds else side.times
+            axes = with_centres(dict(zip(columns, side.state[order].T, strict=True)))
+            axes[TIME] = np.asarray(times[step], float)
+            axes[PRESENCE] = np.asarray(below + track, float)
+            x, y, t, place = (
+                np.insert(axes[key], breaks, np.nan) for key in (across, up, TIME, PRESENCE)
             )
-            handles[literal(name)] = drawn[0]
-            presence.plot(
-                _broken(moments[order], breaks),
-                _broken(below + side.track[order].astype(float), breaks),
-                marker="|",
-                markersize=3,
-                **looks,
-            )
+            handles[literal(name)] = plane.plot(x, y, marker=".", markersize=2, **looks)[0]
+            presence.plot(t, place, marker="|", markersize=3, **looks)
             below += len(side.ids)
-        _name(plane, *(_named(name, unit) for name in (across, up)))
-        seconds = clock != "number"
-        _name(presence, f"s since {literal(_first(sides))}" if seconds else "t", "trajectory")
+        dated = timed and timed[0].clock != "number"
+        _name(plane, _named(across, unit), _named(up, unit))
+        _name(presence, f"s since {literal(str(first.shown[0]))}" if dated else TIME, PRESENCE)
         presence.invert_yaxis()
         if below <= NAMED:
-            ids = [str(name) for _, side in sides for name in side.ids.tolist()]
-            presence.set_yticks(range(below), [literal(name) for name in ids], parse_math=False)
-        scale = unit_scale(across, up, _stretch(sides))
+            ids = [literal(str(name)) for _, side in sides for name in side.ids.tolist()]
+            presence.set_yticks(range(below), ids, parse_math=False)
+        scale = unit_scale(across, up, stretch)
         if scale is not None:
             plane.set_aspect(scale, adjustable="datalim")
         if boxes:
             plane.invert_yaxis()
         legend(made, list(handles.values()), list(handles), 2)
         return made
-
-
-def _runs(side: Trajectories) -> tuple[Ints, Ints]:
-    """Rows by track, and where a track ends or has a hole."""
-    order = np.argsort(side.track, kind="stable")
-    track, step = side.track[order], side.step[order]
-    return order, np.flatnonzero((np.diff(track) != 0) | (np.diff(step) > 1)) + 1
-
-
-def _broken(values: Floats, breaks: Ints) -> Floats:
-    return np.insert(values.astype(float), breaks, np.nan)
-
-
-def _moments(side: Trajectories, begin: float) -> Floats:
-    times = side.times if side.clock == "number" else (side.times - begin) / SECOND
-    return np.asarray(times, np.float64)[side.step]
-
-
-def _places(side: Trajectories) -> dict[str, Floats]:
-    """State columns by name; of boxes the centres as well."""
-    found = dict(zip(side.columns, side.state.T, strict=True))
-    if is_box(side.columns):
-        found["centre x"] = found["left"] + found["width"] / 2
-        found["centre y"] = found["top"] + found["height"] / 2
-    return found
-
-
-def _stretch(sides: Sequence[tuple[str, Trajectories]]) -> float:
-    """Of a map, by the states of all sides; else 1."""
-    if not is_map(sides[0][1].columns):
-        return 1.0
-    return map_stretch(np.concatenate([_places(side)["lat"] for _, side in sides]))
-
-
-def _first(sides: Sequence[tuple[str, Trajectories]]) -> str:
-    """The first time, as read."""
-    firsts = [(side.times[0], side.shown[0]) for _, side in sides if len(side.times)]
-    return str(min(firsts)[1])
 
 
 def _named(column: str, unit: str) -> str:

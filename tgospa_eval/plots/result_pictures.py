@@ -11,7 +11,6 @@ from tgospa_eval.plots import FILES, available, files_of
 from tgospa_eval.plots.style import STYLES, Style, styled
 from tgospa_eval.plots.views import is_box, parts_of, plane_columns, view
 from tgospa_eval.reports.files import RESULT, probe_folder, result_texts, write_texts
-from tgospa_eval.reports.page_data import Drawn, document
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
@@ -78,17 +77,16 @@ def result_pictures(
     result: Summary,
     wanted: Pictures,
     notify: Callable[[str, float], None] = lambda name, share: None,  # noqa: ARG005
-    drawn: Drawn | None = None,
 ) -> dict[str, bytes]:
     """Files by name: costs, lanes, plane, cumulative and worst, each in all formats.
 
     And windows, where they were asked for. `notify` takes the name of each before it is drawn, and
-    the share that is done; `drawn` is the `document` of the result, where it is known.
+    the share that is done.
     """
     if not wanted.formats:
         return {}
     with styled(wanted.style) as style:
-        draw = _pictures(result, style, wanted.components, wanted.columns, drawn)
+        draw = _pictures(result, style, wanted.components, wanted.columns)
         if isinstance(result, PartitionedResult):
             draw = {name: draw[name] for name in OVER_TIME}
         return files_of(draw, wanted.formats, style.dots, notify)
@@ -121,14 +119,13 @@ def _pictures(
     style: Style,
     components: Sequence[str] | None,
     columns: Sequence[str] | None,
-    drawn: Drawn | None = None,
 ) -> "dict[str, Callable[[], Figure]]":
     """By name what makes each."""
     from tgospa_eval.plots.lanes import draw_lanes
     from tgospa_eval.plots.overtime import draw_costs, draw_cumulative, draw_windows, draw_worst
     from tgospa_eval.plots.plane import draw_plane
 
-    parts, seen = parts_of(components), view(result, drawn)
+    parts, seen = parts_of(components), view(result)
     found: dict[str, Callable[[], Figure]] = {
         "costs": lambda: draw_costs(seen, style, parts),
         "lanes": lambda: draw_lanes(seen, style),
@@ -146,10 +143,9 @@ def save(result: Summary, folder: "str | os.PathLike[str]", *, force: bool) -> N
     path = os.fspath(folder)
     try:
         probe_folder(path, RESULT, force=force, option="folder")
-        drawn = document(result)
-        files: dict[str, str | bytes | Path] = {**result_texts(result, drawn=drawn)}
+        files: dict[str, str | bytes | Path] = {**result_texts(result)}
         if available():
-            files |= result_pictures(result, Pictures(), drawn=drawn)
+            files |= result_pictures(result, Pictures())
         write_texts(files, path, RESULT, force=force, option="folder")
     except ConfigError as error:
         raise ConfigError(str(error).replace("--force", "force=True")) from None

@@ -1,12 +1,11 @@
-"""From a result to what the pictures draw: the document of the HTML report, as arrays.
+"""From a result to what the pictures draw, which is what the HTML report draws.
 
-`reports.page_data` is the one home of what the views show; here its numbers get the shapes that
-suit matplotlib. No artist, no choice of looks.
+`reports.page_data` is the one home of what the views show; here it gets the names that pictures
+use. No artist, no choice of looks.
 """
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.clock import Clock, edges, placed, words
-from tgospa_eval.reports.page_data import NONE, Drawn, document, is_map
+from tgospa_eval.reports.page_data import DrawnSide, Rows, is_map
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
@@ -25,43 +24,6 @@ TIME = "t"
 
 FARTHEST = 1e300
 """Of what is drawn: matplotlib takes differences of coordinates."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DrawnSide:
-    """The tracks of one side.
-
-    Parameters
-    ----------
-    name : str
-        ``"truth"`` or ``"estimate"``.
-    ids : list of str
-        With the class in front where classes are evaluated apart.
-    table : dict
-        Of each track its costs, counts and steps.
-    run : dict
-        Stretches of one assignment, by track and step: ``track``, ``begin``, ``end``, ``other``.
-    row : dict
-        States that are drawn, by track and step: ``track``, ``step``, ``other``; of the truth the
-        ``error`` as a share of the cutoff.
-    axes : dict
-        Of these rows what the plane can show, by name.
-    spread : dict
-        What is around states: ``row``, and the entries of `reports.page_data` by number.
-    """
-
-    name: str
-    ids: list[str]
-    table: dict[str, list[Any]]
-    run: dict[str, Ints]
-    row: dict[str, Any]
-    axes: dict[str, Floats]
-    spread: dict[str, Ints]
-
-    @property
-    def unassigned(self) -> Ints:
-        """Rows that are missed, or false."""
-        return np.flatnonzero(self.row["other"] == NONE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,6 +44,16 @@ class View:
     truth: DrawnSide
     estimate: DrawnSide
     about: str
+
+    @cached_property
+    def axes(self) -> dict[str, dict[str, Floats]]:
+        """Of the rows of each side what the plane can show: columns, centres of boxes, the time."""
+        return {side.name: self._axes(side.row) for side in (self.truth, self.estimate)}
+
+    def _axes(self, row: Rows) -> dict[str, Floats]:
+        columns = np.clip(row["state"].T, -FARTHEST, FARTHEST)
+        found = with_centres(dict(zip(self.data["columns"], columns, strict=True)))
+        return found | {TIME: self.at[row["step"]]} if found else {}
 
     @property
     def steps(self) -> int:
@@ -114,18 +86,19 @@ class View:
         return edges(self.at)
 
 
-def view(result: Summary, drawn: Drawn | None = None) -> View:
-    """What the pictures of a result draw; `drawn` is its `document`, where it is known."""
-    data, arrays = document(result) if drawn is None else drawn
-    unit = data["unit"]
-    unit = f" {unit}" if unit else ""
+def view(result: Summary) -> View:
+    """What the pictures of a result draw."""
+    data, _, sides = result.drawn
     about = f"{result.claim}; {result.parameters_in_words(data['unit'])}"
-    return View(
-        data=data,
-        truth=_side("truth", data, arrays),
-        estimate=_side("estimate", data, arrays),
-        about=about,
-    )
+    return View(data=data, truth=sides["truth"], estimate=sides["estimate"], about=about)
+
+
+def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
+    """State columns by name, of boxes with their centres."""
+    if not is_box(list(axes)):
+        return axes
+    x, y = axes["left"] + axes["width"] / 2, axes["top"] + axes["height"] / 2
+    return axes | {"centre x": x, "centre y": y}
 
 
 def parts_of(components: Sequence[str] | None) -> tuple[str, ...]:
@@ -171,57 +144,3 @@ def plane_columns(
 def is_box(columns: Sequence[str]) -> bool:
     """Whether states are boxes in pictures."""
     return tuple(columns[: len(BOX)]) == BOX
-
-
-def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
-    """First steps of at most so many bins of equal length, and of each its costliest step."""
-    together = max(1, -(-len(total) // most))
-    first = np.arange(0, len(total), together)
-    padded = np.full(len(first) * together, -1.0)
-    padded[: len(total)] = total
-    return first, first + padded.reshape(len(first), together).argmax(axis=1)
-
-
-def _side(name: str, data: Json, arrays: dict[str, Ints]) -> DrawnSide:
-    table = data["tracks"][name]
-    run = {field: arrays[f"{name}/run/{field}"] for field in ("track", "begin", "end", "other")}
-    row: dict[str, Any] = {field: arrays[f"{name}/row/{field}"] for field in ("track", "step")}
-    key = len(data["times"]) + 1
-    place = np.searchsorted(
-        run["track"] * key + run["begin"], row["track"] * key + row["step"], side="right"
-    )
-    row["other"] = run["other"][place - 1] if len(place) else place
-    if name == "truth":
-        row["error"] = arrays["truth/row/error"] / data["errors"]
-    spread = {
-        key.rpartition("/")[2]: values
-        for key, values in arrays.items()
-        if key.startswith(f"{name}/spread/")
-    }
-    classes = table.get("class")
-    return DrawnSide(
-        name=name,
-        ids=[f"{classes[k]}: {i}" if classes else i for k, i in enumerate(table["id"])],
-        table=table,
-        run=run,
-        row=row,
-        axes=_axes(name, data, arrays, row["step"]),
-        spread=spread,
-    )
-
-
-def _axes(name: str, data: Json, arrays: dict[str, Ints], step: Ints) -> dict[str, Floats]:
-    """The columns, the centres of boxes, and the time."""
-    with np.errstate(over="ignore"):  # pictures end before the doubles do
-        found: dict[str, Floats] = {
-            column: np.clip(
-                data["low"][k] + arrays[f"{name}/row/{k}"] * data["quantum"][k], -FARTHEST, FARTHEST
-            )
-            for k, column in enumerate(data["columns"])
-        }
-    if data["boxes"]:
-        found["centre x"] = found["left"] + found["width"] / 2
-        found["centre y"] = found["top"] + found["height"] / 2
-    if data["columns"]:
-        found[TIME] = placed(data["times"], data["axis"])[step]
-    return found

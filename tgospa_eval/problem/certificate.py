@@ -7,8 +7,6 @@ Both bounds are rounded outward (docs/theory/certificate.md, "Rounding").
 """
 
 import math
-from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,12 +14,12 @@ from tgospa_eval.common.arrays import places_of
 from tgospa_eval.errors import SolverError
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.paths import best_values, down, lower_sums, relative_gains, row_steps, up
-from tgospa_eval.problem.problem import Floats, Ints, Objects, Problem, sum_by, sum_parts
+from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by, sum_parts
 from tgospa_eval.problem.reduced import forced_cost
-from tgospa_eval.problem.slots import PART, Slots, parts
+from tgospa_eval.problem.slots import PART, Slots
 from tgospa_eval.problem.solution import Bounds, Breakdown, Reduced, Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, changes, make_feasible, row_parts, whole_weights
+from tgospa_eval.problem.weights import ONE, changes, make_feasible, row_parts, spare, whole_weights
 
 
 class UnassignedPrices:
@@ -215,18 +213,18 @@ def _bounds_of_prices(
     groups = np.zeros(states.nodes)
     taken: list[Ints] = []
     for rows, _ in row_parts(states):
-        found = row_terms(rows, running, left)
-        terms[:, 1] -= found.best
-        terms[:, 2] += found.aside
-        groups += found.pairs
+        best, aside, pairs, entry = row_terms(rows, running, left)
+        terms[:, 1] -= best
+        terms[:, 2] += aside
+        groups += pairs
         if objects.alike is None:
-            taken.append(found.entry)
+            taken.append(entry)
     terms[:, 0], terms[:, 3] = idle_prices(running, left, columns.first)
     blocks = len(states.block_begin)
     first = np.searchsorted(states.node_block, np.arange(blocks + 1)).tolist()
     if objects.alike is not None:
-        pairs = sum_by(states.node_block, groups, blocks)
-        constant = objects.sums(slice(low, low + blocks), pairs)
+        of_blocks = sum_by(states.node_block, groups, blocks)
+        constant = objects.sums(slice(low, low + blocks), of_blocks)
     else:
         constant = [objects.prices(low + block) for block in range(blocks)]
         entry = np.concatenate(taken)
@@ -242,11 +240,15 @@ def _bounds_of_prices(
     return np.maximum(down(np.array(sums_of)), 0.0)
 
 
-class RowTerms(NamedTuple):
-    """What some rows add to a lower bound, by node.
+def row_terms(
+    rows: States, running: tuple[Floats, Ints], left: Ints
+) -> tuple[Floats, Floats, Floats, Ints]:
+    """What some rows add to a lower bound, by node, at prices given as `Slots.running`.
 
-    Parameters
-    ----------
+    One less is `left` where a pair is put aside.
+
+    Returns
+    -------
     best : (nodes,) float array
         Upper bounds of the values of the best paths, less the best pair of each row and step.
     aside : (nodes,) float array
@@ -256,25 +258,16 @@ class RowTerms(NamedTuple):
     entry : int array
         Their entries.
     """
-
-    best: Floats
-    aside: Floats
-    pairs: Floats
-    entry: Ints
-
-
-def row_terms(rows: States, running: tuple[Floats, Ints], left: Ints) -> RowTerms:
-    """Of rows at prices given as `Slots.running`; one less is `left` where a pair is put aside."""
     steps = row_steps(rows)
     price = rows.columns.spans(running)
     runs = places_of(rows.entry < 0)
     price[runs] = np.nextafter(price[runs], 0.0)
-    gains = relative_gains(rows, steps, price)
-    best = best_values(rows, gains.relative, steps, gains.offset)
-    aside = lower_sums(_put_aside(rows, steps, gains.best, left), steps.first)
-    found = gains.best >= 0
+    relative, offset, best = relative_gains(rows, steps, price)
+    values = best_values(rows, relative, steps, offset)
+    aside = lower_sums(_put_aside(rows, steps, best, left), steps.first)
+    found = best >= 0
     pairs = sum_parts(found.astype(np.float64), steps.first)
-    return RowTerms(best, aside, pairs, rows.entry[gains.best[found]])
+    return values, aside, pairs, rows.entry[best[found]]
 
 
 def _put_aside(rows: States, steps: Slots, best: Ints, left: Ints) -> Floats:
@@ -369,72 +362,42 @@ def _in_chunks(terms: Floats) -> list[float]:
     )
 
 
-def _used(states: States, weights: Ints) -> Iterator[tuple[Ints, Ints, Ints]]:
-    """Step, entry and weight of the pairs in use, part by part; of a small problem there is one."""
-    for part in parts(len(weights)):
-        used = np.flatnonzero((weights[part] != 0) & (states.entry[part] >= 0))
-        yield (
-            states.begin[part][used],
-            states.entry[part][used].astype(np.intp),
-            weights[part][used],
-        )
-
-
 def break_down(states: States, weights: Ints) -> Breakdown:
     """``W D``, ``A (1 - row sums)``, ``B (1 - column sums)`` and ``lambda |W' - W|`` by step.
 
     The cost of a feasible assignment (docs/theory/metric.md, "Decomposition"), exact in W.
     """
-    problem, steps = states.problem, states.problem.steps
-    if kernels and max(len(weights), *(len(side.step) for side in problem.sides)) <= PART:
-        costs, sums = kernels.break_down(states, weights, ONE)
-        return Breakdown(
-            localisation=costs[0],
-            missed=costs[1],
-            false=costs[2],
-            switch=costs[5] * problem.switch_price_at[:-1],
-            missed_count=costs[3],
-            false_count=costs[4],
-            switch_count=0.5 * costs[5],
-            total=math.fsum(sums),
-        )
-
-    localisation = np.zeros(steps)
-    chunks: list[float] = []  # of all terms, for the sum
-
-    truths, estimates = problem.sides
-    once = list(_used(states, weights)) if len(weights) <= PART else None
-
-    def unassigned(side: Objects) -> tuple[Floats, Floats]:
-        """Cost and number of one side's unassigned objects at each step; one side at a time."""
-        free = np.full(len(side.step), ONE)
-        for step, entry, whole in once or _used(states, weights):
-            np.subtract.at(free, side.row[entry].astype(np.intp), whole)
-            if side is truths:
-                paid = whole / ONE * problem.cost[entry]
-                np.add(localisation, sum_by(step, paid, steps), localisation)
-                chunks.extend(_in_chunks(paid))
-        cost, count = np.zeros(steps), np.zeros(steps)
-        for part in parts(len(free)):
-            left = np.flatnonzero(free[part])
-            at, share = side.step[part][left].astype(np.intp), free[part][left] / ONE
-            np.add.at(count, at, share)
-            lost = share * side.price[part][left]
-            np.add.at(cost, at, lost)
-            chunks.extend(_in_chunks(lost))
-        return cost, count
-
-    missed, false = unassigned(truths), unassigned(estimates)
-    moved, amount = changes(states, weights)
-    chunks.extend(_in_chunks(problem.switch_price_at[states.begin[moved]] * amount))
-    variation = sum_by(states.begin[moved], amount, steps)
+    price = states.problem.switch_price_at[:-1]
+    sums = kernels.break_down(states, weights, ONE) if kernels else _break_down(states, weights)
+    (localisation, missed, false, missed_count, false_count, variation), terms = sums
     return Breakdown(
         localisation=localisation,
-        missed=missed[0],
-        false=false[0],
-        switch=variation * problem.switch_price_at[:-1],
-        missed_count=missed[1],
-        false_count=false[1],
+        missed=missed,
+        false=false,
+        switch=variation * price,
+        missed_count=missed_count,
+        false_count=false_count,
         switch_count=0.5 * variation,
-        total=math.fsum(chunks),
+        total=math.fsum(terms),
     )
+
+
+def _break_down(states: States, weights: Ints) -> tuple[list[Floats], list[float]]:
+    """Costs, numbers and variation by step, and sums of some terms of the total each."""
+    problem, steps = states.problem, states.problem.steps
+    used = np.flatnonzero((weights != 0) & (states.entry >= 0))
+    entry, whole = states.entry[used], weights[used]
+    paid = whole / ONE * problem.cost[entry]
+    terms, costs, counts = _in_chunks(paid), [sum_by(states.begin[used], paid, steps)], []
+    for side in problem.sides:
+        free = spare(side, entry, whole)
+        left = np.flatnonzero(free)
+        share = free[left] / ONE
+        lost = share * side.price[left]
+        terms += _in_chunks(lost)
+        costs.append(sum_by(side.step[left], lost, steps))
+        counts.append(sum_by(side.step[left], share, steps))
+    moved, amount = changes(states, weights)
+    step = states.begin[moved]
+    terms += _in_chunks(problem.switch_price_at[step] * amount)
+    return [*costs, *counts, sum_by(step, amount, steps)], terms

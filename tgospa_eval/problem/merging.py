@@ -49,12 +49,7 @@ def merge_runs(problem: Problem, *, transpose: bool = True) -> States:
     )
     del pair_of, entry_step  # as long as the entries
     columns = make_slots(
-        begin,
-        pair_first,
-        graph["pair_column"],
-        len(graph["node_block"]),
-        problem.steps,
-        group=graph["pair_block"],
+        begin, pair_first, graph["pair_column"], len(graph["node_block"]), problem.steps
     )
     return States(
         problem=problem, pair_first=pair_first, begin=begin, entry=entry, columns=columns, **graph

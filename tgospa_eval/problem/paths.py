@@ -49,16 +49,20 @@ def lower_sums(value: Floats, first: Ints) -> Floats:
     return total
 
 
-@dataclass(frozen=True, eq=False)
-class Gains:
-    """Gains less prices of states, relative to the best pair of their row and step.
+Gains = tuple[Floats, Floats, Ints]
+
+
+def relative_gains(states: States, steps: Slots, price: Floats | None = None) -> Gains:
+    """The gains of all states less their prices (S,), relative to the best pair of row and step.
 
     ``(G - v) - r``, ``r = max((A + B - D - v)_best, 0)``, as ``(D_best - D) + (v_best - v)`` and
     differences of A and B: these keep the digits that sums of gains near 1 lose. Every path of a
     row is lowered by the same sum (docs/theory/certificate.md, "The bounds that are computed").
+    `steps` are those of `row_steps`. The prices of states with a gain are exact, those of runs
+    lower bounds.
 
-    Parameters
-    ----------
+    Returns
+    -------
     relative : (S,) float array
         Upper bounds of the gains less prices and less the offsets of their steps.
     offset : (G,) float array
@@ -66,29 +70,17 @@ class Gains:
     best : (G,) int array
         Its state, -1 where there is none.
     """
-
-    relative: Floats
-    offset: Floats
-    best: Ints
-
-
-def relative_gains(states: States, steps: Slots, price: Floats | None = None) -> Gains:
-    """The gains of all states less their prices (S,); `steps` are those of `row_steps`.
-
-    The prices of states with a gain are exact, those of runs lower bounds.
-    """
     problem, entry = states.problem, states.entry
     price = np.zeros(len(entry)) if price is None else price
+    relative: Floats
     if kernels and problem.pair_price is not None:
-        gains = Gains(
-            *kernels.upper_gains(
-                steps.begin, len(steps.step), entry, problem.cost, price, problem.pair_price
-            )
+        relative, offset, best = kernels.upper_gains(
+            steps.begin, len(steps.step), entry, problem.cost, price, problem.pair_price
         )
     else:
-        gains = _relative_gains(states, steps, price)
+        relative, offset, best = _relative_gains(states, steps, price)
     # A run loses the offsets while it lasts.
-    running = steps.running(gains.offset, floor=True)
+    running = steps.running(offset, floor=True)
     if kernels:
         kernels.run_gains(
             steps.first,
@@ -98,12 +90,12 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
             *running,
             entry,
             price,
-            gains.relative,
+            relative,
         )
     else:
         runs = np.flatnonzero(entry < 0)
-        gains.relative[runs] = up(-price[runs] - steps.spans(running, runs, floor=True))
-    return gains
+        relative[runs] = up(-price[runs] - steps.spans(running, runs, floor=True))
+    return relative, offset, best
 
 
 def _relative_gains(states: States, steps: Slots, price: Floats) -> Gains:
@@ -136,7 +128,7 @@ def _relative_gains(states: States, steps: Slots, price: Floats) -> Gains:
         single = np.flatnonzero((best[at] < 0) & (entry >= 0))
         own = up(np.broadcast_to(base, len(entry))[single] - cost[single])
         relative[single] = up(up(own) - price[single])
-    return Gains(relative, offset, best)
+    return relative, offset, best
 
 
 def row_steps(states: States) -> Slots:

@@ -3,9 +3,6 @@
 The assignment over a slot may sum to at most 1.
 """
 
-import itertools
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,26 +16,6 @@ PART = 1 << 19
 CROWD, FULL_SUM = 4000, 1 << 61
 """More pairs of a node than this may sum to more than FULL_SUM, where weights are below 2^50."""
 
-CACHE = 1 << 16
-"""States whose slots are made together: what is written in no order stays in the cache."""
-
-
-def parts(size: int) -> Iterator[slice]:
-    """Slices of PART elements each that cover `size`."""
-    return (slice(low, min(low + PART, size)) for low in range(0, size, PART))
-
-
-def divided(group: Ints, pair_first: Ints, size: int) -> list[int]:
-    """Pairs at which to divide so that no group is, in parts of some `size` states; first and end.
-
-    `group` (P,) is that of each pair: its row or its block; those of one group are neighbours.
-    """
-    if 0 < pair_first[-1] <= size:
-        return [0, len(group)]
-    opens = np.flatnonzero(np.diff(group, prepend=-1))  # first pair of each group
-    part = pair_first[opens] // size
-    return [*opens[np.diff(part, prepend=-1) > 0].tolist(), len(group)]
-
 
 def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[Floats, Ints]:
     """``unit = 2^(e - 62)`` of each part, 2^e > sum |value|; sums of value / unit, (K + 1,).
@@ -47,18 +24,14 @@ def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[F
     over all parts overflows, and a small sum never loses its digits to large values far away. With
     `floor` values never become larger (docs/theory/certificate.md, "Rounding").
     """
-    rounded = np.floor if floor else np.rint
     size = sum_parts(np.abs(value), first)
     unit = np.ldexp(1.0, np.frexp(np.maximum(size, 1e-270))[1] - 62)
     if kernels:
         sums: Ints = kernels.whole_sums(value, first, unit, floor)
         return unit, sums
-    running = np.zeros(len(value) + 1, np.int64)
-    for part in parts(len(value)):
-        edges = np.minimum(np.maximum(first, part.start), part.stop)
-        count = edges[1:] - edges[:-1]
-        running[1:][part] = rounded(value[part] / np.repeat(unit, count))
-    return unit, np.cumsum(running, out=running)
+    rounded = np.floor if floor else np.rint
+    whole = rounded(value / np.repeat(unit, np.diff(first))).astype(np.int64)
+    return unit, np.concatenate(([0], np.cumsum(whole)))
 
 
 def changed(pair_first: Ints, weight: Ints | Floats) -> NDArray[np.bool_]:
@@ -143,11 +116,8 @@ class Slots:
         ):
             used = np.flatnonzero(weight[state] != 0)
             np.add.at(change, slot[used].astype(np.intp), sign * weight[state[used]])
-        differs = changed(self.pair_first, weight)
-        for part in parts(len(weight)):
-            state = np.flatnonzero(differs[part]) + part.start
-            rise = weight[state] - weight[state - 1]
-            np.add.at(change, self.begin[state].astype(np.intp), rise)
+        state = np.flatnonzero(changed(self.pair_first, weight))
+        np.add.at(change, self.begin[state].astype(np.intp), weight[state] - weight[state - 1])
         return np.cumsum(change[:-1], out=change[:-1])
 
     def running(self, price: Floats, *, floor: bool = False) -> tuple[Floats, Ints]:
@@ -172,62 +142,19 @@ class Slots:
         total = np.repeat(unit[self.pair_node], np.diff(self.pair_first))
         if chosen is not None:
             begin, end, total = begin[chosen], end[chosen], total[chosen]
-        for part in parts(len(total)):
-            total[part] *= sums[end[part]] - sums[begin[part]]
-            if floor:
-                np.nextafter(total[part], 0.0, out=total[part])
-        return total
+        total *= sums[end] - sums[begin]
+        return np.nextafter(total, 0.0) if floor else total
 
 
-def make_slots(
-    begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps: int, group: Ints
-) -> Slots:
-    """The slots of the nodes that several pairs share; `pair_node` is the node of each pair.
-
-    They are made for some groups of pairs at a time: rows or blocks, which share no node, and of
-    which later ones have nodes with larger numbers.
-    """
-    bounds = divided(group, pair_first, max(CACHE, steps))
-    if len(bounds) == 2:
-        first, step, slot = _slots_of_part(begin, pair_first, pair_node, nodes, steps)
-        return Slots(first=first, step=step, begin=slot, pair_first=pair_first, pair_node=pair_node)
-    first = np.zeros(nodes + 1, np.int32)
-    slot = np.empty(len(begin), np.int32)
-    made: list[Ints] = [np.zeros(0, np.int32)]
-    done = 0
-    for low, high in itertools.pairwise(bounds):
-        own = slice(pair_first[low], pair_first[high])
-        node = pair_node[low:high]
-        least, size = int(node.min()), int(np.ptp(node)) + 1
-        place, fresh, at = _slots_of_part(
-            begin[own], pair_first[low : high + 1] - pair_first[low], node - least, size, steps
-        )
-        first[least + 1 : least + 1 + size] = np.diff(place)
-        slot[own] = at
-        slot[own] += done
-        made.append(fresh)
-        done += len(fresh)
-    np.cumsum(first, out=first)
-    return Slots(
-        first=first,
-        step=np.concatenate(made),
-        begin=slot,
-        pair_first=pair_first,
-        pair_node=pair_node,
-    )
-
-
-def _slots_of_part(
-    begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps: int
-) -> tuple[Ints, Ints, Ints]:
-    """First slot of each node, step of each slot, first slot of each state."""
-    in_time = _in_time(begin, steps)
+def make_slots(begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps: int) -> Slots:
+    """The slots of the nodes that several pairs share; `pair_node` is the node of each pair."""
     shared = np.bincount(pair_node, minlength=nodes) > 1
     if kernels:
-        found: tuple[Ints, Ints, Ints] = kernels.slots(
-            in_time, begin, pair_first, pair_node, shared.view(np.uint8)
+        first, step, slot = kernels.slots(
+            kernels.in_time(begin, steps), begin, pair_first, pair_node, shared.view(np.uint8)
         )
-        return found
+        return Slots(first=first, step=step, begin=slot, pair_first=pair_first, pair_node=pair_node)
+    in_time = np.argsort(begin, kind="stable")
     node = np.repeat(pair_node, np.diff(pair_first))[in_time]
     known = shared[node]
     order = np.flatnonzero(known)[np.argsort(node[known], kind="stable")]
@@ -238,12 +165,4 @@ def _slots_of_part(
     first = np.searchsorted(node[fresh], np.arange(nodes + 1)).astype(np.int32)
     slot = np.repeat(first[pair_node], np.diff(pair_first))
     slot[chosen] = np.cumsum(fresh) - 1
-    return first, step, slot
-
-
-def _in_time(begin: Ints, steps: int) -> Ints:
-    """The states by (begin, number)."""
-    if kernels:
-        found: Ints = kernels.in_time(begin, steps)
-        return found
-    return np.argsort(begin, kind="stable")
+    return Slots(first=first, step=step, begin=slot, pair_first=pair_first, pair_node=pair_node)

@@ -16,7 +16,10 @@ from tgospa_eval.common.arrays import concatenated, places_of
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, Problem
-from tgospa_eval.problem.slots import CACHE, Slots, make_slots
+from tgospa_eval.problem.slots import Slots, make_slots
+
+SMALL = 1 << 16
+"""States of a problem that keeps its `rows`, whoever asked for them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,12 +109,7 @@ class States:
     def rows(self) -> Slots:
         """Constraints of the rows."""
         return make_slots(
-            self.begin,
-            self.pair_first,
-            self.pair_row,
-            self.nodes,
-            self.problem.steps,
-            group=self.pair_row,
+            self.begin, self.pair_first, self.pair_row, self.nodes, self.problem.steps
         )
 
     @property
@@ -181,30 +179,25 @@ class States:
             Where its states and its column slots are here.
         """
         if (low, high) == (0, len(self.block_begin)):
-            whole = self if len(self.begin) <= CACHE else replace(self)
+            whole = self if len(self.begin) <= SMALL else replace(self)
             return whole, slice(0, len(self.begin)), slice(0, len(self.columns.step))
         pairs = slice(*np.searchsorted(self.pair_block, (low, high)))
         nodes = slice(*np.searchsorted(self.node_block, (low, high)))
-        state = slice(*self.pair_first[[pairs.start, pairs.stop]])
-        pair_first = self.pair_first[pairs.start : pairs.stop + 1] - np.int32(state.start)
         slot = slice(*self.columns.first[[nodes.start, nodes.stop]])
-        pair_column = self.pair_column[pairs] - np.int32(nodes.start)
-        states = States(
-            problem=self.problem,
-            pair_row=self.pair_row[pairs] - np.int32(nodes.start),
-            pair_column=pair_column,
-            pair_block=self.pair_block[pairs] - np.int32(low),
-            pair_first=pair_first,
-            pair_truth=self.pair_truth[pairs],
-            pair_estimate=self.pair_estimate[pairs],
-            begin=self.begin[state],
-            entry=self.entry[state],
-            columns=Slots(
+        part, _ = self.of_pairs(pairs)
+        state = slice(*self.pair_first[[pairs.start, pairs.stop]])
+        column = part.pair_column - np.int32(nodes.start)
+        states = replace(
+            part,
+            pair_row=part.pair_row - np.int32(nodes.start),
+            pair_column=column,
+            pair_block=part.pair_block - np.int32(low),
+            columns=replace(
+                part.columns,
                 first=self.columns.first[nodes.start : nodes.stop + 1] - np.int32(slot.start),
                 step=self.columns.step[slot],
-                begin=self.columns.begin[state] - np.int32(slot.start),
-                pair_first=pair_first,
-                pair_node=pair_column,
+                begin=part.columns.begin - np.int32(slot.start),
+                pair_node=column,
             ),
             node_block=self.node_block[nodes] - np.int32(low),
             block_begin=self.block_begin[low:high],
@@ -215,26 +208,15 @@ class States:
 
 
 def connected_components(a: Ints, b: Ints, nodes: int) -> Ints:
-    """Smallest node of the component of each node, of a graph with the edges (a, b).
-
-    Without kernels: hooking and pointer jumping. SciPy has the same, but importing it costs more
-    than most evaluations take.
-    """
+    """Smallest node of the component of each node, of a graph with the edges (a, b)."""
     if kernels:
         found: Ints = kernels.components(
             a.astype(np.int32, copy=False), b.astype(np.int32, copy=False), nodes
         )
         return found
-    root: Ints = np.arange(nodes)
-    while True:
-        low = np.minimum(root[a], root[b])
-        high = np.maximum(root[a], root[b])
-        apart = low < high
-        if not apart.any():
-            return root
-        np.minimum.at(root, high[apart], low[apart])
-        while True:
-            jumped = root[root]
-            if np.array_equal(jumped, root):
-                break
-            root = jumped
+    from scipy.sparse import coo_array  # here: importing it takes longer than most evaluations
+    from scipy.sparse.csgraph import connected_components as labelled
+
+    _, label = labelled(coo_array((np.ones(len(a), bool), (a, b)), shape=(nodes, nodes)), False)
+    smallest: Ints = np.unique(label, return_index=True)[1]
+    return smallest[label]

@@ -7,7 +7,7 @@ import numpy as np
 
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, Objects
-from tgospa_eval.problem.slots import PART, Slots, changed, divided, parts
+from tgospa_eval.problem.slots import PART, Slots, changed
 from tgospa_eval.problem.states import States
 
 ONE = 2**16 * 3**6 * 5**3 * 7**2 * 11 * 13 * 17
@@ -34,14 +34,11 @@ def whole_weights(weights: Floats, whole: Ints) -> None:
     if kernels:
         kernels.whole_weights(weights, whole, ONE, SNAP_WHOLE)
         return
-    for part in parts(len(weights)):
-        used = np.flatnonzero(weights[part] != 0)
-        fixed = np.fmin(np.fmax(weights[part][used], 0.0), 1.0)  # NaN becomes 0
-        fixed *= ONE
-        fixed[fixed < SNAP_WHOLE] = 0
-        fixed[fixed > ONE - SNAP_WHOLE] = ONE
-        whole[part] = 0
-        whole[part][used] = np.rint(fixed)
+    fixed = np.fmin(np.fmax(weights, 0.0), 1.0)  # NaN becomes 0
+    fixed *= ONE
+    fixed[fixed < SNAP_WHOLE] = 0
+    fixed[fixed > ONE - SNAP_WHOLE] = ONE
+    whole[:] = np.rint(fixed)
 
 
 def make_feasible(states: States, weights: Ints) -> Ints:
@@ -64,16 +61,14 @@ def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
     full = np.zeros(len(sums) + 1, np.int32)  # how many slots before each are too full
     np.cumsum(sums > ONE, out=full[1:])
     sums = np.append(sums, 0)
-    ends = slots.end
-    for part in parts(len(weights)):
-        own, begin, end = weights[part], slots.begin[part], ends[part]
-        over = np.flatnonzero((full[end] > full[begin]) & (own > 0))
-        over = over[np.argsort(begin[over], kind="stable")]
-        bounds = np.stack((begin[over], end[over]), axis=1).ravel()
-        fullest = np.maximum.reduceat(sums, bounds)[::2]
-        # Rounded down by more than the product can be rounded up.
-        factor = ONE / fullest * (1 - 2.0**-48)
-        own[over] = np.floor(own[over] * factor)
+    begin, end = slots.begin, slots.end
+    over = np.flatnonzero((full[end] > full[begin]) & (weights > 0))
+    over = over[np.argsort(begin[over], kind="stable")]
+    bounds = np.stack((begin[over], end[over]), axis=1).ravel()
+    fullest = np.maximum.reduceat(sums, bounds)[::2]
+    # Rounded down by more than the product can be rounded up.
+    factor = ONE / fullest * (1 - 2.0**-48)
+    weights[over] = np.floor(weights[over] * factor)
 
 
 def row_parts(states: States) -> Iterator[tuple[States, slice | Ints]]:
@@ -86,7 +81,9 @@ def row_parts(states: States) -> Iterator[tuple[States, slice | Ints]]:
     if 0 < len(states.begin) <= size:
         yield states, slice(None)
         return
-    bounds = divided(states.pair_row, states.pair_first, size)
+    opens = np.flatnonzero(np.diff(states.pair_row, prepend=-1))  # first pair of each row
+    part = states.pair_first[opens] // size
+    bounds = [*opens[np.diff(part, prepend=-1) > 0].tolist(), len(states.pair_row)]
     yield from map(states.of_pairs, itertools.starmap(slice, itertools.pairwise(bounds)))
 
 

@@ -1,37 +1,28 @@
-"""RESULT -> words. A member is one function here, one line in `REPORTS` and a docs line."""
+"""What people read of results; by format what ``--format`` prints."""
 
-from tgospa_eval.reports.console import table
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from tgospa_eval.reports.console import document, table
+from tgospa_eval.reports.tables import WRITERS, Document, csv_text
 from tgospa_eval.results.summary import Summary
 
-# Those of other formats are imported when they are asked for.
+if TYPE_CHECKING:
+    from tgospa_eval.results.explanation import Explanation
+    from tgospa_eval.results.sweep import Sweep
 
-
-def per_step_csv(result: Summary) -> str:
-    """The table of costs by step."""
-    from tgospa_eval.reports.files import csv_text
-
-    return csv_text(result.table("per_step"))
-
-
-def markdown(result: Summary) -> str:
-    """A small table for pull requests."""
-    from tgospa_eval.reports.markup import markdown as made
-
-    return made(result)
-
-
-def latex(result: Summary) -> str:
-    """A small table for papers."""
-    from tgospa_eval.reports.markup import latex as made
-
-    return made(result)
-
-
-REPORTS = {
+REPORTS: dict[str, Callable[[Summary], str]] = {
     "table": table,
     "json": Summary.to_json,
-    "csv": per_step_csv,
-    "markdown": markdown,
-    "latex": latex,
+    "csv": lambda result: csv_text(result.table("per_step")),
+    "markdown": lambda result: WRITERS["markdown"](document(result)),
+    "latex": lambda result: WRITERS["latex"](document(result)),
 }
-"""What ``--format`` prints, by name."""
+"""Of a result, by format; a member needs a line in the docs."""
+
+
+def rendered(found: "Explanation | Sweep", format: str, document: Document) -> str:
+    """What ``--format`` prints of repairs or of a sweep, of which this is the document."""
+    if format == "json":
+        return found.to_json()
+    return csv_text(found.columns()) if format == "csv" else WRITERS[format](document)

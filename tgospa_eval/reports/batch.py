@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import counted, number
-from tgospa_eval.reports.batch_records import BatchTables, Comparison, Ranking, value_in_words
+from tgospa_eval.reports.batch_records import BatchTables, Ranking, value_in_words
 from tgospa_eval.reports.curves import curves_json
-from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.other_metrics import direction, grouped_table, other_records
 from tgospa_eval.reports.phrases import (
     MOST_NAMED,
@@ -20,9 +19,9 @@ from tgospa_eval.reports.phrases import (
     place_in_words,
 )
 from tgospa_eval.reports.slices import about_slices, group_tables
-from tgospa_eval.reports.tables import WRITERS, Document, Table
-from tgospa_eval.results.records import PARTS, Columns, json_text, records
-from tgospa_eval.results.slices import slices_columns
+from tgospa_eval.reports.tables import WRITERS, Document, Table, csv_text
+from tgospa_eval.results.records import PARTS, Columns, Json, json_text, records
+from tgospa_eval.results.slices import Slicing, slices_columns
 from tgospa_eval.text import listed
 
 if TYPE_CHECKING:
@@ -31,30 +30,30 @@ if TYPE_CHECKING:
 
 def slice_tables(tables: BatchTables) -> Iterator[Table]:
     """Costs of the groups split by attributes, where that was asked for."""
-    groups = [(_names_of(tables, one.group), one.slicings) for one in tables.slices]
-    yield from group_tables(list(tables.heads.values()), groups)
+    yield from group_tables(list(tables.heads.values()), list(_named_slices(tables)))
 
 
-def _names_of(tables: BatchTables, group: int) -> tuple[str, ...]:
-    return tables.named(tables.groups.iloc[group])
+def _named_slices(tables: BatchTables) -> Iterator[tuple[tuple[str, ...], Sequence[Slicing]]]:
+    """What groups with slices are called, and these."""
+    for group, slicings in tables.slices.items():
+        yield tables.named(tables.groups.iloc[group]), slicings
 
 
 def slices_of_groups(tables: BatchTables) -> Columns:
     """The same as columns, with what tells groups apart in front; none if there are no slices."""
-    parts = [(_names_of(tables, one.group), slices_columns(one.slicings)) for one in tables.slices]
-    if not parts:
-        return {}
-    heads: Columns = {
-        name: [names[k] for names, part in parts for _ in part["by"]]
-        for k, name in enumerate(tables.heads.values())
-    }
-    joined = {name: [v for _, part in parts for v in part[name]] for name in parts[0][1]}
-    return {name: heads[name] for name in heads if name not in joined} | joined
+    found: Columns = {}
+    for names, slicings in _named_slices(tables):
+        part = slices_columns(slicings)
+        heads = zip(tables.heads.values(), names, strict=True)
+        rows = {head: [name] * len(part["by"]) for head, name in heads} | part
+        for head, values in rows.items():
+            found.setdefault(head, []).extend(values)
+    return found
 
 
 def about_slices_of(tables: BatchTables) -> Iterator[str]:
     """What slices are, where there are some."""
-    yield from about_slices([one for group in tables.slices for one in group.slicings])
+    yield from about_slices([one for slicings in tables.slices.values() for one in slicings])
 
 
 # -------------------------------------------------------------------------------------------------
@@ -85,8 +84,22 @@ def batch_json(tables: BatchTables) -> str:
             "schema": "tgospa-eval/batch/1",
             "by": list(tables.by),
             "groups": _records(tables.groups),
-            "ranking": [row for ranking in tables.rankings for row in _ranked(ranking)],
-            "comparisons": [row for ranking in tables.rankings for row in _compared(ranking)],
+            "ranking": [
+                {**row, **_of_jobs(ranking), "of_jobs": ranking.all_jobs}
+                for ranking in tables.rankings
+                for row in ranking.entries
+            ],
+            "comparisons": [
+                {
+                    **row,
+                    **_of_jobs(ranking),
+                    "pairs": ranking.pairs,
+                    "permutations": ranking.permutations,
+                    "seed": ranking.seed,
+                }
+                for ranking in tables.rankings
+                for row in ranking.comparisons
+            ],
             "notes": list(tables.notes),
             **({"curves": curves_json(tables.curves)} if tables.curves else {}),
             **({"slices": records(slices_of_groups(tables))} if tables.slices else {}),
@@ -95,48 +108,8 @@ def batch_json(tables: BatchTables) -> str:
     )
 
 
-def _ranked(ranking: Ranking) -> Iterator[dict[str, object]]:
-    """A row for each that is ranked."""
-    for item in ranking.entries:
-        yield {
-            "name": item.name,
-            "parameters": dict(ranking.parameters),
-            "jobs": ranking.jobs,
-            "of_jobs": ranking.all_jobs,
-            "place": list(item.place),
-            "combined": item.combined.upper,
-            "combined_lower": item.combined.lower,
-            "per_step": item.per_step.upper,
-            "per_step_lower": item.per_step.lower,
-            "confidence": _pair(item.confidence),
-            "statistical_place": item.statistical_place and list(item.statistical_place),
-        }
-
-
-def _compared(ranking: Ranking) -> Iterator[dict[str, object]]:
-    """A row for each pair of them; nothing is concluded where there are too few pairs of jobs."""
-    for pair in ranking.comparisons:
-        found = pair.inference
-        yield {
-            "first": pair.first,
-            "second": pair.second,
-            "parameters": dict(ranking.parameters),
-            "jobs": ranking.jobs,
-            "pairs": ranking.pairs,
-            "verdict": pair.verdict,
-            "difference": _pair(pair.difference),
-            "lower": found and found.confidence.lower,
-            "upper": found and found.confidence.upper,
-            "p_value": found and found.p_value,
-            "p_holm": found and found.p_holm,
-            "significant": found and found.significant,
-            "permutations": ranking.permutations,
-            "seed": ranking.seed,
-        }
-
-
-def _pair(bounds: Interval | None) -> list[float] | None:
-    return None if bounds is None else [bounds.lower, bounds.upper]
+def _of_jobs(ranking: Ranking) -> dict[str, object]:
+    return {"parameters": dict(ranking.parameters), "jobs": ranking.jobs}
 
 
 def _records(frame: "pd.DataFrame") -> list[dict[str, object]]:
@@ -190,29 +163,30 @@ def of_expected(jobs: int, expected: int) -> str:
 
 
 def _sums_table(tables: BatchTables) -> Table:
-    heads, groups = tables.heads, tables.groups
-    with_intervals = groups["confidence_upper"].notna().any()
+    groups, rows = tables.groups, tables.groups.to_dict("records")
     values = {"combined": "combined", "per_step": "per step", "rms": "RMS"}
     if "mean_of_roots" in groups:
         values["mean_of_roots"] = "mean of roots"
-    shown, rows = [], groups.to_dict("records")
-    columns = [[interval(row, name) for row in rows] for name in values]
-    for row, ends in zip(rows, zip(*columns, strict=True), strict=True):
-        cells = list(map(_between, ends))
-        if with_intervals:
-            cells.insert(1, _interval(interval(row, "confidence")))
-        jobs = of_expected(int(row["jobs"]), int(row["expected"]))
-        shown.append((*(value_in_words(row[name]) for name in heads), jobs, *cells))
-    titles = list(values.values())
-    places = dict(enumerate(columns, start=len(heads) + 1))
-    if with_intervals:
-        titles.insert(1, INTERVAL)
-        places = {k + (k > len(heads) + 1): column for k, column in places.items()}
+    heads = [*tables.heads.values(), "jobs"]
+    columns = [
+        *zip(*map(tables.named, rows), strict=True),
+        [of_expected(int(row["jobs"]), int(row["expected"])) for row in rows],
+    ]
+    compared: dict[int, list[Interval]] = {}
+    for name, title in values.items():
+        compared[len(heads)] = [interval(row, name) for row in rows]
+        columns.append([_between(value) for value in compared[len(heads)]])
+        heads.append(title)
+        if name == "combined" and groups["confidence_upper"].notna().any():
+            ends = zip(groups["confidence_lower"], groups["confidence_upper"], strict=True)
+            columns.append([_interval(*both) for both in ends])
+            heads.append(INTERVAL)
+    named = len(tables.heads)
     return Table(
-        head=(*heads.values(), "jobs", *titles),
-        rows=shown,
-        align="l" * len(heads) + "r" * (1 + len(titles)),
-        bold=best_cells(places, _rivals(tables, rows)),
+        head=heads,
+        rows=list(zip(*columns, strict=True)),
+        align="l" * named + "r" * (len(heads) - named),
+        bold=best_cells(compared, _rivals(tables, rows)),
     )
 
 
@@ -259,14 +233,17 @@ def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:
 def _orders(ranking: Ranking) -> Iterator[str]:
     """Both orders in a sentence each."""
     entries, where = ranking.entries, _where(ranking)
-    yield f"{where}{order_of('combined', ranking)} ({_jobs(ranking)})"
+    jobs = f"{counted(ranking.jobs, 'job')} each"
+    if ranking.jobs < ranking.all_jobs:
+        all_have = f"over the {counted(ranking.jobs, 'job')} that all {len(entries)} have"
+        jobs = f"{all_have}, of {ranking.all_jobs:,}"
+    yield f"{where}{order_of('combined', ranking)} ({jobs})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
-    places = [item.statistical_place for item in entries if item.statistical_place]
-    if not places:
+    if not ranking.permutations:
         yield f"{begin}: fewer than 6, nothing can be concluded about {ranking.others}"
         return
-    first = [item.name for item, place in zip(entries, places, strict=True) if place[0] == 1]
-    if len(first) == 1 and places[0] == (1, 1):
+    first = [item["name"] for item in entries if item["statistical_place"][0] == 1]
+    if len(first) == 1 and entries[0]["statistical_place"] == (1, 1):
         yield f"{begin}: {first[0]} is significantly better than all others"
     else:
         top = first_names([[name] for name in first])
@@ -277,9 +254,9 @@ def order_of(value: str, ranking: Ranking) -> str:
     """What is proven of the order, in a sentence."""
     return order_in_words(
         value,
-        [item.name for item in ranking.entries],
-        [item.place for item in ranking.entries],
-        {(pair.first, pair.second): pair.verdict for pair in ranking.comparisons},
+        [item["name"] for item in ranking.entries],
+        [item["place"] for item in ranking.entries],
+        {(pair["first"], pair["second"]): pair["verdict"] for pair in ranking.comparisons},
     )
 
 
@@ -288,45 +265,33 @@ def _where(ranking: Ranking) -> str:
     return f"{parameters_in_words(ranking.parameters)}: " if ranking.parameters else ""
 
 
-def _jobs(ranking: Ranking) -> str:
-    count = len(ranking.entries)
-    if ranking.jobs == ranking.all_jobs:
-        return f"{counted(ranking.jobs, 'job')} each"
-    return f"over the {counted(ranking.jobs, 'job')} that all {count} have, of {ranking.all_jobs:,}"
-
-
 def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
     """The proven order, and below it the statistical one."""
     of = [value_in_words(value) for value in ranking.parameters.values()]
+    entries = ranking.entries
+    per_step = [bracket(item, "per_step") for item in entries]
     yield Table(
         head=(ranking.label, *ranking.parameters, "proven place", "combined", "per step"),
         rows=[
             (
-                item.name,
+                item["name"],
                 *of,
-                place_in_words(*item.place, shared=item.name in ranking.equal),
-                _between(item.combined),
-                _between(item.per_step),
+                place_in_words(*item["place"], shared=item["name"] in ranking.equal),
+                _between(bracket(item, "combined")),
+                _between(each),
             )
-            for item in ranking.entries
+            for item, each in zip(entries, per_step, strict=True)
         ],
         bold=frozenset(
             (row, k)
-            for row in best_of([item.place for item in ranking.entries])
+            for row in best_of([item["place"] for item in entries])
             for k in range(3 + len(of))
         )
-        | best_cells(
-            {3 + len(of): [item.per_step for item in ranking.entries]},
-            [range(len(ranking.entries))],
-        ),
+        | best_cells({3 + len(of): per_step}, [range(len(entries))]),
     )
-    places = {
-        item.name: place_in_words(*item.statistical_place)
-        for item in ranking.entries
-        if item.statistical_place
-    }
-    best = ranking.entries[0].name
-    if places:
+    if ranking.permutations:
+        places = {item["name"]: place_in_words(*item["statistical_place"]) for item in entries}
+        best = entries[0]["name"]
         yield Table(
             head=(
                 f"vs {best}",
@@ -336,23 +301,20 @@ def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
             rows=[
                 (best, *of, "", "", "", places[best]),
                 *(
-                    (pair.second, *of, *_tested(pair), places[pair.second])
+                    (pair["second"], *of, *_tested(pair), places[pair["second"]])
                     for pair in ranking.comparisons
-                    if pair.first == best
+                    if pair["first"] == best
                 ),
             ],
         )
 
 
-def _tested(pair: Comparison) -> Iterator[str]:
+def _tested(pair: Json) -> tuple[str, str, str]:
     """The difference, its interval and its p value."""
-    ends = [_value(end, 4, "+") for end in (pair.difference.lower, pair.difference.upper)]
-    shown = ends[1:] if ends[0] == ends[1] else ends
-    yield "+0" if pair.verdict == "equal" else " to ".join(shown)
-    if pair.inference is not None:
-        yield _interval(pair.inference.confidence, "+")
-        p_value = pair.inference.p_holm
-        yield f"<{LEAST_P:g}" if p_value < LEAST_P else f"{p_value:.2g}"
+    ends = dict.fromkeys(_value(end, 4, "+") for end in pair["difference"])
+    difference = "+0" if pair["verdict"] == "equal" else " to ".join(ends)
+    p_value = f"<{LEAST_P:g}" if pair["p_holm"] < LEAST_P else f"{pair['p_holm']:.2g}"
+    return difference, _interval(pair["lower"], pair["upper"], "+"), p_value
 
 
 def _notes(tables: BatchTables) -> Iterator[str]:
@@ -399,16 +361,11 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         if ranking.left_out:
             names = listed(ranking.left_out, MOST_NAMED)
             yield f"{_where(ranking)}{names}: no job with a value, and no place"
-    yield from _preprocessed(tables.rows)
-    yield from about_others(tables)
-    yield from about_slices_of(tables)
-
-
-def _preprocessed(rows: "pd.DataFrame") -> Iterator[str]:
-    """What was left out before anything was counted."""
-    texts = rows["parameters"].dropna().unique() if "parameters" in rows else ()
+    texts = tables.rows["parameters"].dropna().unique() if "parameters" in tables.rows else ()
     for name in sorted({str(json.loads(text).get("preprocess") or "") for text in texts} - {""}):
         yield f"boxes were left out by --preprocess {name} before all metrics"
+    yield from about_others(tables)
+    yield from about_slices_of(tables)
 
 
 def about_others(tables: BatchTables) -> Iterator[str]:
@@ -429,6 +386,11 @@ def interval(row: "Mapping[Hashable, Any] | pd.Series[Any]", name: str) -> Inter
     return Interval(lower=float(row[f"{name}_lower"]), upper=float(row[f"{name}_upper"]))
 
 
+def bracket(row: Mapping[str, Any], name: str) -> Interval:
+    """The bracket of a value of a row of a ranking, which is the upper end itself."""
+    return Interval(lower=row[f"{name}_lower"], upper=row[name])
+
+
 def _value(value: float, digits: int, sign: str = "") -> str:
     if not math.isfinite(value):
         return "-"
@@ -442,11 +404,11 @@ def _between(bounds: Interval) -> str:
     return f"{number(bounds.lower)} to {number(bounds.upper)}"
 
 
-def _interval(bounds: Interval, sign: str = "") -> str:
+def _interval(lower: float, upper: float, sign: str = "") -> str:
     """An interval of statistics, which has few digits."""
-    if not math.isfinite(bounds.upper):
+    if not math.isfinite(upper):
         return "-"
-    return f"{_value(bounds.lower, 4, sign)} to {_value(bounds.upper, 4, sign)}"
+    return f"{_value(lower, 4, sign)} to {_value(upper, 4, sign)}"
 
 
 Report = Callable[[BatchTables], str]

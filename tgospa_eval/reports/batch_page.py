@@ -16,13 +16,14 @@ from tgospa_eval.reports.batch import (
     NARROW,
     about_others,
     about_slices_of,
+    bracket,
     of_expected,
     order_of,
     other_tables,
     parameters_in_words,
     slice_tables,
 )
-from tgospa_eval.reports.batch_records import Comparison, Ranking
+from tgospa_eval.reports.batch_records import Ranking
 from tgospa_eval.reports.batch_view import METRIC_COLUMNS, BatchView
 from tgospa_eval.reports.clock import ROOM, upward
 from tgospa_eval.reports.curves import (
@@ -163,7 +164,7 @@ def batch_page(view: BatchView) -> str:
             unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
             rankings=[_ranking(view, ranking) for ranking in view.tables.rankings],
             notes=view.tables.notes,
-            parameter_sets=len({group.parameters for group in view.groups}),
+            parameter_sets=len({(*group["parameters"],) for group in view.groups}),
             groups=groups[:MOST_GROUPS],
             common=any(found.jobs < found.all_jobs for found in view.tables.rankings),
             others=list(other_tables(view.tables)),
@@ -224,11 +225,11 @@ def _title(view: BatchView, ranking: Ranking | None) -> str:
     """The answer."""
     if ranking is not None:
         best = ranking.entries[0]
-        if best.place != (1, 1):
+        if best["place"] != (1, 1):
             return f"{ranking.label}: none of {len(ranking.entries)} is proven best"
-        return f"{best.name}: TGOSPA {view.between(best.per_step)} per step"
+        return f"{best['name']}: TGOSPA {view.between(bracket(best, 'per_step'))} per step"
     if len(view.groups) == 1:
-        return f"TGOSPA {view.between(view.groups[0].values['per_step'])} per step"
+        return f"TGOSPA {view.between(view.groups[0]['per_step'])} per step"
     return "TGOSPA of a batch"
 
 
@@ -238,20 +239,20 @@ def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
     equal = ranking.equal
     for entry in ranking.entries:
         # Per step, as the value is: by the same number of steps.
-        share = entry.per_step.upper / entry.combined.upper if entry.combined.upper else 0.0
-        sure = entry.confidence and Interval(
-            lower=share * entry.confidence.lower, upper=share * entry.confidence.upper
-        )
+        name, per_step = entry["name"], bracket(entry, "per_step")
+        share = entry["per_step"] / entry["combined"] if entry["combined"] else 0.0
+        low, high = entry["confidence"] or (0.0, 0.0)
+        sure = Interval(lower=low, upper=high).scaled(share) if entry["confidence"] else None
         words = {
-            "name": entry.name,
-            "track": view.compared[entry.name],
-            "place": place_in_words(*entry.place, shared=entry.name in equal),
-            "statistical": place_in_words(*(entry.statistical_place or (0, 0))),
-            "per_step": view.between(entry.per_step),
-            "combined": view.between(entry.combined),
+            "name": name,
+            "track": view.compared[name],
+            "place": place_in_words(*entry["place"], shared=name in equal),
+            "statistical": place_in_words(*(entry["statistical_place"] or (0, 0))),
+            "per_step": view.between(per_step),
+            "combined": view.between(bracket(entry, "combined")),
             "sure": view.between(sure, 4) if sure else "",
         }
-        entries.append((words, entry.per_step, sure))
+        entries.append((words, per_step, sure))
     shown = [found for _, *both in entries for found in both if found is not None]
     low, high = min(found.lower for found in shown), max(found.upper for found in shown)
     room = (high - low) * 0.04 if high - low > NARROW * high else 1.0
@@ -267,7 +268,7 @@ def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
             for words, value, sure in entries
         ],
         "ends": [view.quantity(end, 4) for end in (low, high)],
-        "pairs": _pairs(ranking),
+        "pairs": list(_pairs(view, ranking)),
         "all_pairs": len(ranking.comparisons),
     }
 
@@ -278,12 +279,13 @@ def _span(place: Callable[[float], float], found: Interval) -> tuple[str, str]:
     return f"{left:.2f}", f"{right - left:.2f}"
 
 
-def _pairs(ranking: Ranking) -> list[Comparison]:
+def _pairs(view: BatchView, ranking: Ranking) -> Iterator[Json]:
     """All pairs of few, else those of neighbours."""
-    if len(ranking.entries) <= ALL_PAIRS:
-        return list(ranking.comparisons)
-    near = set(itertools.pairwise(entry.name for entry in ranking.entries))
-    return [pair for pair in ranking.comparisons if (pair.first, pair.second) in near]
+    near = set(itertools.pairwise(entry["name"] for entry in ranking.entries))
+    for pair in ranking.comparisons:
+        if len(ranking.entries) <= ALL_PAIRS or (pair["first"], pair["second"]) in near:
+            low, high = pair["difference"]
+            yield {**pair, "difference": view.between(Interval(lower=low, upper=high))}
 
 
 def _share(cost: float, total: float) -> str:

@@ -3,92 +3,20 @@
 Proven is what holds for these files; statistical is what they say of others like them.
 """
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.interval import Interval
 from tgospa_eval.reports.curves import RmsCurve
+from tgospa_eval.results.records import Json
 from tgospa_eval.results.slices import Slicing
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Verdict = Literal["less", "equal", "not separated"]
 Places = tuple[int, int]
 """The best and the worst, counted from 1."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Ranked:
-    """One of those that are compared, on the jobs that all of them have.
-
-    Parameters
-    ----------
-    name : str
-        A value of the label.
-    place : tuple of int
-        Proven: best and worst place in the order of `combined`.
-    combined, per_step : Interval
-        Brackets of (sum of totals)^(1/p), and of the same by the number of steps, in state units.
-    confidence : Interval, optional
-        95 % interval of `combined`; None where there are too few pairs.
-    statistical_place : tuple of int, optional
-        Best and worst place by the tests that are significant.
-    """
-
-    name: str
-    place: Places
-    combined: Interval
-    per_step: Interval
-    confidence: Interval | None = None
-    statistical_place: Places | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Inference:
-    """What is concluded of a difference for other truths like these.
-
-    Parameters
-    ----------
-    confidence : Interval
-        95 % interval of the difference, in state units.
-    p_value : float
-        Of the two-sided permutation test that both are equally good.
-    p_holm : float
-        The same, adjusted for all pairs of a ranking.
-    significant : bool
-        Whether that is below the level.
-    """
-
-    confidence: Interval
-    p_value: float
-    p_holm: float
-    significant: bool
-
-
-@dataclass(frozen=True, kw_only=True)
-class Comparison:
-    """Two of those that are compared, on the jobs that all have.
-
-    Parameters
-    ----------
-    first, second : str
-        Names; the first has the smaller value.
-    verdict : str
-        What is proven: ``less`` is the first, ``equal``, or ``not separated``.
-    difference : Interval
-        Bracket of the second value less the first, in state units.
-    inference : Inference, optional
-        None where there are too few pairs.
-    """
-
-    first: str
-    second: str
-    verdict: Verdict
-    difference: Interval
-    inference: Inference | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,10 +27,14 @@ class Ranking:
     ----------
     label : str
         Its name.
-    entries : tuple of Ranked
-        Best first.
-    comparisons : tuple of Comparison
-        All pairs of them.
+    entries : list of dict
+        Best first: ``name``, ``place`` (proven: best and worst), brackets of ``combined`` and
+        ``per_step``; ``confidence``, the 95 % interval of combined, and ``statistical_place``,
+        both None where there are too few pairs.
+    comparisons : list of dict
+        All pairs of them, the ``first`` has the smaller value: ``verdict`` (proven), bounds of the
+        ``difference`` of combined; ``lower`` and ``upper`` end of its 95 % interval, ``p_value``,
+        ``p_holm``, ``significant``, all None where there are too few pairs.
     jobs, all_jobs : int
         How many jobs of each are compared; how many there are of which one at least has a value.
     pairs : int
@@ -120,8 +52,8 @@ class Ranking:
     """
 
     label: str
-    entries: tuple[Ranked, ...]
-    comparisons: tuple[Comparison, ...]
+    entries: list[Json]
+    comparisons: list[Json]
     jobs: int
     all_jobs: int
     pairs: int
@@ -139,24 +71,8 @@ class Ranking:
     @property
     def equal(self) -> frozenset[str]:
         """Names that share a place, for they are proven to be equal."""
-        pairs = [pair for pair in self.comparisons if pair.verdict == "equal"]
-        return frozenset(name for pair in pairs for name in (pair.first, pair.second))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GroupSlices:
-    """Costs of a group of jobs split by attributes.
-
-    Parameters
-    ----------
-    group : int
-        Which row of the groups it is.
-    slicings : tuple of Slicing
-        Sums over its jobs, one for each attribute.
-    """
-
-    group: int
-    slicings: tuple[Slicing, ...]
+        pairs = [pair for pair in self.comparisons if pair["verdict"] == "equal"]
+        return frozenset(pair[name] for pair in pairs for name in ("first", "second"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -177,8 +93,8 @@ class BatchTables:
         One for each set of parameters.
     notes : tuple of str
         Why something is not ranked, and where settings come from.
-    slices : tuple of GroupSlices
-        Of groups, where costs are split.
+    slices : mapping of int to list of Slicing
+        Costs split by attributes, sums over the jobs of a group, by the number of its row.
     curves : tuple of RmsCurve
         Over the steps of runs, where those are stored.
     """
@@ -189,7 +105,7 @@ class BatchTables:
     parameters: tuple[str, ...] = ()
     rankings: tuple[Ranking, ...] = ()
     notes: tuple[str, ...] = ()
-    slices: tuple[GroupSlices, ...] = ()
+    slices: Mapping[int, Sequence[Slicing]] = field(default_factory=dict)
     curves: tuple[RmsCurve, ...] = ()
 
     @property

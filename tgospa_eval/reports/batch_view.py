@@ -15,7 +15,7 @@ from tgospa_eval.common.words import THOUSANDS, natural, number
 from tgospa_eval.reports.batch import NARROW, interval
 from tgospa_eval.reports.batch_records import BatchTables, value_in_words
 from tgospa_eval.reports.curves import RmsCurve
-from tgospa_eval.results.records import PARTS, Part
+from tgospa_eval.results.records import PARTS, Json, Part
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,31 +34,9 @@ DIGITS = 4
 
 MOST_DECIMALS = 6
 
+VALUE_COLUMNS = ("total_lower", "total_upper", "judged.steps", "order")
 
-@dataclass(frozen=True, kw_only=True)
-class HeatCell:
-    """The jobs of one row and one column.
-
-    Parameters
-    ----------
-    value : Interval, optional
-        Bracket of TGOSPA per step; None if no job has one.
-    jobs, failed : int
-        How many there are, and how many of them failed.
-    level : int
-        Its shade, from 0.
-    link : str
-        Where its report is, if it is a single job that has one.
-    best : bool
-        Whether no other of its row can be proven to be better or equal.
-    """
-
-    value: Interval | None
-    jobs: int
-    failed: int
-    level: int = 0
-    link: str = ""
-    best: bool = False
+TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,8 +49,11 @@ class Heat:
         Names of the labels.
     rows, columns : sequence of str
         Their values.
-    cells : sequence of sequence of HeatCell or None
-        By row and column; None where there is no job.
+    cells : sequence of sequence of dict or None
+        By row and column; None where there is no job. ``value`` is the bracket of TGOSPA per step,
+        None if all ``jobs`` have ``failed``; ``level`` its shade, from 0; ``link`` where its report
+        is, if it is a single job that has one; ``best`` whether no other of its row can be proven
+        to be better or equal.
     ends : pair of float, optional
         Least and largest value.
     scales : int
@@ -85,7 +66,7 @@ class Heat:
     across: str
     rows: Sequence[str]
     columns: Sequence[str]
-    cells: Sequence[Sequence[HeatCell | None]]
+    cells: Sequence[Sequence[Json | None]]
     ends: tuple[float, float] | None
     scales: int = 1
     hidden_rows: int = 0
@@ -111,7 +92,7 @@ def heat_of(
     rows: "pd.DataFrame",
     labels: tuple[str, str],
     columns: Sequence[str],
-    link: Callable[["pd.Series[Any]"], str],
+    link: Callable[[Mapping[Any, Any]], str],
     parameters: Sequence[str] = (),
 ) -> Heat:
     """The picture of the jobs of some rows.
@@ -131,116 +112,73 @@ def heat_of(
     """
     down, across = (rows[f"label.{name}"].fillna("").astype(str) for name in labels)
     for name in parameters:
-        down = down + [f" {name}={_in_words(value)}" for value in rows[name]]
+        values = rows[name].map(value_in_words).where(rows[name].notna(), "-")
+        down = down + f" {name}=" + values
     shown = list(columns)[:MOST_COLUMNS]
-    of_shown = across.isin(shown)
-    found = rows[of_shown].assign(_down=down[of_shown], _across=across[of_shown])
-    names = sorted(found["_down"].unique(), key=natural)
-    found["_row"] = found["_down"].map({name: k for k, name in enumerate(names)})
-    found["_column"] = found["_across"].map({name: k for k, name in enumerate(shown)})
-    lower, upper, jobs, failed = _sums(found, (len(names), len(shown)))
-    scale = _scales(found, parameters)
-    size = np.array([np.nanmax(upper[scale == k], initial=0.0) for k in range(scale.max() + 1)])
-    share = upper / np.maximum(size, np.finfo(float).tiny)[scale][:, None]
-    kept = _kept(np.where(np.isnan(upper) & (jobs > 0), np.inf, share))
-    single = found[jobs[found["_row"], found["_column"]] == 1]
-    links = {
-        (int(row["_row"]), int(row["_column"])): link(row)
-        for _, row in single[single["_row"].isin(kept)].iterrows()
-    }
-    known = upper[kept][~np.isnan(upper[kept])]
-    ends = (float(known.min()), float(known.max())) if len(known) else None
-    shades = _shades(upper, scale, kept)
-
-    def cell(k: int, column: int) -> HeatCell | None:
-        if not jobs[k, column]:
-            return None
-        low, high = float(lower[k, column]), float(upper[k, column])
-        counts = int(jobs[k, column]), int(failed[k, column])
-        if np.isnan(high):
-            return HeatCell(value=None, jobs=counts[0], failed=counts[1], link="")
-        others = np.delete(lower[k], column)
-        return HeatCell(
-            value=Interval(lower=low, upper=high),
-            jobs=counts[0],
-            failed=counts[1],
-            level=int(shades[k, column]),
-            link=links.get((k, column), ""),
-            best=len(shown) > 1 and not bool((others <= high).any()),
-        )
-
+    # Where all jobs failed there are no columns of values.
+    rows = rows.reindex(columns=list(dict.fromkeys([*rows.columns, *VALUE_COLUMNS])))
+    found = rows.assign(_row=down, _column=across)[across.isin(shown)]
+    sets = found.groupby(list(parameters), dropna=False).ngroup() if parameters else 0
+    found = found.assign(_failed=found["status"] == "failed", _set=sets, _at=np.arange(len(found)))
+    numbers = found.groupby(["_row", "_column"], sort=False).agg(
+        jobs=("_failed", "size"),
+        failed=("_failed", "sum"),
+        lower=("total_lower", "sum"),
+        upper=("total_upper", "sum"),
+        steps=("judged.steps", "sum"),
+        order=("order", "first"),
+        scale=("_set", "first"),
+        at=("_at", "first"),
+    )
+    for end in ("lower", "upper"):
+        total = numbers[end].astype(float) / numbers["steps"].astype(float).clip(lower=1.0)
+        value = total ** (1 / numbers["order"].astype(float))
+        numbers[end] = value.where(numbers["jobs"] > numbers["failed"])
+    # Of many rows those with the largest value of their set; failed jobs are infinite.
+    largest = numbers.groupby("scale")["upper"].transform("max").clip(lower=TINY)
+    share = (numbers["upper"] / largest).fillna(np.inf).groupby(level="_row").max()
+    names = sorted(share.index, key=natural)
+    kept = set(share.loc[names].nlargest(MOST_SQUARES).index)
+    numbers = numbers[numbers.index.isin(kept, level="_row")]
+    own = numbers.groupby("scale")["upper"]
+    least, width = own.transform("min"), own.transform("max") - own.transform("min")
+    shades = ((numbers["upper"] - least) / width.where(width > 0)).fillna(0.0)
+    numbers["level"] = (shades * HEAT_LEVELS).astype(int).clip(upper=HEAT_LEVELS - 1)
+    alone = numbers[(numbers["jobs"] == 1) & (numbers["failed"] == 0)]
+    links = dict(
+        zip(alone.index, map(link, found.iloc[alone["at"]].to_dict("records")), strict=True)
+    )
+    cells: dict[tuple[str, str], Json] = {}
+    for item in numbers.reset_index().to_dict("records"):
+        place = item["_row"], item["_column"]
+        has = item["jobs"] > item["failed"]
+        cells[place] = {
+            "value": Interval(lower=item["lower"], upper=item["upper"]) if has else None,
+            "jobs": item["jobs"],
+            "failed": item["failed"],
+            "level": item["level"],
+            "link": links.get(place, ""),
+            "best": False,
+        }
+    names = [name for name in names if name in kept]
+    table = [[cells.get((name, column)) for column in shown] for name in names]
+    for row in table if len(shown) > 1 else ():
+        valued = [cell for cell in row if cell and cell["value"]]
+        for cell in valued:
+            high = cell["value"].upper
+            cell["best"] = sum(other["value"].lower <= high for other in valued) == 1
+    known = numbers["upper"].dropna()
     return Heat(
         down=labels[0],
         across=labels[1],
-        rows=[names[k] for k in kept],
+        rows=names,
         columns=shown,
-        cells=[[cell(k, column) for column in range(len(shown))] for k in kept],
-        ends=ends,
-        scales=len({scale[k] for k in kept if not np.isnan(upper[k]).all()}),
-        hidden_rows=len(names) - len(kept),
+        cells=table,
+        ends=(known.min(), known.max()) if len(known) else None,
+        scales=numbers.loc[known.index, "scale"].nunique(),
+        hidden_rows=len(share) - len(names),
         hidden_columns=len(columns) - len(shown),
     )
-
-
-def _scales(found: "pd.DataFrame", parameters: Sequence[str]) -> Any:
-    """Of each row the number of its set of parameters; of jobs without value it does not matter."""
-    if not parameters:
-        return np.zeros(int(found["_row"].max()) + 1, int)
-    sets = found.groupby(list(parameters), dropna=False).ngroup()
-    return sets.groupby(found["_row"]).first().to_numpy()
-
-
-def _shades(values: Any, scale: Any, kept: Sequence[int]) -> Any:
-    """Of each cell its shade, from 0 for the least value of its set of parameters."""
-    shades = np.zeros(values.shape)
-    for each in np.unique(scale[kept]):
-        rows = np.array([k for k in kept if scale[k] == each])
-        own = values[rows]
-        if np.isnan(own).all():
-            continue
-        least, width = np.nanmin(own), np.nanmax(own) - np.nanmin(own)
-        shades[rows] = np.nan_to_num((own - least) / width if width > 0 else 0.0 * own)
-    return np.minimum((shades * HEAT_LEVELS).astype(int), HEAT_LEVELS - 1)
-
-
-def _in_words(value: float | str) -> str:
-    """A parameter, which a failed job does not have."""
-    if isinstance(value, str):
-        return value
-    return f"{value:g}" if value == value else "-"
-
-
-def _sums(found: "pd.DataFrame", shape: tuple[int, int]) -> tuple[Any, Any, Any, Any]:
-    """Bounds of TGOSPA per step, and numbers of jobs and of those that failed, by cell."""
-    place = found["_row"].to_numpy(), found["_column"].to_numpy()
-    bad = (found["status"] == "failed").to_numpy()
-
-    def added(values: Any) -> Any:
-        total = np.zeros(shape)
-        np.add.at(total, place, values)
-        return total
-
-    if bad.all():
-        nothing = np.full(shape, np.nan)
-        return nothing, nothing, added(1), added(bad)
-    steps = added(found["judged.steps"].fillna(0.0).to_numpy(float))
-    orders = found.groupby("_row")["order"].first().reindex(range(shape[0]))
-    order = orders.fillna(1.0).to_numpy(float)[:, None]
-    valued = added(~bad) > 0
-    bounds = []
-    for name in ("total_lower", "total_upper"):
-        total = added(found[name].fillna(0.0).to_numpy(float))
-        value = (total / np.maximum(steps, 1.0)) ** (1 / order)
-        bounds.append(np.where(valued, value, np.nan))
-    return bounds[0], bounds[1], added(1), added(bad)
-
-
-def _kept(values: Any) -> list[int]:
-    """The rows that are shown: all, or those with the largest value; failed jobs are infinite."""
-    if len(values) <= MOST_SQUARES:
-        return list(range(len(values)))
-    largest = np.where(np.isnan(values), -np.inf, values).max(axis=1)
-    return sorted(np.argsort(-largest, kind="stable")[:MOST_SQUARES].tolist())
 
 
 MOST_LINES = 6
@@ -248,40 +186,6 @@ MOST_LINES = 6
 
 METRIC_COLUMNS = ("distance", "cutoff", "order", "switch_penalty")
 """Columns of parameters."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class GroupCosts:
-    """A group of jobs.
-
-    Parameters
-    ----------
-    name : str
-        Its labels, and parameters where these differ.
-    track : int
-        Number of its colour.
-    jobs, expected : int
-        How many have a value, and how many there should be.
-    values : mapping of str to Interval
-        Brackets of ``per_step``, ``combined`` and ``rms``.
-    costs : mapping of str to float
-        Parts of the cost per step.
-    parameters : tuple of str
-        Those that differ in the batch: costs of other ones are no larger or smaller.
-    """
-
-    name: str
-    track: int
-    jobs: int
-    expected: int
-    values: Mapping[str, Interval]
-    costs: Mapping[Part, float]
-    parameters: tuple[str, ...]
-
-    @property
-    def cost(self) -> float:
-        """Of a step."""
-        return sum(self.costs.values())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -300,7 +204,7 @@ class BatchView:
 
     tables: BatchTables
     settings: Mapping[str, Any]
-    link: "Callable[[pd.Series[Any]], str]"
+    link: Callable[[Mapping[Any, Any]], str]
 
     @property
     def unit(self) -> str:
@@ -337,32 +241,42 @@ class BatchView:
     @cached_property
     def compared(self) -> dict[str, int]:
         """Values of the first label, those that are ranked first, with numbers of colours."""
-        names = [entry.name for ranking in self.tables.rankings for entry in ranking.entries]
+        names = [entry["name"] for ranking in self.tables.rankings for entry in ranking.entries]
         if self.tables.by:
             names += sorted(self.values_of(self.tables.by[0]).unique())
         return {name: k for k, name in enumerate(dict.fromkeys(names))}
 
     @cached_property
-    def groups(self) -> list[GroupCosts]:
-        """All groups, in the order of the ranking."""
+    def groups(self) -> list[Json]:
+        """All groups, in the order of the ranking.
+
+        Each has its ``name``, the number of its colour (``track``), ``jobs`` with a value and as
+        many as are ``expected``, the brackets ``per_step`` and ``rms``, the parts of the ``cost``
+        per step (``costs``), and the ``parameters`` that differ in the batch: costs of other ones
+        are no larger or smaller.
+        """
         groups, names = self.tables.groups, list(self.tables.heads)
         if self.tables.by and len(groups):
             first = groups[names[0]].astype(str).map(self.compared)
             groups = groups.loc[first.sort_values(kind="stable").index]
-        return [
-            GroupCosts(
-                name="/".join(value_in_words(row[name]) for name in names),
-                track=self.compared.get(str(row[names[0]]), 0) if names else 0,
-                jobs=int(row["jobs"]),
-                expected=int(row["expected"]),
-                values={name: interval(row, name) for name in ("per_step", "combined", "rms")},
-                costs={
-                    name: float(row[name]) / max(float(row["judged.steps"]), 1.0) for name in PARTS
-                },
-                parameters=tuple(value_in_words(row[name]) for name in self.tables.parameters),
+        found: list[Json] = []
+        for row in groups.to_dict("records"):
+            steps = max(float(row["judged.steps"]), 1.0)
+            costs: dict[Part, float] = {name: float(row[name]) / steps for name in PARTS}
+            found.append(
+                {
+                    "name": "/".join(self.tables.named(row)),
+                    "track": self.compared.get(str(row[names[0]]), 0) if names else 0,
+                    "jobs": int(row["jobs"]),
+                    "expected": int(row["expected"]),
+                    "per_step": interval(row, "per_step"),
+                    "rms": interval(row, "rms"),
+                    "costs": costs,
+                    "cost": sum(costs.values()),
+                    "parameters": [value_in_words(row[name]) for name in self.tables.parameters],
+                }
             )
-            for _, row in groups.iterrows()
-        ]
+        return found
 
     @cached_property
     def heat(self) -> Heat | None:

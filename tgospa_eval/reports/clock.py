@@ -170,14 +170,16 @@ class Clock:
         places, size = _round_times(low, high, count)
         origin = datetime.fromisoformat(self.axis["origin"])
         try:
-            days = [origin + timedelta(days=at // DAY) for at in (*places, low, high)]
+            times = [origin + timedelta(seconds=at) for at in (*places, low, high)]
         except OverflowError:  # beyond the year 9999
             return self._steps(low, high, count)
-        one_day, one_year = (len({day.strftime(form) for day in days}) == 1 for form in FORMS)
-        form = "" if one_day else "%m-%d" if one_year else "%Y-%m-%d"
+        one_day, one_year = (len({time.strftime(form) for time in times}) == 1 for form in FORMS)
+        form = "" if one_day else "%m-%d " if one_year else "%Y-%m-%d "
+        form += "" if size % DAY == 0 else "%H:%M" if size % 60 == 0 else "%H:%M:%S"
+        digits = 0 if size >= 1 else min(math.ceil(-math.log10(size) - 1e-9), 6)
         names = [
-            " ".join(filter(None, (day.strftime(form), _of_day(at % DAY, size))))
-            for at, day in zip(places, days, strict=False)
+            time.strftime(form).strip() + f".{time.microsecond:06d}"[: digits + 1 if digits else 0]
+            for time in times[:-2]
         ]
         suffix = f", {origin:%Y-%m-%d}" if one_day else f", {origin:%Y}" if one_year else ""
         return places, names, f"time{suffix}"
@@ -218,19 +220,6 @@ def _round_times(low: float, high: float, count: int) -> tuple[list[float], floa
     size = next(size for size in (*CLOCK, *(days * DAY for days in DAYS)) if size >= raw)
     first, last = math.ceil(low / size - 1e-9), math.floor(high / size + 1e-9)
     return [k * size for k in range(first, last + 1)], size
-
-
-def _of_day(seconds: float, size: float) -> str:
-    """A time of the day with as many digits as ticks of this distance need; none for days."""
-    if size % DAY == 0:
-        return ""
-    digits = 0 if size >= 1 else min(math.ceil(-math.log10(size) - 1e-9), 9)
-    seconds = round(seconds, digits)
-    minutes, rest = divmod(seconds, 60)
-    text = f"{int(minutes // 60):02d}:{int(minutes % 60):02d}"
-    if size % 60 == 0:
-        return text
-    return f"{text}:{rest:0{3 + digits if digits else 2}.{digits}f}"
 
 
 def nice(low: float, high: float, count: int) -> list[float]:

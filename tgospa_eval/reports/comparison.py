@@ -7,7 +7,6 @@ from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, number
-from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.other_metrics import direction, grouped_table, other_columns
 from tgospa_eval.reports.phrases import (
     EXACT,
@@ -28,7 +27,7 @@ from tgospa_eval.reports.phrases import (
     size_of,
     unit_of,
 )
-from tgospa_eval.reports.tables import WRITERS, Document, Table, as_markdown
+from tgospa_eval.reports.tables import WRITERS, Document, Table, as_markdown, csv_text
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text
 
 TIES = (
@@ -317,9 +316,9 @@ def solvers_document(document: Json) -> Document:
                     (
                         run["name"],
                         *(or_dash(s, ".4f") for s in _split(run["seconds"])),
-                        _megabytes(run["memory"]),
+                        or_dash(memory and (memory["peak"] - memory["before"]) / 1e6, ".1f"),
                     )
-                    for run in runs
+                    for run, memory in ((run, run["memory"]) for run in runs)
                 ],
             ),
         ],
@@ -386,10 +385,6 @@ def _split(seconds: Json | None) -> tuple[float | None, ...]:
     ]
     rest = max(seconds["solve"] - sum(named), 0.0)
     return seconds["solve"] + seconds["certify"], *named, rest, seconds["certify"]
-
-
-def _megabytes(memory: Json | None) -> str:
-    return "-" if memory is None else f"{(memory['peak'] - memory['before']) / 1e6:.1f}"
 
 
 # -------------------------------------------------------------------------------------------------

@@ -1,57 +1,40 @@
 """The table for a terminal: 80 columns, no colour, plain ASCII but for the user's own words."""
 
-import textwrap
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.reports.other_metrics import other_table, similarity
-from tgospa_eval.reports.slices import about_slices, slices_lines
-from tgospa_eval.reports.tables import INDENT, WIDTH, Row, Table, clip, text_lines, wrap
+from tgospa_eval.reports.slices import about_slices, slices_lines, slices_table
+from tgospa_eval.reports.tables import WIDTH, Document, Row, Table, clip, text_lines, wrap
 from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
-from tgospa_eval.results.records import PARTS, Time
+from tgospa_eval.results.records import PARTS, Columns
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import ending, visible
 
-REPAIR_HEAD = ("", "repair", "saves", "share", "TGOSPA then")
-LEAST_WORDS = 20
-"""Columns of a repair in words, at least."""
 
-RepairRow = tuple[str, str, str, str, str]
-"""Rank, words, what it saves, the share of that, and the metric then."""
-
-
-def repair_table(result: Summary, found: Explanation, *, folded: bool = False) -> Table:
-    """A row for each repair; folded words have as many lines as they need beside the numbers."""
-    rows: list[RepairRow] = repair_rows(result, found)
-    widths: tuple[int, ...] = ()
-    if folded:
-        rows = list(_folded(rows))
-        cells = [list(map(visible, row)) for row in (REPAIR_HEAD, *rows)]
-        rank, words, *numbers = (max(map(len, column)) for column in zip(*cells, strict=True))
-        widths = (rank + 2, words, *(width + 2 for width in numbers))
-    return Table(head=REPAIR_HEAD, rows=rows, align="llrrr", widths=widths)
-
-
-def repair_rows(result: Summary, found: Explanation) -> list[RepairRow]:
-    """The cells of each repair."""
-    return [
+def repair_table(result: Summary, found: Explanation) -> Table:
+    """A row for each repair."""
+    rows = [
         (
             str(rank),
             repair.text,
-            saving_in_words(result, repair),
+            _saving(result, repair),
             result.share(max(repair.saving_lower, 0.0)),
             number(repair.tgospa),
         )
         for rank, repair in enumerate(found.repairs, 1)
     ]
+    head = ("", "repair", "saves", "share", "TGOSPA then")
+    return Table(head=head, rows=rows, align="llrrr", wrapped=(1,))
 
 
-def saving_in_words(result: Summary, repair: Repair) -> str:
+def _saving(result: Summary, repair: Repair) -> str:
     """What a repair saves of the total: a number, or the proven range where that is wide."""
     lower, upper = max(repair.saving_lower, 0.0), repair.saving_upper
     if upper - lower <= 2 * result.gap * result.total:
@@ -67,16 +50,6 @@ def repair_notes(found: Explanation) -> Iterator[str]:
         return
     yield f"each alone, from proven bounds before and after; {several} tried"
     yield NOT_ADDITIVE
-
-
-def _folded(rows: Sequence[RepairRow]) -> Iterator[RepairRow]:
-    shown = [tuple(map(visible, row)) for row in (REPAIR_HEAD, *rows)]
-    beside = sum(max(len(row[k]) for row in shown) + 2 for k in (2, 3, 4))
-    wide = max(WIDTH - len(INDENT) - len(str(len(rows))) - 2 - beside, LEAST_WORDS)
-    for row in rows:
-        first, *more = textwrap.wrap(visible(row[1]), wide) or [""]
-        yield row[0], first, *row[2:]
-        yield from (("", line, "", "", "") for line in more)
 
 
 SHOWN = 5
@@ -114,7 +87,7 @@ def table(result: Summary) -> str:
 
 def blocks(result: Summary) -> dict[str, list[str]]:
     """The lines of each block by name, none where it does not apply."""
-    makers = {
+    makers: dict[str, Callable[[Summary], Iterable[str]]] = {
         "headline": _headline,
         "meaning": _meaning,
         "parts": _parts,
@@ -202,17 +175,50 @@ def part_rows(result: Summary) -> Iterator[tuple[str, str, str, str, str]]:
         yield name, number(cost), result.share(cost), count, note
 
 
-def _parts(result: Summary) -> Iterator[str]:
+def part_table(result: Summary, before: str = "of which ") -> Table:
+    """The parts, those of localisation with a word in front, and their sum."""
     total = result.total
-    rows: list[Row] = [(*row, f"  {note}") for *row, note in part_rows(result)]
+    rows: list[Row] = [row[:4] for row in part_rows(result)]
     rows[1:1] = [
-        (f"  {SPLIT_WORDS[name]}", number(part), result.share(part))
+        (f"{before}{SPLIT_WORDS[name]}", number(part), result.share(part), "")
         for name, part in (result.split or {}).items()
     ]
-    of = "  = TGOSPA^p" if result.certified else "  = upper bound^p: another may cost less"
-    rows.append(("total", number(total), result.share(total), "", of))
-    head, widths = ("part", "cost", "share", "count"), (14, 12, 9, 10, 0)
-    yield from text_lines(Table(head=head, rows=rows, align="lrrrl", widths=widths))
+    rows.append(("total", number(total), result.share(total), ""))
+    return Table(head=("part", "cost", "share", "count"), rows=rows)
+
+
+def _parts(result: Summary) -> Iterator[str]:
+    table = part_table(result, "  ")
+    notes = {name: f"  {note}" for name, *_, note in part_rows(result)}
+    notes["total"] = (
+        "  = TGOSPA^p" if result.certified else "  = upper bound^p: another may cost less"
+    )
+    rows = [(*row, notes.get(str(row[0]), "")) for row in table.rows]
+    yield from text_lines(replace(table, rows=rows, align="lrrrl", widths=(14, 12, 9, 10, 0)))
+
+
+def document(result: Summary) -> Document:
+    """What Markdown and LaTeX have of a result: a small table, and what was asked for beside it."""
+    parts, found = part_table(result), result.explained
+    last = len(parts.rows)
+    value = ("TGOSPA", number(result.tgospa), "", "")
+    tables = [replace(parts, rows=[*parts.rows, value], ruled=(last - 1, last))]
+    tables += [other_table(result.with_)] if result.with_ else []
+    tables += map(slices_table, result.sliced)
+    tables += [repair_table(result, found)] if found is not None and found.repairs else []
+    scored = () if result.calibration is None else (f"similarity {similarity_in_words(result)}",)
+    return Document(
+        title=headline(result),
+        lines=[result.parameters_in_words()],
+        tables=tables,
+        notes=[
+            *scored,
+            *similarity(result.with_),
+            *about_slices(result.sliced, certified=result.certified),
+            *(() if found is None else repair_notes(found)),
+        ],
+        warnings=result.told,
+    )
 
 
 def _classes(result: Summary) -> Iterator[str]:
@@ -221,10 +227,10 @@ def _classes(result: Summary) -> Iterator[str]:
         return
     head = ("class", "TGOSPA", "total", "local.", "missed", "false", "switch")
     rows = [
-        (clip(name or "(blank)")[:14], *(number(value, 5) for value in values))
+        (name or "(blank)", *(number(value, 5) for value in values))
         for name, *values in zip(*classes.values(), strict=True)
     ]
-    yield from text_lines(Table(head=head, rows=rows, widths=(15, *[10] * 6)))
+    yield from map(clip, text_lines(Table(head=head, rows=rows, widths=(15, *[10] * 6))))
 
 
 def _scale(result: Summary) -> Iterator[str]:
@@ -246,11 +252,10 @@ def _scale(result: Summary) -> Iterator[str]:
 def similarity_in_words(result: Summary) -> str:
     """The score of the value per step, and on what scale, where that was asked for."""
     found = result.similarity()
-    asked = found.calibration
     bracket = "" if result.certified else f" to {found.upper_bound:.4f}"
     return (
-        f"{found.score:.4f}{bracket}, from 0 to 1; {asked.false_targets:g} false a step score "
-        f"{asked.score:g}"
+        f"{found.score:.4f}{bracket}, from 0 to 1; {found.false_targets:g} false a step score "
+        f"{found.score_of_false_targets:g}"
     )
 
 
@@ -260,25 +265,15 @@ def _curve(result: Summary) -> Iterator[str]:
     if traced is None or not table["t"]:
         return
     met, size = traced.met(result.gap), len(table["t"])
-    known = "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
-    title = f"TGOSPA per step of the steps up to each of {size}, {known}"
+    title = f"TGOSPA per step of the steps up to each of {size}, {_known(met)}"
     yield from wrap(f"{title}; its parts are costs per step", " " * 10)
     count = min(size, 2 * SHOWN)
     shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
-    most = 19
-    times = fitting([table["t"][k] for k in shown], most, lambda: table["t"])
-    first = max(13, *map(len, times))
+    rows = _rooted(table, shown, met, [str(table["t"][k]) for k in shown])
+    first = min(max(13, *(len(visible(row[0])) for row in rows)), 19)
     each = 13 if first == 13 else 11  # so that long stamps have their place
-    rows = []
-    for k, time in zip(shown, times, strict=True):
-        value = ("" if met[k] else "<= ") + number(table["tgospa"][k], 5)
-        cell = time if first <= most else ""  # one that is longer has a line of its own
-        rows.append((cell, value, *(number(table[name][k], 5) for name in PARTS)))
-    head, widths = ("up to t", "TGOSPA", *PARTS), (min(first, most), 13, 13, each, each, each)
-    first_line, *lines = text_lines(Table(head=head, rows=rows, align="rrrrrr", widths=widths))
-    yield first_line
-    for time, line in zip(times, lines, strict=True):
-        yield from (line,) if first <= most else (f"  {time}", line)
+    head, widths = ("up to t", "TGOSPA", *PARTS), (first, 13, 13, each, each, each)
+    yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
 
 
 def _windows(result: Summary) -> Iterator[str]:
@@ -287,9 +282,7 @@ def _windows(result: Summary) -> Iterator[str]:
     if slid is None or not table["t_first"]:
         return
     met, size = slid.met(result.gap), len(table["t_first"])
-    known = "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
-    if size == 1:
-        known = "proven exact" if met.all() else "an upper bound"
+    known = _known(met) if size > 1 else "proven exact" if met.all() else "an upper bound"
     every = f", one every {slid.every}" if size > 1 else ""
     value = np.array(table["tgospa"])
     middle = f"median {number(float(np.median(value)), 5)}, " if size > SHOWN else ""
@@ -297,21 +290,29 @@ def _windows(result: Summary) -> Iterator[str]:
     note = "; they do not add up; the worst of which no two overlap:" if size > 1 else ""
     yield from wrap(f"{title}{note}", " " * 10)
     worst = _apart(slid, np.argsort(-value, kind="stable"))
-    ends = [[visible(str(table[name][k])) for k in worst] for name in ("t_first", "t_last")]
-    apart = max(len(text) for texts in ends for text in texts) > 8  # in lines of their own
-    rows: list[Row] = [
+    names = [f"{table['t_first'][k]} to {table['t_last'][k]}" for k in worst]
+    rows = _rooted(table, worst, met, names)
+    head, widths = ("from t to t", "TGOSPA", *PARTS), (20, 12, 13, 11, 11, 11)
+    yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
+
+
+def _known(met: NDArray[np.bool_]) -> str:
+    """How many of several values are exact."""
+    return "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
+
+
+def _rooted(
+    table: Columns, chosen: list[int], met: NDArray[np.bool_], names: list[str]
+) -> list[tuple[str, ...]]:
+    """Name, TGOSPA or its upper bound, and parts of the chosen rows."""
+    return [
         (
-            *(("", "") if apart else (first, last)),
-            ("" if met[k] else "<= ") + number(value[k], 5),
-            *(number(table[name][k], 5) for name in PARTS),
+            name,
+            ("" if met[k] else "<= ") + number(table["tgospa"][k], 5),
+            *(number(table[part][k], 5) for part in PARTS),
         )
-        for k, first, last in zip(worst, *ends, strict=True)
+        for k, name in zip(chosen, names, strict=True)
     ]
-    head, widths = ("from t", "to t", "TGOSPA", *PARTS), (11, 9, 12, 13, 11, 11, 11)
-    first_line, *lines = text_lines(Table(head=head, rows=rows, align="r" * 7, widths=widths))
-    yield first_line
-    for first, last, line in zip(*ends, lines, strict=True):
-        yield from (f"  {first} to {last}", line) if apart else (line,)
 
 
 def _apart(slid: Windows, order: Ints) -> list[int]:
@@ -328,9 +329,7 @@ def _apart(slid: Windows, order: Ints) -> list[int]:
 def _others(result: Summary) -> Iterator[str]:
     if not result.with_:
         return
-    found = other_table(result.with_)
-    rows = [(*row, f"  {beside}") for *row, beside in found.rows]
-    yield from map(clip, text_lines(replace(found, rows=rows)))
+    yield from map(clip, text_lines(other_table(result.with_)))
     for text in similarity(result.with_):
         yield from wrap(f"  {text}", "  ")
 
@@ -349,65 +348,43 @@ def _repairs(result: Summary) -> Iterator[str]:
     if found is None:
         return
     if found.repairs:
-        yield from text_lines(repair_table(result, found, folded=True))
+        yield from text_lines(repair_table(result, found))
     yield from (line for note in repair_notes(found) for line in wrap(f"  {note}", "  "))
-
-
-def fitting(texts: Iterable[Time], width: int, every: Callable[[], Sequence[Time]]) -> list[str]:
-    """Stamps in so many columns if every one of the recording begins alike: that becomes dots."""
-    shown = [visible(str(text)) for text in texts]
-    cut = max(map(len, shown), default=0) - width + 3
-    if cut <= 3 or not all(str(text).startswith(shown[0][:cut]) for text in every()):
-        return shown
-    return [f"...{text[cut:]}" for text in shown]
 
 
 WORST = {"steps": "worst steps", "truth": "worst truths", "estimates": "worst estimates"}
 
 
-def worst(result: Summary, kinds: Iterable[str] = WORST) -> Iterator[str]:
+def worst(result: Summary, kinds: Iterable[str] = WORST) -> list[str]:
     """The worst of each kind by name, on as many lines as they need."""
     found = result.worst(SHOWN)
-    for kind in kinds:
-        line = f"  {WORST[kind]:<15}"
-        for name in found[kind]:
-            cell = clip(str(name), WIDTH - 19)
-            if len(line) > 17 and len(line) + 2 + len(cell) > WIDTH:
-                yield line
-                line = " " * 17
-            line += f"  {cell}"
-        if found[kind]:
-            yield line
+    rows = [
+        (f"{WORST[kind]:<15}", "  ".join(clip(str(name), WIDTH - 19) for name in found[kind]))
+        for kind in kinds
+        if found[kind]
+    ]
+    return text_lines(Table(head=rows[0], rows=rows[1:], align="ll", wrapped=(1,))) if rows else []
 
 
 def _switches(result: Summary) -> Iterator[str]:
-    """The first switches; where one is too long for a line its ids stay whole, on several."""
+    """The first switches."""
     switches, count = result.first_switches(SHOWN)
     if not count:
         return
-    moves = []
-    for k in range(len(switches["t"])):
+    times = [visible(str(t)) for t in switches["t"]]
+    room = WIDTH - 6 - max(27, *map(len, times))  # beside the time and a colon
+    rows = []
+    for k, time in enumerate(times):
         ends = (switches[key][k] for key in ("from", "to"))
         names = [switches["truth"][k], *("none" if end is None else end for end in ends)]
+        truth, before, after = (ending(visible(str(name)), room) for name in names)
         mass = switches["mass"][k]
         half = "" if mass == 1 else f"  ({number(mass, 3)} of a switch)"
-        moves.append(([visible(str(name)) for name in names], half))
-    longest = max(len("".join(ids) + half) for ids, half in moves) + len(":  -> ")
-    times = fitting(switches["t"], max(22, WIDTH - 21 - longest), lambda: result.labels.times)
-    wide = max(10, *map(len, times))
-    if max(len(name) for ids, _ in moves for name in ids) > WIDTH - 25 - wide:
-        wide = 10  # such times have lines of their own
-    rows: list[Row] = []
-    for time, (ids, half) in zip(times, moves, strict=True):
-        truth, before, after = (ending(name, WIDTH - 25 - wide) for name in ids)
-        rows += [("", "", f"  {time}")] if len(time) > wide else []
-        words = wrap(f"{truth}: {before} -> {after}{half}", width=WIDTH - 21 - wide)
-        rows += [("", "" if k or len(time) > wide else time, f"  {x}") for k, x in enumerate(words)]
+        rows.append((time, f"{truth}: {before} -> {after}{half}"))
     if count > SHOWN:
-        more = wrap(f"and {count - SHOWN} more (--format json, or -o DIR)", width=WIDTH - 21 - wide)
-        rows += [("", "", f"  {line}") for line in more]
-    head, widths = ("switches", "t", "  truth: from -> to"), (17, wide, 0)
-    yield from map(clip, text_lines(Table(head=head, rows=rows, align="lrl", widths=widths)))
+        rows.append(("", f"and {count - SHOWN} more (--format json, or -o DIR)"))
+    head = (f"{'switches':<17}{'t':>10}", "truth: from -> to")
+    yield from text_lines(Table(head=head, rows=rows, align="rl", wrapped=(1,)))
 
 
 def _footer(result: Summary) -> Iterator[str]:

@@ -9,7 +9,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.formats.times import TimeError, places
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.clock import Clock, moments, placed, words
-from tgospa_eval.reports.files import csv_text
+from tgospa_eval.reports.tables import csv_text
 from tgospa_eval.results.records import PARTS, Columns, Json, Time, records
 
 CurveKind = Literal["step", "cumulative", "growing"]

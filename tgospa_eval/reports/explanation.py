@@ -2,22 +2,13 @@
 
 from tgospa_eval.common.words import number, sizes_in_words
 from tgospa_eval.reports.console import WORST, headline, part_rows, repair_notes, repair_table
-from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.phrases import parameters_of
-from tgospa_eval.reports.tables import WRITERS, Document
+from tgospa_eval.reports.tables import Document
 from tgospa_eval.results.explanation import Explanation
 
 
-def render(found: Explanation, format: str) -> str:
-    """What ``--format`` prints."""
-    if format == "json":
-        return found.to_json()
-    if format == "csv":
-        return csv_text(found.columns())
-    return WRITERS[format](_document(found, folded=format == "table"))
-
-
-def _document(found: Explanation, *, folded: bool) -> Document:
+def explanation_document(found: Explanation) -> Document:
+    """What cost most, and the repairs."""
     result = found.result
     parts = ", ".join(f"{name} {share}" for name, _, share, _, _ in part_rows(result))
     worst = result.worst()
@@ -33,7 +24,7 @@ def _document(found: Explanation, *, folded: bool) -> Document:
                 if worst[kind]
             ),
         ],
-        tables=[repair_table(result, found, folded=folded)] if found.repairs else [],
+        tables=[repair_table(result, found)] if found.repairs else [],
         notes=list(repair_notes(found)),
         warnings=result.told,
     )

@@ -1,13 +1,11 @@
 """The result as files: JSON, CSV tables, the report; whole or absent."""
 
-import csv
-import io
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from tgospa_eval.common import manifest
 from tgospa_eval.common.files import named, patience
@@ -15,15 +13,10 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.manifest import unique
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.reports.tables import csv_cell
+from tgospa_eval.reports.tables import csv_text
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import Columns
 from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.results.summary import Summary
-
-if TYPE_CHECKING:
-    from tgospa_eval.reports.page_data import Drawn
-
 
 Files: TypeAlias = Mapping[str, str | bytes | Path]
 """Contents by name; a path is of a file that is taken as it is."""
@@ -56,8 +49,6 @@ class Kind:
         A file by which the folder is known even without a manifest, and which stays.
     opens : tuple of str
         What to open, the first that there is.
-    options : str
-        Options that make pictures, for messages.
     """
 
     name: str
@@ -65,7 +56,6 @@ class Kind:
     names: Collection[str]
     log: str | None = None
     opens: tuple[str, ...] = ()
-    options: str = ""
 
     def owns(self, folder: Path) -> bool:
         """Whether the folder is one of this kind; what the log says is for its reader."""
@@ -92,7 +82,6 @@ RESULT = Kind(
     ),
     log=WORK_LOG,
     opens=("report.html",),
-    options=" --pictures {0}",
 )
 
 PROOF_FILES = ("proof.json", "truth.csv", "estimate.csv", "distances.csv")
@@ -102,7 +91,6 @@ SWEEP = Kind(
     document="sweep.json",
     names=("sweep.json", "sweep.csv"),
     opens=_files("sweep", *PICTURES),
-    options=" --pictures {0}",
 )
 COMPARISON = Kind(
     name="compare",
@@ -126,40 +114,7 @@ BATCH = Kind(
     names=("report.html", "curve.csv", "slices.csv", *_files("parts heat curve", "png")),
     log=manifest.STORE,
     opens=("report.html",),
-    options=" --pictures {0}",
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Written:
-    """What was written.
-
-    Parameters
-    ----------
-    folder : str
-        Where, as typed.
-    names : tuple of str
-        The files.
-    removed : int
-        How many files of an older run were taken away.
-    opens : tuple of str
-        What to open, the first that there is.
-    """
-
-    folder: str
-    names: tuple[str, ...]
-    removed: int = 0
-    opens: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        pictures = sum(name.endswith(PICTURES) for name in self.names)
-        counts = {"file": len(self.names) - pictures, "picture": pictures}
-        parts = [counted(count, what) for what, count in counts.items() if count]
-        text = f"wrote {' and '.join(parts)} to {os.path.join(self.folder, '')}"
-        if self.removed:
-            text += f", removed {self.removed} of the run before"
-        shown = next((name for name in self.opens if name in self.names), None)
-        return text if shown is None else f"{text}; open {os.path.join(self.folder, shown)}"
 
 
 def check_folder(
@@ -191,7 +146,7 @@ def check_folder(
         if path.exists() and not path.is_dir():
             raise ConfigError(f"{option} {folder}: is a file; name a folder")
         if not path.is_dir():
-            _check_name(folder, kind, option)
+            _check_name(folder, option)
         elif not force and not (kind and kind.owns(path)) and any(manifest.others(path)):
             raise ConfigError(f"{option} {folder}: is not empty; name another folder, or --force")
 
@@ -235,8 +190,8 @@ def write_texts(
     *,
     force: bool,
     option: str = "--output",
-) -> Written:
-    """`write_files` of files by name.
+) -> str:
+    """`write_files` of files by name, which says what was written.
 
     Raises
     ------
@@ -267,13 +222,14 @@ def write_files(
     *,
     force: bool,
     option: str = "--output",
-) -> Written:
+) -> str:
     """Write the files of a folder, in place of those that an older run of its kind has left.
 
     A new folder appears whole. In one that is there, the old document goes before anything else
     changes and the new one comes last; of two runs that write it at once one waits. Those of a
     kind get a manifest. Files that are not in it, or are not as it says, are never removed, and
     replaced only by force. `fill` is called again where another run was first to make the folder.
+    Returns what was written, in a sentence.
 
     Raises
     ------
@@ -288,8 +244,14 @@ def write_files(
             check_folder(folder, kind, force=force, option=option)
             where = None if force else f"{option} {folder}"
             removed, files = _write_over(fill, path, kind, where)
-    names, opens = tuple(entry.name for entry in files), () if kind is None else kind.opens
-    return Written(folder=folder, names=names, removed=removed, opens=opens)
+    names = [entry.name for entry in files]
+    pictures = sum(name.endswith(PICTURES) for name in names)
+    counts = {"file": len(names) - pictures, "picture": pictures}
+    parts = [counted(count, what) for what, count in counts.items() if count]
+    text = f"wrote {' and '.join(parts)} to {os.path.join(folder, '')}"
+    text += f", removed {removed} of the run before" if removed else ""
+    shown = [name for name in (kind.opens if kind else ()) if name in names]
+    return f"{text}; open {os.path.join(folder, shown[0])}" if shown else text
 
 
 def _take(file: Path, place: Path, work: Path) -> None:
@@ -303,7 +265,7 @@ def _take(file: Path, place: Path, work: Path) -> None:
     shutil.copyfile(file, place)
 
 
-def _check_name(folder: str, kind: Kind | None, option: str) -> None:
+def _check_name(folder: str, option: str) -> None:
     """A folder that is not there yet and is called like a file is a misunderstanding.
 
     Raises
@@ -313,19 +275,11 @@ def _check_name(folder: str, kind: Kind | None, option: str) -> None:
     """
     stem, suffix = os.path.splitext(folder)
     suffix = suffix.lower()
-    pictures = suffix[1:] in PICTURES
-    if not pictures and suffix not in (*AS_FORMAT, ".html", ".txt"):
+    if suffix not in (*AS_FORMAT, *(f".{kind}" for kind in (*PICTURES, "html", "txt"))):
         return
-    if option != "--output" or kind is None:  # an argument, of a command or in Python
-        remedy = f"name it {stem}"
-    elif suffix in AS_FORMAT:
+    remedy = f"name it {stem}"
+    if option == "--output" and suffix in AS_FORMAT:
         remedy = f"type --format {AS_FORMAT[suffix]} > {folder}"
-    elif pictures:
-        remedy = f"type -o {stem}{kind.options.format(suffix[1:])}"
-    elif suffix == ".html" and kind is RESULT:
-        remedy = f"type -o {stem}, and open {os.path.join(stem, 'report.html')}"
-    else:
-        remedy = f"type -o {stem}"
     raise ConfigError(f"{option} {folder}: must be a folder, not a file; {remedy}")
 
 
@@ -406,51 +360,8 @@ def _write_over(
             shutil.rmtree(fresh, ignore_errors=True)
 
 
-ENDS_OF_LINES = "\r\n"
-"""Characters of which a text in a CSV file is quoted that has one."""
-
-
-def csv_text(table: Columns) -> str:
-    """A table as CSV; None is an empty field, numbers are full doubles, no text is a formula."""
-    columns = [_cells(column) for column in table.values()]
-    text = io.StringIO(newline="")
-    _write(text, table, columns)
-    written = text.getvalue()
-    if written.count(ENDS_OF_LINES) == 1 + len(columns[0] if columns else ()):
-        return written.replace(ENDS_OF_LINES, "\n")
-    lines = _CsvLines()  # a text has such an end inside
-    _write(lines, table, columns)
-    return "".join(lines)
-
-
-def _write(
-    target: "io.StringIO | _CsvLines", table: Columns, columns: list[Sequence[object]]
-) -> None:
-    writer = csv.writer(target, lineterminator=ENDS_OF_LINES)
-    writer.writerow(map(csv_cell, table))
-    writer.writerows(zip(*columns, strict=True))
-
-
-def _cells(column: Sequence[object]) -> Sequence[object]:
-    """A column of a table: each text is looked at once, numbers not at all."""
-    if not any(issubclass(kind, str) for kind in set(map(type, column))):
-        return column
-    cells = {text: csv_cell(text) for text in set(column) if isinstance(text, str)}
-    if all(cell is text for text, cell in cells.items()):
-        return column
-    return [cells[value] if isinstance(value, str) else value for value in column]
-
-
-class _CsvLines(list[str]):
-    """Lines as a writer makes them, which quotes no ends of lines but those that it writes."""
-
-    def write(self, line: str) -> None:
-        """Add one with an end of our kind."""
-        self.append(f"{line[: -len(ENDS_OF_LINES)]}\n")
-
-
 def result_texts(
-    result: Summary, names: tuple[str, str] = ("truth", "estimate"), drawn: "Drawn | None" = None
+    result: Summary, names: tuple[str, str] = ("truth", "estimate")
 ) -> dict[str, str | Path]:
     """The files of a result folder: texts by name, and files that are taken as they are.
 
@@ -460,8 +371,6 @@ def result_texts(
         What they show.
     names : pair of str
         What truth and estimate are called in the report.
-    drawn : Drawn, optional
-        What `page_data.document` makes of the result, where it is known.
     """
     from tgospa_eval.reports.html import page  # here: for folders only
 
@@ -488,7 +397,7 @@ def result_texts(
     if result.explained is not None:
         texts["explanation.json"] = result.explained.to_json()
         texts["explanation.csv"] = csv_text(result.explained.columns())
-    return texts | {"report.html": page(result, names, drawn)}
+    return texts | {"report.html": page(result, names)}
 
 
 def check_file(path: str, *, force: bool, option: str) -> None:

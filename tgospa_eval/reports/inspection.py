@@ -1,9 +1,7 @@
 """What was read, as a table of 80 columns or as JSON."""
 
 import math
-import textwrap
 from collections.abc import Iterator
-from itertools import zip_longest
 
 from tgospa_eval.common.notices import Notice, as_option
 from tgospa_eval.common.words import counted, in_both, number, plain, shortest
@@ -54,17 +52,10 @@ def _columns(rows: list[Row]) -> list[str]:
     widths = [max(CELL, *(len(cells[k]) for _, cells in rows)) for k in range(count)]
     if sum(widths) > room:
         widths = [room] if count == 1 else [CELL] * count
-    lines: list[tuple[str, ...]] = []
-    for name, cells in rows:
-        parts = [
-            textwrap.wrap(cell, width, break_on_hyphens=False) or [""]
-            for cell, width in zip(cells, widths, strict=True)
-        ]
-        lines += zip_longest([clip(name, NAME_WIDTH)], *parts, fillvalue="")
+    head, *lines = [(clip(name, NAME_WIDTH), *cells) for name, cells in rows]
     wide = (NAME_WIDTH + 1, *(width + 2 for width in widths))
-    return text_lines(
-        Table(head=lines[0], rows=lines[1:], align="lll"[: len(wide)], widths=wide), ""
-    )
+    table = Table(head=head, rows=lines, align="l" * len(wide), widths=wide, wrapped=(1, 2))
+    return text_lines(table, "")
 
 
 def _files(files: list[Json]) -> Iterator[Row]:

@@ -6,30 +6,43 @@ other, or to none. Rows are its states, thinned where there are very many, but n
 
 import math
 from collections.abc import Collection
-from dataclasses import replace
-from typing import TypeAlias
+from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.readout import read_switches
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports.clock import moments, readable
 from tgospa_eval.results.by_class import ByClass
+from tgospa_eval.results.numbers import costliest
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.tracks.covariances import size_of
 
-Drawn: TypeAlias = tuple[Json, dict[str, Ints]]
-"""What page and pictures draw, by `page_data.document`: a document, and whole numbers by name.
+Rows: TypeAlias = dict[str, NDArray[Any]]
+"""States of one side, by track and step: columns ``track``, ``step``, ``other``, ``error`` ....
 
-Where the document has `together`, each of its `times` begins a stretch of so many steps, of which
-`costs` and `counts` are means, and `curve` is that of its last step. `stretch` is that of a map.
-`spread` says how the numbers of ellipses are to be read; it is empty where there are none.
+``other`` is the track of the other side to which the largest part of it is assigned, or `NONE`, and
+``shared`` whether that is a part only; ``error`` the distance to it as a fraction of the cutoff, 1
+where it is unassigned; ``state`` (R, d), with d = 0 where the states are unknown; ``spread``
+(R, d (d + 1) / 2) lower triangles of covariances, (R, 0) of points.
+"""
+
+Drawn: TypeAlias = "tuple[Json, dict[str, Ints], dict[str, DrawnSide]]"
+"""What is drawn: the page has a document, and whole numbers by name; pictures that and the sides.
+
+Each of its `times` begins a stretch of `together` steps, of which `costs` and `counts` are means,
+and `curve` is that of its last step; where these are several, `worst` has the costliest steps.
+`stretch` is that of a map. `spread` says how the numbers of ellipses are to be read; it is empty
+where there are none.
 """
 
 VALUES = 800_000
@@ -49,33 +62,44 @@ FARTHEST_NORTH = 88.0
 
 NONE = -1
 
+KINDS = {"truth": "missed", "estimate": "false"}
+"""What a track of either side costs where it is unassigned."""
+
+RUN = ("track", "begin", "end", "other")
+"""What there is of each stretch of one assignment."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PageSide:
-    """The trajectories of one side, by track and step.
+class DrawnSide:
+    """The tracks of one side.
 
     Parameters
     ----------
-    track, step, other : (R,) int arrays
-        Of each state: its track, its step, and the track of the other side to which the largest
-        part of it is assigned, or `NONE`.
-    error : (R,) float array
-        Distance to it as a fraction of the cutoff; 1 where it is unassigned.
-    state : (R, d) float array
-        d = 0 where the states are unknown.
-    spread : (R, d (d + 1) / 2) float array
-        Lower triangles of covariances; (R, 0) where the states are points.
-    shared : int
-        Number of states that are assigned to `other` in part only.
+    name : str
+        ``"truth"`` or ``"estimate"``.
+    table : dict
+        Of each track its id, costs, counts and steps.
+    run : dict
+        Stretches of one assignment, by track and step: ``track``, ``begin``, ``end``, ``other``.
+    row : dict
+        The states that are drawn.
     """
 
-    track: Ints
-    step: Ints
-    other: Ints
-    error: Floats
-    state: Floats
-    spread: Floats
-    shared: int
+    name: str
+    table: Columns
+    run: dict[str, Ints]
+    row: Rows
+
+    @cached_property
+    def ids(self) -> list[str]:
+        """With the class in front where classes are evaluated apart."""
+        ids, classes = self.table["id"], self.table.get("class")
+        return [f"{classes[k]}: {i}" if classes else i for k, i in enumerate(ids)]
+
+    @property
+    def unassigned(self) -> Ints:
+        """Rows that are missed, or false."""
+        return np.flatnonzero(self.row["other"] == NONE)
 
 
 def document(result: Summary) -> Drawn:
@@ -83,43 +107,38 @@ def document(result: Summary) -> Drawn:
 
     Numbers of tracks count those of all classes one after the other, as the tables do.
     """
-    if isinstance(result, PartitionedResult):
-        return thinned(result)
-    parts = list(result.results.values()) if isinstance(result, ByClass) else [result]
-    parts = [part for part in parts if isinstance(part, Result)]
-    scenes = [part.scene for part in parts]
-    columns = scenes[0].columns if scenes and scenes[0] is not None else ()
-    sides = {name: _joined(parts, name, len(columns)) for name in ("truth", "estimate")}
-    runs = {name: _runs(side) for name, side in sides.items()}
-    stride, kept = _thinned(sides, runs)
-    low, quantum = _grid([side.state for side in sides.values()], len(columns))
-    spread = described([side.spread for side in sides.values()], stride)
+    whole = list(result.results.values()) if isinstance(result, ByClass) else [result]
+    parts = [part for part in whole if isinstance(part, Result)]
+    columns = parts[0].proof.compared.columns if parts else ()
+    rows = {name: _joined(parts, name, len(columns)) for name in KINDS}
+    runs = {name: _runs(side) for name, side in rows.items()}
+    stride, kept = _thinned(rows, runs)
+    low, quantum = _grid([side["state"] for side in rows.values()], len(columns))
+    spread = described([side["spread"] for side in rows.values()], stride)
+    sides: dict[str, DrawnSide] = {}
     arrays: dict[str, Ints] = {}
-    for name, side in sides.items():
+    for name, side in rows.items():
         (opens, closes), keep = runs[name], kept[name]
-        arrays |= {
-            f"{name}/run/track": side.track[opens],
-            f"{name}/run/begin": side.step[opens],
-            f"{name}/run/end": side.step[closes],
-            f"{name}/run/other": side.other[opens],
-            f"{name}/row/track": side.track[keep],
-            f"{name}/row/step": side.step[keep],
-        }
+        run = {column: side[column][opens] for column in ("track", "other")}
+        run |= {"begin": side["step"][opens], "end": side["step"][closes]}
+        row = {column: values[keep] for column, values in side.items()}
+        table = _tracks(result, name)
+        sides[name] = DrawnSide(name=name, table=table, run=run, row=row)
+        arrays |= {f"{name}/run/{field}": run[field] for field in RUN}
+        arrays |= {f"{name}/row/{column}": row[column] for column in ("track", "step")}
         for axis in range(len(columns)):
             # halves, for the difference of two large numbers may overflow
-            offset = side.state[keep, axis] / 2 - low[axis] / 2
+            offset = row["state"][:, axis] / 2 - low[axis] / 2
             value = np.rint(offset / (quantum[axis] / 2))
             arrays[f"{name}/row/{axis}"] = value.astype(np.int64)
         if spread:
-            entries = encoded(side.track[keep], side.step[keep], side.spread[keep], spread)
+            entries = encoded(row["track"], row["step"], row["spread"], spread)
             arrays |= {f"{name}/spread/{key}": values for key, values in entries.items()}
         if name == "truth":
-            arrays["truth/row/error"] = np.rint(side.error[keep] * ERRORS).astype(np.int64)
-    data = over_time(result) | {
-        "tracks": {
-            "truth": _tracks(result.table("per_truth"), "missed"),
-            "estimate": _tracks(result.table("per_estimate"), "false"),
-        },
+            arrays["truth/row/error"] = np.rint(row["error"] * ERRORS).astype(np.int64)
+    stretches = len(result.labels.times) if parts else MOST_STRETCHES
+    data = over_time(result, stretches) | {
+        "tracks": {name: side.table for name, side in sides.items()},
         "switches": _switches(parts),
         "repairs": _repairs(result),
         "columns": list(columns),
@@ -129,16 +148,16 @@ def document(result: Summary) -> Drawn:
         "spread": spread,
         "errors": ERRORS,
         "stride": stride,
-        "shared": sides["truth"].shared,
-        "rows": {name: [len(kept[name]), len(side.track)] for name, side in sides.items()},
+        "shared": int(np.count_nonzero(rows["truth"]["shared"])),
+        "rows": {name: [len(kept[name]), len(side["track"])] for name, side in rows.items()},
         "arrays": [(name, len(array)) for name, array in arrays.items()],
     }
     if is_map(columns):
-        latitudes = [side.state[:, columns.index("lat")] for side in sides.values()]
+        latitudes = [side["state"][:, columns.index("lat")] for side in rows.values()]
         data["stretch"] = map_stretch(np.concatenate(latitudes))
     if result.slid is not None:
         data["windows"] = _windows(result, result.slid)
-    return data, arrays
+    return data, arrays, sides
 
 
 def is_map(names: Collection[str]) -> bool:
@@ -154,43 +173,43 @@ def map_stretch(latitudes: Floats) -> float:
 
 def _windows(result: Summary, slid: Windows) -> Json:
     """Of each window (cost / n) ^ (1/p) of each part, n its steps of the horizon."""
-    table = result.table("windows")
+    table, power = result.table("windows"), 1 / result.proof.parameters.order
     each = np.maximum(np.array(table["steps"]), 1)
-    costs = dict(zip(PARTS, slid.parts, strict=True)) | {"total": slid.parts.sum(axis=0)}
-    parameters = result.proof.parameters
+    costs: dict[str, Floats] = {name: np.array(table[name]) for name in PARTS}
+    costs["total"] = sum(costs.values(), np.zeros(len(each)))
     return {
         "size": slid.size,
         "first": slid.first.tolist(),
         "last": slid.last.tolist(),
         "tgospa": rounded(table["tgospa"]),
-        "lines": {
-            name: rounded((parameters.cutoff * (cost / each) ** (1 / parameters.order)).tolist())
-            for name, cost in costs.items()
-        },
+        "lines": {n: rounded(((cost / each) ** power).tolist()) for n, cost in costs.items()},
     }
 
 
-def _joined(parts: list[Result], name: str, size: int) -> PageSide:
+def _joined(parts: list[Result], name: str, size: int) -> Rows:
     """One side of all parts, tracks numbered through."""
-    sides, first = [], {"truth": 0, "estimate": 0}
+    none = np.zeros(0, np.int64)
+    found: list[Rows] = [
+        dict.fromkeys(("track", "step", "other", "error", "shared"), none)
+        | {"state": np.zeros((0, size)), "spread": np.zeros((0, 0))}
+    ]
     other = "estimate" if name == "truth" else "truth"
+    first = {"truth": 0, "estimate": 0}
     for part in parts:
-        side = _side(part, name, size)
-        partner = np.where(side.other == NONE, NONE, side.other + first[other])
-        sides.append(replace(side, track=side.track + first[name], other=partner))
+        rows = _rows(part, name, other)
+        rows["other"] = np.where(rows["other"] == NONE, NONE, rows["other"] + first[other])
+        found.append(rows | {"track": rows["track"] + first[name]})
         first["truth"] += len(part.labels.truths)
         first["estimate"] += len(part.labels.estimates)
-    fields = ("track", "step", "other", "error", "state")
-    return PageSide(
-        **{field: np.concatenate([getattr(side, field) for side in sides]) for field in fields},
-        spread=concatenated([side.spread for side in sides]),
-        shared=sum(side.shared for side in sides),
-    )
+    wide = max(rows["spread"].shape[1] for rows in found)
+    for rows in found:  # of some parts the states may be points, which have no spread
+        if rows["spread"].shape[1] != wide:
+            rows["spread"] = np.zeros((len(rows["track"]), wide))
+    return {column: np.concatenate([rows[column] for rows in found]) for column in found[0]}
 
 
-def _side(result: Result, name: str, size: int) -> PageSide:
+def _rows(result: Result, name: str, other: str) -> Rows:
     states, problem = result.proof.states, result.proof.states.problem
-    other = "estimate" if name == "truth" else "truth"
     own_row: Ints = getattr(problem, f"{name}_row")
     other_row: Ints = getattr(problem, f"{other}_row")
     other_track: Ints = getattr(problem, f"{other}_track")
@@ -211,52 +230,44 @@ def _side(result: Result, name: str, size: int) -> PageSide:
     partner[free > best] = NONE
     error[partner == NONE] = 1.0
 
-    scene = result.scene
-    state = np.zeros((len(step), 0)) if scene is None or not size else getattr(scene, name)
-    spread = getattr(scene, f"{name}_covariance", None)
+    state = getattr(result.proof.compared, name)
+    spread = getattr(result.proof.compared, f"{name}_covariance")
     spread = np.zeros((len(step), 0)) if spread is None else spread
     by_track = np.argsort(track, kind="stable")
-    return PageSide(
-        track=track[by_track],
-        step=step[by_track],
-        other=partner[by_track],
-        error=error[by_track],
-        state=state[by_track],
-        spread=spread[by_track],
-        shared=int(np.count_nonzero((partner != NONE) & (best < ONE))),
-    )
+    rows: Rows = {"track": track, "step": step, "other": partner, "error": error}
+    rows |= {"shared": (partner != NONE) & (best < ONE), "state": state, "spread": spread}
+    return {column: values[by_track] for column, values in rows.items()}
 
 
-def _runs(side: PageSide) -> tuple[Ints, Ints]:
+def _runs(side: Rows) -> tuple[Ints, Ints]:
     """First and last row of each run."""
-    if not len(side.track):
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    opens = np.ones(len(side.track), bool)
-    opens[1:] = (np.diff(side.track) != 0) | (np.diff(side.step) != 1) | (np.diff(side.other) != 0)
+    track, step, other = side["track"], side["step"], side["other"]
+    opens = np.ones(len(track), bool)
+    opens[1:] = (np.diff(track) != 0) | (np.diff(step) != 1) | (np.diff(other) != 0)
     first = np.flatnonzero(opens)
-    return first, np.append(first[1:], len(side.track)) - 1
+    return first, np.append(first, len(track))[1:] - 1
 
 
 def _thinned(
-    sides: dict[str, PageSide], runs: dict[str, tuple[Ints, Ints]]
+    sides: dict[str, Rows], runs: dict[str, tuple[Ints, Ints]]
 ) -> tuple[int, dict[str, Ints]]:
     """Stride with which hardly more than `VALUES` coordinates are drawn, and the rows by side."""
-    stride = max(1, -(-sum(side.state.size for side in sides.values()) // VALUES))
+    stride = max(1, -(-sum(side["state"].size for side in sides.values()) // VALUES))
     while True:
         kept = {name: _drawn(side, *runs[name], stride) for name, side in sides.items()}
         # The steps of rows that are thinned are no longer regular, and cost like a coordinate.
-        each = [side.state.shape[1] + (stride > 1) for side in sides.values()]
+        each = [side["state"].shape[1] + (stride > 1) for side in sides.values()]
         size = sum(n * len(rows) for n, rows in zip(each, kept.values(), strict=True))
         if size <= VALUES or stride >= COARSEST:
             return stride, kept
         stride += -(-stride // 4)
 
 
-def _drawn(side: PageSide, opens: Ints, closes: Ints, stride: int) -> Ints:
+def _drawn(side: Rows, opens: Ints, closes: Ints, stride: int) -> Ints:
     """Rows that are drawn: every so many steps, ends of runs, and all that is unassigned."""
-    if not side.state.shape[1]:
+    if not side["state"].shape[1]:
         return np.zeros(0, np.int64)
-    keep = (side.step % stride == 0) | (side.other == NONE)
+    keep = (side["step"] % stride == 0) | (side["other"] == NONE)
     keep[opens] = True
     keep[closes] = True
     return np.flatnonzero(keep)
@@ -273,8 +284,18 @@ def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
     return low.tolist(), np.where(quantum > 0, quantum, 1.0).tolist()
 
 
-def _tracks(table: Columns, kind: str) -> Columns:
-    """The columns of a table of tracks by the same names for both sides, with the total."""
+def _tracks(result: Summary, side: str) -> Columns:
+    """The columns of a table of tracks by the same names for both sides, with the total.
+
+    Of data in parts the costliest tracks.
+    """
+    kind = KINDS[side]
+    if isinstance(result, PartitionedResult):
+        rows = result.costliest_tracks(kind, SHOWN_ROWS)
+        parts = ("localisation", kind, "switch", f"{kind}_count", "switch_count")
+        table = {column: [row[column] for row in rows] for column in ("id", "steps", *parts)}
+    else:
+        table = result.table(f"per_{side}")
     total = np.sum([table[name] for name in ("localisation", kind, "switch")], axis=0)
     names = {"localisation": "localisation", "unassigned": kind, "switch": "switch"}
     return (
@@ -291,31 +312,26 @@ def _tracks(table: Columns, kind: str) -> Columns:
 
 def _switches(parts: list[Result]) -> Columns:
     """The table of switches with numbers of steps and tracks."""
-    names = ("step", "truth", "from", "to", "mass", "cost")
-    found: Columns = {name: [] for name in names}
+    rows: Columns = {name: [] for name in ("step", "truth", "from", "to", "mass", "cost")}
     truths = estimates = 0
     for part in parts:
-        labels, table = part.labels, part.table("switches")
-        step = {t: k for k, t in enumerate(labels.times)}
-        truth = {name: truths + k for k, name in enumerate(labels.truths)}
-        estimate: dict[str | None, int] = {
-            name: estimates + k for k, name in enumerate(labels.estimates)
-        }
-        estimate[None] = NONE
-        found["step"] += [step[t] for t in table["t"]]
-        found["truth"] += [truth[name] for name in table["truth"]]
-        found["from"] += [estimate[name] for name in table["from"]]
-        found["to"] += [estimate[name] for name in table["to"]]
-        found["mass"] += rounded(table["mass"])
-        found["cost"] += rounded(table["cost"])
-        truths, estimates = truths + len(labels.truths), estimates + len(labels.estimates)
-    return found
+        found = read_switches(part.proof.states, part.proof.weights)
+        rows["step"] += found.step.tolist()
+        rows["truth"] += (found.truth + truths).tolist()
+        for name, track in (("from", found.before), ("to", found.after)):
+            rows[name] += np.where(track < 0, NONE, track + estimates).tolist()
+        table = part.table("switches")
+        for name in ("mass", "cost"):
+            rows[name] += rounded(table[name])
+        truths, estimates = truths + len(part.labels.truths), estimates + len(part.labels.estimates)
+    return rows
 
 
 def _repairs(result: Summary) -> Columns:
     """Of each repair the numbers of its tracks, its steps, and itself in words."""
     repairs = () if result.explained is None else result.explained.repairs
-    step: dict[Time | None, int] = {t: k for k, t in enumerate(result.labels.times)}
+    times = result.labels.times if repairs else []
+    step: dict[Time | None, int] = {t: k for k, t in enumerate(times)}
     return {
         "tracks": [list(repair.tracks) for repair in repairs],
         "from": [step.get(repair.begin, NONE) for repair in repairs],
@@ -354,7 +370,7 @@ def described(spreads: list[Floats], stride: int) -> Json:
     if not around or size_of(around[0].shape[1]) < 2:
         return {}
     rows, columns = np.tril_indices(size_of(around[0].shape[1]))
-    largest = np.max([_deviations(s[:, rows == columns]).max(axis=0) for s in around], axis=0)
+    largest = np.max([deviations(s[:, rows == columns]).max(axis=0) for s in around], axis=0)
     size = sum(spread.size for spread in around) // stride
     return {
         "stride": stride * max(1, -(-size // NUMBERS)),
@@ -381,40 +397,30 @@ def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Int
     return {"row": row} | {str(entry): level for entry, level in enumerate(entries)}
 
 
-def concatenated(spreads: list[Floats]) -> Floats:
-    """Those of several parts, of which some may be points, which have no spread."""
-    wide = max((spread.shape[1] for spread in spreads), default=0)
-    parts = [s if s.shape[1] == wide else np.zeros((len(s), wide)) for s in spreads]
-    return np.concatenate(parts)
-
-
 def levels(spread: Floats, largest: list[float]) -> list[Ints]:
     """Lower triangles (K, d (d + 1) / 2) as whole numbers, one array for each of its entries."""
     rows, columns = np.tril_indices(size_of(spread.shape[1]))
-    deviation = _deviations(spread[:, rows == columns])
-    found = []
-    for entry, (i, j) in enumerate(zip(rows, columns, strict=True)):
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            if i == j:
-                level = -FINE * np.log(deviation[:, i] / largest[i])
-                top = FAINT
-            else:
-                share = spread[:, entry] / deviation[:, i] / deviation[:, j]
-                level = ANGLE * np.arcsin(np.clip(share, -1, 1))
-                top = 0
-        # No logarithm or correlation of what has no deviation.
-        level = np.nan_to_num(level, nan=top, posinf=top, neginf=top)
-        found.append(np.rint(np.minimum(level, FAINT)).astype(np.int64))
-    return found
+    diagonal = rows == columns
+    deviation = deviations(spread[:, diagonal])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        size = -FINE * np.log(deviation / largest)
+        correlation = np.clip(spread / deviation[:, rows] / deviation[:, columns], -1, 1)
+        level = np.where(diagonal, size[:, rows], ANGLE * np.arcsin(correlation))
+    # No logarithm or correlation of what has no deviation.
+    level = np.where(np.isfinite(level), level, np.where(diagonal, FAINT, 0))
+    return list(np.rint(np.minimum(level, FAINT)).astype(np.int64).T)
 
 
-def _deviations(variances: Floats) -> Floats:
+def deviations(variances: Floats) -> Floats:
     """Roots of what is a variance; of what overflowed there is no picture."""
     return np.sqrt(np.where(np.isfinite(variances), np.maximum(variances, 0.0), 0.0))
 
 
 MOST_STRETCHES = 600
-"""Stretches of steps that are drawn of a recording of any length."""
+"""Stretches of steps that are drawn of data in parts."""
+
+SHOWN_ROWS = 20
+"""Steps and tracks of data in parts that are listed."""
 
 
 def curves(result: Summary) -> dict[str, list[float]]:
@@ -449,9 +455,19 @@ def rounded(values: list[float]) -> list[float]:
     return shortest
 
 
-def over_time(result: Summary, together: int = 1) -> Json:
-    """What is drawn over time, of so many steps at a time: means, and the curve at the last."""
+def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
+    """First steps of at most so many bins of equal length, and of each its costliest step."""
+    together = max(1, -(-len(total) // most))
+    first = np.arange(0, len(total), together)
+    padded = np.full(len(first) * together, -1.0)
+    padded[: len(total)] = total
+    return first, first + padded.reshape(len(first), together).argmax(axis=1)
+
+
+def over_time(result: Summary, stretches: int) -> Json:
+    """What is drawn over time, of at most so many stretches of steps: means, the curve at ends."""
     steps = len(result.labels.times)
+    together = max(1, -(-steps // max(stretches, 1)))
     first = np.arange(0, steps, together)
     last = np.minimum(first + together, steps) - 1
     times = readable([result.labels.times[k] for k in first.tolist()])
@@ -461,11 +477,21 @@ def over_time(result: Summary, together: int = 1) -> Json:
         sums = np.add.reduceat(values, first) if steps else values
         return rounded((sums / (last - first + 1)).tolist())
 
+    costs = {name: result.scale * getattr(split, name) for name in PARTS}
+    counts = {name: getattr(split, f"{name}_count") for name in COUNTED_PARTS}
+    total = sum(costs.values(), np.zeros(steps))
+    worst = costliest(list(range(steps)), total, SHOWN_ROWS) if together > 1 else []
     return {
+        "together": together,
+        "worst": {
+            "t": readable([result.labels.times[k] for k in worst]),
+            "costs": {name: rounded(cost[worst].tolist()) for name, cost in costs.items()},
+            "counts": {name: count[worst].tolist() for name, count in counts.items()},
+        },
         "times": times,
         "axis": moments(times),
-        "costs": {name: mean(result.scale * getattr(split, name)) for name in PARTS},
-        "counts": {name: mean(getattr(split, f"{name}_count")) for name in COUNTED_PARTS},
+        "costs": {name: mean(cost) for name, cost in costs.items()},
+        "counts": {name: mean(count) for name, count in counts.items()},
         "curve": {
             name: rounded([values[k] for k in last.tolist()])
             for name, values in curves(result).items()
@@ -474,20 +500,3 @@ def over_time(result: Summary, together: int = 1) -> Json:
         "order": parameters.order,
         "unit": result.labels.unit or "",
     }
-
-
-def thinned(result: PartitionedResult) -> Drawn:
-    """What is drawn of a result of data in parts: its costs over time, and no tracks."""
-    together = max(1, -(-len(result.labels.times) // MOST_STRETCHES))
-    names = ("run/track", "run/begin", "run/end", "run/other", "row/track", "row/step", "row/error")
-    data = over_time(result, together) | {
-        "together": together,
-        "tracks": {"truth": {"id": []}, "estimate": {"id": []}},
-        "switches": {},
-        "columns": [],
-        "boxes": False,
-        "spread": {},
-        "errors": 1,
-    }
-    none = np.zeros(0, np.int64)
-    return data, {f"{side}/{name}": none for side in ("truth", "estimate") for name in names}

@@ -76,21 +76,11 @@ def slices_lines(slicing: Slicing) -> Iterator[str]:
     """The same for a terminal: long names have lines of their own."""
     table = slices_table(slicing)
     by, *head = table.head
-    columns = zip_longest(head, *(row[1:] for row in table.rows), fillvalue="")
-    widths = [2 + max(len(cell or "") for cell in column) for column in columns]
+    columns = zip_longest(("slice", *head), *table.rows, fillvalue="")
+    longest, *widths = (max(len(visible(cell or "")) + 2 for cell in column) for column in columns)
     room = max(LEAST_NAME, WIDTH - len(INDENT) - sum(widths))
-    names = [visible(str(name)) for name, *_ in table.rows]
-    rows = [
-        (name if len(name) <= room else "", *row[1:])
-        for name, row in zip(names, table.rows, strict=True)
-    ]
-    width = min(room, max(map(len, ("slice", *names))))
-    yield clip(f"{INDENT}{by}")
-    table = replace(table, head=("slice", *head), rows=rows, widths=(width, *widths))
-    first, *lines = text_lines(table)
-    yield first
-    for name, line in zip(names, lines, strict=True):
-        yield from (line,) if len(name) <= room else (clip(f"{INDENT}{name}"), line)
+    shown = replace(table, head=("slice", *head), widths=(min(room, longest - 2), *widths))
+    yield from map(clip, (f"{INDENT}{by}", *text_lines(shown)))
 
 
 def share(cost: float, total: float) -> str:

@@ -3,20 +3,10 @@
 from collections.abc import Iterator
 
 from tgospa_eval.common.words import number, sizes_in_words
-from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.phrases import LETTERS, parameters_of
-from tgospa_eval.reports.tables import WRITERS, Document, Table
+from tgospa_eval.reports.tables import Document, Table
 from tgospa_eval.results.records import COUNTED_PARTS
 from tgospa_eval.results.sweep import Point, Sweep
-
-
-def render(found: Sweep, format: str) -> str:
-    """What ``--format`` prints."""
-    if format == "json":
-        return found.to_json()
-    if format == "csv":
-        return csv_text(found.columns())
-    return WRITERS[format](sweep_document(found))
 
 
 def sweep_document(found: Sweep) -> Document:

@@ -2,10 +2,13 @@
 
 import re
 import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from itertools import zip_longest
+from types import SimpleNamespace
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import PLAIN_DECIMAL
+from tgospa_eval.results.records import Columns
 from tgospa_eval.text import clipped, ending, visible
 
 LATEX = {
@@ -103,6 +106,9 @@ LEAST, MOST = 12, 44
 """Columns of the first cell in a terminal: at least, however wide the others are, and at most to
 differ from others."""
 
+LEAST_WORDS = 20
+"""Columns of words that go on below, at least."""
+
 DASHES = {"l": "---", "r": "---:"}
 """How Markdown says where the cells of a column stand."""
 
@@ -128,6 +134,9 @@ class Table:
         Cells, by row and column, that stand out in Markdown and LaTeX.
     ruled : tuple of int
         Rows below a line, in LaTeX.
+    wrapped : collection of int
+        Columns whose cells go on below in plain text, where the table would be too wide, or at two
+        less than the width that they are given.
     """
 
     head: Row
@@ -136,6 +145,7 @@ class Table:
     widths: Sequence[int] = ()
     bold: frozenset[tuple[int, int]] = frozenset()
     ruled: tuple[int, ...] = ()
+    wrapped: Collection[int] = ()
 
     @property
     def sides(self) -> str:
@@ -210,14 +220,53 @@ WRITERS: Mapping[str, Callable[[Document], str]] = {
 """Of each format for people what writes a document."""
 
 
+def csv_text(table: Columns) -> str:
+    """A table as CSV; None is an empty field, numbers are full doubles, no text is a formula."""
+    import csv  # here: most print no CSV
+
+    lines: list[str] = []
+    # Told of both ends of lines the writer quotes texts with either; the file has one of them.
+    target = SimpleNamespace(write=lambda line: lines.append(f"{line[:-2]}\n"))
+    writer = csv.writer(target, lineterminator="\r\n")
+    writer.writerow(map(csv_cell, table))
+    writer.writerows(zip(*map(_csv_column, table.values()), strict=True))
+    return "".join(lines)
+
+
+def _csv_column(column: Sequence[object]) -> Sequence[object]:
+    """A column of a table: each text is looked at once, numbers not at all."""
+    if not any(issubclass(kind, str) for kind in set(map(type, column))):
+        return column
+    cells = {text: csv_cell(text) for text in set(column) if isinstance(text, str)}
+    return [cells[value] if isinstance(value, str) else value for value in column]
+
+
 def text_lines(table: Table, indent: str = INDENT) -> list[str]:
-    """Rows for a terminal, in columns of the widths of the table, or of their widest cells."""
+    """Rows for a terminal, in columns of the widths of the table, or of their widest cells.
+
+    A first cell that is longer than its column has a line of its own.
+    """
     rows = [[visible(cell or "") for cell in row] for row in (table.head, *table.rows)]
-    widths = table.widths or [width + 2 * (k > 0) for k, width in enumerate(_widths(rows))]
+    widths, between = table.widths, ""
+    if not widths:
+        widths, between = _widths(rows), "  "
+        over = len(indent) + sum(widths) + 2 * len(widths) - 2 - WIDTH
+        for k in table.wrapped if over > 0 else ():
+            most = max(widths[k] - over, LEAST_WORDS)
+            widths[k] = max(len(line) for row in rows for line in wrap(row[k], "", most))
     signs = ["<" if side == "l" else ">" for side in table.sides]
     forms = [f"{sign}{width}" for sign, width in zip(signs, widths, strict=True)]
-    cells = (map(format, row, forms) for row in rows)
-    return [f"{indent}{''.join(line)}".rstrip() for line in cells]
+    lines: list[str] = []
+    for row in rows:
+        alone = len(row[0]) > widths[0]
+        lines += [f"{indent}{row[0]}"] if alone else []
+        cells = [
+            wrap(cell, "", widths[k] - 2 + len(between)) if k in table.wrapped else [cell]
+            for k, cell in enumerate(["", *row[1:]] if alone else row)
+        ]
+        for line in zip_longest(*cells, fillvalue=""):
+            lines.append(f"{indent}{between.join(map(format, line, forms))}".rstrip())
+    return lines
 
 
 def markdown_lines(
@@ -277,7 +326,7 @@ def _fitted(table: Table) -> list[str]:
     The first gives way if a line is too long, as far as its texts remain different; what has no
     place even then goes on below, with the first column again. A table with widths has its own.
     """
-    if table.widths:
+    if table.widths or table.wrapped:
         return text_lines(table)
     rows = [[visible(cell or "") for cell in row] for row in (table.head, *table.rows)]
     widths = _widths(rows)

@@ -1,20 +1,16 @@
-"""The table with colours, cost over time and worst steps, for a terminal of 80 columns (rich).
+"""The table with colours, cost over time and worst steps, for a terminal of 80 columns.
 
-The user's words are never read as markup. Where the terminal cannot show the blocks of a sparkline
-ASCII signs stand in.
+Where the terminal cannot show the blocks of a sparkline ASCII signs stand in.
 """
 
-import io
+import os
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
-from rich.console import Console
-from rich.text import Text
 
 from tgospa_eval.common.words import number
-from tgospa_eval.reports.console import SHOWN, blocks, fitting, worst
-from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines
+from tgospa_eval.reports.console import SHOWN, blocks, worst
+from tgospa_eval.reports.tables import Table, clip, text_lines
 from tgospa_eval.results.numbers import costliest
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
@@ -26,27 +22,25 @@ GRAPH = 62
 GRAPH_BEFORE = "scale"
 """The block above which the cost over time is drawn."""
 
-PART_STYLES = {"localisation": "blue", "missed": "red", "false": "magenta", "switch": "yellow"}
+BOLD, DIM, GREEN, YELLOW = "1", "2", "32", "33"
+PART_LOOKS = {"localisation": "34", "missed": "31", "false": "35", "switch": YELLOW}
+"""Codes of colours and weights (SGR)."""
 
 
 def report(result: Summary, encoding: str) -> str:
-    """The text, with what colours the terminal has; `encoding` is that of stdout.
-
-    `NO_COLOR` and `TERM` are respected.
-    """
-    console = Console(file=io.StringIO(), force_terminal=True, width=WIDTH, highlight=False)
-    shown: list[list[Text]] = []
+    """The text with colours, unless `NO_COLOR` is set; `encoding` is that of stdout."""
+    shown: list[list[str]] = []
     for name, lines in blocks(result).items():
         if name == GRAPH_BEFORE:
             shown.append(list(_graph(result, BLOCKS if _can(BLOCKS, encoding) else SIGNS)))
         shown.append(_styled(result, name, lines))
-    with console.capture() as captured:
-        for k, texts in enumerate(filter(None, shown)):
-            if k:
-                console.print()
-            for text in texts:
-                console.print(text, no_wrap=True, overflow="crop")
-    return captured.get()
+    return "\n\n".join("\n".join(lines) for lines in shown if lines) + "\n"
+
+
+def _looking(text: str, *codes: str) -> str:
+    if not text or not codes or os.environ.get("NO_COLOR"):
+        return text
+    return f"\x1b[{';'.join(codes)}m{text}\x1b[0m"
 
 
 def sparkline(values: list[float], high: float, ramp: str = BLOCKS, width: int = GRAPH) -> str:
@@ -61,7 +55,7 @@ def sparkline(values: list[float], high: float, ramp: str = BLOCKS, width: int =
     return "".join(ramp[level] for level in levels)
 
 
-def _graph(result: Summary, ramp: str) -> Iterator[Text]:
+def _graph(result: Summary, ramp: str) -> Iterator[str]:
     """A row for the whole cost and each part, all to one scale, over the times."""
     table = result.table("per_step")
     high = max(table["total"], default=0.0)
@@ -70,30 +64,28 @@ def _graph(result: Summary, ramp: str) -> Iterator[Text]:
     steps = len(table["t"])
     together = max(1, -(-steps // GRAPH))
     each = f", each sign the largest of {together}" if together > 1 else ""
-    yield Text(f"  cost of each step, to {number(high)}{each}")
+    yield f"  cost of each step, to {number(high)}{each}"
     for name in ("total", *PARTS):
         if any(table[name]):
-            line = Text(f"  {name:<14}  ")
-            line.append(sparkline(table[name], high, ramp), style=PART_STYLES.get(name, "bold"))
-            yield line
+            graph = sparkline(table[name], high, ramp)
+            yield f"  {name:<14}  {_looking(graph, PART_LOOKS.get(name, BOLD))}"
     first, last = str(table["t"][0]), str(table["t"][-1])
     wide = -(-steps // together)
     gap = max(1, wide - len(first) - len(last))
-    yield Text(clip(f"  {'t':<14}  {first}{' ' * gap}{last if steps > 1 else ''}"), style="dim")
+    yield _looking(clip(f"  {'t':<14}  {first}{' ' * gap}{last if steps > 1 else ''}"), DIM)
 
 
-def _styled(result: Summary, name: str, lines: list[str]) -> list[Text]:
+def _styled(result: Summary, name: str, lines: list[str]) -> list[str]:
     """The lines of a block with its looks; most are shown as they are."""
     if name == "headline":
         *claim, sizes = lines
-        style = "bold green" if result.certified else "bold yellow"
-        return [*(Text(line, style=style) for line in claim), Text(sizes)]
+        colour = GREEN if result.certified else YELLOW
+        return [*(_looking(line, BOLD, colour) for line in claim), sizes]
     if name == "parts":
-        return list(map(partial(_part, result), lines))
+        return [_part(result, line) for line in lines]
     if name == "worst":  # with costs and counts of the steps, for which the plain table has no room
-        others = map(visible, worst(result, ("truth", "estimates")))
-        return [*map(Text, _worst_steps(result)), *map(Text, others)]
-    return [Text(line, style="dim" if name in ("meaning", "footer") else "") for line in lines]
+        return [*_worst_steps(result), *map(visible, worst(result, ("truth", "estimates")))]
+    return [_looking(line, DIM) for line in lines] if name in ("meaning", "footer") else lines
 
 
 def _worst_steps(result: Summary) -> Iterator[str]:
@@ -101,29 +93,23 @@ def _worst_steps(result: Summary) -> Iterator[str]:
     chosen = costliest(list(range(len(table["t"]))), np.array(table["total"]), SHOWN)
     if not chosen:
         return
-    times = fitting([table["t"][k] for k in chosen], 28, lambda: table["t"])
-    wide = max(12, *map(len, times))
-    name = max(12, min(17, 40 - wide))
-    rows = []
-    for k, time in zip(chosen, times, strict=True):
-        found = (counts.missed_count[k], counts.false_count[k], counts.switch_count[k])
-        cost = number(table["total"][k], 5)
-        rows.append(("", time, cost, *(number(count, 4) for count in found)))
-    head = ("worst steps", "t", "cost", "missed", "false", "switches")
-    yield from map(clip, text_lines(Table(head=head, rows=rows, widths=(name, wide, 11, 9, 8, 10))))
+    parts = counts.missed_count, counts.false_count, counts.switch_count
+    rows = [
+        (str(table["t"][k]), number(table["total"][k], 5), *(number(part[k], 4) for part in parts))
+        for k in chosen
+    ]
+    head = (f"{'worst steps':<17}{'t':>12}", "cost", "missed", "false", "switches")
+    yield from map(clip, text_lines(Table(head=head, rows=rows, align="r" * 5)))
     yield ""
 
 
-def _part(result: Summary, line: str) -> Text:
-    text = Text(line)
+def _part(result: Summary, line: str) -> str:
     name = line.split()[0]
-    if name in PART_STYLES:
-        text.stylize(PART_STYLES[name], 2, 2 + len(name))
-        if getattr(result, name) == 0:
-            text.stylize("dim")
-    elif name == "total":
-        text.stylize("bold")
-    return text
+    if name not in PART_LOOKS:
+        return _looking(line, BOLD) if name == "total" else line
+    weight = () if getattr(result, name) else (DIM,)
+    before, after = line.split(name, 1)
+    return before + _looking(name, *weight, PART_LOOKS[name]) + _looking(after, *weight)
 
 
 def _can(text: str, encoding: str) -> bool:

@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from importlib import import_module
 from typing import TypeVar
@@ -12,14 +12,7 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.problem.solution import Bounds, Brackets, Breakdown
-from tgospa_eval.results.records import (
-    PARTS,
-    Columns,
-    Costs,
-    FileInfo,
-    Json,
-    Labels,
-)
+from tgospa_eval.results.records import PARTS, Columns, Costs, FileInfo, Json
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.slices import Slicing, added_up
 from tgospa_eval.results.summary import Summary
@@ -111,11 +104,10 @@ def add_up(results: dict[str, Result], files: tuple[FileInfo, FileInfo], read: f
         ),
         traced=_sum_of_brackets([part.traced for part in parts]),
         slid=_sum_of_brackets([part.slid for part in parts]),
-        labels=Labels(
-            times=first.labels.times,
+        labels=replace(
+            first.labels,
             truths=[name for part in parts for name in part.labels.truths],
             estimates=[name for part in parts for name in part.labels.estimates],
-            unit=first.labels.unit,
         ),
         gap=first.gap,
         sizes={name: sum(part.sizes[name] for part in parts) for name in first.sizes}
@@ -183,21 +175,18 @@ def _joined_digest(digests: Iterable[tuple[str, str]]) -> str:
 
 def _sum_of_splits(splits: list[Mapping[str, float] | None]) -> dict[str, float] | None:
     found = [split for split in splits if split is not None]
-    if len(found) < len(splits):
-        return None
-    return {name: sum(split[name] for split in found) for name in found[0]}
+    return _sums(found) if len(found) == len(splits) else None
 
 
 def _sum_of_times(parts: list[Json], read: float) -> Json:
     """Sums of seconds by name; the time per state is no sum and left out."""
+    no_sums = ("solve", "nanoseconds_per_state")
+    flat = [{k: v for k, v in part.items() if k not in no_sums} for part in parts]
+    total = _sums([*flat, {"read": read, "total": read}])
+    return {**total, "solve": _sums([part["solve"] for part in parts])}
+
+
+def _sums(parts: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Sums of numbers by name; what some do not have is 0 of these."""
     names = dict.fromkeys(name for part in parts for name in part)
-    stages = dict.fromkeys(name for part in parts for name in part["solve"])
-    total: dict[str, float] = {
-        name: math.fsum(part.get(name, 0.0) for part in parts)
-        for name in names
-        if name not in ("solve", "nanoseconds_per_state")
-    }
-    total["read"] += read
-    total["total"] += read
-    solve = {name: math.fsum(part["solve"].get(name, 0.0) for part in parts) for name in stages}
-    return {**total, "solve": solve}
+    return {name: math.fsum(part.get(name, 0.0) for part in parts) for name in names}

@@ -15,8 +15,15 @@ if TYPE_CHECKING:
 
 EXPLANATION_SCHEMA = "tgospa-eval/explanation/1"
 
+OF_THE_RESULT = ("certified", "parameters", "files", "input", "version")
+"""What the JSON has of the result as it is, beside its values."""
+
 KINDS = ("merge", "exchange", "split", "drop", "trim", "fill", "extend", "shift", "offset")
 """What a repair does."""
+
+EDIT = ("kind", "text", "shift", "offset", "rows")
+VALUES = ("total", "tgospa", "lower_bound", "upper_bound")
+"""What a record has of a repair as it is: what it does, and the evaluation after it."""
 
 NOT_ADDITIVE = (
     "savings do not add up: each is that of its repair alone; apply one, then explain what is left"
@@ -76,18 +83,10 @@ class Repair:
         """Its part of the JSON document; `total` is the cost before."""
         return {
             "rank": rank,
-            "kind": self.kind,
-            "text": self.text,
             "estimates": list(self.estimates),
             "from": self.begin,
             "to": self.end,
-            "shift": self.shift,
-            "offset": self.offset,
-            "rows": self.rows,
-            "total": self.total,
-            "tgospa": self.tgospa,
-            "lower_bound": self.lower_bound,
-            "upper_bound": self.upper_bound,
+            **{name: getattr(self, name) for name in (*EDIT, *VALUES)},
             "saving": {"lower": self.saving_lower, "upper": self.saving_upper},
             "share": max(self.saving_lower, 0.0) / total if total > 0 else 0.0,
         }
@@ -136,30 +135,24 @@ class Explanation:
 
     def columns(self) -> Columns:
         """The repairs as columns."""
-        repairs = self.repairs
-        return {
-            "rank": list(range(1, len(repairs) + 1)),
-            "kind": [repair.kind for repair in repairs],
-            "repair": [repair.text for repair in repairs],
-            "estimates": [" ".join(repair.estimates) for repair in repairs],
-            "from": [repair.begin for repair in repairs],
-            "to": [repair.end for repair in repairs],
-            "saving_lower": [repair.saving_lower for repair in repairs],
-            "saving_upper": [repair.saving_upper for repair in repairs],
-            "share": [repair.record(0, self.result.total)["share"] for repair in repairs],
-            "total": [repair.total for repair in repairs],
-            "tgospa": [repair.tgospa for repair in repairs],
-            "lower_bound": [repair.lower_bound for repair in repairs],
-            "upper_bound": [repair.upper_bound for repair in repairs],
-        }
+        rows = [
+            record
+            | {"repair": record["text"], "estimates": " ".join(record["estimates"])}
+            | {f"saving_{end}": value for end, value in record["saving"].items()}
+            for record in self._records()
+        ]
+        names = ("rank", "kind", "repair", "estimates", "from", "to")
+        numbers = ("saving_lower", "saving_upper", "share", *VALUES)
+        return {name: [row[name] for row in rows] for name in (*names, *numbers)}
+
+    def _records(self) -> list[Json]:
+        total = self.result.total
+        return [repair.record(rank, total) for rank, repair in enumerate(self.repairs, 1)]
 
     def record(self) -> Json:
         """Their part of a JSON document."""
         return {
-            "repairs": [
-                repair.record(rank, self.result.total)
-                for rank, repair in enumerate(self.repairs, 1)
-            ],
+            "repairs": self._records(),
             "candidates": self.candidates,
             "tried": self.tried,
             "additive": False,
@@ -188,19 +181,11 @@ class Explanation:
         return {
             **self.record(),
             "schema": EXPLANATION_SCHEMA,
-            "version": result.version,
-            "tgospa": result.tgospa,
-            "lower_bound": result.lower_bound,
-            "upper_bound": result.upper_bound,
-            "total": result.total,
+            **{name: getattr(result, name) for name in (*VALUES, *OF_THE_RESULT)},
             "total_bounds": {"lower": lower, "upper": upper},
-            "certified": result.certified,
             "parts": {name: getattr(result, name) for name in PARTS},
             "worst": result.worst(),
-            "parameters": result.parameters,
-            "files": result.files,
             **settings_field(result.settings_file),
-            "input": result.input,
             "warnings": [notice.record() for notice in result.warnings],
             "timings": {**result.timings, "explain": self.seconds},
         }

@@ -66,7 +66,8 @@ class Calibration:
             lower_bound=max(ends[1], 0.0),
             upper_bound=min(ends[0], 1.0),
             beta=beta,
-            calibration=self,
+            false_targets=self.false_targets,
+            score_of_false_targets=self.score,
         )
 
 
@@ -82,26 +83,16 @@ class Similarity:
         Proven bounds of it.
     beta : float
         Its scale, in the unit of the metric.
-    calibration : Calibration
-        What that comes from.
+    false_targets, score_of_false_targets : float
+        What that comes from: how many false targets at each step, and what they score.
     """
 
     score: float
     lower_bound: float
     upper_bound: float
     beta: float
-    calibration: Calibration
-
-    def record(self) -> dict[str, float]:
-        """Its part of the JSON document."""
-        return {
-            "score": self.score,
-            "lower_bound": self.lower_bound,
-            "upper_bound": self.upper_bound,
-            "beta": self.beta,
-            "false_targets": self.calibration.false_targets,
-            "score_of_false_targets": self.calibration.score,
-        }
+    false_targets: float
+    score_of_false_targets: float
 
 
 T = TypeVar("T")

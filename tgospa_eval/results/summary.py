@@ -6,10 +6,10 @@ What draws and writes is imported when it is asked for.
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import field
-from functools import cached_property, partialmethod
+from dataclasses import asdict, field
+from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -342,18 +342,9 @@ class Summary(ABC):
         if name in ("per_step", "curve", "windows", "per_class"):
             made: Columns = getattr(self, f"_{name}")()
             return made
-        if name not in ("assignments", "switches", "per_truth", "per_estimate"):
-            raise ConfigError(f"no table {quoted(name)}; see Result.table")
-        return self._of_tracks(name)
-
-    per_step_table = partialmethod(table, "per_step")
-    per_truth_table = partialmethod(table, "per_truth")
-    per_estimate_table = partialmethod(table, "per_estimate")
-    per_class_table = partialmethod(table, "per_class")
-    switches_table = partialmethod(table, "switches")
-    assignments_table = partialmethod(table, "assignments")
-    curve_table = partialmethod(table, "curve")
-    windows_table = partialmethod(table, "windows")
+        if name in ("assignments", "switches", "per_truth", "per_estimate"):
+            return self._of_tracks(name)
+        raise ConfigError(f"no table {quoted(name)}; see Result.table")
 
     @abstractmethod
     def _of_tracks(self, name: str) -> Columns:
@@ -451,7 +442,7 @@ class Summary(ABC):
             **self.split_parts,
             **curve,
             **({"with": self.with_} if self.with_ else {}),
-            **({} if self.calibration is None else {"similarity": self.similarity().record()}),
+            **({} if self.calibration is None else {"similarity": asdict(self.similarity())}),
             **({"slices": [one.record() for one in self.sliced]} if self.sliced else {}),
             **({} if self.explained is None else {"explanation": self.explained.record()}),
             "schema": RESULT_SCHEMA,
@@ -717,6 +708,11 @@ class Summary(ABC):
         Parameters, errors and return value are those of `plot_costs`; only `components` count.
         """
         return self._plot("worst", style=style, components=components)
+
+    @cached_property
+    def drawn(self) -> Any:
+        """What page and pictures draw: `reports.page_data.Drawn`."""
+        return import_module("tgospa_eval.reports.page_data").document(self)
 
     def _plot(self, name: str, **options: object) -> "Figure":
         made: Figure = import_module("tgospa_eval.plots.result_pictures").plot(

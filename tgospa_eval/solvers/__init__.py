@@ -33,6 +33,7 @@ class Solver(Protocol):
     @property
     def epsilon(self) -> float | None:
         """Temperature, if it has one."""
+        return None
 
     @property
     def gap(self) -> float:
@@ -42,10 +43,12 @@ class Solver(Protocol):
     @property
     def time_limit(self) -> float | None:
         """Seconds after which it stops with what it has."""
+        return None
 
     @property
     def jobs(self) -> int | None:
         """Threads; None is all cores."""
+        return None
 
     def __call__(
         self, states: States, stopwatch: Stopwatch, warm_start: "WarmStart | None" = None

@@ -2,16 +2,14 @@
 
 import itertools
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import field, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.machine import cores
+from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.common.progress import Limit, Status, Stopwatch
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Solution
@@ -24,7 +22,13 @@ from tgospa_eval.solvers.block_costs import (
     unassigned_costs,
 )
 from tgospa_eval.solvers.far_cutoff import Mask, solve_at_fitting_cutoffs
-from tgospa_eval.solvers.time_windows import Divided, TimeShares, TimeWindow, divisible_blocks
+from tgospa_eval.solvers.time_windows import (
+    BEFORE_SEAMS,
+    Division,
+    TimeShares,
+    TimeWindow,
+    divisible_blocks,
+)
 from tgospa_eval.solvers.warm_start import WarmStart
 
 BATCH_STATES = 20_000
@@ -195,7 +199,7 @@ def _solve_some(
     bracket = BracketProgress(states, cuts, limit.progress)
     shares = TimeShares(limit, routine.jobs or cores())
     divided = {
-        number: Divided(states.between(*cut)[0], shares, partial(bracket.advance, number))
+        number: Division(states.between(*cut)[0])
         for number, cut in enumerate(cuts)
         if len(long) and cut[0] in long
     }
@@ -206,6 +210,9 @@ def _solve_some(
             return Answer()
         part, state, slot = states.between(*cuts[number])
         start = None if warm_start is None else warm_start.between(state, slot)
+        if number in divided:
+            division = divided.pop(number)
+            start = WarmStart(weights=(division.join(),), prices=division.prices, near=True)
         batch = BlockBatch(
             states=part,
             wanted=wanted[blocks],
@@ -214,7 +221,7 @@ def _solve_some(
             prices=prices[slot],
             limit=limit,
             progress=BatchProgress(bracket, number, part, weights[state], quickly[blocks]),
-            warm_start=divided.pop(number).start() if number in divided else start,
+            warm_start=start,
         )
         with np.errstate(under="ignore"):  # whatever the caller has set: threads begin anew
             answer = _answer(batch, routine)
@@ -224,19 +231,26 @@ def _solve_some(
 
     begin, stopwatch.stage = time.perf_counter(), "solve/sweeps"
     inner = replace(routine, jobs=1, divides=False)
+
+    def solve_window(number: int, window: TimeWindow) -> Answer:
+        division = divided[number]
+        answer = _solve_window(division, inner, window, shares)
+        bracket.advance(number, BEFORE_SEAMS * division.done / len(division.windows))
+        return answer
+
     windows = [
-        partial(_solve_window, block, inner, window)
-        for block in divided.values()
-        for window in block.windows
+        partial(solve_window, number, window)
+        for number, division in divided.items()
+        for window in division.windows
     ]
     shares.waiting = len(windows)
     whole = [number for number in range(len(cuts)) if number not in divided]
     last = list(divided)
     first: list[Callable[[], Answer]] = [*windows, *(partial(work, number) for number in whole)]
-    with _threads(min(routine.jobs or cores(), len(first))) as in_threads:
-        found = in_threads(lambda task: task(), first)
-        by_number = dict(zip(whole, found[len(windows) :], strict=True))
-        by_number.update(zip(last, in_threads(work, last), strict=True))
+    threads = min(routine.jobs or cores(), len(first))
+    found = list(in_order(lambda task: task(), first, threads))
+    by_number = dict(zip(whole, found[len(windows) :], strict=True))
+    by_number.update(zip(last, in_order(work, last, min(threads, len(last))), strict=True))
     answers = [by_number[number] for number in range(len(cuts))]
     _book(stopwatch, [*found[: len(windows)], *answers], time.perf_counter() - begin)
 
@@ -261,22 +275,6 @@ def _solve_some(
     )
 
 
-InThreads = Callable[[Callable[[Any], Answer], Iterable[Any]], list[Answer]]
-"""`map` to a list, in order, in threads or not."""
-
-
-@contextmanager
-def _threads(count: int) -> Iterator[InThreads]:
-    """So many threads to work in."""
-    if count <= 1:
-        yield lambda work, items: list(map(work, items))
-        return
-    from concurrent.futures import ThreadPoolExecutor  # here: small problems do without
-
-    with ThreadPoolExecutor(count) as pool:
-        yield lambda work, items: list(pool.map(work, items))
-
-
 def _apart(cuts: list[tuple[int, int]], long: Ints) -> list[tuple[int, int]]:
     """The cuts, further divided so that each of the long blocks is by itself."""
     if not len(long):
@@ -285,20 +283,21 @@ def _apart(cuts: list[tuple[int, int]], long: Ints) -> list[tuple[int, int]]:
     return list(itertools.pairwise(edges))
 
 
-def _solve_window(divided: Divided, routine: Routine, window: TimeWindow) -> Answer:
-    """Solve one window of a block; called from several threads."""
-    watch = Stopwatch()
-
-    def solve(piece: States, limit: Limit) -> Solution:
-        every = np.ones(len(piece.block_begin), bool)
-        with np.errstate(under="ignore"):
-            return _solve_some(piece, (every, ~every), routine, watch, limit, None)
-
+def _solve_window(
+    division: Division, routine: Routine, window: TimeWindow, shares: TimeShares
+) -> Answer:
+    """Solve one window of a block, and keep its core; called from several threads."""
+    watch, begin = Stopwatch(), time.perf_counter()
+    piece = division.cut(window)
+    every = np.ones(len(piece.block_begin), bool)
+    preparation = time.perf_counter() - begin
+    with np.errstate(under="ignore"):
+        found = _solve_some(piece, (every, ~every), routine, watch, shares.take(), None)
     begin = time.perf_counter()
-    found, spent = divided.solve(window, solve)
-    elapsed = time.perf_counter() - begin
+    division.take(window, piece, found.weights, found.prices)
     seconds = {name.removeprefix("solve/"): span for name, span in watch.spans.items()}
-    seconds["preparation"] = seconds.get("preparation", 0.0) + elapsed - spent
+    preparation += time.perf_counter() - begin
+    seconds["preparation"] = seconds.get("preparation", 0.0) + preparation
     return Answer(
         iterations=found.iterations, work=watch.work, sweeping=watch.busy, seconds=seconds
     )

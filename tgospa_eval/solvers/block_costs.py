@@ -207,6 +207,10 @@ class BatchProgress:
         if self.whole.progress.due:
             self._pass_on(self.known, share)
 
+    def advance(self, share: float) -> None:
+        """How much is done, where nothing is proven yet."""
+        self.whole.advance(self.number, share)
+
     def finish(self) -> None:
         """The batch is done."""
         none = np.zeros(len(self.quickly))

@@ -7,7 +7,7 @@ from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
-from tgospa_eval.problem.slots import Slots, parts
+from tgospa_eval.problem.slots import Slots
 
 SAME_ROOM = 1e-12
 """Rooms that differ by less are one."""
@@ -102,11 +102,8 @@ def load(slots: Slots, weights: Floats | NDArray[np.bool_]) -> Floats:
         )
         return found
     total = np.zeros(len(slots.step) + 1)
-    ends = slots.end
-    for part in parts(len(weights)):
-        used = np.flatnonzero(weights[part])
-        amount = weights[part][used]
-        np.add.at(total, slots.begin[part][used], amount)
-        np.subtract.at(total, ends[part][used], amount)
+    used = np.flatnonzero(weights)
+    np.add.at(total, slots.begin[used], weights[used])
+    np.subtract.at(total, slots.end[used], weights[used])
     np.cumsum(total, out=total)
     return total[:-1]

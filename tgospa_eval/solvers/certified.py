@@ -15,6 +15,7 @@ from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
+from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_batches
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.lp_rounds import Programmes
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Certified:
+class Certified(Solver):
     """Exact, with proof (docs/theory/solvers.md, "The certified solver").
 
     Parameters
@@ -54,8 +55,6 @@ class Certified:
 
     name: ClassVar[str] = "certified"
     proves: ClassVar[bool] = True
-    referee: ClassVar[bool] = False
-    epsilon: ClassVar[float | None] = None
     gap: float = 1e-9
     time_limit: float | None = None
     jobs: int | None = None
@@ -145,14 +144,13 @@ def _sweep(ascent: Ascent, programmes: Programmes, batch: BlockBatch, *, near: b
         if skip:
             skip = False
             continue
-        threshold = min(10 * stage.epsilon, 1.3) + half
-        sweeps += _stage(ascent, stage, threshold, batch.limit.late)
+        epsilon = stage[0]
+        sweeps += _stage(ascent, stage, min(10 * epsilon, 1.3) + half, batch.limit.late)
         ascent.keep(ascent.wide())
         if batch.limit.progress.watched:
             programmes.report_progress()
-        skip = ascent.open_gap < ASCENT.skip * ascent.open_cost and stage.epsilon > skip_above
-        early = stage.epsilon <= early_from
-        if early and ascent.open_gap < PROGRAMMES.early_gap * ascent.open_cost:
+        skip = ascent.open_gap < ASCENT.skip * ascent.open_cost and epsilon > skip_above
+        if epsilon <= early_from and ascent.open_gap < PROGRAMMES.early_gap * ascent.open_cost:
             programmes.run(PROGRAMMES.early, most=PROGRAMMES.early_states)
             programmes.run_nearby(PROGRAMMES.rounds[0])
     return sweeps
@@ -160,7 +158,7 @@ def _sweep(ascent: Ascent, programmes: Programmes, batch: BlockBatch, *, near: b
 
 def _stage(ascent: Ascent, stage: Stage, threshold: float, late: Callable[[], bool]) -> int:
     """Sweeps at one temperature, with working sets made anew until prices settle; their number."""
-    calm = ASCENT.calm if stage.epsilon > ASCENT.calm_above else 0.0
+    calm = ASCENT.calm if stage[0] > ASCENT.calm_above else 0.0
     sweeps = 0
     for _ in range(ASCENT.repeats):
         before = ascent.open_dual

@@ -18,8 +18,9 @@ from tgospa_eval.errors import SolverError
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
+from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_batches
-from tgospa_eval.solvers.block_costs import better, block_costs, price_cap, settle, unassigned_costs
+from tgospa_eval.solvers.block_costs import better, price_cap, settle
 from tgospa_eval.solvers.capacities import CapacityRows, capacity_rows
 from tgospa_eval.solvers.schedule import check_settings
 from tgospa_eval.solvers.trivial import dual_values, round_paths, solve_rows
@@ -27,16 +28,11 @@ from tgospa_eval.solvers.trivial import dual_values, round_paths, solve_rows
 if TYPE_CHECKING:
     from tgospa_eval.solvers.warm_start import WarmStart
 
-REFEREE_GAP = 1e-9
-
 IMPORT, BUILD, FACTOR, WIDTH_POWER = 2.0, 6e-5, 4e-7, 1.1
 """Seconds that importing cvxpy takes; that compiling a programme takes for each state; and a first
 factorisation by Clarabel, for each state and that power of the states that begin at a step. Nothing
 can stop these once they have begun. Measured on crowds of 2,000 to 40,000 states, within a factor
 of three."""
-
-SLOW = 2.0
-"""Where it takes longer than so many seconds, a first bracket is computed before."""
 
 CVXPY_ENDS = {
     "optimal": Status.SOLVED,
@@ -54,7 +50,7 @@ CLARABEL_SETTINGS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Exact:
+class Exact(Solver):
     """The linear programme by CVXPY and Clarabel, to a tolerance of 1e-11.
 
     Parameters
@@ -69,10 +65,7 @@ class Exact:
     """
 
     name: ClassVar[str] = "exact"
-    proves: ClassVar[bool] = False
     referee: ClassVar[bool] = True
-    epsilon: ClassVar[float | None] = None
-    gap: ClassVar[float] = REFEREE_GAP
     jobs: ClassVar[int | None] = 1
     time_limit: float | None = None
 
@@ -95,13 +88,13 @@ class Exact:
 
 def _solve_blocks(batch: BlockBatch) -> Answer:
     """The blocks of a batch, one by one."""
-    states, known = batch.states, _Known(batch)
+    states, blocks = batch.states, np.flatnonzero(batch.wanted).tolist()
     failures: list[tuple[Status, str]] = []
     open_blocks: list[int] = []
     iterations = 0
     seconds = {"build": 0.0, "lp": 0.0}
-    for block in np.flatnonzero(batch.wanted).tolist():
-        known.report_progress()
+    for done, block in enumerate(blocks):
+        batch.progress.advance(done / len(blocks))
         part, state, slot = states.between(block, block + 1)
         status, detail, steps, programme = _solve_block(batch, part, seconds)
         iterations += steps
@@ -110,9 +103,8 @@ def _solve_blocks(batch: BlockBatch) -> Answer:
             open_blocks.append(block)
         if programme is not None:
             given = batch.weights[state], batch.prices[slot]
-            weights, prices = _found(programme, part, given, late=status == batch.limit.status)
-            batch.weights[state], batch.prices[slot] = weights, prices
-            known.solved(block, part, weights, prices)
+            late = status == batch.limit.status
+            batch.weights[state], batch.prices[slot] = _found(programme, part, given, late=late)
     settle(states, batch.wanted, batch.weights)
     # An interior point leaves a little of everything everywhere, at full price.
     value = states.gain - states.columns.totals(np.maximum(batch.prices, 0.0))
@@ -123,7 +115,7 @@ def _solve_blocks(batch: BlockBatch) -> Answer:
         status=status,
         detail=detail,
         open=np.array(open_blocks, np.int64),
-        left=np.flatnonzero(batch.wanted),
+        left=np.array(blocks, np.int64),
         seconds=seconds,
     )
 
@@ -169,46 +161,6 @@ def _found(
         if not late or dual_values(part, found) < dual_values(part, 0 * found):
             prices = found
     return weights, prices
-
-
-class _Known:
-    """What is known of the blocks while Clarabel, which reports nothing, is at one of them."""
-
-    def __init__(self, batch: BlockBatch) -> None:
-        self.batch, states = batch, batch.states
-        if not batch.limit.progress.watched:
-            return
-        self.left = np.zeros(len(batch.wanted))
-        for block in np.flatnonzero(batch.wanted).tolist():
-            self.left[block] = sum(_seconds(states.between(block, block + 1)[0]))
-        self.whole = max(float(self.left.sum()), 1e-9)
-        self.unassigned_cost = unassigned_costs(states)
-        self.cost, self.least = self.unassigned_cost.copy(), np.zeros(len(self.unassigned_cost))
-        if self.whole > SLOW:
-            batch.limit.progress.expect_long()
-            weights = round_paths(states, states.gain, batch.weights)
-            self.cost = np.minimum(block_costs(states, weights), self.unassigned_cost)
-            self.least = self.unassigned_cost - dual_values(
-                states, np.zeros(len(states.columns.step))
-            )
-
-    def report_progress(self) -> None:
-        """Pass it on."""
-        if self.batch.limit.progress.watched:
-            share = 1.0 - float(self.left.sum()) / self.whole
-            width = self.cost - self.least
-            self.batch.progress.update(
-                self.batch.wanted, width, self.cost, self.unassigned_cost, share
-            )
-
-    def solved(self, block: int, part: States, weights: Floats, prices: Floats) -> None:
-        """Clarabel is done with a block."""
-        if self.batch.limit.progress.watched:
-            self.left[block] = 0.0
-        if self.batch.limit.progress.due:
-            self.cost[block] = min(block_costs(part, weights)[0], self.cost[block])
-            gain = dual_values(part, np.maximum(prices, 0.0))[0]
-            self.least[block] = max(self.unassigned_cost[block] - gain, self.least[block])
 
 
 def _seconds(states: States) -> tuple[float, float]:

@@ -8,14 +8,12 @@ states; whether it is the optimum is not known here.
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import concatenated
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import StoppedError
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints
@@ -59,7 +57,8 @@ def cut_out(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
     ranges = states.pair_first[pairs], states.pair_first[pairs + 1]
     low = np.maximum(_last_until(states.begin, *ranges, opens), ranges[0])
     high = np.maximum(_last_until(states.begin, *ranges, np.full(len(pairs), after)), low) + 1
-    state, first = _joined(low, high)
+    first = np.concatenate(([0], np.cumsum(high - low))).astype(np.int32)
+    state = concatenated(low, high - low)
     begin = states.begin[state]
     begin[first[:-1]] = np.maximum(begin[first[:-1]], opens)
 
@@ -73,7 +72,7 @@ def cut_out(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
             (blocks, home),
         )
     )
-    columns = make_slots(begin, first, column, len(nodes), states.problem.steps, group=block)
+    columns = make_slots(begin, first, column, len(nodes), states.problem.steps)
     piece = States(
         problem=states.problem,
         pair_row=row,
@@ -122,15 +121,10 @@ def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
         high[going] = np.where(right, high[going], middle)
 
 
-def _joined(low: Ints, high: Ints) -> tuple[Ints, Ints]:
-    """All numbers of the ranges, one range after the other, and where each range begins."""
-    first = np.zeros(len(low) + 1, np.int32)
-    np.cumsum(high - low, out=first[1:])
-    return concatenated(low, high - low), first
-
-
 Mask = NDArray[np.bool_]
 T = TypeVar("T")
+Solved = tuple[Ints, Ints, "Proposal"]
+"""Of a programme the free states and the slots that it has priced, in the whole; its answer."""
 
 
 class Programmes:
@@ -275,13 +269,13 @@ class Programmes:
         self._propose(solved)
         self.report_progress()
         wide = ascent.wide()
-        size = sum(len(one.free) for one in solved)
+        size = sum(len(free) for free, _, _ in solved)
         if wide.any() and ascent.gap[wide].sum() <= PROGRAMMES.tolerance * size:
             with suppress(StoppedError):
                 self._propose(self._apart(lambda: self._refined(solved), size))
                 self.report_progress()
 
-    def _solve_group(self, free: Ints, whole: bool) -> "_SolvedProgramme":
+    def _solve_group(self, free: Ints, whole: bool) -> Solved:
         """Solve one programme: of the problem itself, or of what a group touches, cut out."""
         from tgospa_eval.solvers.restricted_lp import solve_restricted_lp  # HiGHS: slow to import
 
@@ -300,15 +294,14 @@ class Programmes:
         )
         self.interior = found.interior
         self.iterations += found.iterations
-        slot = found.slot if slots is None else slots[found.slot]
-        return _SolvedProgramme(free=free, slot=slot, found=found)
+        return free, found.slot if slots is None else slots[found.slot], found
 
-    def _refined(self, solved: "list[_SolvedProgramme]") -> "list[_SolvedProgramme]":
+    def _refined(self, solved: list[Solved]) -> list[Solved]:
         """The same with duals to the last place."""
         from tgospa_eval.solvers.restricted_lp import refine  # HiGHS: slow to import
 
         left = self.batch.limit.left
-        return [replace(one, found=refine(one.found, left())) for one in solved]
+        return [(free, slot, refine(found, left())) for free, slot, found in solved]
 
     def _apart(self, work: Callable[[], T], size: int) -> T:
         """Do work with a programme of so many states; HiGHS cannot be stopped, but left behind.
@@ -320,16 +313,15 @@ class Programmes:
         """
         return self.batch.limit.progress.apart(work) if size > PROGRAMMES.quick else work()
 
-    def _propose(self, solved: "list[_SolvedProgramme]") -> None:
+    def _propose(self, solved: list[Solved]) -> None:
         """Try weights and prices; mixtures of prices may be better: the dual value is convex."""
         ascent = self.ascent
         weights, prices = ascent.weights.copy(), ascent.prices.copy()
-        for one in solved:
-            weights[one.free] = one.found.weights
-            prices[one.slot] = one.found.prices
+        for free, slot, proposal in solved:
+            weights[free], prices[slot] = proposal.weights, proposal.prices
         wide = ascent.open_gap
-        self._propose_weights(np.concatenate([one.free for one in solved]), weights)
-        slot = np.concatenate([one.slot for one in solved])
+        self._propose_weights(np.concatenate([free for free, _, _ in solved]), weights)
+        slot = np.concatenate([slot for _, slot, _ in solved])
         found, before = prices[slot], ascent.prices[slot]
         if len(solved) > 1:
             self._try_best(solved, prices)
@@ -358,36 +350,19 @@ class Programmes:
             proposed = repair(states, proposed) / ONE
         self.ascent.try_weights(proposed)
 
-    def _try_best(self, solved: "list[_SolvedProgramme]", prices: Floats) -> None:
+    def _try_best(self, solved: list[Solved], prices: Floats) -> None:
         """Try the new prices of the groups in whose time less is lost by them."""
         ascent = self.ascent
         states, prices = ascent.states, prices.copy()
         change = ascent.losses(prices)
         change -= ascent.losses(ascent.prices)
         change = np.concatenate(([0.0], np.cumsum(change)))
-        for one in solved:
-            begin = states.begin[one.free].min()
-            end = states.begin[one.free].max() + PROGRAMMES.after
+        for free, slot, _ in solved:
+            begin = states.begin[free].min()
+            end = states.begin[free].max() + PROGRAMMES.after
             if change[min(end, len(change) - 1)] > change[begin]:
-                prices[one.slot] = ascent.prices[one.slot]
+                prices[slot] = ascent.prices[slot]
         ascent.try_prices(prices)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _SolvedProgramme:
-    """A programme that was solved.
-
-    Parameters
-    ----------
-    free, slot : int arrays
-        Its free states and the slots that it has priced, in the whole.
-    found : Proposal
-        Their weights and prices.
-    """
-
-    free: Ints
-    slot: Ints
-    found: "Proposal"
 
 
 def groups(states: States, free: Ints, component: Ints, most: int | None) -> list[Ints]:

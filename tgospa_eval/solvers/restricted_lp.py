@@ -21,31 +21,6 @@ Long = NDArray[np.longdouble]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class WeightMoves:
-    """Transitions that a rise of the weight is charged for: w[to] - w[source] <= constant + rise.
-
-    Parameters
-    ----------
-    reward : (F,) long float array
-        What all transitions add to the rewards of the free states.
-    to, source : (A,) int arrays
-        Positions among the free states; `source` counts only where `two` are free.
-    two : (A,) bool array
-    paid, constant : (A,) float arrays
-    into : (A,) int array
-        The later of the two states.
-    """
-
-    reward: Long
-    to: Ints
-    source: Ints
-    two: NDArray[np.bool_]
-    paid: Floats
-    constant: Floats
-    into: Ints
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Programme:
     """Maximise reward x over 0 <= x <= upper with A x <= full.
 
@@ -58,8 +33,16 @@ class Programme:
     states : States
     free : (F,) int array
         The states that it decides, in order.
-    moves : WeightMoves
+    transition_reward : (F,) long float array
+        What all transitions add to the rewards of the free states.
+    to, source : (A,) int arrays
+        Transitions that a rise of the weight is charged for, w[to] - w[source] <= constant + rise:
+        positions among the free states; `source` counts only where `two` are free.
+    two : (A,) bool array
+    paid : (A,) float array
     rows, columns : CapacityRows
+    before : (k,) float array
+        The prices of the slots of the columns, as they were.
     idle : (I,) int array
         Rows of A that hold with equality.
     reward : float array
@@ -70,9 +53,14 @@ class Programme:
 
     states: States
     free: Ints
-    moves: WeightMoves
+    transition_reward: Long
+    to: Ints
+    source: Ints
+    two: NDArray[np.bool_]
+    paid: Floats
     rows: CapacityRows
     columns: CapacityRows
+    before: Floats
     idle: Ints
     reward: Floats
     row: Ints
@@ -84,7 +72,7 @@ class Programme:
     @cached_property
     def parts(self) -> tuple[slice, slice, slice]:
         """Columns of A: states, rises, idle."""
-        a, b, c = np.cumsum([len(self.free), len(self.moves.to), len(self.idle)]).tolist()
+        a, b, c = np.cumsum([len(self.free), len(self.to), len(self.idle)]).tolist()
         return slice(0, a), slice(a, b), slice(b, c)
 
     @cached_property
@@ -145,7 +133,7 @@ class Programme:
         own[gains] -= _prices(self.states, entry[gains])
         np.add.at(own, self.rows.state, self.offset[self.rows.constraint])  # mostly 0 now
         own[gains] += self.states.problem.cost[entry[gains]]
-        own -= self.moves.reward
+        own -= self.transition_reward
         np.subtract.at(cost, self.column, self.entry * dual[self.row])
         return cost
 
@@ -161,24 +149,24 @@ def make_programme(
     size = len(free)
     held = weights.copy()
     held[free] = 0.0
-    moves = _moves(states, free, held, switch_price)
+    transition_reward, to, source, two, paid, constant = _moves(states, free, held, switch_price)
     rows = capacity_rows(states.rows, free, held)
     columns = capacity_rows(states.columns, free, held, prices)
     del held
 
-    nr, nc, na = len(rows.room), len(columns.room), len(moves.paid)
+    nr, nc, na = len(rows.room), len(columns.room), len(paid)
     idle = nr + np.flatnonzero(columns.price)
-    rise, two = nr + nc + np.arange(na), moves.two
+    rise = nr + nc + np.arange(na)
     row = np.concatenate((rows.constraint, nr + columns.constraint, rise, rise[two], rise, idle))
     rises, slacks = size + np.arange(na), size + na + np.arange(len(idle))
-    column = np.concatenate((rows.state, columns.state, moves.to, moves.source[two], rises, slacks))
+    column = np.concatenate((rows.state, columns.state, to, source[two], rises, slacks))
     entry = np.ones(len(row))
     begin = len(rows.constraint) + len(columns.constraint) + na
     entry[begin : begin + two.sum() + na] = -1.0
     reward = np.concatenate(
         (
-            states.gains(free) + moves.reward.astype(np.float64),
-            -2.0 * moves.paid,
+            states.gains(free) + transition_reward.astype(np.float64),
+            -2.0 * paid,
             np.zeros(len(idle)),
         )
     )
@@ -189,15 +177,20 @@ def make_programme(
     return Programme(
         states=states,
         free=free,
-        moves=moves,
+        transition_reward=transition_reward,
+        to=to,
+        source=source,
+        two=two,
+        paid=paid,
         rows=rows,
         columns=columns,
+        before=prices[columns.slot],
         idle=idle,
         reward=reward,
         row=row,
         column=column,
         entry=entry,
-        full=np.concatenate((rows.room, columns.room, moves.constant)),
+        full=np.concatenate((rows.room, columns.room, constant)),
         upper=upper,
     )
 
@@ -210,8 +203,13 @@ def _prices(states: States, entry: Ints) -> Long:
     return price
 
 
-def _moves(states: States, free: Ints, held: Floats, switch_price: Floats) -> WeightMoves:
-    """Transitions between a free state and the next of its pair, either of which may be held."""
+def _moves(
+    states: States, free: Ints, held: Floats, switch_price: Floats
+) -> tuple[Long, Ints, Ints, NDArray[np.bool_], Floats, Floats]:
+    """Transitions between a free state and the next of its pair, either of which may be held.
+
+    `transition_reward`, `to`, `source`, `two` and `paid` of a `Programme`, and their constants.
+    """
     before = np.concatenate((free, free - 1))
     before.sort()
     before = before[np.diff(before, prepend=-2) > 0]
@@ -230,15 +228,8 @@ def _moves(states: States, free: Ints, held: Floats, switch_price: Floats) -> We
     np.add.at(reward, own[one_held], np.where(constant > 0, paid, -paid)[one_held])
     part = one_held & (constant > 0) & (constant < 1)
     arcs = np.flatnonzero(both | part)
-    return WeightMoves(
-        reward=reward,
-        to=np.where(both, b, own)[arcs],
-        source=a[arcs],
-        two=both[arcs],
-        paid=paid[arcs],
-        constant=np.where(both, 0.0, constant)[arcs],
-        into=before[arcs] + 1,
-    )
+    constant = np.where(both, 0.0, constant)[arcs]
+    return reward, np.where(both, b, own)[arcs], a[arcs], both[arcs], paid[arcs], constant
 
 
 def _position(ordered: Ints, sought: Ints) -> Ints:
@@ -287,8 +278,8 @@ def _potentials(p: Programme) -> Floats:
     dual of a constraint is the rise of h over it, and that of a transition with the price lambda is
     lambda - f, with f = F_s - h cut to [-lambda, lambda], the relative value of s at that time.
     """
-    size, moves = len(p.free), p.moves
-    source, to, paid = moves.source[moves.two], moves.to[moves.two], moves.paid[moves.two]
+    size = len(p.free)
+    source, to, paid = p.source[p.two], p.to[p.two], p.paid[p.two]
     value = p.reward[:size].copy()
     value[to] -= paid
     value[source] += paid
@@ -315,8 +306,8 @@ def _potentials(p: Programme) -> Floats:
     rows, columns, transitions = p.constraints
     dual[rows] = np.diff(none, append=0.0)[inner]
     dual[columns] = p.columns.price
-    dual[transitions] = moves.paid
-    dual[transitions][moves.two] -= through[source]
+    dual[transitions] = p.paid
+    dual[transitions][p.two] -= through[source]
     return np.maximum(dual, 0.0)
 
 
@@ -360,11 +351,6 @@ row of the inverse of the basis has other than 0, by a sample: 5 to 20 as a rule
 TAKEN_FOR_ZERO = 1e-9
 """What HiGHS takes for zero."""
 
-LOOSE = 1e-3
-"""Columns with a price may first be filled by so much more or less at that price, so that of all
-best prices those nearby are taken: most stay what they were, and each that does not takes an
-iteration or two. The error of the prices after the sweeps is the same from 1e-2 to 1e-4."""
-
 SCALE, SHIFT = 2.0**70, 2.0**20
 """The correction of duals is scaled up by at most SCALE; costs in it are cut at SHIFT."""
 
@@ -398,8 +384,9 @@ class Proposal:
         Whether HiGHS found an optimum.
     interior : bool
         Whether the simplex method would have taken too long.
-    vertex : Vertex, optional
-        What `refined` starts from, if it is finished.
+    vertex : tuple, optional
+        What `refine` starts from, if it is finished: the programme, the duals of its constraints,
+        at most 0 because HiGHS minimises, and the basis, which takes long to be taken apart.
     """
 
     weights: Floats
@@ -408,28 +395,7 @@ class Proposal:
     iterations: int
     finished: bool
     interior: bool = False
-    vertex: "Vertex | None" = None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Vertex:
-    """A basic solution of a programme.
-
-    Parameters
-    ----------
-    programme : Programme
-    prices : (k,) float array
-        Of the slots of its columns, as they were.
-    dual : long float array
-        Of the constraints, at most 0: HiGHS minimises.
-    basis : HighsBasis
-        What is basic; taken apart when it is needed, which is slow.
-    """
-
-    programme: Programme
-    prices: Floats
-    dual: Long
-    basis: highspy.HighsBasis
+    vertex: tuple[Programme, Long, highspy.HighsBasis] | None = None
 
 
 def solve_restricted_lp(
@@ -448,26 +414,26 @@ def solve_restricted_lp(
     is large: one like it took too long.
     """
     p = make_programme(states, free, weights, prices, switch_price)
-    before = prices[p.columns.slot]
     highs, finished, iterations, dense = _solve(p, interior, seconds)
     answer = highs.getSolution()
     if not (answer.value_valid and answer.dual_valid):
         return Proposal(
-            weights=weights[free], slot=p.columns.slot, prices=before, iterations=0, finished=False
+            weights=weights[free],
+            slot=p.columns.slot,
+            prices=p.before,
+            iterations=0,
+            finished=False,
         )
-    vertex = None
     dual = np.asarray(answer.row_dual) + p.anchor
-    if finished:
-        long = np.minimum(dual, 0.0).astype(np.longdouble)
-        vertex = Vertex(programme=p, prices=before, dual=long, basis=highs.getBasis())
+    long = np.minimum(dual, 0.0).astype(np.longdouble)
     return Proposal(
         weights=_snapped(p, np.asarray(answer.col_value)),
         slot=p.columns.slot,
-        prices=_spread(p, dual, before),
+        prices=_spread(p, dual),
         iterations=iterations,
         finished=finished,
         interior=dense,
-        vertex=vertex,
+        vertex=(p, long, highs.getBasis()) if finished else None,
     )
 
 
@@ -478,14 +444,13 @@ def refine(found: Proposal, seconds: float | None) -> Proposal:
     same basis; c - A'y in long doubles. Gleixner, Steffy and Wolter, "Iterative refinement for
     linear programming" (INFORMS Journal on Computing 2016). Slacks have a cost, and are columns.
     """
-    vertex = found.vertex
-    if vertex is None:
+    if found.vertex is None:
         return found
-    p = vertex.programme
-    dual = vertex.dual + p.offset
+    p, dual, basis = found.vertex
+    dual = dual + p.offset
     spare = p.spare
     free = np.append(np.isinf(p.upper), np.ones(len(spare), bool))
-    columns, rows = _basic(vertex.basis)
+    columns, rows = _basic(basis)
     basic = np.append(columns, rows[spare])
     rows[spare] = False
     deadline = None if seconds is None else time.monotonic() + seconds
@@ -519,7 +484,7 @@ def refine(found: Proposal, seconds: float | None) -> Proposal:
     return replace(
         found,
         weights=weights,
-        prices=_spread(p, dual.astype(np.float64), vertex.prices),
+        prices=_spread(p, dual.astype(np.float64)),
         iterations=iterations,
         vertex=None,
     )
@@ -532,9 +497,9 @@ def _set_room(highs: highspy.Highs, p: Programme, more: float) -> None:
         highs.changeRowBounds(row, room, room)
 
 
-def _spread(p: Programme, dual: Floats, before: Floats) -> Floats:
+def _spread(p: Programme, dual: Floats) -> Floats:
     """New prices of the slots from the duals of all constraints."""
-    return p.columns.spread(np.maximum(-dual[p.constraints[1]], 0.0), before)
+    return p.columns.spread(np.maximum(-dual[p.constraints[1]], 0.0), p.before)
 
 
 def _snapped(p: Programme, values: Floats) -> Floats:
@@ -561,15 +526,13 @@ def _snapped(p: Programme, values: Floats) -> Floats:
     return snapped
 
 
-def _model(p: Programme, *, slacks: bool = False, loose: float = 0.0) -> highspy.HighsLp:
+def _model(p: Programme, *, slacks: bool = False) -> highspy.HighsLp:
     """The programme as HiGHS takes it: minimise the reduced costs at the prices.
 
     Its duals say by how much prices move. With columns for all slacks if asked.
     """
     row, column, entry, upper = p.row, p.column, p.entry, p.upper
-    cost, least, most = p.reduced(p.anchor), p.least.copy(), p.full.copy()
-    least[p.constraints[1]] -= loose
-    most[p.constraints[1]] += loose
+    cost, least = p.reduced(p.anchor), p.least
     if slacks:
         spare = p.spare
         row = np.append(row, spare)
@@ -585,7 +548,7 @@ def _model(p: Programme, *, slacks: bool = False, loose: float = 0.0) -> highspy
     lp.col_lower_ = np.zeros(len(cost))
     lp.col_upper_ = upper
     lp.row_lower_ = least
-    lp.row_upper_ = most
+    lp.row_upper_ = p.full
     lp.a_matrix_.format_ = highspy.MatrixFormat.kColwise
     lp.a_matrix_.start_ = np.append(0, np.cumsum(np.bincount(column, minlength=len(cost))))
     lp.a_matrix_.index_ = row[order].astype(np.int32)
@@ -630,7 +593,7 @@ def _solve(
     deadline = None if seconds is None else time.monotonic() + seconds
     large = len(p.full) >= LARGE_LP
     interior &= large
-    model = _model(p, loose=LOOSE if len(p.idle) else 0.0)
+    model = _model(p)
     simplex, iterations = _highs(model), 0
     if not interior:
         start = suggest(p)
@@ -638,38 +601,16 @@ def _solve(
             simplex.setBasis(_basis(*start))
         finished, iterations = (_portions if large else _run)(simplex, deadline)
         if finished or _over(deadline):
-            finished, done = _tightened(simplex, p, finished, deadline)
-            return simplex, finished, iterations + done, False
+            return simplex, finished, iterations, False
     highs = _highs(model)
     highs.setOptionValue("solver", "ipm")
     finished, done = _run(highs, deadline)
     iterations += done
-    if not (finished or _over(deadline)):
-        highs, interior, large = simplex, True, False
-        highs.setOptionValue("simplex_iteration_limit", np.iinfo(np.int32).max)
-        finished, done = _run(highs, deadline)
-        iterations += done
-    highs.setOptionValue("solver", "simplex")
-    finished, done = _tightened(highs, p, finished, deadline)
-    return highs if finished or interior else simplex, finished, iterations + done, large
-
-
-def _tightened(
-    highs: highspy.Highs, p: Programme, finished: bool, deadline: float | None
-) -> tuple[bool, int]:
-    """Where columns make use of being loose, they are not any more; finished?, and iterations."""
-    iterations, least, loose = 0, p.least, np.ones(len(p.full), bool)
-    while finished:
-        filled = np.asarray(highs.getSolution().row_value)
-        wrong = loose & ((filled > p.full + TAKEN_FOR_ZERO) | (filled < least - TAKEN_FOR_ZERO))
-        if not wrong.any():
-            break
-        loose &= ~wrong
-        for row in np.flatnonzero(wrong).tolist():  # few: HiGHS takes microseconds for each
-            highs.changeRowBounds(row, least[row], p.full[row])
-        finished, done = _run(highs, deadline)
-        iterations += done
-    return finished, iterations
+    if finished or _over(deadline):
+        return highs if finished or interior else simplex, finished, iterations, large
+    simplex.setOptionValue("simplex_iteration_limit", np.iinfo(np.int32).max)
+    finished, done = _run(simplex, deadline)
+    return simplex, finished, iterations + done, False
 
 
 def _portions(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:

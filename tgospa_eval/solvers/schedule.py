@@ -5,11 +5,8 @@ weights from above. The numbers decide how soon both meet. Measurements are thos
 docs/theory/solvers.md and of the log of changes; "not measured" says that a round number was taken.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
 
 
@@ -39,48 +36,39 @@ def check_settings(
     vars(solver).update({name: plain[name] for name in plain.keys() & vars(solver).keys()})
 
 
-class Stage(NamedTuple):
-    """Sweeps at one temperature, a fraction of c^p."""
-
-    epsilon: float
-    sweeps: int
+Stage = tuple[float, int]
+"""A temperature, as a fraction of c^p, and how many sweeps are made at it."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class Ascending:
     """Sweeps, before anything is left to programmes."""
 
     stages: tuple[Stage, ...] = (
-        Stage(0.1, 16),
-        Stage(0.05, 16),
-        Stage(0.02, 16),
-        Stage(0.01, 64),
-        Stage(0.005, 64),
-        Stage(0.002, 64),
-        Stage(0.001, 64),
+        (0.1, 16),
+        (0.05, 16),
+        (0.02, 16),
+        (0.01, 64),
+        (0.005, 64),
+        (0.002, 64),
+        (0.001, 64),
     )
     """64 sweeps at small temperatures cost nearly nothing beside a programme, and bring the dual
     value to 1e-5 of itself; programmes after 16 at 0.02 took 2 to 4 times the whole time."""
 
     small: int = 10_000
     small_stages: tuple[Stage, ...] = (
-        Stage(0.1, 16),
-        Stage(0.05, 16),
-        Stage(0.02, 16),
-        Stage(0.01, 16),
-        Stage(0.003, 32),
-        Stage(0.001, 64),
+        (0.1, 16),
+        (0.05, 16),
+        (0.02, 16),
+        (0.01, 16),
+        (0.003, 32),
+        (0.001, 64),
     )
     """Of a problem with at most so many states. There a programme costs four stages, whatever its
     size, and the sweeps of a stage hardly more than the rest of it: 10 x 10 x 50 in a square of 100
     with c = 10 takes 0.77, 20,50,20,1 0.9 of the time."""
 
-    resumed: tuple[Stage, ...] = (
-        Stage(0.01, 32),
-        Stage(0.005, 32),
-        Stage(0.002, 64),
-        Stage(0.001, 64),
-    )
+    resumed: tuple[Stage, ...] = ((0.01, 32), (0.005, 32), (0.002, 64), (0.001, 64))
     """From a warm start nearby: a tenth of the time from afar, on curves."""
 
     repeats: int = 16
@@ -107,7 +95,6 @@ class Ascending:
     measured."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class Programming:
     """Linear programmes of what the sweeps leave undecided: the states with slack up to a reach."""
 
@@ -169,7 +156,6 @@ class Programming:
     are scaled."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class Windowing:
     """Programmes around what keeps brackets open, where very much is undecided.
 
@@ -198,7 +184,6 @@ class Windowing:
     this share of them is undecided there: a stage of sweeps takes about as long."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class TimeWindowing:
     """Large components in windows of time (`solvers.time_windows`)."""
 

@@ -21,6 +21,7 @@ from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
+from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_batches
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.schedule import check_settings
@@ -44,7 +45,7 @@ NEGLIGIBLE_SLACK = 25.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sinkhorn:
+class Sinkhorn(Solver):
     """Entropic approximation, with a proven bracket.
 
     Parameters
@@ -65,8 +66,6 @@ class Sinkhorn:
     """
 
     name: ClassVar[str] = "sinkhorn"
-    proves: ClassVar[bool] = False
-    referee: ClassVar[bool] = False
     epsilon: float = 0.03
     gap: float = 1e-9
     time_limit: float | None = None

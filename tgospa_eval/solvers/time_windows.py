@@ -11,23 +11,19 @@ at the seams is measured afterwards, on the whole component.
 
 import itertools
 import time
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Limit
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.slots import Slots
-from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair
 from tgospa_eval.solvers.capacities import load
 from tgospa_eval.solvers.schedule import TIME_WINDOWS
-from tgospa_eval.solvers.warm_start import WarmStart
 
 FULLER = 1e-15
 """Sums of weights that exceed 1 by more are scaled."""
@@ -42,22 +38,9 @@ UNKNOWN = -1.0
 """The weight of a state that no window has answered for."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TimeWindow:
-    """Steps that are solved together; ends are the step after the last.
-
-    Parameters
-    ----------
-    begin, end : int
-        Of the core, what is kept.
-    first, stop : int
-        Of all.
-    """
-
-    begin: int
-    end: int
-    first: int
-    stop: int
+TimeWindow = tuple[int, int, int, int]
+"""Steps that are solved together, ends are the step after the last: of the core, which is kept, and
+of all."""
 
 
 def divisible_blocks(states: States) -> Ints:
@@ -92,12 +75,16 @@ class Division:
 
     Attributes
     ----------
+    windows : list of TimeWindow
+        Of whole steps, with about as many gains each.
     weights, prices : (S,), (K,) float arrays
         What is joined so far.
+    done : int
+        How many windows that is.
     """
 
     def __init__(self, states: States) -> None:
-        self.states = states
+        self.states, self.done = states, 0
         self.weights = np.full(len(states.begin), UNKNOWN)
         self.prices = np.zeros(len(states.columns.step))
         problem = states.problem
@@ -108,9 +95,9 @@ class Division:
         self._state = state[self._entry]
         self._step = problem.truth_step[problem.truth_row[self._entry]]
         self._end = states.end
+        self.windows = self._windows()
 
-    def windows(self) -> list[TimeWindow]:
-        """Windows of whole steps with about as many gains each."""
+    def _windows(self) -> list[TimeWindow]:
         begin, end = int(self.states.block_begin[0]), int(self.states.block_end[0]) + 1
         price = float(np.max(self.states.problem.switch_price, initial=0.0))
         overlap = TIME_WINDOWS.overlap + int(TIME_WINDOWS.fading * price)
@@ -119,30 +106,26 @@ class Division:
         at = len(self._step) * np.arange(1, count) // count
         seams = [begin, *np.unique(self._step[at]).tolist(), end]
         return [
-            TimeWindow(
-                begin=low,
-                end=high,
-                first=max(low - overlap, begin),
-                stop=min(high + overlap, end),
-            )
+            (low, high, max(low - overlap, begin), min(high + overlap, end))
             for low, high in itertools.pairwise(seams)
             if low < high
         ]
 
     def cut(self, window: TimeWindow) -> States:
         """The window as a problem of its own, of which the first step is 0."""
-        problem, steps = self.states.problem, (window.first, window.stop)
+        problem, (first, stop) = self.states.problem, window[2:]
+        steps = first, stop
         own = slice(*np.searchsorted(self._step, steps).tolist())
         truths = slice(*np.searchsorted(problem.truth_step, steps).tolist())
         estimates = slice(*np.searchsorted(problem.estimate_step, steps).tolist())
         entry = self._entry[own]
         piece = replace(
             problem,
-            steps=window.stop - window.first,
-            truth_step=problem.truth_step[truths] - window.first,
+            steps=stop - first,
+            truth_step=problem.truth_step[truths] - first,
             truth_track=problem.truth_track[truths],
             truth_price=problem.truth_price[truths],
-            estimate_step=problem.estimate_step[estimates] - window.first,
+            estimate_step=problem.estimate_step[estimates] - first,
             estimate_track=problem.estimate_track[estimates],
             estimate_price=problem.estimate_price[estimates],
             truth_row=problem.truth_row[entry] - truths.start,
@@ -158,22 +141,22 @@ class Division:
 
         A state is kept that lies in the core, and the price of a slot that begins there.
         """
-        whole = self.states
-        home = self._homes(window, piece)
+        whole, (low, high, first, _) = self.states, window
+        home = self._homes(first, piece)
         begin = whole.begin[home]
-        inside = begin >= window.begin
-        inside &= self._end[home] < window.end
+        inside = begin >= low
+        inside &= self._end[home] < high
         self.weights[home[inside]] = weights[inside]
         slot = piece.columns.begin
         shared = np.diff(piece.columns.first)[piece.pair_column] > 0
         priced = np.repeat(shared, np.diff(piece.pair_first))
-        priced &= (begin == piece.begin + window.first) & (begin >= window.begin)
-        priced &= begin < window.end
+        priced &= (begin == piece.begin + first) & (begin >= low) & (begin < high)
         self.prices[whole.columns.begin[home[priced]]] = prices[slot[priced]]
+        self.done += 1
 
-    def _homes(self, window: TimeWindow, piece: States) -> Ints:
+    def _homes(self, first: int, piece: States) -> Ints:
         """Where each state of a window is in the block; of a run cut off, the run."""
-        start = int(np.searchsorted(self._step, window.first))
+        start = int(np.searchsorted(self._step, first))
         home = np.empty(len(piece.begin), np.int32)
         run = piece.entry < 0
         gains = np.flatnonzero(~run)
@@ -243,43 +226,6 @@ class TimeShares:
         now = time.monotonic()
         share = max(self.until - now, 0.0) * min(self.threads, waiting) / waiting
         return replace(self.limit, deadline=now + share)
-
-
-class Divided:
-    """A block of which windows are solved, in any order and in several threads.
-
-    Parameters
-    ----------
-    states : States
-        The block.
-    shares : TimeShares
-        Until when each window may go on.
-    report : callable
-        Takes how much of the work is done, 0 to 1.
-    """
-
-    def __init__(self, states: States, shares: TimeShares, report: Callable[[float], None]) -> None:
-        self.division = Division(states)
-        self.windows = self.division.windows()
-        self.shares, self.report, self.done = shares, report, 0
-
-    def solve(
-        self, window: TimeWindow, solve: Callable[[States, Limit], Solution]
-    ) -> tuple[Solution, float]:
-        """Solve a window and keep its core; what was found, and the seconds that it took."""
-        piece = self.division.cut(window)
-        begin = time.perf_counter()
-        found = solve(piece, self.shares.take())
-        spent = time.perf_counter() - begin
-        self.division.take(window, piece, found.weights, found.prices)
-        self.done += 1
-        self.report(BEFORE_SEAMS * self.done / len(self.windows))
-        return found, spent
-
-    def start(self) -> WarmStart:
-        """What the windows have found, joined."""
-        division = self.division
-        return WarmStart(weights=(division.join(),), prices=division.prices, near=True)
 
 
 def _too_full(slots: Slots, weights: Floats) -> NDArray[np.bool_]:

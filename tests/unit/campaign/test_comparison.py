@@ -13,13 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tgospa_eval.campaign import solvers
-from tgospa_eval.campaign import solvers as runs
 from tgospa_eval.campaign.solvers import called, contradictions, errors, referee
 from tgospa_eval.common.interval import Interval, equal, excess, less, narrowest, overlap, places
-from tgospa_eval.errors import SolverError
+from tgospa_eval.common.progress import Progress
 from tgospa_eval.evaluation.prepare import Prepared
-from tgospa_eval.reports.files import csv_text
-from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
+from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text, csv_text
 from tgospa_eval.results.records import Json
 from tgospa_eval.solvers import Solver
 
@@ -90,10 +88,12 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Run solvers in this process, with a change to what they answer."""
 
     def here(change: Callable[[Solver, Json], Json] = lambda _, made: made) -> None:
-        def run(prepared: Prepared, solver: Solver) -> Json:
-            return change(solver, runs.run_here(prepared, solver))
+        run_here = solvers.run_here
 
-        monkeypatch.setattr(solvers.compare_solvers, "__defaults__", (run, lambda _: None))
+        def run(prepared: Prepared, solver: Solver, progress: Progress) -> Json:
+            return change(solver, run_here(prepared, solver, progress))
+
+        monkeypatch.setattr(solvers, "run_here", run)
 
     return here
 
@@ -134,13 +134,16 @@ def test_one_that_fails_leaves_the_others(write: Write, invoke: Invoke, here) ->
 
 
 def test_errors_are_against_what_all_prove() -> None:
-    proven = [("a", bracket(90, 100)), ("b", bracket(80, 96)), ("failed", None)]
-    known = referee(proven)
+    a, b, lost = (
+        {"name": name, "total_lower": lower, "total": upper}
+        for name, lower, upper in (("a", 90, 100), ("b", 80, 96), ("failed", None, None))
+    )
+    known = referee([a, b, lost])
     assert known == bracket(90, 96)
-    assert errors(bracket(90, 100), known)[0] == pytest.approx(10 / 90)
-    assert errors(bracket(80, 96), known)[1] == pytest.approx(16 / 96)
-    assert errors(None, known) == (None, None)
-    assert not contradictions(proven)
+    assert errors(a, known)[0] == pytest.approx(10 / 90)
+    assert errors(b, known)[1] == pytest.approx(16 / 96)
+    assert errors(lost, known) == (None, None)
+    assert not contradictions([a, b, lost])
 
 
 def test_exact_is_left_out_where_it_is_slow(
@@ -155,23 +158,6 @@ def test_exact_is_left_out_where_it_is_slow(
     assert "exact left out: 123,456 reduced states" in answer.out
     asked = invoke("compare", *paths, "--solvers", "exact")
     assert "left out" not in asked.out
-
-
-def test_a_process_that_dies_is_told(write: Write, invoke: Invoke, monkeypatch) -> None:
-    monkeypatch.setattr(runs.sys, "executable", "/bin/false")
-    paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
-    answer = invoke("compare", *paths, "--solvers", "certified", "-q")
-    assert answer.status == 4
-    assert answer.err == (
-        "certified: failed: its process ended without an answer; out of memory perhaps\n"
-    )
-    assert "No solver has an answer" in answer.out
-
-
-def test_what_nobody_expects_in_a_process_is_told_as_such(monkeypatch) -> None:
-    """The worker asks the solver for its name, which this one has not."""
-    with pytest.raises(SolverError, match=r"AttributeError: .*; this is an error of this program"):
-        runs.run_apart(None, object())
 
 
 @pytest.mark.parametrize(

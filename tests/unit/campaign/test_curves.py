@@ -11,7 +11,7 @@ from scipy import stats
 
 from tgospa_eval.campaign.curves import rms_curves
 from tgospa_eval.campaign.statistics import intervals
-from tgospa_eval.campaign.store import StoredSteps
+from tgospa_eval.campaign.store import COST_COLUMNS, CURVE_COLUMNS
 from tgospa_eval.cli.batch import BAND_KINDS
 from tgospa_eval.reports.curves import BANDS, BandKind, RmsCurve, curves_csv, curves_json
 from tgospa_eval.results.records import PARTS
@@ -27,7 +27,7 @@ def rows(trackers: str, order: float = 2.0, steps: int = 1) -> pd.DataFrame:
     return pd.DataFrame([{"label.tracker": t} | same for t in trackers])
 
 
-def stored(*runs: Steps, horizon: int = 0, traced: bool = False) -> StoredSteps:
+def stored(*runs: Steps, horizon: int = 0, traced: bool = False) -> pd.DataFrame:
     """Steps of runs: a quarter of the cost is localisation, the rest false.
 
     Of each the first `horizon` are no stamps of the truth. The value of the steps up to each is the
@@ -37,16 +37,18 @@ def stored(*runs: Steps, horizon: int = 0, traced: bool = False) -> StoredSteps:
     total = np.array([cost for run in runs for cost in run.values()], float)
     none = np.zeros(len(total))
     value = number + 1.0 if traced else np.full(len(total), np.nan)
-    return StoredSteps(
-        job=np.repeat(np.arange(len(runs)), [len(run) for run in runs]),
-        steps=np.maximum(number + 1 - horizon, 0),
-        times=np.array([t for run in runs for t in run], object),
-        costs=np.stack([total, total / 4, none, 3 * total / 4, none]),
-        curve=np.array([value, 0.9 * value, value]),
-    )
+    table = {
+        "job": np.repeat(np.arange(len(runs)), [len(run) for run in runs]),
+        "steps": np.maximum(number + 1 - horizon, 0),
+        "t": np.array([t for run in runs for t in run], object),
+    }
+    costs = total, total / 4, none, 3 * total / 4, none
+    bounds = value, 0.9 * value, value
+    table |= zip((*COST_COLUMNS, *CURVE_COLUMNS), (*costs, *bounds), strict=True)
+    return pd.DataFrame(table)
 
 
-def curves(steps: StoredSteps, count: int, **settings: BandKind) -> dict[str, RmsCurve]:
+def curves(steps: pd.DataFrame, count: int, **settings: BandKind) -> dict[str, RmsCurve]:
     """Those of one group by kind."""
     found, _ = rms_curves(rows("a" * count), steps, [], **settings)
     return {curve.kind: curve for curve in found}
@@ -135,7 +137,7 @@ def test_runs_without_steps() -> None:
     (note,) = notes
     assert "all jobs: of 1 of 3 runs no steps are stored, and these do not count" in note
     steps = stored({"1": 4}, {"1": 4}, traced=True)
-    steps.curve[:, 1] = np.nan
+    steps.loc[1, list(CURVE_COLUMNS)] = np.nan
     found, notes = rms_curves(rows("aa"), steps, [])
     assert [(curve.kind, curve.runs) for curve in found] == [
         ("step", 2), ("cumulative", 2), ("growing", 1)

@@ -19,7 +19,7 @@ from tgospa_eval.campaign.gate_report import (
     summary,
     table,
 )
-from tgospa_eval.campaign.outcome import PairOutcome, Report, ValueChange
+from tgospa_eval.campaign.outcome import PairOutcome, Report
 from tgospa_eval.campaign.rules import STATUS, Value, Verdict, judge, parse_rule
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import visible
@@ -98,10 +98,7 @@ def test_table_has_lines_of_its_own_only() -> None:
 
 def test_table_of_an_update() -> None:
     verdict = Verdict.UPDATED
-    changes = (
-        ValueChange(path="total", old=1.0, new=2e-300),
-        ValueChange(path="by_class.a.tgospa", old=None, new=3.0),
-    )
+    changes = {"total": (1.0, 2e-300), "by_class.a.tgospa": (None, 3.0)}
     found = report(
         PairOutcome(
             name="x", truth="t", estimate="e", verdict=verdict, status=0, changes=changes

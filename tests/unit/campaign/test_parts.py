@@ -1,4 +1,4 @@
-"""Parts of a store: many are made one, and nobody who reads meanwhile notices."""
+"""Parts of a store: they appear whole, and all are read as one."""
 
 import errno
 from pathlib import Path
@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from tgospa_eval.campaign import store as module
 from tgospa_eval.campaign.store import SCHEMA, Store
 from tgospa_eval.errors import ConfigError, InputError
 
@@ -31,51 +30,9 @@ def names(store: Store) -> list[str]:
     return sorted(path.name for path in (store.folder / "jobs").iterdir())
 
 
-def test_many_parts_become_one(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = store.rows()
-    assert before["tgospa"].tolist() == [1.5, 2.5, 3.5]
-    store.join()
+def test_later_rows_of_a_job_count(store: Store) -> None:
     assert len(names(store)) == 3
-    monkeypatch.setattr(module, "MANY_PARTS", 2)
-    store.join()
-    assert len(names(store)) == 1
-    assert store.rows().equals(before)
-
-
-def test_joining_that_is_broken_off_loses_nothing(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    before = store.rows()
-    monkeypatch.setattr(module, "MANY_PARTS", 2)
-    removed: list[Path] = []
-
-    def killed(path: Path, missing_ok: bool = False) -> None:
-        if missing_ok:  # of what was written beside
-            return
-        removed.append(path)
-        if len(removed) == 2:
-            raise KeyboardInterrupt
-
-    with monkeypatch.context() as patched:
-        patched.setattr(Path, "unlink", killed)
-        with pytest.raises(KeyboardInterrupt):
-            store.join()
-    assert len(names(store)) == 4
-    assert store.rows().equals(before)
-    store.join()
-    assert len(names(store)) == 1
-    assert store.rows().equals(before)
-
-
-def test_who_reads_while_parts_are_joined_reads_again(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    before, listed = store.rows(), store._parts()
-    monkeypatch.setattr(module, "MANY_PARTS", 2)
-    store.join()
-    answers = [listed, store._parts()]
-    monkeypatch.setattr(store, "_parts", lambda: answers.pop(0))
-    assert store.rows().equals(before)
+    assert store.rows()["tgospa"].tolist() == [1.5, 2.5, 3.5]
 
 
 def test_a_damaged_part_is_named(store: Store) -> None:

@@ -15,7 +15,7 @@ import pytest
 from answer import Answer
 
 from tgospa_eval.campaign import study
-from tgospa_eval.campaign.study import LOG_NAME, Log, spread
+from tgospa_eval.campaign.study import LOG_NAME, Log, opened, spread
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.simulation import Scene, Tracker
 
@@ -166,7 +166,7 @@ def test_damaged_and_foreign_files_are_refused(tmp_path: Path, invoke: Invoke) -
         answer = invoke(*small)
         assert (answer.status, "line 2: no record of this study" in answer.err) == (2, True)
     missing = json.loads(whole)
-    missing["runs"][0].pop("upper")
+    missing["runs"][0].pop("total")
     (tmp_path / LOG_NAME).write_text(f"{header}\n{json.dumps(missing)}\n", encoding="utf-8")
     assert "line 2: no record of this study" in invoke(*small).err
     assert (tmp_path / "notes.txt").read_text(encoding="utf-8") == "mine"
@@ -186,8 +186,8 @@ def test_failing_and_contradicting_scenes_are_counted(
             raise MemoryError
         return kept["prepare"](*sides, **options)
 
-    def run_here(prepared, solver):
-        made = kept["run_here"](prepared, solver)
+    def run_here(prepared, solver, progress):
+        made = kept["run_here"](prepared, solver, progress)
         if solver.name == "sinkhorn" and at[0] == 2:
             raise SolverError("gave up")
         if solver.name == "sinkhorn" and at[0] == 3:
@@ -222,16 +222,18 @@ def test_foreign_files_are_left_as_they_are(content: str, tmp_path: Path) -> Non
         Log(str(tmp_path), {"solvers": []})
     assert (tmp_path / LOG_NAME).read_text(encoding="utf-8") == content
     (tmp_path / LOG_NAME).write_text('{"mach', encoding="utf-8")
-    with Log(str(tmp_path), {"solvers": []}):
-        assert json.loads((tmp_path / LOG_NAME).read_text(encoding="utf-8"))["settings"]
+    Log(str(tmp_path), {"solvers": []})
+    assert json.loads((tmp_path / LOG_NAME).read_text(encoding="utf-8"))["settings"]
 
 
 def test_one_process_at_a_time(tmp_path: Path) -> None:
-    with Log(str(tmp_path), {"solvers": []}) as log:
-        with pytest.raises(ConfigError, match="another process is at this study"):
-            Log(str(tmp_path), {"solvers": []})
+    with opened(str(tmp_path), {"solvers": []}) as log:
+        with (
+            pytest.raises(ConfigError, match="another process is at work on it"),
+            opened(str(tmp_path), {"solvers": []}),
+        ):
+            pass
         assert log.known == {}
-    Log(str(tmp_path), {"solvers": []}).close()
 
 
 def test_report(tmp_path: Path, invoke: Invoke) -> None:

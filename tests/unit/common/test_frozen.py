@@ -56,6 +56,21 @@ class Plain:
     a: int
 
 
+@frozen.dataclass(frozen=True)
+class Named:
+    """Has a representation of its own."""
+
+    a: int
+
+    def __repr__(self) -> str:
+        return f"the {self.a}"
+
+
+def test_a_representation_of_its_own_stays() -> None:
+    assert repr(Named(3)) == "the 3"
+    assert repr(Plain(3)).startswith("<")
+
+
 @pytest.mark.parametrize(
     ("which", "positional", "values"),
     [

@@ -372,7 +372,7 @@ def test_refused_later() -> None:
     with pytest.raises(ConfigError, match="given twice"):
         evaluate(table(TRUTH), table(ESTIMATE), slices=["x", "x"])
     for wrong in (3, ["x", 3]):
-        with pytest.raises(ConfigError, match="slices is .*3.*: must be a text, or several"):
+        with pytest.raises(ConfigError, match=r"slices is .*3.*: must be a text, or several"):
             evaluate(table(TRUTH), table(ESTIMATE), slices=wrong)  # type: ignore[arg-type]
     result = evaluate(table(TRUTH), table(ESTIMATE), 2, 1, 1)
     with pytest.raises(ConfigError, match="neither side has such a column"):

@@ -189,7 +189,7 @@ def test_a_plain_name_goes_before_aliases(write: Write) -> None:
     ("header", "row", "items"),
     [
         ("trk,clock,px,py", "a,1,2,3", "id=trk,t=clock,x=px,y=py"),
-        ("no,name,secs,gps_east,gps_north", "1,b,2,3,4", "id=name,t=secs,x=gps_east,y=gps_north"),
+        ("name,secs,gps_east,gps_north", "b,2,3,4", "id=name,t=secs,x=gps_east,y=gps_north"),
         ("vx,vy,x1,y1,who,when", "0,0,1,1,a,2024-01-01", "id=who,t=when,x=x1,y=y1"),
         ("my id,t,a x,a y", "a,1,2,3", "id=my id,x=a x,y=a y"),
     ],
@@ -203,9 +203,9 @@ def test_missing_columns_are_guessed(write: Write, header: str, row: str, items:
 @pytest.mark.parametrize(
     ("header", "said"),
     [
-        ("a,b,c,d", "rename one, or map it with columns=('id=HEADER',)"),
-        ("scan,range_m", "try columns=('t=scan',); id, position must be added: rows without ids"),
-        ("timestamp tx ty tz qx", "try columns=('x=tx', 'y=ty', 'z=tz'); id must be added"),
+        ("a,b,c,d", "map it with columns=('id=HEADER', 't=HEADER', 'x=HEADER', 'y=HEADER'); rows"),
+        ("scan,range_m", "columns=('id=HEADER', 't=scan', 'x=HEADER', 'y=HEADER'); rows without"),
+        ("timestamp tx ty tz qx", "map it with columns=('id=HEADER', 'x=tx', 'y=ty'); rows"),
     ],
 )
 def test_what_headers_do_not_hint_at_is_not_guessed(write: Write, header: str, said: str) -> None:
@@ -351,7 +351,6 @@ def test_two_parts_of_a_stamp(write: Write, header: str, remedy: str) -> None:
         ("0 1 2 3\n", "line 1: columns separated by blanks, without a header; begin with a line"),
         ("id t x\na 1\n", "line 2: 2 fields, the header has 3"),
         ("id t x\n#a 1 2\nb 1 2\n", "line 2: a comment, not a row, or an id"),
-        ("id,t,x\n#1,1,2\n#2,1\n", "line 3: 2 fields, the header has 3"),
         ("id|t|x\na|1|2\n", "line 1: columns separated by vertical bars"),
         ('[{"id": 0, "t": 0}, {"id": 1, "t": 0}]', "line 1: JSON, not a table"),
         ('{"id": 0, "t": 0, "x": 1}\n', "line 1: JSON, not a table"),
@@ -439,11 +438,6 @@ def test_ids_of_tables_by_blanks(write: Write) -> None:
 def test_all_ids_may_begin_like_comments(write: Write) -> None:
     path = write("a.csv", "id,t,x\n#1,1,2\n#2,1,3\n")
     assert rows_of(read_trajectories(path)) == {("#1", 1): (2.0,), ("#2", 1): (3.0,)}
-
-
-def test_a_stamp_without_its_second_part(write: Write) -> None:
-    path = write("a.csv", "id,stamp,nsecs,x\na,1,0,2\na,1,5,3\na,2,0,3\na,2,5,3\n")
-    assert '"stamp" and "nsecs" are two parts of one time stamp' in refusal(path)[0]
 
 
 def test_decimal_comma_in_quotes_between_commas(write: Write) -> None:
@@ -809,7 +803,7 @@ def test_options_that_mean_nothing(option: dict[str, str]) -> None:
         pytest.param(
             "id,t,x\na,1,1\na,2\na,3,1\na,4,1,1\n",
             ", line 3: ",
-            ("2 fields", "header has 3", "and 1 more", "; "),
+            ("2 fields", "header has 3", "; "),
             id="row too short",
         ),
         pytest.param(
@@ -839,7 +833,7 @@ def test_options_that_mean_nothing(option: dict[str, str]) -> None:
         pytest.param(
             "id,t,x,class\na,1,2,car,5\na,2,2\n",
             ", line 2: ",
-            ("5 fields", "header has 4", "and 1 more", "; "),
+            ("5 fields", "header has 4", "; "),
             id="a row too long and a row too short",
         ),
         pytest.param(

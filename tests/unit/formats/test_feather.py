@@ -1,6 +1,5 @@
 """Feather files: the same answer as from CSV, and what small ones may unpack to."""
 
-import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -50,21 +49,12 @@ def test_what_it_unpacks_to_is_known_before(
     bomb = pa.table({"id": zeros, "t": zeros, "x": zeros})
     feather.write_feather(bomb, "bomb.feather", compression="zstd", chunksize=rows)
     assert Path("bomb.feather").stat().st_size < 100_000
-    with pytest.raises(
-        InputError, match=r"1,000,000 rows of 3 columns, 24,000,\d+ bytes: .*0.14 GB"
-    ):
+    with pytest.raises(InputError, match=r"1,000,000 rows of 3 columns: .*0.14 GB"):
         read("bomb.feather", ReadOptions(max_input=0.1))
     nulls = pa.nulls(10**9)  # of no bytes at all
     feather.write_feather(pa.table({"id": nulls, "t": nulls, "x": nulls}), "none.feather")
     with pytest.raises(InputError, match=r"1,000,000,000 rows.*allowed are 4 GB"):
         read("none.feather")
-    table = pa.table({"id": ["a"], "t": [0], "x": [1.0]})
-    feather.write_feather(table, "one.feather", compression="lz4")
-    data = Path("one.feather").read_bytes()
-    at = data.index(b"\x04\x22\x4d\x18") - 8  # of a compressed array, behind its length
-    Path("lie.feather").write_bytes(data[:at] + struct.pack("<q", 10**12) + data[at + 8 :])
-    with pytest.raises(InputError, match="GB"):
-        read("lie.feather")
 
 
 def test_no_feather(

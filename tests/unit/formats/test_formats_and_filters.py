@@ -637,9 +637,11 @@ def test_faults_of_both_files_are_told(invoke: Run, write: Write) -> None:
     done = invoke(*wrong)
     assert done.status == 3
     first, second = done.err.splitlines()
-    assert first.endswith("try --truth-columns id=trk,t=clock,x=px,y=py")
+    assert first.endswith("map it with --truth-columns id=trk,t=clock,x=px,y=py")
     assert second.startswith(f'{wrong[1]}, line 2, column "y"')
-    assert invoke("inspect", wrong[0]).err.endswith("try --columns id=trk,t=clock,x=px,y=py\n")
+    assert invoke("inspect", wrong[0]).err.endswith(
+        "map it with --columns id=trk,t=clock,x=px,y=py\n"
+    )
 
 
 def test_what_is_left_out_is_recorded(invoke: Run, write: Write) -> None:

@@ -9,7 +9,6 @@ from strategies import scene
 
 from tgospa_eval import evaluate
 from tgospa_eval.problem import certificate
-from tgospa_eval.problem import slots as slots_module
 from tgospa_eval.problem import weights as weights_module
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.merging import merge_runs
@@ -158,7 +157,7 @@ def test_parts_change_nothing(seed: int, monkeypatch: pytest.MonkeyPatch) -> Non
     for solution in solutions(states, seed):
         whole, weights, split = certify(states, solution)
         with monkeypatch.context() as patch:
-            for module in (slots_module, weights_module, certificate):
+            for module in (weights_module, certificate):
                 patch.setattr(module, "PART", 16)
             bounds, again, steps = certify(states, solution)
         assert np.array_equal(weights, again)

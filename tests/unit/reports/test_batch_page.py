@@ -66,10 +66,12 @@ def test_parameters_that_differ_are_never_added_up() -> None:
         ("down", "across"), ["a", "b"], lambda _: "", ("order",),
     )  # fmt: skip
     assert made.rows == ["s order=1", "s order=2", "t order=-"]
-    values = [[cell and cell.value and cell.value.upper for cell in row] for row in made.cells]
+    values = [
+        [cell and cell["value"] and cell["value"].upper for cell in row] for row in made.cells
+    ]
     assert values == [[40, 30], [3, 4], [None, None]]
     # The largest value of each set of parameters is the darkest.
-    assert [[cell and cell.level for cell in row] for row in made.cells[:2]] == [[8, 0], [0, 8]]
+    assert [[cell and cell["level"] for cell in row] for row in made.cells[:2]] == [[8, 0], [0, 8]]
     assert made.scales == 2
 
 
@@ -82,18 +84,16 @@ def test_cells_have_brackets_shades_and_links() -> None:
     assert second is not None
     assert third is not None
     assert failed is not None
-    assert (first.best, second.best, third.best) == (True, False, True)
-    assert (first.level, second.level, third.level) == (6, 8, 0)
-    assert first.link == "s2"
-    assert (failed.value, failed.failed) == (None, 1)
-    assert first.value is not None
-    assert made.text(first.value) == "3.000"
+    assert (first["best"], second["best"], third["best"]) == (True, False, True)
+    assert (first["level"], second["level"], third["level"]) == (6, 8, 0)
+    assert first["link"] == "s2"
+    assert (failed["value"], failed["failed"]) == (None, 1)
+    assert made.text(first["value"]) == "3.000"
     # Brackets that overlap prove nothing of their order.
     wide = heat({("s", "a"): 9.0, ("s", "b"): 16.0}, width=8.0).cells[0]
-    assert [cell.best for cell in wide if cell] == [False, False]
+    assert [cell["best"] for cell in wide if cell] == [False, False]
     assert wide[1] is not None
-    assert wide[1].value is not None
-    assert made.text(wide[1].value) == "2.828 to 4.000"
+    assert made.text(wide[1]["value"]) == "2.828 to 4.000"
 
 
 def test_jobs_of_a_cell_are_added_and_have_no_link() -> None:
@@ -101,9 +101,8 @@ def test_jobs_of_a_cell_are_added_and_have_no_link() -> None:
     made = heat_of(both, ("down", "across"), ["a", "b"], lambda _: "x")
     cell = made.cells[0][0]
     assert cell is not None
-    assert cell.value is not None
-    assert cell.value.upper == pytest.approx(2.0)  # (8 / 2)^(1/2)
-    assert (cell.jobs, cell.link) == (2, "")
+    assert cell["value"].upper == pytest.approx(2.0)  # (8 / 2)^(1/2)
+    assert (cell["jobs"], cell["link"]) == (2, "")
     assert made.cells[0][1] is None
 
 

@@ -36,7 +36,7 @@ def swap() -> Result:
 
 def test_costs_and_tracks_are_those_of_the_result() -> None:
     result = swap()
-    data, _ = document(result)
+    data, _, _ = document(result)
     assert data["times"] == [0, 1, 2, 3]
     for name, costs in data["costs"].items():
         assert costs == pytest.approx(result.table("per_step")[name])
@@ -51,7 +51,7 @@ def test_costs_and_tracks_are_those_of_the_result() -> None:
 
 
 def test_lanes_are_runs_of_one_assignment() -> None:
-    _, arrays = document(swap())
+    _, arrays, _ = document(swap())
     runs = [arrays[f"truth/run/{name}"].tolist() for name in ("track", "begin", "end", "other")]
     assert list(zip(*runs, strict=True)) == [
         (0, 0, 1, 0),
@@ -67,7 +67,7 @@ def test_lanes_are_runs_of_one_assignment() -> None:
 def test_a_hole_in_a_trajectory_ends_a_run() -> None:
     truth = np.zeros((5, 1, 2))
     truth[2] = np.nan
-    _, arrays = document(evaluate(truth, truth, cutoff=1.0))
+    _, arrays, _ = document(evaluate(truth, truth, cutoff=1.0))
     assert arrays["truth/run/begin"].tolist() == [0, 3]
     assert arrays["truth/run/end"].tolist() == [1, 4]
 
@@ -90,7 +90,7 @@ def test_packing_is_undone() -> None:
 def test_positions_are_told_to_a_fraction_of_their_range() -> None:
     rng = np.random.default_rng(0)
     truth = rng.normal(1e6, 50, (20, 4, 3))
-    data, arrays = document(evaluate(truth, truth + 0.1, cutoff=5.0))
+    data, arrays, _ = document(evaluate(truth, truth + 0.1, cutoff=5.0))
     back = unpacked(packed(arrays), data["arrays"])
     for axis in range(3):
         told = data["low"][axis] + back[f"truth/row/{axis}"] * data["quantum"][axis]
@@ -106,9 +106,9 @@ def test_thinning_keeps_every_event(monkeypatch: pytest.MonkeyPatch) -> None:
     estimate[rng.random((300, 6)) < 0.05] = np.nan
     estimate[rng.random((300, 6)) < 0.03] += 500
     result = evaluate(truth, estimate, cutoff=2.0)
-    full, all_ = document(result)
+    full, all_, _ = document(result)
     monkeypatch.setattr(page_data, "VALUES", 800)
-    thin, arrays = document(result)
+    thin, arrays, _ = document(result)
     assert thin["stride"] > 1
     assert thin["rows"]["truth"][0] < full["rows"]["truth"][0] == thin["rows"]["truth"][1] == 1800
     for side in ("truth", "estimate"):

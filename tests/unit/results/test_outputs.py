@@ -15,7 +15,7 @@ import pytest
 
 from tgospa_eval import Result, Trajectories, __version__, evaluate, read_trajectories
 from tgospa_eval.reports import REPORTS
-from tgospa_eval.reports.files import csv_text
+from tgospa_eval.reports.tables import csv_text
 from tgospa_eval.results.records import Columns
 
 Invoke = Callable[..., Any]
@@ -365,15 +365,16 @@ def test_csv_is_per_step(sample: Result) -> None:
 def test_markdown(sample: Result) -> None:
     lines = REPORTS["markdown"](sample).splitlines()
     assert "41.788 m" in lines[0]
-    assert "c = 10, p = 2, gamma = 2" in lines[0]
-    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
-    assert {len(row) for row in cells} == {4}
+    assert lines[2] == "c = 10, p = 2, gamma = 2"
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[4:]]
+    assert cells[0] == ["part", "cost", "share", "count"]
     assert cells[2:] == [
-        ["localisation", "284.24", "16.3", ""],
-        ["missed", "1,050", "60.1", "21"],
-        ["false", "400", "22.9", "8"],
-        ["switch", "12", "0.7", "3"],
-        ["total", "1,746.24", "100", ""],
+        ["localisation", "284.24", "16.3 %", ""],
+        ["missed", "1,050", "60.1 %", "21"],
+        ["false", "400", "22.9 %", "8"],
+        ["switch", "12", "0.7 %", "3"],
+        ["total", "1,746.24", "100.0 %", ""],
+        ["TGOSPA", "41.788", "", ""],
     ]
 
 
@@ -382,10 +383,10 @@ def test_markdown_splits_localisation_of_normal_laws() -> None:
     law = Trajectories.from_array(np.full((1, 1, 2), 0.6), covariance=0.5 * np.eye(2))
     result = evaluate(truth, law, 10.0, distance="gaussian-wasserstein")
     lines = REPORTS["markdown"](result).splitlines()
-    assert lines[4:7] == [
-        "| localisation | 1.72 | 100.0 |  |",
-        "| of which means | 0.72 | 41.9 |  |",  # 2 * 0.6^2
-        "| of which spread | 1 | 58.1 |  |",  # the trace
+    assert lines[6:9] == [
+        "| localisation | 1.72 | 100.0 % |  |",
+        "| of which means | 0.72 | 41.9 % |  |",  # 2 * 0.6^2
+        "| of which spread | 1 | 58.1 % |  |",  # the trace
     ]
 
 
@@ -396,11 +397,11 @@ def test_latex(sample: Result) -> None:
     rows = [line.removesuffix(r"\\").split("&") for line in lines if line.endswith(r"\\")]
     assert {len(row) for row in rows} == {4}
     assert [[cell.strip() for cell in row] for row in rows[1:]] == [
-        ["localisation", "284.24", "16.3", ""],
-        ["missed", "1,050", "60.1", "21"],
-        ["false", "400", "22.9", "8"],
-        ["switch", "12", "0.7", "3"],
-        ["total", "1,746.24", "100", ""],
+        ["localisation", "284.24", r"16.3 \%", ""],
+        ["missed", "1,050", r"60.1 \%", "21"],
+        ["false", "400", r"22.9 \%", "8"],
+        ["switch", "12", r"0.7 \%", "3"],
+        ["total", "1,746.24", r"100.0 \%", ""],
         ["TGOSPA", "41.788", "", ""],
     ]
     assert [line for line in lines if line.startswith((r"\begin", r"\end"))] == [

@@ -1,7 +1,5 @@
 """Long recordings: what grows with them, and pieces of them that are solved apart."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from fallback import without_kernels
@@ -9,7 +7,6 @@ from strategies import scene
 
 import tgospa_eval.solvers.certified as certified_module
 import tgospa_eval.solvers.exact as exact_module
-import tgospa_eval.solvers.lp_rounds as lp_rounds_module
 import tgospa_eval.solvers.restricted_lp as restricted_lp_module
 import tgospa_eval.solvers.whole_lp as whole_lp_module
 from tgospa_eval import Certified, Exact, Sinkhorn, evaluate
@@ -91,11 +88,10 @@ def test_windows_and_groups_give_the_same_number(monkeypatch: pytest.MonkeyPatch
         return solve_restricted_lp(states, free, *rest, **told)  # type: ignore[arg-type]
 
     monkeypatch.setattr(restricted_lp_module, "solve_restricted_lp", noting)
-    programmes = replace(PROGRAMMES, group=100, early_states=400)
-    narrow = replace(WINDOWS, undecided=100, large=500)
-    for module in (lp_rounds_module, certified_module):
-        monkeypatch.setattr(module, "PROGRAMMES", programmes)
-        monkeypatch.setattr(module, "WINDOWS", narrow)
+    small = {"group": 100, "early_states": 400}, {"undecided": 100, "large": 500}
+    for settings, values in zip((PROGRAMMES, WINDOWS), small, strict=True):
+        for name, value in values.items():
+            monkeypatch.setattr(settings, name, value)
     parted = evaluate(truth, estimate, 5.0, 2, 2.0, solver=Certified(jobs=1))
     assert plain.solver["status"] == parted.solver["status"] == "solved"
     assert parted.proof.bounds.upper == pytest.approx(plain.proof.bounds.upper, rel=1e-9)

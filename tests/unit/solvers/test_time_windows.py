@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from strategies import dice, scene
 
-import tgospa_eval.solvers.time_windows as time_windows_module
 from tgospa_eval import Certified, Result, evaluate
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.problem.certificate import certify
@@ -15,7 +14,6 @@ from tgospa_eval.problem.solution import Bounds
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.schedule import TIME_WINDOWS
 from tgospa_eval.solvers.time_windows import Division, divisible_blocks
-from tgospa_eval.solvers.warm_start import WarmStart
 
 pytestmark = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
 
@@ -24,8 +22,9 @@ Sides = tuple[np.ndarray, np.ndarray]
 
 def divide(patch: pytest.MonkeyPatch, *, shortest: int = 5, overlap: int = 2) -> None:
     """Let every block of two rows that compete go through windows of so many steps."""
-    small = replace(TIME_WINDOWS, least=1, steps=2, size=1, shortest=shortest, overlap=overlap)
-    patch.setattr(time_windows_module, "TIME_WINDOWS", small)
+    small = {"least": 1, "steps": 2, "size": 1, "shortest": shortest, "overlap": overlap}
+    for name, value in small.items():
+        patch.setattr(TIME_WINDOWS, name, value)
 
 
 def whole(sides: Sides, switch_penalty: float = 2.0, cutoff: float = 5.0) -> Result:
@@ -46,7 +45,7 @@ def crossing(steps: int = 40) -> Sides:
 def joined(states: States) -> Bounds:
     """What windows prove of a problem with one block before anything is repaired."""
     division = Division(states)
-    for window in division.windows():
+    for window in division.windows:
         piece = division.cut(window)
         found = Certified()(piece, Stopwatch())
         division.take(window, piece, found.weights, found.prices)
@@ -79,19 +78,17 @@ def test_windows_of_any_length_and_overlap_find_the_optimum(
 
 def test_windows_are_asked_and_cover_the_block(monkeypatch: pytest.MonkeyPatch) -> None:
     divide(monkeypatch)
-    asked: list[WarmStart] = []
-    start = time_windows_module.Divided.start
-    monkeypatch.setattr(
-        time_windows_module.Divided, "start", lambda self: asked.append(start(self)) or asked[-1]
-    )
+    asked: list[np.ndarray] = []
+    join = Division.join
+    monkeypatch.setattr(Division, "join", lambda self: asked.append(join(self)) or asked[-1])
     sides = scene(3, 6, 6, 40, side=8.0)
     states = whole(sides).proof.states
     assert len(asked) == len(divisible_blocks(states)) > 0
-    windows = Division(states.between(0, 1)[0]).windows()
+    windows = Division(states.between(0, 1)[0]).windows
     assert len(windows) > 3
-    assert [w.begin for w in windows[1:]] == [w.end for w in windows[:-1]]
-    assert (windows[0].begin, windows[-1].end) == (states.block_begin[0], states.block_end[0] + 1)
-    assert all(w.first <= w.begin - 2 and w.stop >= w.end + 2 for w in windows[1:-1])
+    assert [begin for begin, *_ in windows[1:]] == [end for _, end, *_ in windows[:-1]]
+    assert (windows[0][0], windows[-1][1]) == (states.block_begin[0], states.block_end[0] + 1)
+    assert all(first <= low - 2 and stop >= high + 2 for low, high, first, stop in windows[1:-1])
 
 
 @pytest.mark.parametrize("overlap", [1, 3])

@@ -1,7 +1,7 @@
 """A comparison to stdout, and to the folder that was asked for."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from typing import TypeVar
 
@@ -14,7 +14,7 @@ from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.campaign.pairs import compared_runs, short_names
 from tgospa_eval.campaign.ranking import steps_columns, steps_costs
 from tgospa_eval.campaign.solvers import check_solvers
-from tgospa_eval.campaign.study import Log, Study, carry_out, machine, study_document
+from tgospa_eval.campaign.study import Study, carry_out, machine, opened, study_document
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, shielded
 from tgospa_eval.cli.shared.values import OutputOptions
@@ -26,7 +26,8 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.guess import file_of
 from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
 from tgospa_eval.reports.comparison import opposed, pairs_columns, render, study_report
-from tgospa_eval.reports.files import COMPARISON, STUDY, Files, csv_text, probe_folder
+from tgospa_eval.reports.files import COMPARISON, STUDY, Files, probe_folder
+from tgospa_eval.reports.tables import csv_text
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.simulation import COLUMNS, Scene
 from tgospa_eval.simulation.settings import usual_tracker
@@ -136,13 +137,13 @@ def numbers(option: str, text: str, parse: Callable[[str], Number | None]) -> li
     return found
 
 
-def check_files(paths: Sequence[str]) -> None:
-    """See that all are there before any is read.
+def pair_reader(request: Request, output: OutputOptions, paths: Iterable[str]) -> PairReader:
+    """What reads these files, once all are there and the folder can be written.
 
     Raises
     ------
-    InputError
-        One is missing, or a folder.
+    TgospaError
+        A file is missing, or a folder; the folder cannot be written, an option has no meaning.
     """
     for path in paths:
         place = find_place(path)
@@ -150,19 +151,12 @@ def check_files(paths: Sequence[str]) -> None:
             raise InputError(place.message)
         if path != STDIN and not os.path.lexists(file_of(path)):
             raise InputError(f"{path or quoted(path)}: no such file")
-
-
-def check_folder(output: OutputOptions) -> None:
-    """See that the folder can be written, before any work is done."""
     if output.output is not None:
         probe_folder(output.output, COMPARISON, force=output.force)
-
-
-def _stopwatch(output: OutputOptions) -> Stopwatch:
     stopwatch = Stopwatch()
     if not output.quiet:
         stopwatch.notify = print_notice
-    return stopwatch
+    return PairReader(make_settings(request), stopwatch, notifier(quiet=output.quiet))
 
 
 # -------------------------------------------------------------------------------------------------
@@ -194,16 +188,12 @@ def compare_estimates(
     runs, estimates, notices = compared_runs(files[0], files[1:], output.output)
     for text in () if output.quiet else notices:
         print_notice(text)
-    check_files([path for truth, paths in runs for path in (truth, *paths)])
+    pairs = pair_reader(request, output, (path for truth, own in runs for path in (truth, *own)))
     names = short_names(estimates)
-    check_folder(output)
-    settings, stopwatch = make_settings(request), _stopwatch(output)
 
     def work() -> Ranked:
-        pairs = PairReader(settings, stopwatch, notifier(quiet=output.quiet))
-        found = ranked(
-            pairs, runs, names, solver, per_step=per_step, with_=settings.evaluation.with_
-        )
+        with_ = pairs.settings.evaluation.with_
+        found = ranked(pairs, runs, names, solver, per_step=per_step, with_=with_)
         whole, some = found[0]["runs"], len(found[1])
         if whole < len(runs) or some < len(names):
             print_notice(
@@ -212,12 +202,13 @@ def compare_estimates(
             )
         return found
 
-    return show_ranking(run(work, stopwatch, show=not output.quiet), output)
+    return show_ranking(run(work, pairs.stopwatch, show=not output.quiet), output)
 
 
 def compare_saved(files: Sequence[str], output: OutputOptions) -> bool:
     """Rank saved results by their proven brackets; whether all did what was asked of them."""
-    check_folder(output)
+    if output.output is not None:
+        probe_folder(output.output, COMPARISON, force=output.force)
     return show_ranking(rank_saved(files, notifier(quiet=output.quiet)), output)
 
 
@@ -265,15 +256,12 @@ def compare_files(
         An option has no meaning, or a file cannot be read.
     """
     chosen = make_solvers(request, solvers, epsilon, ",".join(SOLVERS))
-    check_files(files)
-    check_folder(output)
-    settings, stopwatch = make_settings(request), _stopwatch(output)
-
-    def work() -> Json:
-        pairs = PairReader(settings, stopwatch, notifier(quiet=output.quiet))
-        return solvers_on(pairs, files[0], files[1], chosen, spare=solvers is None)
-
-    answer = run(work, stopwatch, show=not output.quiet)
+    pairs = pair_reader(request, output, files)
+    answer = run(
+        lambda: solvers_on(pairs, files[0], files[1], chosen, spare=solvers is None),
+        pairs.stopwatch,
+        show=not output.quiet,
+    )
     show(answer, output, lambda: solver_pictures(answer))
     if not answer["agree"]:
         print_notice(
@@ -331,7 +319,7 @@ def study_sizes(
     stopwatch = Stopwatch()
     for notice in slow_notice():
         notifier(quiet=quiet)(notice)
-    with nullcontext() if folder is None else Log(folder, study.settings) as log:
+    with nullcontext() if folder is None else opened(folder, study.settings) as log:
 
         def work() -> Json:
             def notify(text: str, share: float) -> None:

@@ -18,8 +18,10 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots.comparison import sweep_figure
-from tgospa_eval.reports.files import SWEEP, Files, csv_text, probe_folder
-from tgospa_eval.reports.sweep import render
+from tgospa_eval.reports import rendered
+from tgospa_eval.reports.files import SWEEP, Files, probe_folder
+from tgospa_eval.reports.sweep import sweep_document
+from tgospa_eval.reports.tables import csv_text
 from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.text import quoted
 
@@ -195,4 +197,4 @@ def _show(found: Sweep, output: OutputOptions, wanted: "Pictures | None") -> Non
         return files
 
     write_output(output, SWEEP, make)
-    emit(render(found, output.format_), output.format_)
+    emit(rendered(found, output.format_, sweep_document(found)), output.format_)

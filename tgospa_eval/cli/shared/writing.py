@@ -56,7 +56,7 @@ def write_output(
     with shielded():
         written = write_texts(files, folder, kind, force=output.force)
     if not output.quiet:
-        print_notice(str(written))
+        print_notice(written)
 
 
 def _made(
@@ -160,11 +160,8 @@ def write_folder(
     missing = wanted is not None and not plots.available()
 
     def make(notify: Callable[[str, float], None]) -> Files:
-        from tgospa_eval.reports.page_data import document  # here: for folders only
-
         notify("report.html", 0.0)
-        drawn = document(result)
-        texts = result_texts(result, names, drawn)
+        texts = result_texts(result, names)
         if output.proof:
             from tgospa_eval.reports.proofs import proof_files  # here: only where asked for
 
@@ -175,7 +172,7 @@ def write_folder(
             return texts
         from tgospa_eval.plots.result_pictures import result_pictures
 
-        return {**texts, **result_pictures(result, wanted, notify, drawn)}
+        return {**texts, **result_pictures(result, wanted, notify)}
 
     write_output(output, RESULT, make)
     if missing and not output.quiet:

@@ -150,7 +150,7 @@ FRACTIONS = {
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds"), 9),
     **dict.fromkeys(("us", "usec", "usecs", "microsec", "microsecs", "microseconds"), 6),
 }
-"""Units of the second part of a stamp whose first are seconds: digits."""
+"""Last words of headers that are the second part of a stamp whose first are seconds: digits."""
 
 DEGREES = ("deg", "degs", "degree", "degrees", "wgs84")
 UNITS = {
@@ -161,23 +161,19 @@ UNITS = {
 """Last words of headers that are no part of the name; lat_rad is no latitude in degrees."""
 
 HINTS = {
-    "id": ("id", "mmsi", "track", "trk", "obj", "target", "name", "who", "number", "no", "num"),
-    "t": ("time", "stamp", "frame", "date", "sec", "scan", "epoch", "clock", "when"),
-    "lat": ("lat",),
-    "lon": ("lon", "lng"),
+    "id": "id$|mmsi|track|trk|obj|target|name|who",
+    "t": "time|stamp|frame|date|sec|scan|epoch|clock|when",
 }
-"""Parts of headers that may be meant, from the most telling on."""
+"""What headers have that may be meant where no alias is found."""
 
 AXIS_PAIRS = (("x", "y"), ("east", "north"), ("lat", "lon"))
 """In what the two headers of a position differ."""
 
-SCORE = (
-    r"conf|score|prob|likelihood|exist|certainty|quality|class|category|objectness|snr|^rcs|rcs$|"
-    r"numpoints|npoints|numpts|intensity|amplitude|power"
+NO_HINT = (
+    "conf|score|prob|exist|quality|class|ness|"
+    "^d?v|vel|speed|acc|size|std|cov|var|rho|sigma|err|min|max|width|height"
 )
-"""In headers of what is measured of an object or shared by many, and so no id."""
-
-NO_PLACE = r"^d?v|vel|speed|acc|size|dim|std|cov|var|rho|sigma|err|min|max|width|height"
+"""In headers of what is measured beside ids, times and places, and so none of these."""
 
 
 class Headers:
@@ -243,15 +239,6 @@ class Headers:
             taken = quoted(self.names[found])
             yield f"{name} is read from {taken}, not from {passed}; {remedy} reads that"
 
-    def stamp(self, names: Sequence[str]) -> str:
-        """What to do about two of these headers that are one stamp, as secs and nsecs; or blank."""
-        words = {name: re.findall(r"[^\W_]+", name.casefold()) for name in names}
-        whole = {tuple(w[:-1]): name for name, w in words.items() if w[-1:] and w[-1] in SECONDS}
-        for name, found in words.items():
-            if fraction(name) and tuple(found[:-1]) in whole:
-                return one_stamp(whole[tuple(found[:-1])], name)
-        return ""
-
     def _places(self, name: str) -> list[int]:
         """Positions of all headers that may be a column, the most usual first."""
         units = UNITS.get(name, ())
@@ -268,11 +255,7 @@ class Headers:
             alike = " and ".join(quoted(self.names[k]) for k in sorted(places))
             both = "both" if len(places) == 2 else "all"
             remedy = ask(self.option, [f"{name}={self.names[places[0]]}"])
-            parts = self.stamp([self.names[k] for k in places]) if name == "t" else ""
-            also = f"; or, where {parts}" if parts else ""
-            raise InputError(
-                f"{self.where}: {alike} may {both} be {name}; say which, {remedy}{also}"
-            )
+            raise InputError(f"{self.where}: {alike} may {both} be {name}; say which, {remedy}")
         return places[0] if places else None
 
     @property
@@ -280,47 +263,44 @@ class Headers:
         """The headers, if not too many."""
         return listed(self.names)
 
-    def nearest(self, header: str) -> str | None:
-        """The header that is most like one that is not there."""
-        from difflib import get_close_matches  # here: for mistakes only
+    def guess(self, wanted: Sequence[str], used: set[int]) -> dict[str, str]:
+        """Headers that may be meant by columns that were not found, by what they have in them.
 
-        alike = {_joined(name): name for name in reversed(self.names)}
-        found = get_close_matches(_joined(header), alike, n=1)
-        return alike[found[0]] if found else None
-
-    def guess(self, wanted: Sequence[str], used: set[int]) -> list[str]:
-        """Items ``name=header`` for columns that were not found, by what is said in headers.
-
-        `wanted` are their names, ``position`` is any two or three of the state; headers that are
-        `used` are something else.
+        `wanted` are their names, ``position`` is any two of the state; headers that are `used` are
+        something else.
         """
-        free = {
-            k: _joined(name)
+        free = [
+            name
             for k, name in enumerate(self.names)
-            if k not in used and name.isprintable() and "," not in name and len(name) <= 40
-        }
-        place = _position(free)
-        found = {name: k for name, k in place.items() if {name, "position"} & set(wanted)}
-        for name in wanted:
-            for hint in HINTS.get(name, ()):
-                at = next((k for k, key in free.items() if _hints(name, hint, key)), None)
-                if at is not None and at not in found.values():
-                    found.setdefault(name, at)
-        order = ["id", "t", *(name for name in found if name not in ("id", "t"))]
-        return [f"{name}={self.names[found[name]]}" for name in order if name in found]
+            if k not in used and name.isprintable() and "," not in name
+        ]
+        free = [name for name in free if not re.search(NO_HINT, name, re.IGNORECASE)]
+        found: dict[str, str] = {}
+        for name, hint in HINTS.items():
+            meant = [header for header in free if re.search(hint, header, re.IGNORECASE)]
+            if name in wanted and meant:
+                found[name] = meant[0]
+        pairs = (
+            {"x": header, "y": header.replace(one, two)}
+            for one, two in AXIS_PAIRS
+            for header in free
+            if one in header and header.replace(one, two) in free
+        )
+        return found | next(pairs, {}) if "position" in wanted else found
 
 
-def fraction(header: str) -> int:
-    """Digits of the part of a second that a column has by its header, 0 of any other."""
-    return FRACTIONS.get("".join(re.findall(r"[^\W_]+", header)[-1:]).casefold(), 0)
-
-
-def one_stamp(first: str, second: str) -> str:
-    """What to do about two columns that are one stamp, of which the second is a fraction."""
-    return (
-        f"{quoted(first)} and {quoted(second)} are two parts of one time stamp: make one column t "
-        f"of them, {first} * 10^{fraction(second)} + {second}"
-    )
+def two_parts_of_a_stamp(names: Sequence[str]) -> str:
+    """What to do about two of these headers that are one stamp, as secs and nsecs; or blank."""
+    words = {name: re.findall(r"[^\W_]+", name.casefold()) or [""] for name in names}
+    whole = {tuple(found[:-1]): name for name, found in words.items() if found[-1] in SECONDS}
+    for name, (*stem, unit) in words.items():
+        first = whole.get(tuple(stem))
+        if unit in FRACTIONS and first is not None:
+            return (
+                f"{quoted(first)} and {quoted(name)} are two parts of one time stamp: make one "
+                f"column t of them, {first} * 10^{FRACTIONS[unit]} + {name}"
+            )
+    return ""
 
 
 def _joined(header: str) -> str:
@@ -342,28 +322,6 @@ def _keys(header: str) -> Iterator[tuple[str, str]]:
         yield "".join(words[:-1]).casefold(), words[-1].casefold()
 
 
-def _hints(name: str, hint: str, key: str) -> bool:
-    """Whether a header has the part that hints at a column, and is no score."""
-    there = hint in key if len(hint) > 3 else key.startswith(hint) or key.endswith(hint)
-    return there and not (name in ("id", "t") and re.search(SCORE, key))
-
-
-def _position(free: dict[int, str]) -> dict[str, int]:
-    """Two or three headers that are the same but for the axis."""
-    places = {key: k for k, key in reversed(free.items()) if not re.search(NO_PLACE, key)}
-    for first, second in AXIS_PAIRS:
-        for key in reversed(places):
-            for at in (match.start() for match in re.finditer(first, key)):
-                stem, rest = key[:at], key[at + len(first) :]
-                other = places.get(f"{stem}{second}{rest}")
-                if other is not None:
-                    names = ("lat", "lon") if first == "lat" else ("x", "y")
-                    third = places.get(f"{stem}z{rest}") if first == "x" else None
-                    depth = {} if third is None else {"z": third}
-                    return dict(zip(names, (places[key], other), strict=True)) | depth
-    return {}
-
-
 DETECTIONS = "rows without ids are detections, and TGOSPA compares tracks"
 
 
@@ -380,14 +338,15 @@ def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
     points = all(headers.spelt(headers.mapped[name], name) is None for name in spreads)
     for name, header in list(headers.mapped.items()):
         if headers.spelt(header, name) is None:
-            near = headers.nearest(header)
-            mend = {f"{name}={header}": name if near == name else f"{name}={near or 'HEADER'}"}
+            from difflib import get_close_matches  # here: for mistakes only
+
+            near = next(iter(get_close_matches(header, headers.names, n=1)), None)
+            mapping = {f"{name}={header}": f"{name}={near or 'HEADER'}"}
             given = ("=".join(map(str.strip, item.split("=", 1))) for item in options.columns or ())
-            remedy = ask(headers.option, [mend.get(item, item) for item in given])
-            remedy = f"name one of these, {remedy}" if near is None else f"did you mean {remedy}?"
+            remedy = ask(headers.option, [mapping.get(item, item) for item in given])
             fault = (
-                f"{headers.where}: no header {quoted(header)} for {name} "
-                f"(found: {headers.shown}); {remedy}"
+                f"{headers.where}: no header {quoted(header)} for {name} (found: {headers.shown}); "
+                f"{f'did you mean {remedy}?' if near else f'name one of these, {remedy}'}"
             )
             if name not in options.shared and not (points and name in spreads):
                 raise InputError(fault)
@@ -407,25 +366,17 @@ def absent(
     lost = f"{headers.where}: no column for {listed(missing)} (found: {headers.shown})"
     used = {k for k in needed if k is not None}
     used |= {k for mix in states.values() for k, _ in mix or ()}
-    parts = headers.stamp(headers.names) if "t" in missing else ""
-    if parts:
-        return f"{lost}; {parts}"
-    items = headers.guess(missing, used)
-    if not items:
-        names = ("x", "y") if missing[0] == "position" else missing[:1]
-        remedy = ask(headers.option, [f"{name}=HEADER" for name in names])
-        why = f"; {DETECTIONS}" if missing[0] == "id" else ""
-        return f"{lost}; rename one, or map it with {remedy}{why}"
-    named = {item.partition("=")[0] for item in items}
-    placed = {"position"} if named & {"x", "lat"} else set()
-    rest = [name for name in missing if name not in named | placed]
+    found = headers.guess(missing, used)
+    if "position" in missing and "x" not in found:
+        found |= {"x": "HEADER", "y": "HEADER"}
+    named = {name: found.get(name, "HEADER") for name in missing if name != "position"} | found
     # What the user has mapped stays so, and so does the choice of states.
-    items += [f"{name}={header}" for name, header in headers.mapped.items() if name not in named]
-    if named & set(states):
-        items += [name for name in states if name not in {*named, *headers.mapped, *rest}]
-    also = f"; {', '.join(rest)} must be added" if rest else ""
-    also += f": {DETECTIONS}" if "id" in rest else ""
-    return f"{lost}; try {ask(headers.option, items)}{also}"
+    named |= headers.mapped
+    items = [f"{name}={header}" for name, header in named.items()]
+    if set(states) & set(missing):
+        items += [name for name in states if name not in named]
+    also = f"; {DETECTIONS}" if named.get("id") == "HEADER" else ""
+    return f"{lost}; rename what is meant, or map it with {ask(headers.option, items)}{also}"
 
 
 # -------------------------------------------------------------------------------------------------
@@ -509,28 +460,28 @@ class Roles:
     @property
     def called(self) -> dict[str, str]:
         """Headers of ids, times and states that bear another name; none of a format without."""
-        if self.fixed:
-            return {}
-        places = self._places()
-        found = {name: self.headers[column] for name, column in places.items()}
+        found = self._headers()
         return {name: header for name, header in found.items() if header.casefold() != name}
 
-    def _places(self) -> dict[str, int]:
-        """Columns of ids, times and the states that are columns, by name."""
+    def _headers(self) -> dict[str, str]:
+        """Headers of ids, times and the states that are columns, by name."""
+        if self.fixed:
+            return {}
         states = zip(self.names, self.state, strict=True)
         single = {name: mix[0][0] for name, mix in states if len(mix) == 1}
-        return {"id": self.id, "t": self.time} | single
+        places = {"id": self.id, "t": self.time} | single
+        return {name: self.headers[column] for name, column in places.items()}
 
     def notices(self, *, clouds: bool) -> Iterator[str]:
         """Columns that are passed over, and what becomes of covariances.
 
         `clouds`: whether rows are particles; weights are for them only, covariances are not.
         """
-        for name, column in ({} if self.fixed else self._places()).items():
+        for name, header in self._headers().items():
             if name in self.missing:
                 yield (
-                    f"{name} is read from column {quoted(self.headers[column])}: it has no header "
-                    "as named by --columns"
+                    f"{name} is read from column {quoted(header)}: it has no header as named by "
+                    "--columns"
                 )
         yield from self.passed
         unused = list(self.unused)
@@ -542,26 +493,15 @@ class Roles:
             folded = {name.casefold() for name in unused}
             way = ""
             if not (self.asked or clouds) and any(name.startswith(PREFIXES) for name in folded):
-                entries = {name.casefold() for names in self._covariances() for name in names}
-                if entries & folded:
-                    way = "; --distance gaussian-wasserstein compares covariances"
+                way = "; --distance gaussian-wasserstein compares covariances"
             if EXISTENCE in folded:
                 way += "; --existence use takes existence as probabilities"
             yield f"columns not used: {listed(unused)}{way}"
         if self.asked and self.spread is None and not clouds:
-            shown = ", ".join([names[0] for names in self._covariances()[:3]])
+            from tgospa_eval.formats.columns.spread import entries  # here: most states are points
+
+            shown = ", ".join([label for _, _, label in entries(self.names)][:3])
             yield f"no columns of covariances ({shown}): its states are points"
-
-    def _covariances(self) -> list[list[str]]:
-        """Headers that the entries of the covariance may have."""
-        from tgospa_eval.formats.columns.spread import spelt  # here: most states are points
-
-        return [
-            spelt(first, second, deviations=deviations)
-            for deviations in (False, True)
-            for k, second in enumerate(self.names)
-            for first in self.names[: k + 1]
-        ]
 
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
         """Quantities (R, len(mixes)) of the `numbers` columns (R, n); a view where it can be."""
@@ -608,7 +548,12 @@ def find_roles(
     headers = Headers(names, mapped, options.option, where)
     missing = without_maps(headers, options)
     mixes = _Mixes(headers)
-    identity, time = headers.find("id"), headers.find("t")
+    identity = headers.find("id")
+    if "t" not in mapped and not set(FIRST_ALIASES["t"]) & headers.folded.keys():
+        stamp = two_parts_of_a_stamp(names)
+        if stamp:
+            raise InputError(f"{where}: {stamp}")
+    time = headers.find("t")
     wanted = wanted or mixes.default_states()
     found = {name: mixes.of(name, wanted) for name in wanted}
     state = tuple(mix for mix in found.values() if mix is not None)
@@ -636,9 +581,6 @@ def find_roles(
     attributes = {name: column for name, column in places.items() if column is not None}
     used |= set(attributes.values())
     unused = tuple(name for k, name in enumerate(names) if k not in used)
-    parts = "" if "t" in headers.mapped else headers.stamp([names[time], *unused])
-    if parts.startswith(quoted(names[time])):
-        raise InputError(f"{headers.where}: {parts}")
     return Roles(
         id=identity,
         time=time,

@@ -45,11 +45,9 @@ class SpreadColumns:
         """Columns that are read."""
         return tuple(column for entry in self.entries for column in entry)
 
-    def labels(self) -> Iterator[tuple[int, int, str]]:
+    def labels(self) -> list[tuple[int, int, str]]:
         """Row, column and name of each entry."""
-        for i, second in enumerate(self.names):
-            for j, first in enumerate(self.names[: i + 1]):
-                yield i, j, spelt(first, second, deviations=self.deviations)[0]
+        return list(entries(self.names, deviations=self.deviations))
 
     @property
     def absent(self) -> list[str]:
@@ -73,6 +71,13 @@ def spelt(first: str, second: str, *, deviations: bool = False) -> list[str]:
             names.append(f"{prefix}_{one}{other}")
         names.append(f"{prefix}_{one}_{other}")
     return sorted(names, key=len)
+
+
+def entries(names: Sequence[str], *, deviations: bool = False) -> Iterator[tuple[int, int, str]]:
+    """Row, column and usual header of each entry of the lower triangle, row by row."""
+    for i, second in enumerate(names):
+        for j, first in enumerate(names[: i + 1]):
+            yield i, j, spelt(first, second, deviations=deviations)[0]
 
 
 def find_spread(

@@ -5,16 +5,16 @@ plainly right it leaves to `gather`, whose texts the readers of the formats spli
 what is wrong and where.
 """
 
+import io
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import compiled
-from tgospa_eval.common.words import counted, more
+from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.fields import Coded, attribute_of, floats, is_number
@@ -173,13 +173,16 @@ def scanned(
     )
 
 
-def chunks(text: str, start: int = 0) -> Iterator[str]:
-    """The text from `start` on in whole lines, some 10^5 letters at a time."""
+def lines_of(text: str, start: int = 0) -> Iterator[str]:
+    """The lines of the text from `start` on, with their ends, which are line feeds.
+
+    Of some 10^5 letters at a time: a copy of all takes four times the memory.
+    """
     stop = len(text.rstrip("\n"))
     while start < stop:
         end = text.find("\n", start + LETTERS_TOGETHER, stop)
         end = stop if end < 0 else end
-        yield text[start:end]
+        yield from io.StringIO(text[start:end] + "\n", newline="\n")
         start = end + 1
 
 
@@ -332,11 +335,3 @@ def plain_id(text: str) -> str:
         return str(int(value)) if value == value.to_integral_value() else text
     except (ValueError, ArithmeticError):
         return text
-
-
-def with_comments(roles: Roles, count: int) -> Roles:
-    """The roles with a notice about so many comments."""
-    if not count:
-        return roles
-    notice = f"{counted(count, 'line')} of comments passed over"
-    return replace(roles, passed=(*roles.passed, notice))

@@ -2,8 +2,7 @@
 
 CSV is ``id,t,x[,y[,z]]`` and other columns, with a header. It is parsed here and not by pandas, for
 exact floats, exact integers, messages that name the line, and a start without importing pandas.
-What the compiled loop leaves is split here: text without quotes in one call a piece, after the
-delimiters of every line were counted; the rest by the csv module.
+What the compiled loop leaves is split here, by the csv module.
 
 The others have no header: the names of the columns follow from their number.
 
@@ -21,10 +20,9 @@ alike.
 """
 
 import csv
-import io
 import itertools
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
@@ -42,17 +40,15 @@ from tgospa_eval.formats.text.scan import (
     Block,
     beginning,
     check_text,
-    chunks,
     convert,
     decode,
     gather,
+    lines_of,
     numbers,
     plain_id,
     scanned,
-    with_comments,
 )
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.trajectories import Ints
 
 DELIMITERS = ",;\t"
 
@@ -66,11 +62,7 @@ BLANKS = " "
 ROWS_OF_BLOCK = 1 << 13
 """Rows of a block from the csv module."""
 
-QUOTED_OR_BLANKS = re.compile(r'"[^"\n]*"|[ \t]+')
-QUOTED_OR_ODD = re.compile(r'["\x0b\x0c\x1c-\x1f]')
-OUTER_BLANKS = re.compile(r"^[ \t]+|[ \t]+$", re.MULTILINE)
-COMMENT = re.compile(rf"^[ \t]*(?:{'|'.join(map(re.escape, COMMENTS))})(?:[ \t].*)?$", re.MULTILINE)
-"""A line of a table by blanks that is a comment: no id is a mark alone."""
+FIELDS_BY_BLANKS = re.compile(r'"([^"\n]*)"|([^ \t\n]+)')
 
 FEWEST = 3
 """Columns of a table by blanks: id, t and x."""
@@ -92,15 +84,11 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
     fields = scanned(data, first, len(names), delimiter, roles, decimal)
     if fields is None:
         text = text if whole else decode(data, path)
-        if delimiter == BLANKS:
-            tabs, comments = rows_by_tabs(text[start:])
-            text, delimiter = text[:start] + tabs, "\t"
-            roles = with_comments(roles, comments)
-        rule = "the header has {}; give every row one field per column"
-        marked = any(mark in text for mark in COMMENTS)
-        odd = _Oddities(path, len(names), rule, marked=marked)
-        fields = gather(tokenise(text, start, delimiter, first, odd), roles, decimal)
-        roles = odd.settled(roles)
+        rule = f"the header has {len(names)}; give every row one field per column"
+        rows, comments = split_rows(lines_of(text, start), delimiter), Comments()
+        blocks = blocks_of(rows, len(names), first, path, rule, comments, quotes='"' in text)
+        fields = gather(blocks, roles, decimal)
+        roles = comments.noted(roles)
     return convert(fields, roles, decimal, path, names, name_id)
 
 
@@ -112,46 +100,37 @@ def header_of(text: str, path: str, options: ReadOptions) -> tuple[list[str], Ro
     """
     fault, passed = None, 0
     for number, found in enumerate(re.finditer(r".*\n?", text), start=1):
-        given = line = found[0].removesuffix("\n")
-        start = found.end()
+        line, start = found[0].removesuffix("\n"), found.end()
         if not line.strip():
             continue
         where = f"{path}, line {number}"
-        delimiter = _delimiter(line, options.decimal)
         stop = text.find("\n", start)
         after = text[start : stop if stop >= 0 else None].replace('"', "")
-        spaced = header_by_blanks(line, after)
-        if spaced is not None:
-            line, delimiter = spaced, "\t"
-        sample = after.split(None if spaced else delimiter)
+        by_blanks = header_by_blanks(line, after)
+        delimiter = BLANKS if by_blanks else _delimiter(line, options.decimal)
         try:
-            reader = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
-            names = [name.strip() for name in next(reader)]
+            names = [name.strip() for name in by_blanks or next(split_rows([line], delimiter))]
             roles = find_roles(names, options, where)
         except (InputError, csv.Error) as error:
-            fault = fault or _explained(error, given, where)
-            if not given.lstrip().startswith(COMMENTS):
-                raise _explained(error, given, where) from None
-            if spaced and all(map(is_number, sample)) and isinstance(error, InputError) and sample:
+            # What the line looks like, if it is not a header with other names.
+            why = foreign(line) or f"{error}; it must be the header, id,t,x,y"  # a field too long
+            is_named = isinstance(error, InputError) and not foreign(line)
+            fault = fault or (error if is_named else InputError(f"{where}: {why}"))
+            if not line.lstrip().startswith(COMMENTS):
+                raise (error if is_named else InputError(f"{where}: {why}")) from None
+            if by_blanks and isinstance(error, InputError) and _are_numbers(after):
                 raise  # numbers below it: no other line is the header
             passed += 1
             continue
         if passed:
             notice = f"{counted(passed, 'line')} of comments above the header passed over"
             roles = replace(roles, passed=(*roles.passed, notice))
-        return names, roles, BLANKS if spaced else delimiter, number + 1, start
-    blank = InputError(f"{path}: blank lines only; a set without objects is a header alone")
-    raise fault or blank
+        return names, roles, delimiter, number + 1, start
+    raise fault or InputError(f"{path}: blank lines only; a set without objects is a header alone")
 
 
-def _explained(error: InputError | csv.Error, line: str, where: str) -> InputError:
-    """Why a line is no header, by what it looks like if it is not one with other names."""
-    other = foreign(line)
-    if other:
-        return InputError(f"{where}: {other}")
-    if isinstance(error, InputError):
-        return error
-    return InputError(f"{where}: {error}; it must be the header, id,t,x,y")  # a field too long
+def _are_numbers(line: str) -> bool:
+    return bool(line.split()) and all(map(is_number, line.split()))
 
 
 def _delimiter(header: str, decimal: str) -> str:
@@ -163,37 +142,37 @@ def _delimiter(header: str, decimal: str) -> str:
     )
 
 
-def header_by_blanks(line: str, after: str) -> str | None:
-    """A line without any other delimiter with tabs in place of blanks; None where it has another.
+def header_by_blanks(line: str, after: str) -> list[str]:
+    """The words of a line that are the headers of a table by blanks; none if it is no such line.
 
     So numpy.savetxt writes tables, and the trajectories of robotics. A comment mark in front is
     left out if the line after has as many words: else it is a comment.
     """
     line = line.strip()
     if any(mark in _unquoted(line) for mark in ",;\t|"):
-        return None
+        return []
     mark = next((mark for mark in COMMENTS if line.startswith(mark)), "")
-    words = _tabbed(line.removeprefix(mark).strip())
-    count = words.count("\t") + 1
-    fits = not mark or not after.strip() or len(after.split()) == count
-    return words if count >= FEWEST and fits else None
+    words = _split_at_blanks(line.removeprefix(mark))
+    fits = not mark or not after.strip() or len(after.split()) == len(words)
+    return words if len(words) >= FEWEST and fits else []
 
 
-def rows_by_tabs(text: str) -> tuple[str, int]:
-    """The rows with tabs in place of blanks, comments as blank lines, and their number."""
-    text, comments = COMMENT.subn("", text)
-    if text.isascii() and not QUOTED_OR_ODD.search(text):  # ten times as fast
-        return "\n".join(map("\t".join, map(str.split, text.split("\n")))), comments
-    return _tabbed(OUTER_BLANKS.sub("", text)), comments
-
-
-def _tabbed(text: str) -> str:
-    return QUOTED_OR_BLANKS.sub(lambda found: found[0] if found[0][0] == '"' else "\t", text)
+def _split_at_blanks(line: str) -> list[str]:
+    """The fields of a line of a table by blanks; a comment, which begins with a mark, is one."""
+    fields = [within or plain for within, plain in FIELDS_BY_BLANKS.findall(line)]
+    return [line] if fields and fields[0] in COMMENTS else fields
 
 
 def _unquoted(line: str) -> str:
     """A line without what is in quotes."""
     return re.sub(r'"[^"]*"', "", line) if '"' in line else line
+
+
+def split_rows(each: Iterable[str], delimiter: str) -> Iterator[list[str]]:
+    """The fields of lines; rows that the csv module reads may have line ends in quotes."""
+    if delimiter == BLANKS:
+        return map(_split_at_blanks, each)
+    return csv.reader(each, delimiter=delimiter, strict=True, skipinitialspace=True)
 
 
 def with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[Roles, str]:
@@ -206,12 +185,10 @@ def with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[R
     other = {".": ",", ",": "."}[asked]
     if other == delimiter or other not in text:
         return roles, asked
-    lines: Iterable[str] = itertools.islice(io.StringIO(text), ROWS_OF_BLOCK)
-    if delimiter == BLANKS:
-        lines, delimiter = rows_by_tabs("".join(lines))[0].split("\n"), "\t"
+    rows = split_rows(itertools.islice(lines_of(text), ROWS_OF_BLOCK), delimiter)
     certain = False
     with suppress(csv.Error):  # an error when all rows are read
-        for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True):
+        for row in rows:
             for field in (row[k].strip() for k in columns if k < len(row)):
                 if re.fullmatch(DECIMAL, field):
                     if asked in field:
@@ -223,131 +200,86 @@ def with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[R
     return replace(roles, passed=(*roles.passed, notice)), other
 
 
-class _Oddities:
-    """Lines of other lengths, and rows that begin like comments.
+class Comments:
+    """Lines of comments, as far as rows were read."""
 
-    A line that begins like a comment may be a row as well, for an id may begin so: where all do.
+    def __init__(self) -> None:
+        self.count = 0
+
+    def noted(self, roles: Roles) -> Roles:
+        """The roles with a notice about them."""
+        if not self.count:
+            return roles
+        notice = f"{counted(self.count, 'line')} of comments passed over"
+        return replace(roles, passed=(*roles.passed, notice))
+
+
+def blocks_of(
+    rows: Iterator[list[str]],
+    width: int,
+    line: int,
+    path: str,
+    rule: str,
+    comments: Comments,
+    *,
+    quotes: bool = False,
+) -> Iterator[Block]:
+    """Rows in blocks; those that are blank or comments are passed over.
+
+    A row that begins like a comment may be one as well, for an id may begin so: where all do.
 
     Parameters
     ----------
-    path : str
-        The file, for messages.
+    rows : iterator of list of str
+        Their fields.
     width : int
-        Number of columns.
-    rule : str
-        What is said of lines of other lengths, with a place for how many more there are.
-    marked : bool
-        Whether there are marks of comments in the file.
+        How many of them a row has.
+    line : int
+        Line of the first row.
+    path, rule : str
+        The file, and what is right, for messages about other lengths.
+    comments : Comments
+        Counts them.
+    quotes : bool
+        Fields may have line ends, in quotes.
+
+    Raises
+    ------
+    InputError
+        A row has the wrong length or wrong quotes; or it may be a comment as well as a row.
     """
-
-    def __init__(self, path: str, width: int, rule: str, *, marked: bool) -> None:
-        self.path, self.width, self.rule, self.is_marked = path, width, rule, marked
-        self.wrong: list[tuple[int, int]] = []
-        self.comments: list[tuple[int, int]] = []
-        self.marked: int | None = None
-        self.all_marked = True
-
-    def add(self, line: int, fields: list[str]) -> None:
-        """A line of another length."""
-        is_comment = "".join(fields[:1]).lstrip().startswith(COMMENTS)
-        (self.comments if is_comment else self.wrong).append((line, len(fields)))
-
-    def watched(self, lines: Ints, columns: Sequence[Sequence[str]]) -> Block:
-        """The same rows; which of them begin like comments is noted."""
-        if self.is_marked:
+    marked, are_marked = 0, True
+    fault = None
+    while fault is None:
+        block: list[list[str]] = []
+        try:
+            block.extend(itertools.islice(rows, ROWS_OF_BLOCK))
+        except csv.Error as error:
+            fault = error
+        within = [sum(field.count("\n") for field in fields) for fields in block if quotes]
+        after = line + np.arange(1, len(block) + 1) + (np.cumsum(within) if quotes else 0)
+        at, line = np.append(line, after)[:-1], int(np.append(line, after)[-1])
+        has_all = np.fromiter(map(len, block), int, len(block)) == width
+        for k in np.flatnonzero(~has_all).tolist():
+            begin = "".join(block[k][:1]).lstrip()
+            if begin.startswith(COMMENTS):
+                comments.count += 1
+            elif begin or len(block[k]) > 1:
+                raise InputError(f"{path}, line {at[k]}: {counted(len(block[k]), 'field')}, {rule}")
+        if has_all.any():
+            columns = list(zip(*itertools.compress(block, has_all.tolist()), strict=True))
             begins = [text.lstrip(" \t").startswith(COMMENTS) for text in columns[0]]
-            if self.marked is None and any(begins):
-                self.marked = int(lines[begins.index(True)])
-            self.all_marked = self.all_marked and all(begins)
-        return lines, columns
-
-    def settled(self, roles: Roles) -> Roles:
-        """The roles with a notice about comments, when all rows are read.
-
-        Raises
-        ------
-        InputError
-            A row has the wrong length; or it may be a comment as well as a row.
-        """
-        wrong = self.wrong
-        if self.marked is not None and self.all_marked:  # ids begin so
-            wrong = sorted([*wrong, *self.comments])
-        if wrong:
-            line, found = wrong[0]
-            raise InputError(
-                f"{self.path}, line {line}: {counted(found, 'field')}, "
-                f"{self.rule.format(f'{self.width}{more(len(wrong))}')}"
-            )
-        if self.marked is None:
-            return with_comments(roles, len(self.comments))
-        if not self.all_marked:
-            raise InputError(
-                f"{self.path}, line {self.marked}: a comment, not a row, or an id that begins like "
-                "one; delete such lines (ids may begin like comments if all do)"
-            )
-        return roles
-
-
-def tokenise(
-    text: str, start: int, delimiter: str, first_line: int, odd: _Oddities
-) -> Iterator[Block]:
-    """The rows of the table from letter `start` on; lines that are none are told to `odd`."""
-    if text.find('"', start) >= 0:
-        rows = _rows_of_csv(chunks(text, start), delimiter, first_line, odd.path)
-        yield from _in_blocks(rows, odd)
-        return
-    line, width = first_line, odd.width
-    others = bytes(set(range(256)) - {ord(delimiter), ord("\n")})
-    for chunk in chunks(text, start):
-        count = chunk.count("\n") + 1
-        marks = chunk.encode().translate(None, others) + b"\n"
-        if width > 1 and marks == (delimiter.encode() * (width - 1) + b"\n") * count:
-            fields = chunk.replace("\n", delimiter).split(delimiter)
-            columns = [fields[k::width] for k in range(width)]
-            yield odd.watched(np.arange(line, line + count), columns)
-        else:
-            yield from _in_blocks(_rows_of_csv([chunk], delimiter, line, odd.path), odd)
-        line += count
-
-
-def _in_blocks(rows: Iterable[tuple[int, list[str]]], odd: _Oddities) -> Iterator[Block]:
-    """Lines with their fields in blocks; those of other lengths are told to `odd`."""
-    lines: list[int] = []
-    kept: list[list[str]] = []
-    for line, fields in rows:
-        if len(fields) != odd.width:
-            odd.add(line, fields)
-            continue
-        lines.append(line)
-        kept.append(fields)
-        if len(kept) == ROWS_OF_BLOCK:
-            yield odd.watched(np.array(lines), list(zip(*kept, strict=True)))
-            lines, kept = [], []
-    if kept:
-        yield odd.watched(np.array(lines), list(zip(*kept, strict=True)))
-
-
-def _rows_of_csv(
-    parts: Iterable[str], delimiter: str, first_line: int, path: str
-) -> Iterator[tuple[int, list[str]]]:
-    """Line and fields of each row, quotes and blank lines through the csv module."""
-    begin = first_line
-    reader = csv.reader(_lines(parts), delimiter=delimiter, strict=True, skipinitialspace=True)
-    try:
-        for row in reader:
-            if row and (len(row) > 1 or row[0].strip()):
-                yield begin, row
-            begin = first_line + reader.line_num
-    except csv.Error as error:
-        raise InputError(
-            f"{path}, line {begin}: {error}; close quotes, and double those inside a field"
-        ) from None
-
-
-def _lines(parts: Iterable[str]) -> Iterator[str]:
-    """The lines of the parts, with their ends; no others than line feeds are left."""
-    for part in parts:
-        yield from io.StringIO(part + "\n", newline="\n")
+            marked = marked or (int(at[has_all][begins.index(True)]) if any(begins) else 0)
+            are_marked = are_marked and all(begins)
+            if marked and not are_marked:
+                raise InputError(
+                    f"{path}, line {marked}: a comment, not a row, or an id that begins like one; "
+                    "delete such lines (ids may begin like comments if all do)"
+                )
+            yield at[has_all], columns
+        if fault is None and not block:
+            return
+    raise InputError(f"{path}, line {line}: {fault}; close quotes, and double those inside a field")
 
 
 # -------------------------------------------------------------------------------------------------
@@ -514,23 +446,22 @@ def _read(
         columns = tuple(wanted.values())
         fields = scanned(data, 1, len(names), delimiter, roles, texts=columns, quotes=False)
     if fields is None:
-        lines = _lines(chunks(text if whole else decode(data, path)))
         each = (
-            (number, [line] if line.lstrip().startswith(COMMENTS) else split(line))
-            for number, line in enumerate(lines, start=1)
-            if line.strip()
+            [line] if line.lstrip().startswith(COMMENTS) else split(line)
+            for line in lines_of(text if whole else decode(data, path))
         )
-        rule = f"line {first} has {{}}; give every row as many"
-        odd = _Oddities(path, len(names), rule, marked=False)
-        fields = gather(_in_blocks(each, odd), roles, ".", tuple(wanted.values()))
-        roles = odd.settled(roles)
+        rule = f"line {first} has {len(names)}; give every row as many"
+        comments = Comments()
+        blocks = blocks_of(each, len(names), 1, path, rule, comments)
+        fields = gather(blocks, roles, ".", tuple(wanted.values()))
+        roles = comments.noted(roles)
     rows = convert(fields, roles, ".", path, names, plain_id)
     return rows, {name: fields.coded[column] for name, column in wanted.items()}
 
 
 def _first_line(text: str) -> tuple[int, str]:
     """The first line that is not blank, and its number."""
-    for number, line in enumerate(_lines(chunks(text)), start=1):
+    for number, line in enumerate(lines_of(text), start=1):
         if line.strip() and not line.lstrip().startswith(COMMENTS):
             return number, line
     return 1, ""

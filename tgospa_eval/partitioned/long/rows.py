@@ -139,10 +139,10 @@ def _bound(states: States, columns: SomeColumns) -> tuple[list[float], int, Ints
     terms: list[float] = []
     pairs = 0
     for part, _ in row_parts(states):
-        found = row_terms(part, running, left)
-        terms += (-found.best).tolist()
-        terms += found.aside.tolist()
-        pairs += int(found.pairs.sum())
+        best, aside, aside_pairs, _ = row_terms(part, running, left)
+        terms += (-best).tolist()
+        terms += aside.tolist()
+        pairs += int(aside_pairs.sum())
     return terms, pairs, left
 
 

@@ -65,17 +65,18 @@ function prepare(canvas, height) {
 
 // As wide as the lanes, which may have a scroll bar: one step is above the other.
 function alignWithLanes(canvas) {
-  canvas.style.width = printing ? "" : `${lanes.canvas.clientWidth}px`;
+  const width = lanes.canvas.clientWidth;
+  canvas.style.width = printing || !width ? "" : `${width}px`;
 }
 
 // As wide as the names of the lanes and the values of the axes need, but not more than a quarter for names.
 function fitMargin() {
-  const context = costs.canvas.getContext("2d"), width = printing ? PAPER : lanes.canvas.clientWidth;
+  const context = costs.canvas.getContext("2d"), width = printing ? PAPER : lanes.canvas.clientWidth || costs.canvas.clientWidth;
   const shown = [total, doc.curve.total, ...(doc.windows ? [doc.windows.lines.total] : [])];
   const most = (values) => values.reduce((high, value) => Math.max(high, value), 0);
   context.font = "12px system-ui, sans-serif";
   BESIDE = Math.max(65, ...shown.map((values) => context.measureText(number(+most(values).toPrecision(2))).width + 18));
-  LEFT = Math.max(74, BESIDE + 9, Math.min(lanes.widest() + 16, width / 4));
+  LEFT = Math.max(74, BESIDE + 9, lanes.canvas.clientWidth ? Math.min(lanes.widest() + 16, width / 4) : 0);
 }
 
 let printing = false, pending = 0;

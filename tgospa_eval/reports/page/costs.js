@@ -42,7 +42,8 @@ const costs = {
     timeAxis(context, width, bottom);
     upright(context, `cost${costUnit && ` (${costUnit})`}`, top, bottom);
     chosenStep(context, width, top, bottom);
-    document.getElementById("costs-note").textContent = together > 1 ? `each bar is the dearest of ${together} steps` : "";
+    const mean = doc.together > 1 ? `each bar is the mean of ${grouped(doc.together)} steps` : "";
+    document.getElementById("costs-note").textContent = together > 1 ? `each bar is the dearest of ${together}${mean ? " means" : " steps"}` : mean;
   },
 };
 
@@ -113,7 +114,7 @@ function costWords(step) {
     const count = doc.counts[name] ? ` (${number(doc.counts[name][step])})` : "";
     return `${name} ${number(doc.costs[name][step])}${count}`;
   });
-  return `step ${time(step)}: cost ${number(total[step])}${parts.length ? `\n${parts.join(", ")}` : ""}`;
+  return `${doc.together > 1 ? `a step from ${time(step)} on` : `step ${time(step)}`}: cost ${number(total[step])}${parts.length ? `\n${parts.join(", ")}` : ""}`;
 }
 
 const barAt = (step) => costs.dearest(step, costs.canvas.clientWidth);

@@ -96,10 +96,13 @@ function worstTables() {
     make("thead", make("tr", head.map((text) => make("th", text, { scope: "col" })))),
     make("tbody", rows.length ? rows : make("tr", make("td", "none", { colspan: head.length }))),
   ]));
-  add("Steps", ["step", "cost", "missed", "false", "switches", "mostly"], dearest(total).map((k) => make("tr", [
-    make("th", stepLink(k), { scope: "row" }), make("td", number(total[k])), make("td", number(doc.counts.missed[k])),
-    make("td", number(doc.counts.false[k])), make("td", number(doc.counts.switch[k])), make("td", why(PARTS.map((name) => [name, doc.costs[name][k]]))),
-  ], { "data-step": k })));
+  // Of stretches of steps the costliest steps are known by themselves.
+  const several = doc.together > 1, { costs, counts } = several ? doc.worst : doc;
+  const each = several ? doc.worst.t.map((_, k) => PARTS.reduce((sum, name) => sum + costs[name][k], 0)) : total;
+  add("Steps", ["step", "cost", "missed", "false", "switches", "mostly"], dearest(each).map((k) => make("tr", [
+    make("th", several ? make("bdi", String(doc.worst.t[k])) : stepLink(k), { scope: "row" }), make("td", number(each[k])), make("td", number(counts.missed[k])),
+    make("td", number(counts.false[k])), make("td", number(counts.switch[k])), make("td", why(PARTS.map((name) => [name, costs[name][k]]))),
+  ], several ? {} : { "data-step": k })));
   for (const [name, title, kind] of [["truth", "Truths", "missed"], ["estimate", "Estimates", "false"]]) {
     const { table } = sides[name];
     add(title, [name, "cost", `${kind} steps`, "switches", "mostly"], dearest(table.total).map((k) => make("tr", [
