@@ -36,19 +36,19 @@ class Stamped:
     ----------
     side : PartsSide
         The side.
-    stamps : slice
+    span : slice
         Which of its times are read.
     step : (k,) int array
         Which step of the block each is, -1 for none.
     """
 
     side: PartsSide
-    stamps: slice
+    span: slice
     step: Ints
 
     def read(self) -> Reading:
         """Its rows."""
-        return read_stamps(self.side, self.stamps)
+        return read_times(self.side, self.span)
 
     def complete(self, found: Trajectories) -> Trajectories:
         """What of the side counts for the steps: the rows themselves."""
@@ -57,7 +57,7 @@ class Stamped:
     def at(self, found: Trajectories, times: Times) -> tuple[Trajectories, int]:
         """Those at steps, and how many they are."""
         on = self.step >= 0
-        place, there = found_at(found.times, self.side.times[self.stamps][on])
+        place, there = found_at(found.times, self.side.times[self.span][on])
         rows = np.flatnonzero(there[found.step])
         step = self.step[on][place[found.step[rows]]]
         return found.chosen(rows, step, times), len(rows)
@@ -71,7 +71,7 @@ class Resampled:
     ----------
     side : PartsSide
         The side.
-    stamps : slice
+    span : slice
         Which of its times are read.
     near : slice
         Those that are within the longest gap of the block as well.
@@ -88,7 +88,7 @@ class Resampled:
     """
 
     side: PartsSide
-    stamps: slice
+    span: slice
     near: slice
     ticks: Times
     request: EvaluationRequest
@@ -98,12 +98,12 @@ class Resampled:
 
     def read(self) -> Reading:
         """Its rows."""
-        return read_stamps(self.side, self.stamps)
+        return read_times(self.side, self.span)
 
     def complete(self, found: Trajectories) -> Trajectories:
         """With the states of all tracks before and after, and the ends of the whole side."""
-        before = self._neighbours(slice(self.near.start, self.stamps.start), last=True)
-        after = self._neighbours(slice(self.stamps.stop, self.near.stop), last=False)
+        before = self._neighbours(slice(self.near.start, self.span.start), last=True)
+        after = self._neighbours(slice(self.span.stop, self.near.stop), last=False)
         whole = merged([self._seen(found), before, after])
         if not len(whole.step):
             return whole
@@ -129,7 +129,7 @@ class Resampled:
 
     def narrow(self, found: Trajectories) -> int:
         """Pairs of states of a track at most the longest gap apart, the later one in the block."""
-        own = self.side.times[self.stamps]
+        own = self.side.times[self.span]
         if not len(own):
             return 0
         order = np.argsort(found.track, kind="stable")  # rows are in the order of time
@@ -146,14 +146,14 @@ class Resampled:
     def _seen(self, found: Trajectories) -> Trajectories:
         return found.seen_as(self.request.distance.kinds)
 
-    def _neighbours(self, stamps: slice, *, last: bool) -> Trajectories:
+    def _neighbours(self, span: slice, *, last: bool) -> Trajectories:
         """The last state of each track at some stamps, or the first."""
-        rows = np.cumsum(self.side.counts[stamps])
+        rows = np.cumsum(self.side.counts[span])
         cuts = np.flatnonzero(np.diff(rows // self.most)) + 1
-        edges = [stamps.start, *(stamps.start + cuts).tolist(), stamps.stop]
-        found = self._seen(read_stamps(self.side, slice(0)).trajectories)
+        edges = [span.start, *(span.start + cuts).tolist(), span.stop]
+        found = self._seen(read_times(self.side, slice(0)).trajectories)
         for low, high in itertools.pairwise(edges):
-            part = self._seen(read_stamps(self.side, slice(low, high)).trajectories)
+            part = self._seen(read_times(self.side, slice(low, high)).trajectories)
             found = outermost(merged([found, part]), last=last)
         return found
 
@@ -162,9 +162,9 @@ Stretch: TypeAlias = Stamped | Resampled
 """What of a side is read for a block."""
 
 
-def read_stamps(side: PartsSide, stamps: slice) -> Reading:
+def read_times(side: PartsSide, span: slice) -> Reading:
     """The rows at some of the times of a side, which may be none."""
-    times = side.times[stamps]
+    times = side.times[span]
     return side.read(times[0].item(), times[-1].item()) if len(times) else side.read(1, 0)
 
 
@@ -338,16 +338,16 @@ class BlockPlan:
         times = self.times[steps]
         stretches: list[Stretch] = []
         for number, (side, moments) in enumerate(zip(self.sides, self.moments, strict=True)):
-            stamps = places(moments, first, last)
+            span = places(moments, first, last)
             if not self.resampled:
-                step = self.step[number][stamps]
+                step = self.step[number][span]
                 step = np.where(step >= 0, step - steps.start, -1)
-                stretches.append(Stamped(side=side, stamps=stamps, step=step))
+                stretches.append(Stamped(side=side, span=span, step=step))
                 continue
             stretches.append(
                 Resampled(
                     side=side,
-                    stamps=stamps,
+                    span=span,
                     near=self._near(number, first, last),
                     ticks=self.times[_beside(self.times, np.array([first, last]))],
                     request=self.request,
