@@ -144,9 +144,9 @@ def test_the_plane_shows_what_was_read() -> None:
         scale=(3.0, 3.0), inner="mahalanobis", covariance=np.diag([4.0, 9.0])
     )
     result = evaluate(side, side, cutoff=10.0, distance=distance)
-    assert result.scene is not None
-    assert result.scene.truth.tolist() == [[1, 2], [11, 12]]
-    assert result.scene.estimate_covariance == pytest.approx(np.array([[1, 2, 4]] * 2))
+    compared = result.proof.compared
+    assert compared.truth.tolist() == [[1, 2], [11, 12]]
+    assert compared.estimate_covariance == pytest.approx(np.array([[1, 2, 4]] * 2))
 
 
 # --- in a browser ---------------------------------------------------------------------------------

@@ -148,7 +148,6 @@ def prove(
         sizes=prepared.sizes,
         objects=(len(problem.truth_step), len(problem.estimate_step)),
         version=__version__,
-        scene=prepared.scene,
         warnings=(*within_rounding(bounds, gap), *rounded_coordinates(prepared, proof)),
     )
 

@@ -40,8 +40,8 @@ def rounded_coordinates(prepared: Prepared, proof: Proof) -> tuple[Notice, ...]:
     independent, so their squares add up.
     """
     largest = max(np.abs(side.state).max(initial=0.0) for side in prepared.sides)
-    scene = prepared.scene
-    if largest < LARGE or all((side % 1 == 0).all() for side in (scene.truth, scene.estimate)):
+    sides = prepared.truth, prepared.estimate
+    if largest < LARGE or all((states % 1 == 0).all() for states in sides):
         return ()
     states, cutoff, order = proof.states, proof.parameters.cutoff, proof.parameters.order
     used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))

@@ -2,7 +2,8 @@
 
 import hashlib
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,8 +26,8 @@ from tgospa_eval.problem.tgospa import (
     weight_steps,
 )
 from tgospa_eval.results.records import FileInfo, Json, Labels
-from tgospa_eval.results.result import ComparedSides, DrawnScene
-from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align
+from tgospa_eval.results.result import ComparedSides
+from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
 from tgospa_eval.tracks.judged import Judged, digest, judge, whole
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -77,8 +78,10 @@ class Source:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MeasuredSides:
+class MeasuredSides(ComparedSides):
     """Two sides that are compared: what problems with other parameters have in common.
+
+    `settings` are without parameters and those of the solver.
 
     Parameters
     ----------
@@ -86,18 +89,10 @@ class MeasuredSides:
         Truth and estimate, aligned and prepared.
     distance : Distance
         Base distance, prepared.
-    labels : Labels
-        Times and ids.
-    moments : (T,) int or float array
-        The times as numbers.
-    settings : dict
-        Every option that changes the number, but for parameters and those of the solver.
     input : dict
         Rows and digest of either side.
     judged : Judged
         The horizon, and the truth that counts.
-    scene : DrawnScene
-        Where the objects were before the distance prepared them, for pictures.
     step_weights : StepWeights, optional
         What each step counts.
     existence : pair of (R,) float arrays, optional
@@ -106,12 +101,8 @@ class MeasuredSides:
 
     sides: tuple[Trajectories, Trajectories]
     distance: Distance
-    labels: Labels
-    moments: Times
-    settings: Mapping[str, object]
     input: Mapping[str, Json]
     judged: Judged
-    scene: DrawnScene
     step_weights: StepWeights | None = None
     existence: tuple[Floats, Floats] | None = None
 
@@ -182,9 +173,8 @@ class Prepared(MeasuredSides):
     @property
     def compared(self) -> ComparedSides:
         """What a proof says of the two sides."""
-        return ComparedSides(
-            moments=self.moments, scene=self.scene, labels=self.labels, settings=self.settings
-        )
+        names = [field.name for field in fields(ComparedSides)]
+        return ComparedSides(**{name: getattr(self, name) for name in names})
 
 
 def prepare(
@@ -273,7 +263,7 @@ def measure(
             )
         },
         judged=judged,
-        scene=scene,
+        **scene,
         step_weights=_weights_of_steps(request.step_weights, truth),
         existence=(
             (existence_of(aligned.truth), existence_of(aligned.estimate))
@@ -340,15 +330,15 @@ def fit(
     )
 
 
-def _scene(truth: Trajectories, estimate: Trajectories) -> DrawnScene:
-    """What pictures show: states as they were read, not as a distance scales or whitens them."""
-    return DrawnScene(
-        columns=truth.columns,
-        truth=truth.state,
-        estimate=estimate.state,
-        truth_covariance=_second_moments(truth),
-        estimate_covariance=_second_moments(estimate),
-    )
+def _scene(truth: Trajectories, estimate: Trajectories) -> dict[str, Any]:
+    """Of `ComparedSides` the states as they were read, not as a distance scales or whitens them."""
+    return {
+        "columns": truth.columns,
+        "truth": truth.state,
+        "estimate": estimate.state,
+        "truth_covariance": _second_moments(truth),
+        "estimate_covariance": _second_moments(estimate),
+    }
 
 
 def _second_moments(side: Trajectories) -> Floats | None:

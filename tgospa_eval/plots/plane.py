@@ -315,6 +315,9 @@ NAMED = 30
 INCHES_ACROSS, INCHES_UP = 9.0, 4.2
 """Of the picture."""
 
+PRESENCE = "trajectory"
+"""What is up where the time is across."""
+
 
 def plot_inspection(
     sides: Sequence[tuple[str, Trajectories]], *, unit: str = "", style: str = "screen"
@@ -335,78 +338,47 @@ def plot_inspection(
     ConfigError
         matplotlib is not installed.
     """
-    boxes = is_box(sides[0][1].columns)
-    across, up = plane_columns(sides[0][1].columns, None, boxes=boxes)
-    begin = min((side.times[0] for _, side in sides if len(side.times)), default=0)
-    clock = next((side.clock for _, side in sides if len(side.times)), "number")
+    columns = sides[0][1].columns
+    boxes, stretch = is_box(columns), 1.0
+    across, up = plane_columns(columns, None, boxes=boxes)
+    if is_map(columns):
+        latitudes = [side.state[:, columns.index("lat")] for _, side in sides]
+        stretch = map_stretch(np.concatenate(latitudes))
+    timed = [side for _, side in sides if len(side.times)]
+    first = min(timed, key=lambda side: side.times[0], default=sides[0][1])
     with styled(style):
         made, ((plane, presence),) = figure(INCHES_ACROSS, INCHES_UP, 1, 2)
         handles: dict[str, Artist] = {}
         below = 0
         for (name, side), looks in zip(sides, LOOKS, strict=False):
-            order, breaks = _runs(side)
-            moments = _moments(side, begin)
-            columns = dict(zip(side.columns, side.state.T, strict=True))
-            axes = {TIME: moments, **with_centres(columns)}
-            drawn = plane.plot(
-                *(_broken(axes[key][order], breaks) for key in (across, up)),
-                marker=".",
-                markersize=2,
-                **looks,
+            order = np.argsort(side.track, kind="stable")
+            track, step = side.track[order], side.step[order]
+            breaks = np.flatnonzero((np.diff(track) != 0) | (np.diff(step) > 1)) + 1
+            seconds = side.clock != "number" and len(side.times)
+            times = (side.times - first.times[0]) / SECOND if seconds else side.times
+            axes = with_centres(dict(zip(columns, side.state[order].T, strict=True)))
+            axes[TIME] = np.asarray(times[step], float)
+            axes[PRESENCE] = np.asarray(below + track, float)
+            x, y, t, place = (
+                np.insert(axes[key], breaks, np.nan) for key in (across, up, TIME, PRESENCE)
             )
-            handles[literal(name)] = drawn[0]
-            presence.plot(
-                _broken(moments[order], breaks),
-                _broken(below + side.track[order].astype(float), breaks),
-                marker="|",
-                markersize=3,
-                **looks,
-            )
+            handles[literal(name)] = plane.plot(x, y, marker=".", markersize=2, **looks)[0]
+            presence.plot(t, place, marker="|", markersize=3, **looks)
             below += len(side.ids)
-        _name(plane, *(_named(name, unit) for name in (across, up)))
-        seconds = clock != "number"
-        _name(presence, f"s since {literal(_first(sides))}" if seconds else "t", "trajectory")
+        dated = timed and timed[0].clock != "number"
+        _name(plane, _named(across, unit), _named(up, unit))
+        _name(presence, f"s since {literal(str(first.shown[0]))}" if dated else TIME, PRESENCE)
         presence.invert_yaxis()
         if below <= NAMED:
-            ids = [str(name) for _, side in sides for name in side.ids.tolist()]
-            presence.set_yticks(range(below), [literal(name) for name in ids], parse_math=False)
-        scale = unit_scale(across, up, _stretch(sides))
+            ids = [literal(str(name)) for _, side in sides for name in side.ids.tolist()]
+            presence.set_yticks(range(below), ids, parse_math=False)
+        scale = unit_scale(across, up, stretch)
         if scale is not None:
             plane.set_aspect(scale, adjustable="datalim")
         if boxes:
             plane.invert_yaxis()
         legend(made, list(handles.values()), list(handles), 2)
         return made
-
-
-def _runs(side: Trajectories) -> tuple[Ints, Ints]:
-    """Rows by track, and where a track ends or has a hole."""
-    order = np.argsort(side.track, kind="stable")
-    track, step = side.track[order], side.step[order]
-    return order, np.flatnonzero((np.diff(track) != 0) | (np.diff(step) > 1)) + 1
-
-
-def _broken(values: Floats, breaks: Ints) -> Floats:
-    return np.insert(values.astype(float), breaks, np.nan)
-
-
-def _moments(side: Trajectories, begin: float) -> Floats:
-    times = side.times if side.clock == "number" else (side.times - begin) / SECOND
-    return np.asarray(times, np.float64)[side.step]
-
-
-def _stretch(sides: Sequence[tuple[str, Trajectories]]) -> float:
-    """Of a map, by the states of all sides; else 1."""
-    columns = sides[0][1].columns
-    if not is_map(columns):
-        return 1.0
-    return map_stretch(np.concatenate([side.state[:, columns.index("lat")] for _, side in sides]))
-
-
-def _first(sides: Sequence[tuple[str, Trajectories]]) -> str:
-    """The first time, as read."""
-    firsts = [(side.times[0], side.shown[0]) for _, side in sides if len(side.times)]
-    return str(min(firsts)[1])
 
 
 def _named(column: str, unit: str) -> str:

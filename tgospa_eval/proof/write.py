@@ -56,7 +56,7 @@ def proof_tables(
     ids = [_fields(names) for names in (labels.truths, labels.estimates)]
     tables = {
         f"{name}.csv": _csv(
-            ("id", "t", *compared.scene.columns),
+            ("id", "t", *compared.columns),
             _chosen(names, side.track),
             _chosen(times, side.step),
             *(map(repr, column) for column in states.T.tolist()),
@@ -65,7 +65,7 @@ def proof_tables(
             ("truth", "estimate"),
             ids,
             problem.sides,
-            (compared.scene.truth, compared.scene.estimate),
+            (compared.truth, compared.estimate),
             strict=True,
         )
     }
@@ -348,7 +348,7 @@ def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
             f"a proof folder has no place for the order {parameters.order:g}: at most "
             f"{verify_tgospa.TOP_ORDER} is checked"
         )
-    for name in (*compared.labels.truths, *compared.labels.estimates, *compared.scene.columns):
+    for name in (*compared.labels.truths, *compared.labels.estimates, *compared.columns):
         if len(name) > csv.field_size_limit() or as_unicode(name) != name:
             raise ConfigError(
                 f"a proof folder has no place for the name {quoted(name)}: names are UTF-8, of at "
@@ -391,10 +391,10 @@ def check_work(written: Sequence[tuple[Proof, Mapping[str, str]]]) -> None:
 def _most_work(proof: Proof) -> float:
     """At most what checking takes: as if all pairs of a step were in neighbouring cells."""
     parameters, problem, compared = proof.parameters, proof.states.problem, proof.compared
-    settings, scene = compared.settings, compared.scene
+    settings = compared.settings
     given = [list(_numbers(settings, name).values()) for name in COLUMN_NUMBERS]
     numbers = np.concatenate(
-        [scene.truth.ravel(), scene.estimate.ravel(), [parameters.cutoff, 1.0], *given]
+        [compared.truth.ravel(), compared.estimate.ravel(), [parameters.cutoff, 1.0], *given]
     )
     exponents = np.frexp(numbers[numbers != 0])[1]
     size = 4 * (int(np.ptp(exponents)) + 54)  # of a product of four of them
@@ -405,7 +405,7 @@ def _most_work(proof: Proof) -> float:
     pairs = float(truths[:steps] @ estimates[:steps].astype(np.float64))
     exponent = Fraction(parameters.order) / (2 if settings["distance"] == "euclidean" else 1)
     bits = price_bits(proof.states, proof.bounds.lower) + verify_tgospa.MORE_BITS
-    return pairs * verify_tgospa.pair_work(len(scene.columns) + 1, size) + len(
+    return pairs * verify_tgospa.pair_work(len(compared.columns) + 1, size) + len(
         problem.cost
     ) * verify_tgospa.power_work(exponent, size, bits)
 
@@ -419,7 +419,7 @@ def proof_parameters(compared: ComparedSides, parameters: Parameters) -> dict[st
         "switch_penalty": repr(parameters.switch_penalty),
         **({} if parameters.rho == 0.5 else {"rho": repr(parameters.rho)}),
         "distance": settings["distance"],
-        "columns": list(compared.scene.columns),
+        "columns": list(compared.columns),
         **{
             name: {column: repr(value) for column, value in _numbers(settings, name).items()}
             for name in COLUMN_NUMBERS

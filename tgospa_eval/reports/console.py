@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.problem.problem import Ints
@@ -12,7 +13,7 @@ from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.slices import about_slices, slices_lines, slices_table
 from tgospa_eval.reports.tables import WIDTH, Document, Row, Table, clip, text_lines, wrap
 from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
-from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.records import PARTS, Columns
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import ending, visible
 
@@ -264,22 +265,13 @@ def _curve(result: Summary) -> Iterator[str]:
     if traced is None or not table["t"]:
         return
     met, size = traced.met(result.gap), len(table["t"])
-    known = "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
-    title = f"TGOSPA per step of the steps up to each of {size}, {known}"
+    title = f"TGOSPA per step of the steps up to each of {size}, {_known(met)}"
     yield from wrap(f"{title}; its parts are costs per step", " " * 10)
     count = min(size, 2 * SHOWN)
     shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
-    times = [visible(str(table["t"][k])) for k in shown]
-    first = min(max(13, *map(len, times)), 19)
+    rows = _rooted(table, shown, met, [str(table["t"][k]) for k in shown])
+    first = min(max(13, *(len(visible(row[0])) for row in rows)), 19)
     each = 13 if first == 13 else 11  # so that long stamps have their place
-    rows = [
-        (
-            time,
-            ("" if met[k] else "<= ") + number(table["tgospa"][k], 5),
-            *(number(table[name][k], 5) for name in PARTS),
-        )
-        for k, time in zip(shown, times, strict=True)
-    ]
     head, widths = ("up to t", "TGOSPA", *PARTS), (first, 13, 13, each, each, each)
     yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
 
@@ -290,9 +282,7 @@ def _windows(result: Summary) -> Iterator[str]:
     if slid is None or not table["t_first"]:
         return
     met, size = slid.met(result.gap), len(table["t_first"])
-    known = "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
-    if size == 1:
-        known = "proven exact" if met.all() else "an upper bound"
+    known = _known(met) if size > 1 else "proven exact" if met.all() else "an upper bound"
     every = f", one every {slid.every}" if size > 1 else ""
     value = np.array(table["tgospa"])
     middle = f"median {number(float(np.median(value)), 5)}, " if size > SHOWN else ""
@@ -300,16 +290,29 @@ def _windows(result: Summary) -> Iterator[str]:
     note = "; they do not add up; the worst of which no two overlap:" if size > 1 else ""
     yield from wrap(f"{title}{note}", " " * 10)
     worst = _apart(slid, np.argsort(-value, kind="stable"))
-    rows = [
-        (
-            f"{table['t_first'][k]} to {table['t_last'][k]}",
-            ("" if met[k] else "<= ") + number(value[k], 5),
-            *(number(table[name][k], 5) for name in PARTS),
-        )
-        for k in worst
-    ]
+    names = [f"{table['t_first'][k]} to {table['t_last'][k]}" for k in worst]
+    rows = _rooted(table, worst, met, names)
     head, widths = ("from t to t", "TGOSPA", *PARTS), (20, 12, 13, 11, 11, 11)
     yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
+
+
+def _known(met: NDArray[np.bool_]) -> str:
+    """How many of several values are exact."""
+    return "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
+
+
+def _rooted(
+    table: Columns, chosen: list[int], met: NDArray[np.bool_], names: list[str]
+) -> list[tuple[str, ...]]:
+    """Name, TGOSPA or its upper bound, and parts of the chosen rows."""
+    return [
+        (
+            name,
+            ("" if met[k] else "<= ") + number(table["tgospa"][k], 5),
+            *(number(table[part][k], 5) for part in PARTS),
+        )
+        for k, name in zip(chosen, names, strict=True)
+    ]
 
 
 def _apart(slid: Windows, order: Ints) -> list[int]:

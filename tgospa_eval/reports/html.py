@@ -9,6 +9,7 @@ import base64
 import zlib
 from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
 
 import jinja2
 import numpy as np
@@ -118,9 +119,7 @@ def environment() -> jinja2.Environment:
 
 def inlined(name: str) -> str:
     """The text of a file beside the templates, as it stands."""
-    loader = environment().loader
-    assert loader is not None
-    return loader.get_source(environment(), name)[0]
+    return Path(__file__).with_name("page").joinpath(name).read_text(encoding="utf-8")
 
 
 def packed(arrays: dict[str, Ints]) -> str:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.readout import read_switches
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports.clock import moments, readable
@@ -108,8 +109,7 @@ def document(result: Summary) -> Drawn:
     """
     whole = list(result.results.values()) if isinstance(result, ByClass) else [result]
     parts = [part for part in whole if isinstance(part, Result)]
-    scenes = [part.scene for part in parts]
-    columns = scenes[0].columns if scenes and scenes[0] is not None else ()
+    columns = parts[0].proof.compared.columns if parts else ()
     rows = {name: _joined(parts, name, len(columns)) for name in KINDS}
     runs = {name: _runs(side) for name, side in rows.items()}
     stride, kept = _thinned(rows, runs)
@@ -196,7 +196,7 @@ def _joined(parts: list[Result], name: str, size: int) -> Rows:
     other = "estimate" if name == "truth" else "truth"
     first = {"truth": 0, "estimate": 0}
     for part in parts:
-        rows = _rows(part, name, other, size)
+        rows = _rows(part, name, other)
         rows["other"] = np.where(rows["other"] == NONE, NONE, rows["other"] + first[other])
         found.append(rows | {"track": rows["track"] + first[name]})
         first["truth"] += len(part.labels.truths)
@@ -208,7 +208,7 @@ def _joined(parts: list[Result], name: str, size: int) -> Rows:
     return {column: np.concatenate([rows[column] for rows in found]) for column in found[0]}
 
 
-def _rows(result: Result, name: str, other: str, size: int) -> Rows:
+def _rows(result: Result, name: str, other: str) -> Rows:
     states, problem = result.proof.states, result.proof.states.problem
     own_row: Ints = getattr(problem, f"{name}_row")
     other_row: Ints = getattr(problem, f"{other}_row")
@@ -230,9 +230,8 @@ def _rows(result: Result, name: str, other: str, size: int) -> Rows:
     partner[free > best] = NONE
     error[partner == NONE] = 1.0
 
-    scene = result.scene
-    state = np.zeros((len(step), 0)) if scene is None or not size else getattr(scene, name)
-    spread = getattr(scene, f"{name}_covariance", None)
+    state = getattr(result.proof.compared, name)
+    spread = getattr(result.proof.compared, f"{name}_covariance")
     spread = np.zeros((len(step), 0)) if spread is None else spread
     by_track = np.argsort(track, kind="stable")
     rows: Rows = {"track": track, "step": step, "other": partner, "error": error}
@@ -313,25 +312,19 @@ def _tracks(result: Summary, side: str) -> Columns:
 
 def _switches(parts: list[Result]) -> Columns:
     """The table of switches with numbers of steps and tracks."""
-    names = ("step", "truth", "from", "to", "mass", "cost")
-    found: Columns = {name: [] for name in names}
+    rows: Columns = {name: [] for name in ("step", "truth", "from", "to", "mass", "cost")}
     truths = estimates = 0
     for part in parts:
-        labels, table = part.labels, part.table("switches")
-        step = {t: k for k, t in enumerate(labels.times)}
-        truth = {name: truths + k for k, name in enumerate(labels.truths)}
-        estimate: dict[str | None, int] = {
-            name: estimates + k for k, name in enumerate(labels.estimates)
-        }
-        estimate[None] = NONE
-        found["step"] += [step[t] for t in table["t"]]
-        found["truth"] += [truth[name] for name in table["truth"]]
-        found["from"] += [estimate[name] for name in table["from"]]
-        found["to"] += [estimate[name] for name in table["to"]]
-        found["mass"] += rounded(table["mass"])
-        found["cost"] += rounded(table["cost"])
-        truths, estimates = truths + len(labels.truths), estimates + len(labels.estimates)
-    return found
+        found = read_switches(part.proof.states, part.proof.weights)
+        rows["step"] += found.step.tolist()
+        rows["truth"] += (found.truth + truths).tolist()
+        for name, track in (("from", found.before), ("to", found.after)):
+            rows[name] += np.where(track < 0, NONE, track + estimates).tolist()
+        table = part.table("switches")
+        for name in ("mass", "cost"):
+            rows[name] += rounded(table[name])
+        truths, estimates = truths + len(part.labels.truths), estimates + len(part.labels.estimates)
+    return rows
 
 
 def _repairs(result: Summary) -> Columns:
@@ -407,21 +400,15 @@ def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Int
 def levels(spread: Floats, largest: list[float]) -> list[Ints]:
     """Lower triangles (K, d (d + 1) / 2) as whole numbers, one array for each of its entries."""
     rows, columns = np.tril_indices(size_of(spread.shape[1]))
-    deviation = deviations(spread[:, rows == columns])
-    found = []
-    for entry, (i, j) in enumerate(zip(rows, columns, strict=True)):
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            if i == j:
-                level = -FINE * np.log(deviation[:, i] / largest[i])
-                top = FAINT
-            else:
-                share = spread[:, entry] / deviation[:, i] / deviation[:, j]
-                level = ANGLE * np.arcsin(np.clip(share, -1, 1))
-                top = 0
-        # No logarithm or correlation of what has no deviation.
-        level = np.nan_to_num(level, nan=top, posinf=top, neginf=top)
-        found.append(np.rint(np.minimum(level, FAINT)).astype(np.int64))
-    return found
+    diagonal = rows == columns
+    deviation = deviations(spread[:, diagonal])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        size = -FINE * np.log(deviation / largest)
+        correlation = np.clip(spread / deviation[:, rows] / deviation[:, columns], -1, 1)
+        level = np.where(diagonal, size[:, rows], ANGLE * np.arcsin(correlation))
+    # No logarithm or correlation of what has no deviation.
+    level = np.where(np.isfinite(level), level, np.where(diagonal, FAINT, 0))
+    return list(np.rint(np.minimum(level, FAINT)).astype(np.int64).T)
 
 
 def deviations(variances: Floats) -> Floats:

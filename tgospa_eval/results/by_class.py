@@ -12,14 +12,7 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.problem.solution import Bounds, Brackets, Breakdown
-from tgospa_eval.results.records import (
-    PARTS,
-    Columns,
-    Costs,
-    FileInfo,
-    Json,
-    Labels,
-)
+from tgospa_eval.results.records import PARTS, Columns, Costs, FileInfo, Json
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.slices import Slicing, added_up
 from tgospa_eval.results.summary import Summary
@@ -111,11 +104,10 @@ def add_up(results: dict[str, Result], files: tuple[FileInfo, FileInfo], read: f
         ),
         traced=_sum_of_brackets([part.traced for part in parts]),
         slid=_sum_of_brackets([part.slid for part in parts]),
-        labels=Labels(
-            times=first.labels.times,
+        labels=replace(
+            first.labels,
             truths=[name for part in parts for name in part.labels.truths],
             estimates=[name for part in parts for name in part.labels.estimates],
-            unit=first.labels.unit,
         ),
         gap=first.gap,
         sizes={name: sum(part.sizes[name] for part in parts) for name in first.sizes}

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,27 +25,6 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DrawnScene:
-    """Where the objects were, for pictures alone: no number depends on it.
-
-    Parameters
-    ----------
-    columns : tuple of str
-        Names of the d state columns.
-    truth, estimate : (R, d) float arrays
-        States in the order of the rows of the problem, by step and track.
-    truth_covariance, estimate_covariance : (R, d (d + 1) / 2) float arrays, optional
-        Lower triangles of the covariances of these states, of clouds the second moments.
-    """
-
-    columns: tuple[str, ...]
-    truth: Floats
-    estimate: Floats
-    truth_covariance: Floats | None = None
-    estimate_covariance: Floats | None = None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class ComparedSides:
     """The two sides as they were compared, after filters, grid and joined stamps.
 
@@ -53,18 +32,28 @@ class ComparedSides:
     ----------
     moments : (T,) int or float array
         The steps, as numbers.
-    scene : DrawnScene
-        States.
     labels : Labels
         Ids.
     settings : mapping of str to object
         Every option that changes the number.
+    columns : tuple of str
+        Names of the d state columns.
+    truth, estimate : (R, d) float arrays
+        States as they were read, before the distance prepared them, in the order of the rows of the
+        problem, by step and track.
+    truth_covariance, estimate_covariance : (R, d (d + 1) / 2) float arrays, optional
+        Lower triangles of the covariances of these states, of clouds the second moments: for
+        pictures alone.
     """
 
-    moments: NDArray[np.generic]
-    scene: DrawnScene
+    moments: NDArray[Any]
     labels: Labels
     settings: Mapping[str, object]
+    columns: tuple[str, ...]
+    truth: Floats
+    estimate: Floats
+    truth_covariance: Floats | None = None
+    estimate_covariance: Floats | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,14 +108,11 @@ class Result(Summary):
         Bounds and assignment.
     labels, gap, settings, solver, timings, input, version
         Times and ids, the gap that counts as exact, options, and how it was made.
-    scene : DrawnScene, optional
-        The states, for pictures; not part of the JSON.
     source : object, optional
         What was evaluated and how, as `evaluation.prepare.Source`, for `explain` and `gradient`.
     """
 
     proof: Proof
-    scene: DrawnScene | None = None
     source: object | None = None
 
     def explain(self, top: int = 10) -> "Explanation":

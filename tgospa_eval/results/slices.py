@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
-from tgospa_eval.results.records import PARTS, Columns, Json
+from tgospa_eval.results.records import PARTS, Columns, Json, records
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -100,9 +100,7 @@ class Slicing:
 
     def record(self) -> Json:
         """The same as it stands in the document of a result."""
-        table = self.table()
-        rows = [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
-        return {"by": self.by, "unique": self.unique, "slices": rows}
+        return {"by": self.by, "unique": self.unique, "slices": records(self.table())}
 
     @classmethod
     def of(cls, record: Json) -> "Slicing":
