@@ -27,7 +27,7 @@ Law = Callable[[np.random.Generator, tuple[int, int]], Floats]
 
 TAILS = np.array([(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
 
-SIZES = (3, 6, 10, 20, 50)
+SIZES = (6, 20, 50)
 
 STUDIES, DRAWS, TOGETHER = 4000, 800, 200
 """Of each law and number of truths; of the bootstrap; studies that share their draws."""

@@ -4,7 +4,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -90,19 +90,19 @@ class GateOptions(Values):
         The arguments, for commands that messages propose.
     """
 
-    evaluation: Request
-    sources: Mapping[str, str]
-    typed: tuple[str, ...]
-    suite: str | None
-    baseline: str | None
-    update_baseline: bool
-    fail_on: tuple[str, ...]
-    warn_on: tuple[str, ...]
-    maximum: tuple[str, ...]
-    junit: str | None
-    proof: str | None
-    quiet: bool
-    config: SettingsFile | None
+    evaluation: Request = Request()
+    sources: Mapping[str, str] = field(default_factory=dict)
+    typed: tuple[str, ...] = ()
+    suite: str | None = None
+    baseline: str | None = None
+    update_baseline: bool = False
+    fail_on: tuple[str, ...] = ()
+    warn_on: tuple[str, ...] = ()
+    maximum: tuple[str, ...] = ()
+    junit: str | None = None
+    proof: str | None = None
+    quiet: bool = False
+    config: SettingsFile | None = None
 
     def given(self, *sources: str) -> dict[str, object]:
         """Options of the evaluation from these sources, by field."""
@@ -114,7 +114,7 @@ class GateOptions(Values):
 
     def strong(self, name: str) -> bool:
         """Whether it is a flag or from the environment."""
-        return self.sources[name] in ("commandline", "environment")
+        return self.sources.get(name) in ("commandline", "environment")
 
     def prefix(self, pair: Pair) -> str:
         """What a line about a pair begins with: its name, where there are several."""
@@ -313,7 +313,7 @@ def _report(
         baseline=path,
         outcomes=tuple(outcomes),
         version=__version__,
-        again=() if update or not path or is_store(path) else again,
+        again=again if gate.typed and not update and path and not is_store(path) else (),
     )
 
 
@@ -588,39 +588,31 @@ def gate(
     old = load(path)
     if old and ONLY_PAIR not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name another")
-    entry = (old or {}).get(ONLY_PAIR)
-    maximum = [f"{name}={value!r}" for name, value in (limits or {}).items()]
-    rules = parse_rules(_texts(fail_on), _texts(warn_on), maximum)
-    kept = {} if entry is None else entry["options"]
+    pair = Pair(name=ONLY_PAIR, truth=_called(truth, "truth"), estimate=_called(estimate, ""))
+    judge_by = GateOptions(
+        baseline=path,
+        update_baseline=update_baseline,
+        fail_on=tuple(_texts(fail_on)),
+        warn_on=tuple(_texts(warn_on)),
+        maximum=tuple(f"{name}={value!r}" for name, value in (limits or {}).items()),
+    )
+    judge_by.rules(pair)  # wrong ones before any work
+    kept = old[ONLY_PAIR]["options"] if old else {}
     inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
     given: dict[str, Any] = {**inherited, **options}
     result = evaluate(truth, estimate, **given)
-    now = measured(result)
-    pair = Pair(name=ONLY_PAIR, truth=_called(truth, "truth"), estimate=_called(estimate, ""))
-    if update_baseline:
-        plain = {
-            key: given[name]
-            for key, name in INHERITED.items()
-            if isinstance(given.get(name), (str, float, int))
-        }
-        used = result.proof.parameters
-        new = make_entry(
-            now, plain | {"cutoff": used.cutoff, "switch-penalty": used.switch_penalty}
-        )
-        if entry != new:
-            write_file(path, dump({ONLY_PAIR: new}), "--baseline")
-        outcome = updated_outcome(pair, entry, new, now)
-    elif entry is None:
-        outcome = PairOutcome.of(pair, Verdict.INCOMPARABLE, f"no such file: {path}")
-    else:
-        outcome = judged_outcome(pair, now, entry, rules)
-    outcome = replace(
-        outcome,
-        notes=tuple(in_python(note, reads=False) for note in outcome.notes),
-        warnings=result.warnings,
-    )
-    report = Report(baseline=path, outcomes=(outcome,), version=__version__)
-    return GateResult(report=report, result=result)
+    plain = {key: given.get(name) for key, name in INHERITED.items()}
+    used = result.proof.parameters
+    recorded = {
+        **{key: value for key, value in plain.items() if isinstance(value, (str, float, int))},
+        "cutoff": used.cutoff,
+        "switch-penalty": used.switch_penalty,
+    }
+    about = {"warnings": result.warnings, "seconds": 0.0}
+    report = _report(judge_by, [pair], path, lambda *_: (measured(result), recorded, about), "")
+    (outcome,) = report.outcomes
+    outcome = replace(outcome, notes=tuple(in_python(note, reads=False) for note in outcome.notes))
+    return GateResult(report=replace(report, outcomes=(outcome,)), result=result)
 
 
 def _texts(given: str | Iterable[str]) -> list[str]:

@@ -35,10 +35,9 @@ class Recorder:
     """
 
     def __init__(self) -> None:
-        self._times: list[object] = []
-        self._last: Any = None
+        self._times: list[Any] = []
         self._size: tuple[int, str] | None = None
-        self._sides = {name: _Side() for name in ROLES}
+        self._frames: dict[str, list[tuple[list[str], Floats]]] = {name: [] for name in ROLES}
 
     def __repr__(self) -> str:
         return f"Recorder({len(self._times)} updates)"
@@ -88,25 +87,24 @@ class Recorder:
                     )
             found.append((names, array))
         self._times.append(t)
-        self._last, self._size = t, size
-        for side, frame in zip(self._sides.values(), found, strict=True):
-            side.add(len(self._times) - 1, *frame)
+        self._size = size
+        for frames, frame in zip(self._frames.values(), found, strict=True):
+            frames.append(frame)
 
     def _check_time(self, t: Any, where: str) -> None:
         if t is None or np.ndim(t) or t != t:
             raise InputError(f"{where}: no time; give a number or a datetime")
-        if not self._times:
-            return
-        try:
-            later = bool(t > self._last)
-        except (TypeError, ValueError):
-            raise InputError(
-                f"{where}: {type(t).__name__} after {type(self._last).__name__} "
-                f"({self._last}); all times are of one kind"
-            ) from None
-        if not later:
-            again = "is there already" if t == self._last else "time goes back"
-            raise InputError(f"{where}: {again}, the update before was at {self._last}")
+        for last in self._times[-1:]:
+            try:
+                later = bool(t > last)
+            except (TypeError, ValueError):
+                raise InputError(
+                    f"{where}: {type(t).__name__} after {type(last).__name__} ({last}); all times "
+                    "are of one kind"
+                ) from None
+            if not later:
+                again = "is there already" if t == last else "time goes back"
+                raise InputError(f"{where}: {again}, the update before was at {last}")
 
     @property
     def truth(self) -> Trajectories:
@@ -142,32 +140,19 @@ class Recorder:
         return evaluate(truth, estimate, **options)
 
     def _trajectories(self, name: str, columns: tuple[str, ...] | None) -> Trajectories:
-        side, size = self._sides[name], 2 if self._size is None else self._size[0]
+        frames, size = self._frames[name], 2 if self._size is None else self._size[0]
+        ids: dict[str, int] = {}
+        track = [ids.setdefault(text, len(ids)) for names, _ in frames for text in names]
+        step = [k for k, (names, _) in enumerate(frames) for _ in names]
+        states = [array for names, array in frames if names]
         return from_rows(
             name,
-            list(side.ids),
-            (np.array(side.step, np.int64), np.array(side.track, np.int64)),
-            np.concatenate([np.zeros((0, size)), *side.states]),
+            list(ids),
+            (np.array(step, np.int64), np.array(track, np.int64)),
+            np.concatenate([np.zeros((0, size)), *states]),
             times_of(self._times, name),
             columns,
         )
-
-
-class _Side:
-    """The rows of one side, as they came."""
-
-    def __init__(self) -> None:
-        self.ids: dict[str, int] = {}
-        self.step: list[int] = []
-        self.track: list[int] = []
-        self.states: list[Floats] = []
-
-    def add(self, step: int, ids: Sequence[str], states: Floats) -> None:
-        """Keep the rows of one step."""
-        self.step += [step] * len(ids)
-        self.track += [self.ids.setdefault(text, len(self.ids)) for text in ids]
-        if len(ids):
-            self.states.append(states)
 
 
 def _frame(ids: object, states: object, where: str) -> tuple[list[str], Floats]:

@@ -192,18 +192,12 @@ Entrants = Mapping[str, Sequence[RunOutcome]]
 
 def outcome(path: str, result: Result, moments: Times, *, per_step: bool) -> RunOutcome:
     """What to keep of a result, so that the problem can go."""
-    split, (lower, upper) = result.proof.breakdown, result.total_bounds
+    split = result.proof.breakdown
     record, values = against(result) if per_step else (None, {})
+    parts: Json = {name: getattr(result, name) for name in PARTS}
     return RunOutcome(
         path=path,
-        run={
-            "total": upper,
-            "total_lower": lower,
-            **{name: getattr(result, name) for name in PARTS},
-            "status": result.solver["status"],
-            "finished": bool(result.solver["finished"]),
-            "input": result.input,
-        },
+        run=_run(result.total_bounds, parts, result.solver, result.input),
         counts=result.counts,
         steps={name: result.scale * getattr(split, name) for name in PARTS} | values,
         moments=moments,
@@ -211,6 +205,18 @@ def outcome(path: str, result: Result, moments: Times, *, per_step: bool) -> Run
         judged=result.judged,
         against=record,
     )
+
+
+def _run(bounds: tuple[float, float], parts: Json, solver: Json, sides: object) -> Json:
+    """A run as the document has it."""
+    return {
+        "total": bounds[1],
+        "total_lower": bounds[0],
+        **{name: parts[name] for name in PARTS},
+        "status": solver["status"],
+        "finished": bool(solver["finished"]),
+        "input": sides,
+    }
 
 
 def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunOutcome]:
@@ -230,21 +236,16 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
     for document, path, own, named in zip(documents, paths, moments, times, strict=True):
         if np.any(np.diff(own) <= 0):
             raise InputError(f"{path}: per_step: times are not in order")
-        order, solver = document["parameters"]["order"], document["solver"]
-        steps = document["per_step"]
-        run: Json = {
-            # The bounds of the total, from those of the value, rounded outward once more.
-            "total": outward(document["upper_bound"] ** order, 1),
-            "total_lower": outward(document["lower_bound"] ** order, -1),
-            **{name: document[name] for name in PARTS},
-            "status": solver["status"],
-            "finished": bool(solver["finished"]),
-            "input": document["input"],
-        }
+        order, steps = document["parameters"]["order"], document["per_step"]
+        # The bounds of the total, from those of the value, rounded outward once more.
+        bounds = (
+            outward(document["lower_bound"] ** order, -1),
+            outward(document["upper_bound"] ** order, 1),
+        )
         found.append(
             RunOutcome(
                 path=path,
-                run=run,
+                run=_run(bounds, document, document["solver"], document["input"]),
                 counts=document["counts"],
                 steps={name: np.array([step[name] for step in steps], float) for name in PARTS},
                 moments=own,

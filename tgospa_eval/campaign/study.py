@@ -301,15 +301,7 @@ def measure(study: Study, targets: int, steps: int, run: int) -> Json:
     request = EvaluationRequest(
         parameters=study.parameters, distance=study.distance, solver=study.solvers[0]
     )
-    record: Json = {
-        "targets": targets,
-        "steps": steps,
-        "run": run,
-        "occupied": None,
-        "sizes": None,
-        "prepare_seconds": None,
-        "runs": [],
-    }
+    record: Json = {**dict.fromkeys(RECORD), "targets": targets, "steps": steps, "run": run}
     try:
         sides = simulate(replace(study.scene, targets=targets, steps=steps), study.tracker, rng)
         prepared = prepare(fit(*sides, request), request, stopwatch=stopwatch)
@@ -369,8 +361,8 @@ def _size(size: Size, scenes: Sequence[Json], study: Study) -> Json:
         "targets": size[0],
         "steps": size[1],
         "left_out": len(scenes) - len(best),
-        "states": _spread_of(record["sizes"] and record["sizes"]["states"] for record in scenes),
-        "prepare_seconds": _spread_of(record["prepare_seconds"] for record in scenes),
+        "states": spread(record["sizes"] and record["sizes"]["states"] for record in scenes),
+        "prepare_seconds": spread(record["prepare_seconds"] for record in scenes),
         "normalised": normalised,
         "solvers": [_solver(scenes, sound, k) for k in range(len(study.solvers))],
     }
@@ -386,27 +378,21 @@ def _solver(scenes: Sequence[Json], sound: Sequence[Json], k: int) -> Json:
         "name": every[0]["name"],
         "solver": every[0]["solver"],
         "epsilon": every[0]["epsilon"],
-        "seconds": _spread_of(map(spent, made)),
-        "error": spread([error for error in above if math.isfinite(error)]),
+        "seconds": spread(map(spent, made)),
+        "error": spread(error for error in above if math.isfinite(error)),
         "infinite_errors": sum(map(math.isinf, above)),
-        "lower_error": _spread_of(below for _, below in found),
-        "iterations": _spread_of(run["iterations"] for run in made),
+        "lower_error": spread(below for _, below in found),
+        "iterations": spread(run["iterations"] for run in made),
         "failed": sum(run["total"] is None for run in every),
         "unfinished": sum(not run["finished"] and run["total"] is not None for run in every),
     }
 
 
-def _spread_of(values: Iterable[float | None]) -> Json:
-    return spread([value for value in values if value is not None])
-
-
-def spread(values: Sequence[float]) -> Json:
-    """Mean, standard deviation (divisor n - 1) and largest; null where there is none."""
-    if not len(values):
-        return {"mean": None, "deviation": None, "max": None}
-    numbers = np.asarray(values, float)
+def spread(values: Iterable[float | None]) -> Json:
+    """Mean, standard deviation (divisor n - 1) and largest of those that are there."""
+    numbers = np.array([value for value in values if value is not None], float)
     return {
-        "mean": float(numbers.mean()),
+        "mean": float(numbers.mean()) if len(numbers) else None,
         "deviation": float(numbers.std(ddof=1)) if len(numbers) > 1 else None,
-        "max": float(numbers.max()),
+        "max": float(numbers.max()) if len(numbers) else None,
     }

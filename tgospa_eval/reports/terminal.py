@@ -29,10 +29,11 @@ PART_LOOKS = {"localisation": "34", "missed": "31", "false": "35", "switch": YEL
 
 def report(result: Summary, encoding: str) -> str:
     """The text with colours, unless `NO_COLOR` is set; `encoding` is that of stdout."""
+    ramp = BLOCKS if encoding.casefold().startswith("utf") else SIGNS
     shown: list[list[str]] = []
     for name, lines in blocks(result).items():
         if name == GRAPH_BEFORE:
-            shown.append(list(_graph(result, BLOCKS if _can(BLOCKS, encoding) else SIGNS)))
+            shown.append(list(_graph(result, ramp)))
         shown.append(_styled(result, name, lines))
     return "\n\n".join("\n".join(lines) for lines in shown if lines) + "\n"
 
@@ -110,11 +111,3 @@ def _part(result: Summary, line: str) -> str:
     weight = () if getattr(result, name) else (DIM,)
     before, after = line.split(name, 1)
     return before + _looking(name, *weight, PART_LOOKS[name]) + _looking(after, *weight)
-
-
-def _can(text: str, encoding: str) -> bool:
-    try:
-        text.encode(encoding)
-    except (UnicodeEncodeError, LookupError):
-        return False
-    return True
