@@ -126,19 +126,12 @@ def long_name(number: int) -> str:
 
 def entries_of(folders: tuple[str, ...], shard: int) -> NDArray[np.void]:
     """All entries of a shard, by time."""
-    parts = [stretch(folder, shard) for folder in folders]
-    return np.concatenate(parts) if parts else np.zeros(0, ENTRY)
-
-
-def stretch(folder: str, shard: int) -> NDArray[np.void]:
-    """Those of one block."""
-    place = Path(folder)
-    first = np.load(place / "first.npy", mmap_mode="r")
-    low, high = int(first[shard]), int(first[shard + 1])
-    if low == high:
-        return np.zeros(0, ENTRY)
-    found = np.load(place / "entries.npy", mmap_mode="r")[low:high]
-    return np.asarray(found)
+    parts = [np.zeros(0, ENTRY)]
+    for folder in map(Path, folders):
+        low, high = np.load(folder / "first.npy", mmap_mode="r")[shard : shard + 2].tolist()
+        if low < high:
+            parts.append(np.asarray(np.load(folder / "entries.npy", mmap_mode="r")[low:high]))
+    return np.concatenate(parts)
 
 
 ASSIGNED_PAIR = np.dtype([*ENTRY.descr, ("weight", "<f8")])

@@ -375,20 +375,15 @@ class PartsSide:
         labels = steps_of(self.store).labels
         return None if labels is None else decoded(labels)
 
-    def block(self, first: float, last: float) -> Trajectories:
-        """Rows of the times from `first` to `last`, both included.
+    def read(self, first: float, last: float) -> Reading:
+        """Rows of the times from `first` to `last`, both included, and counts of those left out.
+
+        Notices are left to `said`, which needs the counts of all blocks.
 
         Raises
         ------
         InputError
             A row is wrong, an (id, t) is repeated, or a file is damaged; the message names them.
-        """
-        return self.read(first, last).trajectories
-
-    def read(self, first: float, last: float) -> Reading:
-        """The same with counts of the rows left out, and what the user should know of them.
-
-        Notices are left to `said`, which needs the counts of all blocks.
         """
         steps = steps_of(self.store)
         begin = int(np.searchsorted(steps.times, first, side="left"))

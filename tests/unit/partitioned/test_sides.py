@@ -64,13 +64,13 @@ def check_blocks(side: PartsSide, whole: Trajectories, cuts: Sequence[int] = (0,
     """All blocks between these steps, and all at once."""
     assert side.times.tolist() == whole.times.tolist()
     assert side.times.dtype == whole.times.dtype
-    check_same(side.block(side.times[0], side.times[-1]), whole)
+    check_same(side.read(side.times[0], side.times[-1]).trajectories, whole)
     for first, last in zip(cuts, [*cuts[1:], len(whole.times)], strict=True):
         rows = np.flatnonzero((whole.step >= first) & (whole.step < last))
         part = whole.chosen(rows, whole.step[rows] - first, whole.times[first:last])
         if whole.labels is not None:
             vars(part)["labels"] = whole.labels[first:last]
-        check_same(side.block(side.times[first], side.times[last - 1]), part)
+        check_same(side.read(side.times[first], side.times[last - 1]).trajectories, part)
 
 
 def combined_digest(side: PartsSide, blocks: Sequence[Trajectories]) -> str:
@@ -194,7 +194,7 @@ def test_digests_do_not_depend_on_parts(tmp_path: Path) -> None:
         (tmp_path / str(number)).mkdir()
         parts, whole = written(tmp_path / str(number), layout(frame))
         side = opened(parts, tmp_path / "work")
-        blocks = [side.block(a, b) for a, b in ((0, 2), (3, 3), (4, 11))]
+        blocks = [side.read(a, b).trajectories for a, b in ((0, 2), (3, 3), (4, 11))]
         assert combined_digest(side, blocks[::-1]) == digest(whole)
         digests.add(combined_digest(side, blocks))
     frame.loc[7, "x"] += 1e-9

@@ -29,7 +29,7 @@ def read_all(folder: Path, rows_together: int = 10, **options: Any) -> int:
         rows_together=rows_together,
         run=run_tasks,
     )
-    blocks = [side.block(time, time) for time in side.times]
+    blocks = [side.read(time, time).trajectories for time in side.times]
     side.check_ids(np.unique([name for block in blocks for name in block.ids]))
     return sum(len(block.step) for block in blocks)
 

@@ -81,6 +81,10 @@ def read_head(file: File, options: ReadOptions) -> Head:
     return Head(content=content, roles=roles, decimal=decimal, packed=packed)
 
 
+Moved = Callable[[str], str]
+"""A message about a piece as one about the file."""
+
+
 def text_rows(file: File, begin: int, end: int, options: ReadOptions) -> Iterator[tuple[Rows, int]]:
     """Rows of the lines that begin between two bytes, and the number of the first among them.
 
@@ -96,24 +100,19 @@ def text_rows(file: File, begin: int, end: int, options: ReadOptions) -> Iterato
     pieces = _unpacked(file, head, end) if head.packed else _cut(file, head, begin, end)
     first = 0
     for content, lines_before in pieces:
-        moved = partial(_moved, file.path, head.content.count(b"\n"), lines_before)
+        moved: Moved = partial(_moved, file.path, head.content.count(b"\n"), lines_before)
         try:
             rows = read_table(file.path, head.content + content, known, "truth", given=True)
         except InputError as error:
             raise InputError(*(moved(line) for line in error.args)) from None
-        yield replace(rows, where=_Where(rows.where, moved)), first
+
+        def where(
+            row: int, in_piece: Callable[[int], str] = rows.where, moved: Moved = moved
+        ) -> str:
+            return moved(in_piece(row))
+
+        yield replace(rows, where=where), first
         first += len(rows.times.value)
-
-
-@dataclass(frozen=True)
-class _Where:
-    """Where a row is in the whole file."""
-
-    in_piece: Callable[[int], str]
-    moved: Callable[[str], str]
-
-    def __call__(self, row: int) -> str:
-        return self.moved(self.in_piece(row))
 
 
 def _moved(path: str, header: int, lines_before: Callable[[], int], message: str) -> str:

@@ -74,7 +74,9 @@ def value_borders(
     states = rows_of_component(problem, places)
     values = _Values(states, places)
     held = renumbered(np.load(Path(rows) / "by_estimate.npy"), numbers)
-    whose = _pair_numbers(states, held)
+    width = np.int64(states.problem.estimates)
+    known = states.pair_truth * width + states.pair_estimate
+    whose = np.searchsorted(known, held["truth"] * width + held["estimate"])
     of_entry = np.empty(len(problem.cost), np.int32)
     gains = np.flatnonzero(states.entry >= 0)
     of_entry[states.entry[gains]] = states.pair[gains]
@@ -98,13 +100,6 @@ def value_borders(
     with writing(output) as folder:
         folder.mkdir()
         save_parts(folder, "borders", np.concatenate(tables), part, len(around))
-
-
-def _pair_numbers(states: States, held: Table) -> Ints:
-    width = np.int64(states.problem.estimates)
-    known = states.pair_truth * width + states.pair_estimate
-    number: Ints = np.searchsorted(known, held["truth"] * width + held["estimate"])
-    return number
 
 
 def _weights(held: Table, whose: Ints, pair: Ints, step: int) -> Ints:
