@@ -26,7 +26,7 @@ from tgospa_eval.cli.shared import in_parts
 from tgospa_eval.cli.shared.click_options import Size
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.partitioned import run, sides, steps
+from tgospa_eval.partitioned import run, sides
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
 Invoke = Callable[..., Any]
@@ -232,27 +232,25 @@ def test_interpolation_that_was_broken_off_goes_on(
     )
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(run, "MOST_ROWS", 40)
-    for module, name in ((steps, "find_edges"), (run, "scan")):
-        work = getattr(module, name)
-        done: list[str] = []
+    work = run.scan
+    done: list[str] = []
 
-        def broken_off(output: str, work: Any = work, done: list[str] = done, **more: Any) -> None:
-            if len(done) == 2:
-                raise KeyboardInterrupt
-            work(output, **more)
-            done.append(output)
+    def broken_off(output: str, **more: Any) -> None:
+        if len(done) == 2:
+            raise KeyboardInterrupt
+        work(output, **more)
+        done.append(output)
 
-        monkeypatch.setattr(module, name, broken_off)
-        with pytest.raises(KeyboardInterrupt):
-            partitioned.evaluate_parts(folders, options, OutputOptions(output="out"), "so")
-        monkeypatch.setattr(module, name, work)
-        assert len(done) == 2
-        assert all(Path(output).exists() for output in done)
+    monkeypatch.setattr(run, "scan", broken_off)
+    with pytest.raises(KeyboardInterrupt):
+        partitioned.evaluate_parts(folders, options, OutputOptions(output="out"), "so")
+    monkeypatch.setattr(run, "scan", work)
+    assert len(done) == 2
+    assert all(Path(output).exists() for output in done)
     other = replace(options, max_gap="4")
     with pytest.raises(ConfigError, match="max-gap was "):
         partitioned.evaluate_parts(folders, other, OutputOptions(output="out"), "so")
     documents = []
-    monkeypatch.setattr(steps, "find_edges", pytest.fail)  # all was found before
     for where in (tmp_path / "out", tmp_path / "fresh"):
         output = OutputOptions(output=str(where))
         partitioned.evaluate_parts(folders, options, output, "so")

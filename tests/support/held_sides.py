@@ -10,10 +10,10 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.run import PartsPlan
-from tgospa_eval.partitioned.steps import OwnTimes, Stamping
+from tgospa_eval.partitioned.steps import BlockPlan
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 
 @dataclass
@@ -21,6 +21,14 @@ class Held:
     """A side that is in memory."""
 
     whole: Trajectories
+
+    @property
+    def times(self) -> TimeArray:
+        return self.whole.times
+
+    @property
+    def counts(self) -> np.ndarray:
+        return np.bincount(self.whole.step, minlength=len(self.whole.times))
 
     def read(self, first: float, last: float) -> Reading:
         whole = self.whole
@@ -38,22 +46,16 @@ def plan(
     engine: Engine | None = None,
 ) -> PartsPlan:
     times = np.union1d(sides[0].times, sides[1].times)
-    stamps = [
-        OwnTimes(
-            side=Held(side),
-            times=side.times,
-            counts=np.bincount(side.step, minlength=len(side.times)),
-            step=np.searchsorted(times, side.times),
-        )
-        for side in sides
-    ]
     return PartsPlan(
-        cut=Stamping(times=times, sides=(stamps[0], stamps[1])),
-        times=times,
-        request=EvaluationRequest(
-            parameters=parameters, distance=as_distance("euclidean"), solver=Certified(jobs=1)
+        cut=BlockPlan(
+            times=times,
+            sides=(Held(sides[0]), Held(sides[1])),
+            step=tuple(np.searchsorted(times, side.times) for side in sides),
+            request=EvaluationRequest(
+                parameters=parameters, distance=as_distance("euclidean"), solver=Certified(jobs=1)
+            ),
+            names=("truth", "estimate"),
         ),
-        names=("truth", "estimate"),
         columns=2,
         work=work,
         memory=1 << 30,

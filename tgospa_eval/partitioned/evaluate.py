@@ -19,7 +19,7 @@ from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.engines.engine import Engine
 from tgospa_eval.engines.processes import PersistentPool, Processes
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.axis import check_left
+from tgospa_eval.evaluation.axis import Axis, check_left
 from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
 from tgospa_eval.evaluation.evaluate import nested_timings, solver_settings
 from tgospa_eval.evaluation.localisation import within_rounding
@@ -29,9 +29,9 @@ from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.input.listing import changed_file, stored
 from tgospa_eval.partitioned.run import Evaluated, PartsPlan, Stages, evaluate_parts, rows_together
-from tgospa_eval.partitioned.scan import Read, Scanned, placed
+from tgospa_eval.partitioned.scan import fitted_ranges
 from tgospa_eval.partitioned.sides import PartsSide, open_side
-from tgospa_eval.partitioned.steps import BlockPlan, Found, Resampling, clock_of, find_steps
+from tgospa_eval.partitioned.steps import BlockPlan, clock_of, find_steps
 from tgospa_eval.partitioned.tables import Naming, write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.compiled import KERNEL
@@ -71,10 +71,10 @@ class SideSummary:
         How many rows take no part, by rule.
     named : set of str
         Classes of all rows, if they were asked for.
-    off : int
-        Rows that are left out because their stamps are no steps.
+    at_steps : int
+        How many rows that take part have stamps that are steps.
     sums : list of tuple of int
-        As of `Read`.
+        `row_sums` of these rows in each block.
     warnings : list of Notice
         What was repaired.
     """
@@ -82,23 +82,23 @@ class SideSummary:
     missing: dict[str, str]
     left_out: dict[str, int]
     named: frozenset[str]
-    off: int
+    at_steps: int
     sums: list[tuple[int, ...]]
     warnings: list[Notice]
 
     @classmethod
-    def of(cls, side: PartsSide, blocks: Sequence[Read], cut: BlockPlan) -> "SideSummary":
-        """Of all blocks."""
+    def of(cls, side: PartsSide, blocks: Sequence[Json]) -> "SideSummary":
+        """Of what `scan` says of all blocks."""
         left_out = Counter(side.left_out)
         for block in blocks:
-            left_out.update(block.left_out)
-        repaired = {tuple(one.items()): one for block in blocks for one in block.warnings}
+            left_out.update(block["left_out"])
+        repaired = {tuple(one.items()): one for block in blocks for one in block["warnings"]}
         return cls(
             missing=side.roles.missing,
             left_out=dict(left_out),
-            named=frozenset(name for block in blocks for name in block.named),
-            off=0 if isinstance(cut, Resampling) else sum(block.off for block in blocks),
-            sums=[block.sums for block in blocks],
+            named=frozenset(name for block in blocks for name in block["named"]),
+            at_steps=sum(block["at_steps"] for block in blocks),
+            sums=[tuple(block["sums"]) for block in blocks],
             warnings=[Notice(**one).about(side.path) for one in repaired.values()],
         )
 
@@ -106,6 +106,11 @@ class SideSummary:
     def taken(self) -> int:
         """Rows that take part."""
         return sum(one[0] for one in self.sums)
+
+    @property
+    def off(self) -> int:
+        """Rows that take part, but for those whose stamps are steps."""
+        return self.taken - self.at_steps
 
     def has_class(self, name: str) -> bool:
         """Whether there are rows of a class that is asked for; blocks do not know of all names."""
@@ -175,35 +180,32 @@ def evaluate_partitioned(
             check_columns(*clocks, paths)
             request = request_of(truth.columns)
             _check_request(request)
-            steps = find_steps(sides, clocks, request, paths, most, work, run)
+            axis, grid, cut = find_steps(sides, clocks, request, paths)
 
-        def summaries(blocks: Sequence[Scanned]) -> tuple[SideSummary, ...]:
+        def summaries(read: list[list[Json]]) -> tuple[SideSummary, ...]:
             return tuple(
-                SideSummary.of(side, [block.read[number] for block in blocks], steps.cut)
+                SideSummary.of(side, [block[number] for block in read])
                 for number, side in enumerate(sides)
             )
 
         plan = PartsPlan(
-            cut=steps.cut,
-            times=steps.grid.truth.times,
-            request=request,
-            names=paths,
+            cut=cut,
             columns=len(truth.columns),
             work=work,
             memory=memory // jobs,
             stages=Stages(stopwatch),
             engine=workers,
-            look=lambda blocks: check(summaries(blocks), paths) if check else None,
+            look=lambda read: check(summaries(read), paths) if check else None,
         )
-        looked = look(plan, steps.grid) if len(plan.times) else []
+        looked = look(cut, grid) if len(cut.times) else []
         for notice in looked:
             if not notice.code:
                 stopwatch.notify(str(notice))
         found = evaluate_parts(plan, stopwatch)
         with stopwatch.span("report"):
-            known = summaries(found.blocks)
-            result = _result(sides, known, steps, plan, found, run, assignments=kept)
-            for notice in _notices(sides, known, steps, plan):
+            known = summaries(found.read)
+            result = _result(known, axis, grid, plan, found, run, assignments=kept)
+            for notice in _notices(known, axis, grid, cut, found):
                 stopwatch.notify(str(notice))
     return replace(
         result,
@@ -234,9 +236,9 @@ def _check_request(request: EvaluationRequest) -> None:
 
 
 def _result(
-    sides: tuple[PartsSide, PartsSide],
     known: Sequence[SideSummary],
-    steps: Found,
+    axis: Axis,
+    grid: Alignment,
     plan: PartsPlan,
     found: Evaluated,
     run: Run,
@@ -244,14 +246,14 @@ def _result(
     assignments: bool,
 ) -> PartitionedResult:
     """The result, its tables written."""
-    request, whole = plan.request, found.whole
+    request, sides, whole = plan.cut.request, plan.cut.sides, found.whole
     for side, numbered in zip(sides, found.tracks, strict=True):
         if numbered.rows.sum() == side.rows:  # else filters may have left out the other ids
             side.check_ids(numbered.ids)
     parameters, solver = request.parameters, request.solver
     assert isinstance(solver, Certified)
     check_underflow(found.constants, parameters, whole.bounds.upper)
-    shown = steps.grid.truth.shown
+    shown = grid.truth.shown
     truths, estimates = found.tracks
     naming = Naming(times=shown, truths=truths.ids, estimates=estimates.ids, parameters=parameters)
     tables = write_tables(
@@ -294,13 +296,13 @@ def _result(
         timings={"read": 0, "distances": 0, "solve": {}, "certify": 0, "report": 0, "total": 0},
         input={
             role: FileInfo(rows=side.rows, format=side.format, left_out=one.left_out).record(
-                digest_of_sums(side.columns, one.sums), {rule: one.off}
+                digest_of_sums(side.columns, one.sums), {rule: 0 if plan.cut.resampled else one.off}
             )
             for role, side, one in zip(ROLES, sides, known, strict=True)
         },
         judged_on=judge(
-            steps.axis.horizon,
-            steps.grid.truth,
+            axis.horizon,
+            grid.truth,
             digest_of_sums(sides[0].columns, [block.judged for block in found.blocks]),
             states=int(counts.sum()),
             at=int(np.count_nonzero(counts)),
@@ -313,7 +315,7 @@ def _result(
         sizes={
             "truth": len(truths.ids),
             "estimates": len(estimates.ids),
-            "steps": len(plan.times),
+            "steps": len(plan.cut.times),
             "candidate_pairs": found.shards.pairs,
             "pair_steps": found.entries,
             "components": found.shards.components,
@@ -324,31 +326,36 @@ def _result(
 
 
 def _notices(
-    sides: tuple[PartsSide, PartsSide],
-    known: Sequence[SideSummary],
-    steps: Found,
-    plan: PartsPlan,
+    known: Sequence[SideSummary], axis: Axis, grid: Alignment, cut: BlockPlan, found: Evaluated
 ) -> Iterator[Notice]:
     """What the user should know of the two sides."""
-    for side, one in zip(sides, known, strict=True):
+    matching = cut.request.time_matching
+    for side, one in zip(cut.sides, known, strict=True):
         for text in side.said(one.left_out, sorted(one.named, key=natural)):
             yield Notice(text=f"{side.path}: {text}")
-    axis, matching = steps.axis, plan.request.time_matching
-    made = axis.made
-    if isinstance(plan.cut, Resampling):
+    made, off = axis.made, (known[0].off, known[1].off)
+    if cut.resampled:
+        off = (0, 0)
         made = tuple(
-            (name, one.of(old.side))
-            for (name, old), one in zip(axis.made, plan.cut.made, strict=True)
+            (
+                name,
+                replace(
+                    old, between=int(states.sum()) - one.at_steps, own=one.at_steps, unused=one.off
+                ),
+            )
+            for (name, old), one, states in zip(made, known, found.whole.objects, strict=True)
         )
-        if gaps := plan.cut.made[0].gaps:
+        truth = [block[0] for block in found.read]
+        tracks = len(set().union(*(block["ids"] for block in truth)))
+        gaps = known[0].taken - tracks - sum(block["narrow"] for block in truth)
+        if gaps:
             yield Notice(
                 text=f"the truth has {counted(gaps, 'gap')} longer than {matching.gaps[0]:.15g}: "
                 "what the estimate reports in them is false (its cost is not worked out of data "
                 "in parts)"
             )
-    off = (known[0].off, known[1].off)
     if any(off) and matching.steps is None:
-        yield Notice(text=alignment_notices(replace(steps.grid, left_out=off), matching)[-1])
+        yield Notice(text=alignment_notices(replace(grid, left_out=off), matching)[-1])
     axis = replace(axis, made=made, left_out=off)
     if not any(one.taken for one in known):
         check_left(axis, matching)
@@ -360,27 +367,29 @@ LOOKED_AT = 50_000
 second."""
 
 
-def look(plan: PartsPlan, grid: Alignment) -> list[Notice]:
+def look(cut: BlockPlan, grid: Alignment) -> list[Notice]:
     """Notices about both sides, and warnings about the middle of the recording.
 
     Parameters
     ----------
-    plan : PartsPlan
+    cut : BlockPlan
         What is evaluated.
     grid : Alignment
         The steps of both sides, without their rows.
     """
-    request = plan.request
+    request, names = cut.request, cut.names
     steps = replace(grid, left_out=(0, 0))  # whose rows are not counted yet
     notices = [Notice(text=text) for text in alignment_notices(steps, request.time_matching)]
-    first, last = middle(plan.cut.rows, LOOKED_AT)
-    piece = plan.cut.piece(first, last + 1)
-    last = piece.high - 1
+    first, last = middle(cut.rows, LOOKED_AT)
+    piece = cut.piece(first, last + 1)
     truth, estimate = (stretch.read().trajectories for stretch in piece.stretches)
-    # Of their own stamps what is wrong with clocks is seen.
-    at_steps = partial(placed, piece, plan.times[piece.low : piece.high])
-    decided = request.time_matching.decided
-    sides = fit(truth, estimate, request, plan.names, at_steps if decided else None)
+    if request.time_matching.decided:
+        complete = piece.complete((truth, estimate))
+        ranges = fitted_ranges(piece, (truth, estimate), complete, request, names, LOOKED_AT)
+        first, sides, _ = next(ranges)
+        last = first + len(sides.alignment.truth.times) - 1
+    else:  # of their own stamps what is wrong with clocks is seen
+        sides = fit(truth, estimate, request, names)
     found = diagnose(sides, request)
     shown = grid.truth.shown
     return notices + [

@@ -1,5 +1,6 @@
 """The line of a partitioned evaluation: scan, components, shuffle, solve, add up."""
 
+import json
 import math
 import os
 import time
@@ -14,10 +15,9 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.engines.engine import Engine
 from tgospa_eval.engines.processes import PersistentPool
-from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
 from tgospa_eval.partitioned.long.run import Long, solve_long
-from tgospa_eval.partitioned.scan import Scanned, constants, scan
+from tgospa_eval.partitioned.scan import READ, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import (
     PARTS_OF_TRACKS,
     PartialSums,
@@ -32,8 +32,8 @@ from tgospa_eval.problem.paths import down
 from tgospa_eval.problem.problem import Floats, Ints, Problem
 from tgospa_eval.problem.solution import Bounds, Breakdown
 from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.results.records import Json
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.tracks.alignment import Times
 
 # -------------------------------------------------------------------------------------------------
 # What the stages of a partitioned evaluation say of themselves while they go on.
@@ -293,12 +293,6 @@ class PartsPlan:
     ----------
     cut : BlockPlan
         Both sides along the steps.
-    times : (T,) array
-        The steps.
-    request : EvaluationRequest
-        What is asked.
-    names : pair of str
-        The sides, for messages.
     columns : int
         Components of a state.
     work : Path
@@ -310,19 +304,16 @@ class PartsPlan:
     engine : Engine, optional
         Where tasks are done; in this process by default.
     look : callable
-        Called with what is known of the blocks, before anything is solved.
+        Called with what `scan` says of the rows that were read, before anything is solved.
     """
 
     cut: BlockPlan
-    times: Times
-    request: EvaluationRequest
-    names: tuple[str, str]
     columns: int
     work: Path
     memory: int
     stages: Stages = field(default_factory=lambda: Stages(Stopwatch()))
     engine: Engine | None = None
-    look: Callable[[Sequence[Scanned]], None] = lambda blocks: None  # noqa: ARG005
+    look: Callable[[list[list[Json]]], None] = lambda read: None  # noqa: ARG005
 
     def run(
         self,
@@ -363,6 +354,8 @@ class Evaluated:
     ----------
     whole : EvaluationSums
         Bounds, breakdown, what each track contributes.
+    read : list of pairs of dict
+        What `scan` says of the rows of each block, of either side.
     blocks : list of Scanned
         What is known of the blocks.
     tracks : pair of Tracks
@@ -378,6 +371,7 @@ class Evaluated:
     """
 
     whole: EvaluationSums
+    read: list[list[Json]]
     blocks: list[Scanned]
     tracks: tuple[Tracks, Tracks]
     shards: Shards
@@ -408,23 +402,31 @@ def evaluate_parts(plan: PartsPlan, stopwatch: Stopwatch | None = None) -> Evalu
     with stopwatch.span("distances"):
         scanned = _scan(plan)
     with stopwatch.span("solve/preparation"):
-        blocks = [Scanned.load(folder) for folder in scanned]
-        plan.look(blocks)
+        read = [json.loads((folder / READ).read_text(encoding="utf-8")) for folder in scanned]
+        plan.look(read)
+        ranges = (path for folder in scanned for path in sorted(folder.iterdir()) if path.is_dir())
+        blocks = [Scanned.load(folder) for folder in ranges]
         truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
         shards = make_shards(blocks, truths, estimates, most_entries(plan.memory))
-        folders = _shuffle(plan, scanned, blocks, (truths, estimates), shards)
+        folders = _shuffle(plan, blocks, (truths, estimates), shards)
     with stopwatch.span("solve/sweeps"):
         rows = int(truths.rows.sum()), int(estimates.rows.sum())
-        plan.stages.expect(plan.request.parameters, rows)
+        plan.stages.expect(plan.cut.request.parameters, rows)
         solved = _solve(plan, folders, shards)
     plan.stages.end()
     with stopwatch.span("certify"):
-        fixed = constants(plan.request, plan.columns, blocks)
+        fixed = constants(plan.cut.request, plan.columns, blocks)
         whole = add_up(
-            solved, blocks, len(plan.times), (truths, estimates), fixed, plan.request.parameters
+            solved,
+            blocks,
+            len(plan.cut.times),
+            (truths, estimates),
+            fixed,
+            plan.cut.request.parameters,
         )
     return Evaluated(
         whole=whole,
+        read=read,
         blocks=blocks,
         tracks=(truths, estimates),
         shards=shards,
@@ -436,15 +438,12 @@ def evaluate_parts(plan: PartsPlan, stopwatch: Stopwatch | None = None) -> Evalu
 
 def _scan(plan: PartsPlan) -> list[Path]:
     """Blocks of whole steps with so many rows as fit; each time of a side is in one of them."""
+    most = rows_together(plan.memory)
     tasks: dict[str, Task] = {
         str(plan.work / SCANNED / f"{number:08d}"): partial(
-            scan,
-            piece=piece,
-            times=plan.times[piece.low : piece.high],
-            request=plan.request,
-            names=plan.names,
+            scan, piece=piece, request=plan.cut.request, names=plan.cut.names, most=most
         )
-        for number, piece in enumerate(plan.cut.pieces(rows_together(plan.memory)))
+        for number, piece in enumerate(plan.cut.pieces(most))
     }
     plan.run("searching near pairs", tasks)
     return list(map(Path, tasks))
@@ -452,21 +451,20 @@ def _scan(plan: PartsPlan) -> list[Path]:
 
 def _shuffle(
     plan: PartsPlan,
-    scanned: Sequence[Path],
     blocks: Sequence[Scanned],
     tracks: tuple[Tracks, Tracks],
     shards: Shards,
 ) -> tuple[str, ...]:
     tasks: dict[str, Task] = {
-        str(plan.work / "sorted" / folder.name): partial(
+        str(plan.work / "sorted" / f"{k:08d}"): partial(
             sort_entries,
-            scanned=str(folder),
+            scanned=str(block.folder),
             numbers=(tracks[0].numbers[k], tracks[1].numbers[k]),
             shard_of_truth=shards.of_truth[tracks[0].numbers[k]],
             long=shards.long,
         )
-        for k, folder in enumerate(scanned)
-        if blocks[k].near
+        for k, block in enumerate(blocks)
+        if block.near
     }
     plan.run("sorting near pairs", tasks)
     return tuple(tasks)
@@ -474,7 +472,7 @@ def _shuffle(
 
 def _solve(plan: PartsPlan, folders: tuple[str, ...], shards: Shards) -> list[Path]:
     """Folders with what the shards contribute, those of long components last."""
-    solver, parameters = plan.request.solver, plan.request.parameters
+    solver, parameters = plan.cut.request.solver, plan.cut.request.parameters
     assert isinstance(solver, Certified)
     end = None if solver.time_limit is None else time.time() + solver.time_limit
     short = np.flatnonzero(~shards.long)

@@ -2,8 +2,8 @@
 
 import json
 import math
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,25 +15,38 @@ from tgospa_eval.distances.gating import prepared_pairs
 from tgospa_eval.evaluation.axis import Axis, Sides
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.shards import ENTRY
-from tgospa_eval.partitioned.steps import BlockPiece
+from tgospa_eval.partitioned.steps import BlockPiece, Resampled
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.problem import Ints, Problem
 from tgospa_eval.problem.tgospa import tgospa_problem
-from tgospa_eval.tracks.alignment import Times
-from tgospa_eval.tracks.judged import NO_SUMS, row_sums
+from tgospa_eval.results.records import Json
+from tgospa_eval.tracks.judged import row_sums
 
 PAIR = np.dtype([("truth", "<i4"), ("estimate", "<i4"), ("entries", "<i8")])
 """Tracks that come near each other, by their numbers in a block, and at how many steps."""
 
 
-def placed(piece: BlockPiece, times: Times, sides: Sides) -> Axis:
-    """Both sides at the steps of a piece."""
-    truth, estimate = (
-        stretch.at(side, times) for stretch, side in zip(piece.stretches, sides, strict=True)
-    )
-    return Axis(sides=(truth, estimate), horizon=truth)
+def fitted_ranges(
+    piece: BlockPiece,
+    sides: Sides,
+    complete: Sides,
+    request: EvaluationRequest,
+    names: tuple[str, str],
+    most: int,
+) -> Iterator[tuple[int, Fitted, tuple[int, int]]]:
+    """Both sides of a block, as read and complete, on its steps in ranges of about so many states.
+
+    Of each range the number of its first step, the sides, and how many of their states were read.
+    """
+    for steps in piece.ranges(complete, most):
+        times = piece.times[steps]
+        truth, estimate = (
+            stretch.at(side, times) for stretch, side in zip(piece.stretches, complete, strict=True)
+        )
+        axis = Axis(sides=(truth[0], estimate[0]), horizon=truth[0])
+        fitted = fit(*sides, request, names, lambda _, axis=axis: axis)  # type: ignore[misc]
+        yield piece.low + steps.start, fitted, (truth[1], estimate[1])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,8 +69,6 @@ class Scanned:
         As `Problem.cost_slack`.
     blur : float
         As `Distance.last_place`; infinite without objects.
-    read : pair of Read
-        What else is known of the two sides.
     judged : tuple of int
         `row_sums` of the truth at the steps.
     folder : Path
@@ -71,7 +82,6 @@ class Scanned:
     near: int
     slack: float
     blur: float
-    read: "tuple[Read, Read]"
     judged: tuple[int, ...]
     folder: Path
 
@@ -90,7 +100,6 @@ class Scanned:
                 name: (found[f"truth_{name}"], found[f"estimate_{name}"])
                 for name in ("objects", "ids", "rows")
             }
-            first, second = (Read(**of) for of in json.loads(str(found["read"])))
             return cls(
                 **both,
                 first=int(found["first"]),
@@ -98,68 +107,31 @@ class Scanned:
                 folder=folder,
                 slack=float(found["slack"]),
                 blur=float(found["blur"]),
-                read=(first, second),
                 judged=tuple(json.loads(str(found["judged"]))),
             )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Read:
-    """What is known of the rows of one side in a block.
-
-    Parameters
-    ----------
-    left_out : dict of str to int
-        Rows that take no part, by rule.
-    named : list of str
-        Classes, if they were asked for.
-    off : int
-        Rows at stamps that are no steps.
-    sums : tuple of int
-        `row_sums` of what takes part; the first is their number.
-    warnings : list of dict
-        What was repaired, as `Notice` records it.
-    """
-
-    left_out: dict[str, int]
-    named: list[str]
-    off: int
-    sums: tuple[int, ...]
-    warnings: list[dict[str, str]]
-
-    @classmethod
-    def of(cls, reading: Reading, off: int, kinds: tuple[str, ...]) -> "Read":
-        """Of what was read, as states of these kinds."""
-        return cls(
-            left_out=reading.left_out,
-            named=list(reading.named),
-            off=off,
-            sums=row_sums(reading.trajectories.seen_as(kinds)),
-            warnings=[vars(notice) for notice in reading.warnings],
-        )
-
-
-NOT_TOLD = Read(left_out={}, named=[], off=0, sums=NO_SUMS, warnings=[])
-"""Of what another block tells."""
+READ = "read.json"
+"""In the folder of a block, what is known of the rows that were read: a record for each side."""
 
 
 def scan(
-    output: str, piece: BlockPiece, times: Times, request: EvaluationRequest, names: tuple[str, str]
+    output: str, piece: BlockPiece, request: EvaluationRequest, names: tuple[str, str], most: int
 ) -> None:
     """Read a block and write what it has.
 
     Parameters
     ----------
     output : str
-        The folder that is written.
+        The folder that is written: `READ`, and a folder for each range of its steps.
     piece : BlockPiece
         Which steps, and what is read of truth and estimate.
-    times : (L,) array
-        The steps.
     request : EvaluationRequest
         What is asked.
     names : pair of str
         The sides, for messages.
+    most : int
+        States that are worked on together, about.
 
     Raises
     ------
@@ -167,41 +139,58 @@ def scan(
         Something is wrong with the data.
     """
     readings = [stretch.read() for stretch in piece.stretches]
-    truth, estimate = (reading.trajectories for reading in readings)
-    sides = fit(truth, estimate, request, names, partial(placed, piece, times))
-    problem, blur = _problem(sides, request)
-    aligned, kinds = (sides.alignment.truth, sides.alignment.estimate), sides.distance.kinds
+    sides = readings[0].trajectories, readings[1].trajectories
+    complete = piece.complete(sides)
+    own = np.zeros(2, np.int64)
+    with writing(output) as folder:
+        folder.mkdir()
+        for number, (low, fitted, unchanged) in enumerate(
+            fitted_ranges(piece, sides, complete, request, names, most)
+        ):
+            own += unchanged
+            _write_range(folder / f"{number:05d}", low, fitted, request)
+        known: list[Json] = [
+            {
+                "left_out": reading.left_out,
+                "named": list(reading.named),
+                "sums": row_sums(reading.trajectories.seen_as(request.distance.kinds)),
+                "at_steps": count,
+                "warnings": [vars(notice) for notice in reading.warnings],
+            }
+            for reading, count in zip(readings, own.tolist(), strict=True)
+        ]
+        truth = piece.stretches[0]
+        if isinstance(truth, Resampled):
+            known[0] |= {"narrow": truth.narrow(complete[0]), "ids": sides[0].ids.tolist()}
+        (folder / READ).write_text(json.dumps(known), encoding="utf-8")
+
+
+def _write_range(folder: Path, low: int, fitted: Fitted, request: EvaluationRequest) -> None:
+    """Write the near pairs of some steps, the first of this number, and what `Scanned` has."""
+    problem, blur = _problem(fitted, request)
+    aligned, kinds = (fitted.alignment.truth, fitted.alignment.estimate), fitted.distance.kinds
     entry = np.empty(len(problem.cost), ENTRY)
     entry["step"] = problem.entry_step
-    entry["step"] += np.int32(piece.low)
+    entry["step"] += np.int32(low)
     entry["truth"] = problem.truth_track[problem.truth_row]
     entry["estimate"] = problem.estimate_track[problem.estimate_row]
     entry["cost"] = problem.cost
     pairs = _pairs(entry, len(aligned[1].ids))
     found: dict[str, object] = {
-        "first": piece.low,
+        "first": low,
         "near": len(pairs),
         "pairs": pairs,
         "slack": problem.cost_slack,
         "blur": blur,
-        "read": json.dumps(
-            [
-                vars(Read.of(reading, len(reading.trajectories.step) - len(side.step), kinds))
-                if piece.told
-                else vars(NOT_TOLD)
-                for reading, side in zip(readings, aligned, strict=True)
-            ]
-        ),
         "judged": json.dumps(row_sums(aligned[0].seen_as(kinds))),
     }
     for role, side in zip(("truth", "estimate"), aligned, strict=True):
-        found[f"{role}_objects"] = np.bincount(side.step, minlength=len(times))
+        found[f"{role}_objects"] = np.bincount(side.step, minlength=len(side.times))
         found[f"{role}_ids"] = side.ids.astype(np.str_)
         found[f"{role}_rows"] = np.bincount(side.track, minlength=len(side.ids))
-    with writing(output) as folder:
-        folder.mkdir()
-        np.save(folder / "entries.npy", entry)
-        np.savez(folder / "block.npz", **found)  # type: ignore[arg-type]
+    folder.mkdir()
+    np.save(folder / "entries.npy", entry)
+    np.savez(folder / "block.npz", **found)  # type: ignore[arg-type]
 
 
 def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[Problem, float]:

@@ -1,291 +1,171 @@
 """The steps of both sides, what of either is read for a block of them, and how it comes to these.
 
 Where sides are interpolated, a state at a step is on the line between two of its track, which may
-be in other blocks, and as far away as the longest gap. So all blocks are read once for the first
-and the last state of each track in them. From these each gets the last state of every track before
-it, and the first after it, of those that are near enough; and how many states there will be at each
-step is known before there is one, so that no block makes more than there is memory for.
+be in other blocks, and as far away as the longest gap. So a block has, beside its rows, the last
+state of every track before it and the first after it, of those that are near enough.
 """
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
-from pathlib import Path
-from typing import Any, TypeAlias, cast
+from functools import cached_property
+from typing import TypeAlias, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.checks import check_states
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import Axis, Sides, on_axis, periods_of
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.input.runs import merged_names
 from tgospa_eval.partitioned.sides import PartsSide
-from tgospa_eval.partitioned.tasks import Run, writing
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.tracks.alignment import Alignment, Times, align
 from tgospa_eval.tracks.durations import SECOND
-from tgospa_eval.tracks.interpolation import (
-    Forecast,
-    Interpolated,
-    at_ticks,
-    forecast,
-    found_at,
-    interpolated,
-)
+from tgospa_eval.tracks.interpolation import at_ticks, found_at, interpolated
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
-
-Ends = tuple[float, float]
-"""The first and the last of some times."""
-
-NO_SPAN = (1, 0)
-"""The ends of none."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class BlockPiece:
-    """Some steps, and what is read for them.
-
-    Parameters
-    ----------
-    low, high : int
-        The first step, and the one after the last; there may be none.
-    stretches : pair of Stamped or of Resampled
-        What is read of truth and estimate.
-    told : bool
-        Whether what is read is to be counted: no other piece counts it.
-    """
-
-    low: int
-    high: int
-    stretches: tuple["Stamped | Resampled", "Stamped | Resampled"]
-    told: bool = True
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stamped:
-    """A stretch whose own stamps are steps, or not.
+    """Stamps of a side that are steps, or not.
 
     Parameters
     ----------
     side : PartsSide
         The side.
-    span : pair of int or float
-        What is read: from one time to another.
-    own, step : (k,) arrays
-        Times that are steps, and which of the block.
+    span : slice
+        Which of its times are read.
+    step : (k,) int array
+        Which step of the block each is, -1 for none.
     """
 
     side: PartsSide
-    span: Ends
-    own: Times
+    span: slice
     step: Ints
 
     def read(self) -> Reading:
         """Its rows."""
-        return self.side.read(*self.span)
+        return read_times(self.side, self.span)
 
-    def at(self, found: Trajectories, times: Times) -> Trajectories:
-        """Those at steps."""
-        place, there = found_at(found.times, self.own)
+    def complete(self, found: Trajectories) -> Trajectories:
+        """What of the side counts for the steps: the rows themselves."""
+        return found
+
+    def at(self, found: Trajectories, times: Times) -> tuple[Trajectories, int]:
+        """Those at steps, and how many they are."""
+        on = self.step >= 0
+        place, there = found_at(found.times, self.side.times[self.span][on])
         rows = np.flatnonzero(there[found.step])
-        return found.chosen(rows, self.step[place[found.step[rows]]], times)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class OwnTimes:
-    """The stamps of a side.
-
-    Parameters
-    ----------
-    side : PartsSide
-        The side.
-    times : (K,) array
-        Distinct, in order.
-    counts : (K,) int array
-        Rows at each.
-    step : (K,) int array
-        Which step each is, -1 for none.
-    """
-
-    side: PartsSide
-    times: Times
-    counts: Ints
-    step: Ints
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Stamping:
-    """Sides whose own stamps are steps, or not.
-
-    Parameters
-    ----------
-    times : (T,) array
-        The steps.
-    sides : pair of OwnTimes
-        Of truth and estimate.
-    """
-
-    times: Times
-    sides: tuple[OwnTimes, OwnTimes]
-
-    @cached_property
-    def rows(self) -> Ints:
-        """Rows of both at each step (T,), those between it and the next as well."""
-        rows = np.zeros(len(self.times), np.int64)
-        if len(rows):
-            for side, moments in zip(self.sides, self.moments, strict=True):
-                begin, end = places(moments, self.times[0], self.times[-1])
-                at = np.searchsorted(self.times, moments[begin:end], side="right") - 1
-                np.add.at(rows, at, side.counts[begin:end])
-        return rows
-
-    @cached_property
-    def moments(self) -> tuple[Times, ...]:
-        """Times of both, each in the order in which they and the steps are."""
-        found = []
-        for side in self.sides:
-            on = side.step >= 0
-            moments = side.times.astype(np.result_type(side.times, self.times))
-            moments[on] = self.times[side.step[on]]
-            found.append(moments)
-        return tuple(found)
-
-    def pieces(self, most: int) -> Iterator[BlockPiece]:
-        """All steps, and all stamps of either side, in pieces of about so many rows."""
-        for begin, end in self.spans(most):
-            yield self._between(begin, end)
-
-    def spans(self, most: int) -> Iterator[Ends]:
-        """The first and the last moment of each piece."""
-        moments = np.unique(np.concatenate((*self.moments, self.times)))
-        rows = np.zeros(len(moments), np.int64)
-        for side, own in zip(self.sides, self.moments, strict=True):
-            rows[np.searchsorted(moments, own)] += side.counts
-        before = np.cumsum(rows) - rows
-        cuts = np.flatnonzero(np.diff(before // most, prepend=-1))
-        for begin, end in itertools.pairwise([*cuts.tolist(), len(moments)]):
-            yield moments[begin].item(), moments[end - 1].item()
-
-    def piece(self, low: int, high: int) -> BlockPiece:
-        """What is read for these steps."""
-        return self._between(self.times[low].item(), self.times[high - 1].item())
-
-    def _between(self, first: float, last: float) -> BlockPiece:
-        low, high = places(self.times, first, last)
-        stretches = []
-        for side, moments in zip(self.sides, self.moments, strict=True):
-            begin, end = places(moments, first, last)
-            own, step = side.times[begin:end], side.step[begin:end]
-            stretches.append(
-                Stamped(
-                    side=side.side,
-                    span=(own[0].item(), own[-1].item()) if len(own) else NO_SPAN,
-                    own=own[step >= 0],
-                    step=step[step >= 0] - low,
-                )
-            )
-        return BlockPiece(low=low, high=high, stretches=(stretches[0], stretches[1]))
-
-
-def places(times: Times, first: float, last: float) -> tuple[int, int]:
-    """Where times from one to another are, both included."""
-    begin = int(np.searchsorted(times, first, side="left"))
-    return begin, int(np.searchsorted(times, last, side="right"))
-
-
-# -------------------------------------------------------------------------------------------------
-# Sides that are interpolated at the steps.
+        step = self.step[on][place[found.step[rows]]]
+        return found.chosen(rows, step, times), len(rows)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Resampled:
-    """A stretch of a side that is interpolated.
+    """Stamps of a side that is interpolated at steps.
 
     Parameters
     ----------
     side : PartsSide
         The side.
-    span : pair of int or float
-        What is read: from one time to another.
+    span : slice
+        Which of its times are read.
+    near : slice
+        Those that are within the longest gap of the block as well.
     ticks : (k,) array
-        The steps in it and one beside them on either hand; the first and the last of all.
-    ends : pair of int or float, optional
-        First and last stamp of the side, if it has any: with those of the steps they decide what
-        is no more than rounding.
+        The steps of the block and one beside them on either hand; the first and the last of all.
     request : EvaluationRequest
         What is asked.
     number : int
         0 of the truth, 1 of the estimate.
     names : pair of str
         The side and the option, for messages.
-    around : tuple of str
-        Files of the states before and after.
+    most : int
+        Rows that are read together.
     """
 
     side: PartsSide
-    span: tuple[float, float]
+    span: slice
+    near: slice
     ticks: Times
-    ends: Ends | None
     request: EvaluationRequest
     number: int
     names: tuple[str, str]
-    around: tuple[str, ...] = ()
+    most: int
 
     def read(self) -> Reading:
         """Its rows."""
-        return self.side.read(*self.span)
+        return read_times(self.side, self.span)
 
-    def at(self, found: Trajectories, times: Times) -> Trajectories:
-        """The states at steps, on the lines between those that were read."""
-        own = self._seen(found)
-        before, *after = map(_load, self.around)
+    def complete(self, found: Trajectories) -> Trajectories:
+        """With the states of all tracks before and after, and the ends of the whole side."""
+        before = self._neighbours(slice(self.near.start, self.span.start), last=True)
+        after = self._neighbours(slice(self.span.stop, self.near.stop), last=False)
+        whole = merged([self._seen(found), before, after])
+        if not len(whole.step):
+            return whole
+        # With the first and the last stamp they decide what is no more than rounding.
+        ends = self.side.times[[0, -1]].astype(whole.times.dtype)
+        times = cast(TimeArray, np.unique(np.append(whole.times, ends)))
+        step = np.searchsorted(times, whole.times)[whole.step]
+        return replace(whole, step=step, times=times, labels=None)
+
+    def at(self, found: Trajectories, times: Times) -> tuple[Trajectories, int]:
+        """The states at steps, on the lines between those that were read; how many were read."""
+        ticks = self.ticks[_beside(self.ticks, times)] if len(times) else self.ticks
         made = interpolated(
-            self._framed(merged([before, own, *after])),
-            self._grid(own),
+            found,
+            Trajectories.of_times(ticks, found.columns, found.clock),
             max_gap=self.gap,
-            periods=periods_of(self.request.distance, own.columns),
+            periods=periods_of(self.request.distance, found.columns),
             names=self.names,
         )
-        steps = Trajectories.of_times(times, own.columns, own.clock)
-        return at_ticks(made.side, steps, 0.0, self.names)
+        steps = Trajectories.of_times(times, found.columns, found.clock)
+        own, side = (at_ticks(one, steps, 0.0, self.names) for one in (found, made.side))
+        return side, len(own.step)
+
+    def narrow(self, found: Trajectories) -> int:
+        """Pairs of states of a track at most the longest gap apart, the later one in the block."""
+        own = self.side.times[self.span]
+        if not len(own):
+            return 0
+        order = np.argsort(found.track, kind="stable")  # rows are in the order of time
+        track, time = found.track[order], found.times[found.step[order]]
+        second = SECOND if found.clock != "number" else 1
+        narrow = (track[1:] == track[:-1]) & (np.diff(time) / second <= self.gap)
+        return int(np.count_nonzero(narrow & (time[1:] >= own[0]) & (time[1:] <= own[-1])))
 
     @property
     def gap(self) -> float:
         """The longest."""
         return float(self.request.time_matching.gaps[self.number])
 
-    def forecast(self, found: Trajectories) -> Forecast:
-        """How many states there would be at each of the ticks."""
-        seen = self._seen(found)
-        return forecast(self._framed(seen), self._grid(seen), max_gap=self.gap, names=self.names)
-
-    def near(self, found: Trajectories, moment: float) -> Trajectories:
-        """Those states that are no farther from a moment than the longest gap, or hardly."""
-        scale = SECOND if found.clock != "number" else 1
-        largest = max(map(abs, self.ends or (0.0,)))
-        room = 1.000001 * self.gap * scale + 4 * float(np.spacing(float(largest)))
-        apart = np.abs(found.times.astype(np.float64) - moment)
-        return some(found, np.flatnonzero((apart <= room)[found.step]))
-
     def _seen(self, found: Trajectories) -> Trajectories:
         return found.seen_as(self.request.distance.kinds)
 
-    def _grid(self, like: Trajectories) -> Trajectories:
-        return Trajectories.of_times(self.ticks, like.columns, like.clock)
+    def _neighbours(self, span: slice, *, last: bool) -> Trajectories:
+        """The last state of each track at some stamps, or the first."""
+        rows = np.cumsum(self.side.counts[span])
+        cuts = np.flatnonzero(np.diff(rows // self.most)) + 1
+        edges = [span.start, *(span.start + cuts).tolist(), span.stop]
+        found = self._seen(read_times(self.side, slice(0)).trajectories)
+        for low, high in itertools.pairwise(edges):
+            part = self._seen(read_times(self.side, slice(low, high)).trajectories)
+            found = outermost(merged([found, part]), last=last)
+        return found
 
-    def _framed(self, side: Trajectories) -> Trajectories:
-        """With the first and the last stamp of the whole side."""
-        if self.ends is None or not len(side.step):
-            return side
-        ends = np.asarray(self.ends, side.times.dtype)
-        times = cast(TimeArray, np.unique(np.append(side.times, ends)))
-        step = np.searchsorted(times, side.times)[side.step]
-        return replace(side, step=step, times=times, labels=None)
+
+Stretch: TypeAlias = Stamped | Resampled
+"""What of a side is read for a block."""
+
+
+def read_times(side: PartsSide, span: slice) -> Reading:
+    """The rows at some of the times of a side, which may be none."""
+    times = side.times[span]
+    return side.read(times[0].item(), times[-1].item()) if len(times) else side.read(1, 0)
 
 
 def merged(parts: Sequence[Trajectories]) -> Trajectories:
@@ -311,281 +191,190 @@ def merged(parts: Sequence[Trajectories]) -> Trajectories:
     )
 
 
-def some(side: Trajectories, rows: NDArray[np.integer]) -> Trajectories:
-    """Some of the rows, in order, without stamps that have none."""
-    used, step = np.unique(side.step[rows], return_inverse=True)
-    return side.chosen(rows, step, side.times[used])
-
-
 def outermost(side: Trajectories, *, last: bool) -> Trajectories:
     """The first row of each track, or the last."""
     track = side.track[::-1] if last else side.track
     _, row = np.unique(track, return_index=True)
-    return some(side, np.sort(len(track) - 1 - row if last else row))
+    rows = np.sort(len(track) - 1 - row if last else row)
+    used, step = np.unique(side.step[rows], return_inverse=True)
+    return side.chosen(rows, step, side.times[used])
 
 
-NEIGHBOURS = "neighbours"
-"""In the folder of work, that of states that others lie between."""
+def places(times: Times, first: float, last: float) -> slice:
+    """Where times from one to another are, both included."""
+    begin = int(np.searchsorted(times, first, side="left"))
+    return slice(begin, int(np.searchsorted(times, last, side="right")))
 
-NO_ROWS = np.zeros(0, np.int64)
+
+def _beside(all_times: Times, times: Times) -> Ints:
+    """The places of times among all, of those beside them, and of the first and the last.
+
+    A stamp may be the step next to it but for rounding.
+    """
+    inside = places(all_times, times[0], times[-1])
+    around = np.arange(max(inside.start - 1, 0), min(inside.stop + 1, len(all_times)))
+    return np.unique(np.append(around, (0, len(all_times) - 1)))
+
 
 SHARES = 2
 """Rows that are read and states that are made are in memory together."""
 
 
-def find_edges(
-    output: str,
-    stretches: tuple[Resampled, Resampled],
-    request: EvaluationRequest,
-    names: tuple[str, str],
-) -> None:
-    """Find the first and last states of tracks in a block, and count.
-
-    Parameters
-    ----------
-    output : str
-        The folder that is written.
-    stretches : pair of Resampled
-        Truth and estimate.
-    request : EvaluationRequest
-        What is asked.
-    names : pair of str
-        The sides, for messages.
-
-    Raises
-    ------
-    TgospaError
-        Something is wrong with the data.
-    """
-    truth, estimate = (stretch.read().trajectories for stretch in stretches)
-    check_states(truth, estimate, request.distance, names)
-    with writing(output) as folder:
-        folder.mkdir()
-        for number, side in enumerate((truth, estimate)):
-            found = stretches[number].forecast(side)
-            seen = side.seen_as(request.distance.kinds)
-            for last in (False, True):
-                name = f"{number}-{'last' if last else 'first'}.npz"
-                _save(folder / name, outermost(seen, last=last))
-            np.savez(folder / f"{number}.npz", rows=len(side.step), **vars(found))
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Made:
-    """What interpolation makes of a side.
+class BlockPiece:
+    """Some steps, and what is read for them.
 
     Parameters
     ----------
-    own, between : (T,) int arrays
-        States at each step, as of `Forecast`.
-    unused : int
-        States at other stamps.
-    gaps : int
-        Pairs of consecutive states of a track that are too far apart.
+    low : int
+        The number of the first step.
+    times : (L,) array
+        The steps; there may be none.
+    stretches : pair of Stamped or of Resampled
+        What is read of truth and estimate.
     """
 
-    own: Ints
-    between: Ints
-    unused: int
-    gaps: int
+    low: int
+    times: Times
+    stretches: tuple[Stretch, Stretch]
 
-    def of(self, side: Trajectories) -> Interpolated:
-        """The same of a side whose rows are not in memory."""
-        return Interpolated(
-            side=side,
-            between=int(self.between.sum()),
-            own=int(self.own.sum()),
-            unused=self.unused,
+    def complete(self, sides: Sides) -> Sides:
+        """What was read of both sides, with what it takes beside it."""
+        truth, estimate = (
+            stretch.complete(side) for stretch, side in zip(self.stretches, sides, strict=True)
         )
+        return truth, estimate
+
+    def ranges(self, sides: Sides, most: int) -> list[slice]:
+        """Its steps in ranges that have about so many states of both sides at most.
+
+        Of an interpolated track that is one for each step from its first stamp to its last.
+        """
+        size = len(self.times)
+        if isinstance(self.stretches[0], Stamped) or not size:
+            return [slice(0, size)]
+        states = np.zeros(size + 1, np.int64)
+        for side in sides:
+            first, last = np.zeros((2, len(side.ids)), np.int64)
+            last[side.track] = side.step  # rows are in the order of time
+            first[side.track[::-1]] = side.step[::-1]
+            begin = np.searchsorted(self.times, side.times[first], side="left")
+            end = np.searchsorted(self.times, side.times[last], side="right")
+            states += np.bincount(begin, minlength=size + 1) - np.bincount(end, minlength=size + 1)
+        before = np.cumsum(np.cumsum(states))[:size]
+        cuts = np.flatnonzero(np.diff(before // max(most // SHARES, 1))) + 1
+        return [slice(*edges) for edges in itertools.pairwise([0, *cuts.tolist(), size])]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Resampling:
-    """Sides that are interpolated at the steps.
+class BlockPlan:
+    """The rows of both sides along the steps.
 
     Parameters
     ----------
     times : (T,) array
         The steps.
-    blocks : list of BlockPiece
-        What is read together, for these steps.
-    made : pair of Made
-        How much there is of truth and estimate.
-    """
-
-    times: Times
-    blocks: list[BlockPiece]
-    made: tuple[Made, Made]
-
-    @property
-    def rows(self) -> Ints:
-        """States of both at each step (T,)."""
-        first, second = (made.own + made.between for made in self.made)
-        return np.asarray(first + second)
-
-    def pieces(self, most: int) -> Iterator[BlockPiece]:
-        """All steps in pieces of about so many states; a block that is read may be several."""
-        rows, most = self.rows, max(most // SHARES, 1)
-        for block in self.blocks:
-            own = rows[block.low : block.high]
-            before = np.cumsum(own) - own
-            cuts = np.flatnonzero(np.diff(before // most)) + 1
-            edges = [block.low, *(block.low + cuts).tolist(), block.high]
-            for low, high in itertools.pairwise(edges):
-                yield replace(block, low=low, high=high, told=low == block.low)
-
-    def piece(self, low: int, high: int) -> BlockPiece:
-        """What is read for steps from `low` on, up to `high` or the end of a block."""
-        block = next(block for block in self.blocks if block.low <= low < block.high)
-        return replace(block, low=low, high=min(high, block.high))
-
-
-def resample(
-    stamping: Stamping,
-    request: EvaluationRequest,
-    names: tuple[str, str],
-    most: int,
-    work: Path,
-    run: Run,
-) -> Resampling:
-    """See what there will be at the steps, and what is needed for it.
-
-    Parameters
-    ----------
-    stamping : Stamping
-        The steps, and the stamps of both sides.
+    sides : pair of PartsSide
+        Truth and estimate.
+    step : pair of int arrays
+        Which step each of their times is, -1 for none.
     request : EvaluationRequest
         What is asked.
     names : pair of str
         The sides, for messages.
-    most : int
-        Rows that are read together, about.
-    work : Path
-        The folder of what is known on the way.
-    run : callable
-        Does tasks.
-
-    Raises
-    ------
-    TgospaError
-        Something is wrong with the data.
     """
-    times = stamping.times
-    spans = list(stamping.spans(max(most // SHARES, 1)))
-    folders = [work / NEIGHBOURS / f"{number:06d}" for number in range(len(spans))]
-    stretches = []
-    for folder, span in zip(folders, spans, strict=True):
-        truth, estimate = (
-            _stretch(side, times, span, request, role, names[role], folder)
-            for role, side in enumerate(stamping.sides)
-        )
-        stretches.append((truth, estimate))
-    run(
-        {
-            str(folder): partial(find_edges, stretches=both, request=request, names=names)
-            for folder, both in zip(folders, stretches, strict=True)
-        }
-    )
-    made = [
-        _carried(folders, [both[role] for both in stretches], role, times, spans) for role in (0, 1)
-    ]
-    ends = (places(times, *span) for span in spans)
-    blocks = [
-        BlockPiece(low=low, high=high, stretches=both)
-        for (low, high), both in zip(ends, stretches, strict=True)
-    ]
-    return Resampling(times=times, blocks=blocks, made=(made[0], made[1]))
+
+    times: Times
+    sides: tuple[PartsSide, PartsSide]
+    step: tuple[Ints, Ints]
+    request: EvaluationRequest
+    names: tuple[str, str]
+
+    @property
+    def resampled(self) -> bool:
+        """Whether the sides are interpolated at the steps."""
+        return is_resampled(self.request, self.sides[0].times)
+
+    @cached_property
+    def rows(self) -> Ints:
+        """Rows of both at each step (T,), those between it and the next as well."""
+        rows = np.zeros(len(self.times), np.int64)
+        if len(rows):
+            for side, moments in zip(self.sides, self.moments, strict=True):
+                inside = places(moments, self.times[0], self.times[-1])
+                at = np.searchsorted(self.times, moments[inside], side="right") - 1
+                np.add.at(rows, at, side.counts[inside])
+        return rows
+
+    @cached_property
+    def moments(self) -> tuple[Times, ...]:
+        """Times of both, each in the order in which they and the steps are."""
+        found = []
+        for side, step in zip(self.sides, self.step, strict=True):
+            moments = side.times.astype(np.result_type(side.times, self.times))
+            moments[step >= 0] = self.times[step[step >= 0]]
+            found.append(moments)
+        return tuple(found)
+
+    def pieces(self, most: int) -> Iterator[BlockPiece]:
+        """All steps, and all stamps of either side, in pieces of about so many rows."""
+        moments = np.unique(np.concatenate((*self.moments, self.times)))
+        rows = np.zeros(len(moments), np.int64)
+        for side, own in zip(self.sides, self.moments, strict=True):
+            rows[np.searchsorted(moments, own)] += side.counts
+        before = np.cumsum(rows) - rows
+        together = max(most // SHARES, 1) if self.resampled else most
+        cuts = np.flatnonzero(np.diff(before // together, prepend=-1))
+        for begin, end in itertools.pairwise([*cuts.tolist(), len(moments)]):
+            yield self._between(moments[begin].item(), moments[end - 1].item(), together)
+
+    def piece(self, low: int, high: int) -> BlockPiece:
+        """What is read for these steps."""
+        first, last = self.times[low].item(), self.times[high - 1].item()
+        return self._between(first, last, max(int(self.rows[low:high].sum()), 1))
+
+    def _between(self, first: float, last: float, most: int) -> BlockPiece:
+        steps = places(self.times, first, last)
+        times = self.times[steps]
+        stretches: list[Stretch] = []
+        for number, (side, moments) in enumerate(zip(self.sides, self.moments, strict=True)):
+            span = places(moments, first, last)
+            if not self.resampled:
+                step = self.step[number][span]
+                step = np.where(step >= 0, step - steps.start, -1)
+                stretches.append(Stamped(side=side, span=span, step=step))
+                continue
+            stretches.append(
+                Resampled(
+                    side=side,
+                    span=span,
+                    near=self._near(number, first, last),
+                    ticks=self.times[_beside(self.times, np.array([first, last]))],
+                    request=self.request,
+                    number=number,
+                    names=(self.names[number], "--resample"),
+                    most=most,
+                )
+            )
+        return BlockPiece(low=steps.start, times=times, stretches=(stretches[0], stretches[1]))
+
+    def _near(self, number: int, first: float, last: float) -> slice:
+        """The times of a side that are no farther from others than its longest gap, or hardly."""
+        side, moments = self.sides[number], self.moments[number]
+        if not len(moments):
+            return slice(0, 0)
+        low, high = moments[0].item(), moments[-1].item()
+        scale = SECOND if side.clock != "number" else 1
+        gap = float(self.request.time_matching.gaps[number]) * scale
+        reach = 1.000001 * gap + 4 * float(np.spacing(float(max(abs(low), abs(high)))))
+        if moments.dtype.kind == "i":
+            reach = math.ceil(reach)
+        return places(moments, max(first - reach, low), min(last + reach, high))
 
 
-def _stretch(
-    side: OwnTimes,
-    times: Times,
-    span: Ends,
-    request: EvaluationRequest,
-    role: int,
-    name: str,
-    folder: Path,
-) -> Resampled:
-    """What of a side is between two moments."""
-    own = side.times[slice(*places(side.times, *span))]
-    return Resampled(
-        side=side.side,
-        span=(own[0].item(), own[-1].item()) if len(own) else NO_SPAN,
-        ticks=_ticks(times, *span)[0],
-        ends=(side.times[0].item(), side.times[-1].item()) if len(side.times) else None,
-        request=request,
-        number=role,
-        names=(name, "--resample"),
-        around=tuple(f"{folder}-{role}-{where}.npz" for where in ("before", "after")),
-    )
-
-
-def _ticks(times: Times, first: float, last: float) -> tuple[Times, Ints]:
-    """Steps from one time to another, those beside them, the first and the last; and their places.
-
-    A stamp may be the step next to it but for rounding.
-    """
-    low, high = places(times, first, last)
-    inside = np.arange(max(low - 1, 0), min(high + 1, len(times)))
-    place = np.unique(np.append(inside, (0, len(times) - 1)))
-    return times[place], place
-
-
-def _carried(
-    folders: Sequence[Path],
-    stretches: Sequence[Resampled],
-    role: int,
-    times: Times,
-    spans: Sequence[Ends],
-) -> Made:
-    """Write what is before and after each block, and count what will be at the steps."""
-    own, between = np.zeros(len(times), np.int64), np.zeros(len(times), np.int64)
-    rows = narrow = 0
-    ids: list[NDArray[np.str_]] = []
-    held: Trajectories | None = None
-    for folder, stretch, span in zip(folders, stretches, spans, strict=True):
-        first, last = (_load(folder / f"{role}-{name}.npz") for name in ("first", "last"))
-        with np.load(folder / f"{role}.npz") as found:
-            place = _ticks(times, *span)[1]
-            own[place] += found["own"]
-            between[place] += found["between"]
-            narrow += int(found["narrow"])
-            rows += int(found["rows"])
-        ids = [np.unique(np.concatenate([*ids, first.ids.astype(np.str_)]))]
-        held = some(first, NO_ROWS) if held is None else stretch.near(held, span[0])
-        _save(stretch.around[0], held)
-        both = merged([held, first])
-        if len(held.step) and len(first.step):
-            ticks, place = _ticks(times, both.times[0].item(), both.times[-1].item())
-            across = replace(stretch, ticks=ticks).forecast(both)
-            between[place] += across.between
-            narrow += across.narrow
-        held = outermost(merged([held, last]), last=True)
-    held = None
-    for folder, stretch, span in zip(folders[::-1], stretches[::-1], spans[::-1], strict=True):
-        first = _load(folder / f"{role}-first.npz")
-        held = some(first, NO_ROWS) if held is None else stretch.near(held, span[1])
-        _save(stretch.around[1], held)
-        held = outermost(merged([first, held]), last=False)
-    tracks = len(ids[0]) if ids else 0
-    return Made(own=own, between=between, unused=rows - int(own.sum()), gaps=rows - tracks - narrow)
-
-
-def _load(path: str | Path) -> Trajectories:
-    with np.load(path) as found:
-        known: dict[str, Any] = dict(found)
-    columns, clock = tuple(known["columns"].tolist()), str(known["clock"])
-    ids = known["ids"].astype(object)
-    return Trajectories(**known | {"ids": ids, "columns": columns, "clock": clock})
-
-
-def _save(path: str | Path, side: Trajectories) -> None:
-    """Write rows without labels and attributes."""
-    known = {name: getattr(side, name) for name in ("step", "track", "state", "times", "clock")}
-    if side.covariance is not None:
-        known["covariance"] = side.covariance
-    with writing(str(path)) as beside, beside.open("wb") as file:
-        np.savez(file, **known, columns=np.array(side.columns), ids=side.ids.astype(np.str_))
+def is_resampled(request: EvaluationRequest, times: Times) -> bool:
+    """Whether the sides are interpolated at the steps: those of the truth have to be some."""
+    return request.time_matching.resample is not None and len(times) > 0
 
 
 # -------------------------------------------------------------------------------------------------
@@ -595,39 +384,13 @@ STAMP = "stamp"
 """The attribute of stamps that are rows: their numbers."""
 
 
-BlockPlan: TypeAlias = Stamping | Resampling
-"""The rows of both sides along the steps."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Found:
-    """The steps.
-
-    Parameters
-    ----------
-    axis : Axis
-        How the stamps of both sides came to them.
-    grid : Alignment
-        The same, aligned.
-    cut : BlockPlan
-        The rows of both sides along them.
-    """
-
-    axis: Axis
-    grid: Alignment
-    cut: BlockPlan
-
-
 def find_steps(
     sides: tuple[PartsSide, PartsSide],
     clocks: Sides,
     request: EvaluationRequest,
     names: tuple[str, str],
-    most: int,
-    work: Path,
-    run: Run,
-) -> Found:
-    """The steps that are asked for.
+) -> tuple[Axis, Alignment, BlockPlan]:
+    """How the stamps of both sides came to the steps, the same aligned, and the rows along them.
 
     Parameters
     ----------
@@ -639,12 +402,6 @@ def find_steps(
         What is asked.
     names : pair of str
         The sides, for messages.
-    most : int
-        Rows that are read together, about.
-    work : Path
-        The folder of what is known on the way.
-    run : callable
-        Does tasks.
 
     Raises
     ------
@@ -652,19 +409,15 @@ def find_steps(
         There is none, or something is wrong with the data.
     """
     matching = request.time_matching
-    resampled = matching.resample is not None and len(clocks[0].times) > 0
-    if resampled:  # no stamp is a step
+    if is_resampled(request, sides[0].times):  # no stamp is a step
         clocks = _without_rows(clocks[0]), _without_rows(clocks[1])
     axis = on_axis(clocks, matching, request.distance, names, request.parameters.cutoff)
     grid = align(*axis.sides, matching, names)
     if grid.union and not len(grid.truth.times):
         raise ConfigError(f"--grid {matching.grid}: no step is left, none of {grid.union:,} counts")
-    own = (_own_times(sides[0], grid.truth), _own_times(sides[1], grid.estimate))
-    stamping = Stamping(times=grid.truth.times, sides=own)
-    cut: BlockPlan = stamping
-    if resampled:
-        cut = resample(stamping, request, names, most, work, run)
-    return Found(axis=axis, grid=grid, cut=cut)
+    step = _step_of(sides[0], grid.truth), _step_of(sides[1], grid.estimate)
+    plan = BlockPlan(times=grid.truth.times, sides=sides, step=step, request=request, names=names)
+    return axis, grid, plan
 
 
 def clock_of(side: PartsSide) -> Trajectories:
@@ -688,9 +441,9 @@ def _without_rows(side: Trajectories) -> Trajectories:
     return Trajectories.of_times(side.times, side.columns, side.clock, side.labels)
 
 
-def _own_times(side: PartsSide, on: Trajectories) -> OwnTimes:
-    """The stamps of a side, and which are steps, from what `clock_of` became."""
+def _step_of(side: PartsSide, on: Trajectories) -> Ints:
+    """Which step each stamp of a side is, from what `clock_of` became."""
     step = np.full(len(side.times), -1)
     if len(on.step):
         step[on.attributes[STAMP].astype(np.int64)] = on.step
-    return OwnTimes(side=side, times=side.times, counts=side.counts, step=step)
+    return step

@@ -1,8 +1,8 @@
 """Tuned numbers of the certified solver, each with what chose it.
 
 Nothing here decides what is proven: any prices bound the optimum from below and any feasible
-weights from above. The numbers decide how soon both meet. Measurements are those of
-docs/theory/solvers.md and of the log of changes; "not measured" says that a round number was taken.
+weights from above. The numbers decide how soon both meet. Measurements are in the
+log of changes; "not measured" says that a round number was taken.
 """
 
 import numpy as np

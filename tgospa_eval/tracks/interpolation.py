@@ -132,48 +132,6 @@ def at_ticks(
     return side.chosen(rows, at[side.step[rows]], theirs, ticks.labels, ticks.clock)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Forecast:
-    """How many states a side would have at the K stamps of the other, interpolated.
-
-    Parameters
-    ----------
-    own, between : (K,) int arrays
-        As of `Interpolated`, at each stamp.
-    narrow : int
-        Pairs of consecutive states of a track that are not too far apart.
-    """
-
-    own: Ints
-    between: Ints
-    narrow: int
-
-
-def forecast(
-    side: Trajectories, other: Trajectories, *, max_gap: float, names: tuple[str, str]
-) -> Forecast:
-    """What `interpolated` would make, without tolerance, and without making it.
-
-    Raises
-    ------
-    InputError
-        The stamps cannot be compared.
-    """
-    mine, theirs = comparable(side, other, names)
-    size = len(theirs)
-    if not len(side.step) or not size:
-        return Forecast(own=np.zeros(size, int), between=np.zeros(size, int), narrow=0)
-    mine, _ = joined_to(mine, theirs, 0.0, side.clock)
-    at, there = found_at(mine, theirs)
-    _, first, _, begin, count = _stretches(side, mine, theirs, max_gap)
-    begun, ended = (np.bincount(at, minlength=size + 1) for at in (begin, begin + count))
-    return Forecast(
-        own=np.bincount(at[side.step[there[side.step]]], minlength=size),
-        between=np.cumsum(begun - ended)[:size],
-        narrow=len(first),
-    )
-
-
 def found_at(mine: Times, theirs: Times) -> tuple[Ints, NDArray[np.bool_]]:
     """Where own stamps are among others, and which of them are there."""
     if not len(theirs):
@@ -182,13 +140,12 @@ def found_at(mine: Times, theirs: Times) -> tuple[Ints, NDArray[np.bool_]]:
     return at, theirs[at] == mine
 
 
-def _stretches(
+def _between(
     side: Trajectories, mine: Times, theirs: Times, max_gap: float
-) -> tuple[Ints, Ints, Times, Ints, Ints]:
-    """Pairs of consecutive states of a track that are not too far apart.
+) -> tuple[Ints, Ints, Ints, Floats]:
+    """Rows before and after, the stamp between them, and its share of the way, for each new row.
 
-    Rows by track, then by time; of each pair the place of the earlier state among these, how far
-    the later one is, the first of the stamps between them, and how many of these there are.
+    They are between consecutive states of a track that are not too far apart.
     """
     order = np.argsort(side.track, kind="stable")  # rows are in the order of time
     track, time = side.track[order], mine[side.step[order]]
@@ -197,18 +154,9 @@ def _stretches(
     first = np.flatnonzero(narrow)
     begin = np.searchsorted(theirs, time[first], side="right")
     count = np.searchsorted(theirs, time[first + 1], side="left") - begin
-    return order, first, gap[first], begin, count
-
-
-def _between(
-    side: Trajectories, mine: Times, theirs: Times, max_gap: float
-) -> tuple[Ints, Ints, Ints, Floats]:
-    """Rows before and after, the stamp between them, and its share of the way, for each new row."""
-    order, first, gap, begin, count = _stretches(side, mine, theirs, max_gap)
     step = concatenated(begin, count)
-    first, gap = np.repeat(first, count), np.repeat(gap, count)
-    begun = mine[side.step[order[first]]]
-    share = apart_of(theirs[step], begun).astype(np.float64) / gap.astype(np.float64)
+    first, gap = np.repeat(first, count), np.repeat(gap[first], count)
+    share = apart_of(theirs[step], time[first]).astype(np.float64) / gap.astype(np.float64)
     return order[first], order[first + 1], step, share
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tgospa_eval.partitioned.long.holding import WindowFindings, hold_runs
+from tgospa_eval.partitioned.long.holding import hold_runs
 from tgospa_eval.partitioned.long.tables import BUSY
 from tgospa_eval.partitioned.shards import ENTRY, HELD, problem_of
 from tgospa_eval.problem.merging import merge_runs
@@ -39,7 +39,7 @@ def held(
         table["estimate"], table["begin"] = np.array(busy).T
         table["end"] = table["begin"]
     of_entry = np.array([weight for *_, weight in gains])
-    weights = hold_runs(states, WindowFindings(weights=of_entry, holds=known, busy=table))
+    weights = hold_runs(states, of_entry, known, table)
     runs = np.flatnonzero(states.entry < 0)
     whose = zip(states.pair_estimate[states.pair[runs]], states.begin[runs], strict=True)
     return {(int(k), int(t)): int(w) for (k, t), w in zip(whose, weights[runs], strict=True)}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.partitioned.long.run import ComponentBounds, Long, solve_long
-from tgospa_eval.partitioned.long.windows import Window, solve_window
+from tgospa_eval.partitioned.long.windows import solve_window
 from tgospa_eval.partitioned.shards import ENTRY, PARTS_OF_TRACKS, PartialSums, problem_of
 from tgospa_eval.partitioned.tasks import Run, Task, run_tasks
 from tgospa_eval.problem.certificate import certify
@@ -230,10 +230,8 @@ def test_what_is_solved_in_time_is_proven(tmp_path: Path) -> None:
         def run(tasks: Mapping[str, Task], windows: Iterator[int] = windows) -> None:
             def one(output: str) -> None:
                 task = tasks[output]
-                window = getattr(task, "keywords", {}).get("task")
-                if isinstance(window, Window):
-                    end = 0.0 if next(windows, None) is None else None
-                    task = partial(solve_window, task=replace(window, end=end))
+                if getattr(task, "func", None) is solve_window:
+                    task = partial(task, end=0.0 if next(windows, None) is None else None)
                 task(output)
 
             run_tasks(dict.fromkeys(tasks, one))

@@ -24,7 +24,7 @@ def test_a_clock_that_is_ahead_is_seen_in_the_middle(
     monkeypatch.setattr(sample, "LOOKED_AT", 400)
     for side, codes in ((estimate, []), (late, ["clock-shift"])):
         asked = plan((truth, side), parameters, tmp_path)
-        notices = sample.look(asked, align(truth, side))
+        notices = sample.look(asked.cut, align(truth, side))
         assert [notice.code for notice in notices if notice.code] == codes
         assert "steps" in notices[0].text
     assert "from step 46 to 79: the clock of the estimate seems to be 4 ahead" in str(notices[-1])

@@ -11,10 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.partitioned.long.columns import load_columns
-from tgospa_eval.partitioned.long.rows import RowsTask, load_rows
-from tgospa_eval.partitioned.long.tables import Table, load_part, save_parts
+from tgospa_eval.partitioned.long.rows import load_rows
+from tgospa_eval.partitioned.long.tables import (
+    Table,
+    WindowPiece,
+    load_part,
+    renumbered,
+    save_parts,
+)
 from tgospa_eval.partitioned.shards import ENTRY, problem_of
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.paths import row_steps, turns
@@ -39,33 +44,43 @@ ENTERED_THERE = 1 - 1e-9
 """Pairs worth less than minus this switch price are as good as entered, or left, at the border."""
 
 
-def value_borders(output: str, rows: RowsTask, windows: tuple[tuple[int, int], ...]) -> None:
-    """Write what the pairs of some truths are worth: a table of BORDER for each window.
+def value_borders(
+    output: str,
+    *,
+    rows: str,
+    pieces: tuple[WindowPiece, ...],
+    number: int,
+    columns: tuple[str, ...],
+    window: tuple[int, int],
+    parameters: Parameters,
+    around: tuple[tuple[int, int], ...],
+) -> None:
+    """Write what the pairs of some truths are worth: a table of BORDER for each of some windows.
 
     Parameters
     ----------
     output : str
         The folder that is written.
-    rows : RowsTask
-        Which truths; it is done.
-    windows : tuple of pairs of int
+    rows : str
+        What `prove_rows` wrote of these truths.
+    pieces, number, columns, window, parameters
+        As of `prove_rows`.
+    around : tuple of pairs of int
         The steps of each window: from, and to before.
     """
-    first, last = rows.window
-    problem, _, numbers = load_rows(rows)
-    columns = load_columns(rows.columns, numbers[1], first)
-    states = rows_of_component(problem, columns.places)
-    values = _Values(states, columns.places)
-    held = np.load(Path(rows.output) / "by_estimate.npy")
-    for name, known in zip(("truth", "estimate"), numbers, strict=True):
-        held[name] = np.searchsorted(known, held[name])
+    first, last = window
+    problem, _, numbers = load_rows(pieces, number, window, parameters)
+    places = load_columns(columns, numbers[1], first).places
+    states = rows_of_component(problem, places)
+    values = _Values(states, places)
+    held = renumbered(np.load(Path(rows) / "by_estimate.npy"), numbers)
     whose = _pair_numbers(states, held)
     of_entry = np.empty(len(problem.cost), np.int32)
     gains = np.flatnonzero(states.entry >= 0)
     of_entry[states.entry[gains]] = states.pair[gains]
     step = problem.entry_step
     tables = [np.zeros(0, BORDER)]
-    for low, high in windows:
+    for low, high in around:
         a, b = np.searchsorted(step, (low - first, high - first))
         near = (held["begin"] <= high) & (held["end"] >= low - 1)
         pair = np.union1d(of_entry[a:b], whose[near])
@@ -79,10 +94,10 @@ def value_borders(output: str, rows: RowsTask, windows: tuple[tuple[int, int], .
             table["after"] = values.after(pair, high - first)
             table["held_after"] = _weights(held[near], whose[near], pair, high)
         tables.append(table)
-    part = np.repeat(np.arange(len(windows)), [len(table) for table in tables[1:]])
+    part = np.repeat(np.arange(len(around)), [len(table) for table in tables[1:]])
     with writing(output) as folder:
         folder.mkdir()
-        save_parts(folder, "borders", np.concatenate(tables), part, len(windows))
+        save_parts(folder, "borders", np.concatenate(tables), part, len(around))
 
 
 def _pair_numbers(states: States, held: Table) -> Ints:
@@ -182,68 +197,40 @@ class _Values:
         return self.running[high] - self.running[low]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Framed:
+def frame(
+    entry: Table, before: Table, after: Table, around: tuple[int, int], parameters: Parameters
+) -> tuple[Problem, int, tuple[Ints, Ints]]:
     """A window as a problem, with a step before it and one after it where there is more.
 
-    Parameters
-    ----------
-    problem : Problem
-        Its gains may be negative at these steps.
-    first : int
-        Its first step.
-    numbers : pair of int arrays
-        Its truths and estimates.
-    before, after : table of BORDER
-        Pairs at these steps; entries of the window lie between theirs.
-    """
-
-    problem: Problem
-    first: int
-    numbers: tuple[Ints, Ints]
-    before: Table
-    after: Table
-
-
-def frame(
-    entry: Table,
-    around: tuple[int, int],
-    parameters: Parameters,
-    borders: Table,
-    ends: tuple[bool, bool],
-) -> Framed:
-    """A window whose pairs are worth what `borders` say.
+    Its gains may be negative at these steps.
 
     Parameters
     ----------
     entry : table of ENTRY
         Of the window.
+    before, after : table of BORDER
+        What pairs are worth at the borders; none at an end of the component.
     around : pair of int
         Its steps: from, and to before.
     parameters : Parameters
         Of the metric.
-    borders : table of BORDER
-        Of all truths; none where nothing is known.
-    ends : pair of bool
-        Whether the window has both ends of the component's time.
+
+    Returns
+    -------
+    problem : Problem
+        Entries of the window lie between those of its borders.
+    first : int
+        Its first step.
+    numbers : pair of int arrays
+        Its truths and estimates.
     """
-    borders = borders[np.lexsort((borders["estimate"], borders["truth"]))]
-    none = borders[:0]
-    before, after = (none if end else borders for end in ends)
     first, last = around[0] - (len(before) > 0), around[1] - 1 + (len(after) > 0)
-    both = [_at(before, around[0] - 1), entry, _at(after, around[1])]
-    joined = np.concatenate(both)
+    joined = np.concatenate((_at(before, around[0] - 1), entry, _at(after, around[1])))
     numbers = np.unique(joined["truth"]), np.unique(joined["estimate"])
     problem = problem_of(joined, first, numbers, parameters)
     price = sum(parameters.unassigned_prices)
     cost = np.concatenate((price - before["before"], entry["cost"], price - after["after"]))
-    return Framed(
-        problem=replace(problem, steps=last - first + 1, cost=cost, signed=True),
-        first=first,
-        numbers=numbers,
-        before=before,
-        after=after,
-    )
+    return replace(problem, steps=last - first + 1, cost=cost, signed=True), first, numbers
 
 
 def _at(borders: Table, step: int) -> Table:
@@ -254,6 +241,7 @@ def _at(borders: Table, step: int) -> Table:
 
 
 def load_borders(folders: tuple[str, ...], number: int) -> Table:
-    """Of one window, from all truths."""
+    """Of one window, from all truths, by (truth, estimate)."""
     found = [load_part(Path(folder), "borders", number) for folder in folders]
-    return np.concatenate([np.zeros(0, BORDER), *found])
+    borders = np.concatenate([np.zeros(0, BORDER), *found])
+    return borders[np.lexsort((borders["estimate"], borders["truth"]))]

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import SolverError
 from tgospa_eval.partitioned.long.tables import (
@@ -14,12 +15,9 @@ from tgospa_eval.partitioned.long.tables import (
     expansion,
     fraction,
     load_pieces,
+    no_assignment,
 )
-from tgospa_eval.partitioned.shards import (
-    HELD,
-    PARTS_OF_TRACKS,
-    contribute,
-)
+from tgospa_eval.partitioned.shards import HELD, PARTS_OF_TRACKS, contribute
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.certificate import idle_prices
 from tgospa_eval.problem.problem import Floats, Ints
@@ -99,14 +97,16 @@ def load_columns(folders: tuple[str, ...], estimates: Ints, first_step: int) -> 
         first = np.load(place / "first.npy")
         low, high = np.searchsorted(estimates, (known[0], known[-1] + 1)).tolist()
         mine = np.searchsorted(known, estimates[low:high])
-        index, count = _ranges(first, mine)
-        counts.append(count)
+        counts.append(first[mine + 1] - first[mine])
+        index = concatenated(first[mine], counts[-1])
         steps.append(np.load(place / "step.npy", mmap_mode="r")[index] - np.int32(first_step))
         wholes.append(np.load(place / "whole.npy", mmap_mode="r")[index])
         units.append(np.load(place / "unit.npy")[mine])
         indices.append(index + before)
-        index, count = _ranges(np.load(place / "busy_first.npy"), mine)
-        busy = np.array(np.load(place / "busy.npy", mmap_mode="r")[index])
+        first_busy = np.load(place / "busy_first.npy")
+        count = first_busy[mine + 1] - first_busy[mine]
+        stretches = concatenated(first_busy[mine], count)
+        busy = np.array(np.load(place / "busy.npy", mmap_mode="r")[stretches])
         busy["estimate"] = np.repeat(np.arange(low, high), count)
         busies.append(busy)
         before += int(first[-1])
@@ -127,13 +127,6 @@ def load_columns(folders: tuple[str, ...], estimates: Ints, first_step: int) -> 
         index=np.concatenate(indices),
         busy=busy,
     )
-
-
-def _ranges(first: Ints, chosen: Ints) -> tuple[Ints, Ints]:
-    """The places of chosen parts one after the other, and how many each has."""
-    count = first[chosen + 1] - first[chosen]
-    shift = np.repeat(first[chosen] - (np.cumsum(count) - count), count)
-    return np.arange(int(count.sum())) + shift, count
 
 
 def add_rest(
@@ -240,9 +233,7 @@ def _loads(held: Table, estimate: Ints, step: Ints) -> Floats:
     order = np.lexsort((change > 0, moment))
     load = np.cumsum(change[order])
     if load.max(initial=0) > ONE:
-        raise SolverError(
-            "an assignment to prove is none: please report this as a bug, with the two files"
-        )
+        raise no_assignment()
     sought = (estimate.astype(np.int64) << 32) + step
     at = np.searchsorted(moment[order], sought, side="right")
     return np.concatenate(([0], load))[at]

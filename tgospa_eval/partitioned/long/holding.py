@@ -10,36 +10,28 @@ No sum exceeds 1 then (docs/theory/windows-in-time.md, "Components larger than m
 
 import numpy as np
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.partitioned.long.tables import BUSY, Table
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.states import States
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class WindowFindings:
-    """What windows have found of some rows, with the numbers of the tracks and steps of `States`.
+def hold_runs(states: States, of_entry: Ints, holds: Table, busy: Table) -> Ints:
+    """Weights of all states, (S,), of those with a gain as they are.
 
     Parameters
     ----------
-    weights : (N,) int array
+    states : States
+        Some rows; all others have the numbers of their tracks and steps.
+    of_entry : (N,) int array
         What is assigned of each entry.
     holds : table of HELD
         What windows hold without gain; of a pair, no step is held twice.
     busy : table of BUSY
         When the estimates gain, by (estimate, begin), from whatever row.
     """
-
-    weights: Ints
-    holds: Table
-    busy: Table
-
-
-def hold_runs(states: States, known: WindowFindings) -> Ints:
-    """Weights of all states, (S,), of those with a gain as they are."""
     weights = np.zeros(len(states.begin), np.int64)
     gains = np.flatnonzero(states.entry >= 0)
-    weights[gains] = known.weights[states.entry[gains]]
+    weights[gains] = of_entry[states.entry[gains]]
     pair = states.pair
     runs, most = _ends(states, weights, pair)
     begin, end, pair = states.begin[runs].astype(np.int64), states.end[runs], pair[runs]
@@ -49,19 +41,20 @@ def hold_runs(states: States, known: WindowFindings) -> Ints:
     rows["begin"] = rows["end"] = states.begin[used]
     rows.sort(order=("estimate", "begin"))
 
-    def busy(run: Ints, begin: Ints, end: Ints) -> Ints:
+    def meets_gain(run: Ints, begin: Ints, end: Ints) -> Ints:
         """Those of the runs on whose row or column something gains from begin to end."""
         tracks = states.pair_estimate[pair[run]], states.pair_row[pair[run]]
         idle = np.ones(len(run), bool)
-        for table, track in zip((known.busy, rows), tracks, strict=True):
+        for table, track in zip((busy, rows), tracks, strict=True):
             idle &= _idle(table, track, begin, end, states.problem.steps)
         return run[~idle]
 
-    least, gaps = _held_by_windows(states, known.holds, runs)
+    least, gaps = _held_by_windows(states, holds, runs)
     held = np.minimum(least, most)
-    held[busy(*gaps)] = 0
+    held[meets_gain(*gaps)] = 0
     free = np.flatnonzero(held < most)
-    held[free] = np.where(np.isin(free, busy(free, begin[free], end[free])), held[free], most[free])
+    taken = np.isin(free, meets_gain(free, begin[free], end[free]))
+    held[free] = np.where(taken, held[free], most[free])
     weights[runs] = held
     return weights
 

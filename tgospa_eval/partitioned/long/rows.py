@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.errors import SolverError
 from tgospa_eval.partitioned.long.columns import SomeColumns, load_columns
-from tgospa_eval.partitioned.long.holding import WindowFindings, hold_runs
+from tgospa_eval.partitioned.long.holding import hold_runs
 from tgospa_eval.partitioned.long.tables import (
     GAIN,
     Table,
@@ -16,6 +14,8 @@ from tgospa_eval.partitioned.long.tables import (
     expansion,
     halves,
     load_pieces,
+    no_assignment,
+    renumbered,
 )
 from tgospa_eval.partitioned.shards import HELD, contribute, problem_of, tables_of
 from tgospa_eval.partitioned.tasks import writing
@@ -30,9 +30,27 @@ from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE, row_parts
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RowsTask:
-    """The task to prove what there is of some truths.
+def load_rows(
+    pieces: tuple[WindowPiece, ...], number: int, window: tuple[int, int], parameters: Parameters
+) -> tuple[Problem, Ints, tuple[Ints, Ints]]:
+    """All entries of some truths, their weights, and the numbers of the truths and estimates."""
+    first, last = window
+    gains = load_pieces(pieces, "gains", number, GAIN)
+    numbers = np.unique(gains["truth"]), np.unique(gains["estimate"])
+    problem = replace(problem_of(gains, first, numbers, parameters), steps=last - first + 1)
+    return problem, np.ascontiguousarray(gains["weight"]), numbers
+
+
+def prove_rows(
+    output: str,
+    *,
+    pieces: tuple[WindowPiece, ...],
+    number: int,
+    columns: tuple[str, ...],
+    window: tuple[int, int],
+    parameters: Parameters,
+) -> None:
+    """Best paths at the prices, runs that are held, switches, intervals, regrets of some truths.
 
     Parameters
     ----------
@@ -49,40 +67,14 @@ class RowsTask:
     parameters : Parameters
         Of the metric.
     """
-
-    output: str
-    pieces: tuple[WindowPiece, ...]
-    number: int
-    columns: tuple[str, ...]
-    window: tuple[int, int]
-    parameters: Parameters
-
-
-def load_rows(task: RowsTask) -> tuple[Problem, Ints, tuple[Ints, Ints]]:
-    """All entries of some truths, their weights, and the numbers of the truths and estimates."""
-    first, last = task.window
-    gains = load_pieces(task.pieces, "gains", task.number, GAIN)
-    numbers = np.unique(gains["truth"]), np.unique(gains["estimate"])
-    problem = replace(problem_of(gains, first, numbers, task.parameters), steps=last - first + 1)
-    return problem, np.ascontiguousarray(gains["weight"]), numbers
-
-
-def prove_rows(output: str, task: RowsTask) -> None:
-    """Best paths at the prices, runs that are held, switches, intervals, regrets."""
-    first = task.window[0]
-    problem, entry_weights, numbers = load_rows(task)
-    columns = load_columns(task.columns, numbers[1], first)
-    states = rows_of_component(problem, columns.places)
-    weights = hold_runs(
-        states,
-        WindowFindings(
-            weights=entry_weights,
-            holds=_local_holds(task, numbers),
-            busy=columns.busy,
-        ),
-    )
+    first = window[0]
+    problem, entry_weights, numbers = load_rows(pieces, number, window, parameters)
+    prices = load_columns(columns, numbers[1], first)
+    states = rows_of_component(problem, prices.places)
+    holds = renumbered(load_pieces(pieces, "holds", number, HELD), numbers, first)
+    weights = hold_runs(states, entry_weights, holds, prices.busy)
     _check_rows(states, weights)
-    terms, pairs, left = _bound(states, columns)
+    terms, pairs, left = _bound(states, prices)
     moved = np.flatnonzero(changed(states.pair_first, weights))
     variation = np.abs(weights[moved] - weights[moved - 1])
     intervals = _intervals(states, weights, first, numbers)
@@ -97,7 +89,7 @@ def prove_rows(output: str, task: RowsTask) -> None:
         np.save(folder / "columns.npy", numbers[1])
         np.save(folder / "assigned_columns.npy", _assigned(states, weights))
         aside = np.flatnonzero(left != 1)
-        np.save(folder / "aside.npy", columns.index[aside])
+        np.save(folder / "aside.npy", prices.index[aside])
         np.save(folder / "asides.npy", 1 - left[aside])
         by_estimate = intervals[np.lexsort((intervals["begin"], intervals["estimate"]))]
         np.save(folder / "by_estimate.npy", by_estimate)
@@ -107,7 +99,7 @@ def prove_rows(output: str, task: RowsTask) -> None:
             lower=expansion(terms),
             pairs=pairs,
             variation=halves(variation, states.begin[moved], problem.steps),
-            regret=_regrets(states, weights, columns, first),
+            regret=_regrets(states, weights, prices, first),
         )
 
 
@@ -131,24 +123,13 @@ def _assigned(states: States, weights: Ints) -> Ints:
     return halves(weights[used], estimate, states.problem.estimates)
 
 
-def _local_holds(task: RowsTask, numbers: tuple[Ints, Ints]) -> Table:
-    holds = load_pieces(task.pieces, "holds", task.number, HELD)
-    for name, known in zip(("truth", "estimate"), numbers, strict=True):
-        holds[name] = np.searchsorted(known, holds[name])
-    for name in ("begin", "end"):
-        holds[name] -= task.window[0]
-    return holds
-
-
 def _check_rows(states: States, weights: Ints) -> None:
     """Refuse what sums to more than 1 in a row, or is negative."""
     most = weights.max(initial=0)
     for part, own in row_parts(states):
         most = max(most, part.rows.sums(weights[own]).max(initial=0))
     if most > ONE or weights.min(initial=0) < 0:
-        raise SolverError(
-            "an assignment to prove is none: please report this as a bug, with the two files"
-        )
+        raise no_assignment()
 
 
 def _bound(states: States, columns: SomeColumns) -> tuple[list[float], int, Ints]:

@@ -14,14 +14,12 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.partitioned.long.borders import value_borders
 from tgospa_eval.partitioned.long.columns import add_rest, join_columns
-from tgospa_eval.partitioned.long.rows import RowsTask, prove_rows
+from tgospa_eval.partitioned.long.rows import prove_rows
 from tgospa_eval.partitioned.long.tables import WindowPiece, fraction
 from tgospa_eval.partitioned.long.windows import (
     ComponentPlan,
-    Window,
     count_entries,
     make_plan,
-    pieces_of,
     solve_window,
 )
 from tgospa_eval.partitioned.shards import PartialSums, contribute
@@ -77,8 +75,8 @@ class ComponentBounds:
         What it contributes, as folders of shards; all but one have an empty share.
     pieces : tuple of WindowPiece
         Whose answers it was made of.
-    rows : tuple of RowsTask
-        By which it was proven.
+    columns, rows : tuple of str
+        What `join_columns` and `prove_rows` wrote.
     lost : (L,) float array
         Prices that nobody pays, by step.
     regret : (3, N) float array
@@ -88,7 +86,8 @@ class ComponentBounds:
     share: PartialSums
     folders: tuple[str, ...]
     pieces: tuple[WindowPiece, ...]
-    rows: tuple[RowsTask, ...]
+    columns: tuple[str, ...]
+    rows: tuple[str, ...]
     lost: Floats
     regret: Floats
 
@@ -102,8 +101,8 @@ WORST_STEPS = 1000
 
 def repairs(
     component: Long, plan: ComponentPlan, joined: ComponentBounds, overlap: int, number: int
-) -> tuple[dict[str, Task], list[Window], tuple[WindowPiece, ...]]:
-    """Windows around the open seams, their borders, and the pieces once these are solved.
+) -> tuple[dict[str, Task], dict[str, Task], tuple[WindowPiece, ...]]:
+    """Tasks of borders, of the windows around open seams, and the pieces once these are solved.
 
     Parameters
     ----------
@@ -116,34 +115,59 @@ def repairs(
     number : int
         Which round it is.
     """
+    work = f"{component.work}/round-{number}"
     stretches = _stretches(component, plan, joined, 4 * overlap)
     borders: dict[str, Task] = {
-        f"{component.work}/round-{number}/borders/{index:05d}": partial(
-            value_borders, rows=rows, windows=stretches
+        f"{work}/borders/{index:05d}": partial(
+            value_borders,
+            rows=rows,
+            pieces=joined.pieces,
+            number=index,
+            columns=joined.columns,
+            window=plan.window,
+            parameters=component.parameters,
+            around=stretches,
         )
         for index, rows in enumerate(joined.rows)
         if component.parameters.switch_price > 0  # else steps are apart
     }
-    windows = []
-    for index, around in enumerate(stretches):
-        windows.append(
-            Window(
-                output=f"{component.work}/round-{number}/repairs/{index:06d}",
-                entries=plan.between(*around),
-                around=around,
-                core=around,
-                parameters=component.parameters,
-                truth_bounds=plan.truth_bounds,
-                estimate_bounds=plan.estimate_bounds,
-                gap=0.25 * component.gap,
-                end=component.end,
-                near=tuple(p for p in joined.pieces if p.low < around[1] and p.high > around[0]),
-                borders=tuple(borders),
-                number=index,
-                ends=(around[0] <= plan.window[0], around[1] > plan.window[1]),
-            )
+    windows: dict[str, Task] = {}
+    pieces = joined.pieces
+    for index, (low, high) in enumerate(stretches):
+        output = f"{work}/repairs/{index:06d}"
+        windows[output] = _window(
+            component,
+            plan,
+            (low, high),
+            (low, high),
+            near=tuple(p for p in joined.pieces if p.low < high and p.high > low),
+            borders=tuple(borders),
+            number=index,
+            ends=(low <= plan.window[0], high > plan.window[1]),
         )
-    return borders, windows, _replaced(joined.pieces, windows)
+        pieces = _replaced(pieces, WindowPiece(folder=output, low=low, high=high))
+    return borders, windows, pieces
+
+
+def _window(
+    component: Long,
+    plan: ComponentPlan,
+    around: tuple[int, int],
+    core: tuple[int, int],
+    **known: Any,
+) -> Task:
+    """The task to solve a window, with what is known of it besides."""
+    return partial(
+        solve_window,
+        entries=plan.between(*around),
+        around=around,
+        core=core,
+        parameters=component.parameters,
+        bounds=(plan.truth_bounds, plan.estimate_bounds),
+        gap=0.25 * component.gap,
+        end=component.end,
+        **known,
+    )
 
 
 def _stretches(
@@ -179,21 +203,17 @@ def _stretches(
     return tuple(sorted(chosen))
 
 
-def _replaced(pieces: tuple[WindowPiece, ...], windows: list[Window]) -> tuple[WindowPiece, ...]:
-    """The pieces with the cores of the windows in the place of what was there."""
-    fresh = pieces_of(windows)
-    kept: list[WindowPiece] = []
+def _replaced(pieces: tuple[WindowPiece, ...], new: WindowPiece) -> tuple[WindowPiece, ...]:
+    """The pieces with a new one in the place of what was there."""
+    kept = [new]
     for piece in pieces:
-        low = piece.low
-        for new in fresh:
-            if new.high <= low or new.low >= piece.high:
-                continue
-            if new.low > low:
-                kept.append(WindowPiece(folder=piece.folder, low=low, high=new.low))
-            low = max(low, new.high)
-        if low < piece.high:
-            kept.append(WindowPiece(folder=piece.folder, low=low, high=piece.high))
-    return tuple(sorted((*kept, *fresh), key=lambda piece: piece.low))
+        for low, high in (
+            (piece.low, min(piece.high, new.low)),
+            (max(piece.low, new.high), piece.high),
+        ):
+            if low < high:
+                kept.append(replace(piece, low=low, high=high))
+    return tuple(sorted(kept, key=lambda piece: piece.low))
 
 
 REPAIR_ROUNDS = 12
@@ -226,19 +246,26 @@ def solve_long(
         Takes what is proven, each time that it becomes better.
     """
     plan = plan_long(component, run)
-    windows = first_windows(component, plan)
-    run({window.output: partial(solve_window, task=window) for window in windows})
     overlap = overlap_of(component)
-    best = joined = prove_long(component, plan, pieces_of(windows), "round-0", run)
+    size = max(min(WINDOW_ENTRIES, component.together // 2), 1)
+    windows: dict[str, Task] = {}
+    pieces: list[WindowPiece] = []
+    for number, core in enumerate(plan.cores(size)):
+        output = f"{component.work}/windows/{number:06d}"
+        around = plan.around(*core, overlap, component.together // 4)
+        windows[output] = _window(component, plan, around, core)
+        pieces.append(WindowPiece(folder=output, low=core[0], high=core[1]))
+    run(windows)
+    best = joined = prove_long(component, plan, tuple(pieces), "round-0", run)
     proven(best.share)
     stuck = rounds = 0
     for number in range(REPAIR_ROUNDS):
         if best.share.solved or stuck == PATIENCE or left_until(component.end) == 0:
             break
-        borders, again, pieces = repairs(component, plan, joined, overlap, number)
+        borders, windows, repaired = repairs(component, plan, joined, overlap, number)
         run(borders)
-        run({window.output: partial(solve_window, task=window) for window in again})
-        joined = prove_long(component, plan, pieces, f"round-{number + 1}", run)
+        run(windows)
+        joined = prove_long(component, plan, repaired, f"round-{number + 1}", run)
         before, best = best, better(best, joined, component.gap)
         proven(best.share)
         rounds = number + 1
@@ -288,28 +315,6 @@ def overlap_of(component: Long) -> int:
     return max(component.overlap, math.ceil(5 + 4 * price))
 
 
-def first_windows(component: Long, plan: ComponentPlan) -> list[Window]:
-    """Windows whose cores follow one another."""
-    size = max(min(WINDOW_ENTRIES, component.together // 2), 1)
-    windows = []
-    for number, core in enumerate(plan.cores(size)):
-        around = plan.around(*core, overlap_of(component), component.together // 4)
-        windows.append(
-            Window(
-                output=f"{component.work}/windows/{number:06d}",
-                entries=plan.between(*around),
-                around=around,
-                core=core,
-                parameters=component.parameters,
-                truth_bounds=plan.truth_bounds,
-                estimate_bounds=plan.estimate_bounds,
-                gap=0.25 * component.gap,
-                end=component.end,
-            )
-        )
-    return windows
-
-
 def prove_long(
     component: Long, plan: ComponentPlan, pieces: tuple[WindowPiece, ...], name: str, run: Run
 ) -> ComponentBounds:
@@ -323,51 +328,50 @@ def prove_long(
         for n, (low, high) in enumerate(itertools.pairwise(bounds))
     }
     run(columns)
-    joined = tuple(columns)
-    rows = [
-        RowsTask(
-            output=f"{work}/rows/{n:05d}",
+    rows: dict[str, Task] = {
+        f"{work}/rows/{n:05d}": partial(
+            prove_rows,
             pieces=pieces,
             number=n,
-            columns=joined,
+            columns=tuple(columns),
             window=plan.window,
             parameters=component.parameters,
         )
         for n in range(len(plan.truth_bounds) - 1)
-    ]
-    run({task.output: partial(prove_rows, task=task) for task in rows})
-    places = [int(np.load(f"{folder}/first.npy")[-1]) for folder in joined]
-    proven = tuple(task.output for task in rows)
+    }
+    run(rows)
+    places = [int(np.load(f"{folder}/first.npy")[-1]) for folder in columns]
     rest: dict[str, Task] = {
         f"{work}/rest/{n:05d}": partial(
             add_rest,
             columns=folder,
             before=sum(places[:n]),
-            rows=proven,
+            rows=tuple(rows),
             window=plan.window,
             price=component.parameters.unassigned_prices[1],
         )
-        for n, folder in enumerate(joined)
+        for n, folder in enumerate(columns)
     }
     run(rest)
-    return _add_up(component, plan, pieces, rows, tuple(rest))
+    return _add_up(component, plan, pieces, tuple(columns), tuple(rows), tuple(rest))
 
 
 def _add_up(
     component: Long,
     plan: ComponentPlan,
     pieces: tuple[WindowPiece, ...],
-    rows: list[RowsTask],
+    columns: tuple[str, ...],
+    rows: tuple[str, ...],
     rest: tuple[str, ...],
 ) -> ComponentBounds:
     first, last = plan.window
     size = last - first + 1
-    by_step = _steps(pieces)
+    by_step, iterations = _steps(pieces)
     lower: list[float] = []
     regrets = [np.zeros((3, 0))]
     variation = np.zeros((2, size), np.int64)
     pairs = 0
-    for folder in (task.output for task in rows):
+    for folder in rows:
         with np.load(f"{folder}/sums.npz") as found:
             lower += found["lower"].tolist()
             pairs += int(found["pairs"])
@@ -393,7 +397,6 @@ def _add_up(
         "switch": component.parameters.switch_price * total,
     }
     upper = math.fsum(np.concatenate(list(parts.values())).tolist())
-    counts = [np.load(f"{folder}/iterations.npy") for folder in {p.folder for p in pieces}]
     share = PartialSums(
         **parts,
         first=first,
@@ -404,28 +407,30 @@ def _add_up(
         estimates=by_step["estimates"],
         lower=np.array(lower),
         total=upper,
-        iterations=int(sum(counts)),
+        iterations=iterations,
         solved=upper - math.fsum(lower) <= component.gap * upper,
     )
     return ComponentBounds(
         share=share,
-        folders=(*(task.output for task in rows), *rest),
+        folders=(*rows, *rest),
         pieces=pieces,
-        rows=tuple(rows),
+        columns=columns,
+        rows=rows,
         lost=lost,
         regret=np.concatenate(regrets, axis=1),
     )
 
 
-def _steps(pieces: tuple[WindowPiece, ...]) -> dict[str, NDArray[Any]]:
-    """What windows say of each step."""
+def _steps(pieces: tuple[WindowPiece, ...]) -> tuple[dict[str, NDArray[Any]], int]:
+    """What windows say of each step, and the iterations of all their solvers."""
     parts: dict[str, list[NDArray[Any]]] = {}
+    iterations: dict[str, int] = {}
     for piece in pieces:
-        with np.load(f"{piece.folder}/steps.npz") as found:
-            low = int(found["first"])
-            for name in found.files:
-                if name != "first":
-                    parts.setdefault(name, []).append(
-                        found[name][..., piece.low - low : piece.high - low]
-                    )
-    return {name: np.concatenate(found, axis=-1) for name, found in parts.items()}
+        with np.load(f"{piece.folder}/steps.npz") as saved:
+            found = dict(saved)
+        low = int(found.pop("first"))
+        iterations[piece.folder] = int(found.pop("iterations"))
+        for name, values in found.items():
+            parts.setdefault(name, []).append(values[..., piece.low - low : piece.high - low])
+    joined = {name: np.concatenate(values, axis=-1) for name, values in parts.items()}
+    return joined, sum(iterations.values())

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.errors import SolverError
 from tgospa_eval.partitioned.shards import ENTRY
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.weights import ONE
@@ -92,6 +93,30 @@ def load_pieces(
             np.minimum(table[end], piece.high - 1, out=table[end])
         found.append(table)
     return np.concatenate(found)
+
+
+def renumbered(table: Table, numbers: tuple[Ints, Ints], first: int = 0) -> Table:
+    """With the places of its tracks among sorted numbers, and steps that are counted from `first`.
+
+    What is of other tracks is left out.
+    """
+    names = table.dtype.names or ()
+    for name, known in zip(("truth", "estimate"), numbers, strict=True):
+        if name in names:
+            at = np.minimum(np.searchsorted(known, table[name]), len(known) - 1)
+            there = known[at] == table[name]
+            table = table[there]
+            table[name] = at[there]
+    for name in {"step", "begin", "end"}.intersection(names):
+        table[name] -= first
+    return table
+
+
+def no_assignment() -> SolverError:
+    """What is to be proven is no assignment, which only a fault of this program can bring about."""
+    return SolverError(
+        "an assignment to prove is none: please report this as a bug, with the two files"
+    )
 
 
 def halves(weight: Ints, index: Ints, size: int) -> Ints:

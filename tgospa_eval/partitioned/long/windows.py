@@ -10,9 +10,8 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.errors import SolverError
-from tgospa_eval.partitioned.long.borders import Framed, frame, load_borders
-from tgospa_eval.partitioned.long.holding import WindowFindings, hold_runs
+from tgospa_eval.partitioned.long.borders import frame, load_borders
+from tgospa_eval.partitioned.long.holding import hold_runs
 from tgospa_eval.partitioned.long.tables import (
     BUSY,
     GAIN,
@@ -21,45 +20,32 @@ from tgospa_eval.partitioned.long.tables import (
     WindowPiece,
     halves,
     load_pieces,
+    no_assignment,
+    renumbered,
     save_parts,
 )
 from tgospa_eval.partitioned.shards import ENTRY, HELD, problem_of, within
 from tgospa_eval.partitioned.tasks import left_until, writing
-from tgospa_eval.problem.certificate import TERMS_TOGETHER, fair_prices
+from tgospa_eval.problem.certificate import fair_prices
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.tgospa import Parameters
-from tgospa_eval.problem.weights import ONE, repair
+from tgospa_eval.problem.weights import ONE, repair, spare
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, WarmStart, make_warm_start
 
-ROWS_READ = 1 << 20
-"""Entries that are looked at together where they are only counted."""
-
 
 def count_entries(output: str, path: str) -> None:
-    """Count the entries of a file, by time, by step, truth and estimate, a stretch at a time."""
+    """Count the entries of a file, by time, by step, truth and estimate."""
     entries = np.load(path, mmap_mode="r")
-    names = ("step", "truth", "estimate")
-    counted: dict[str, dict[int, int]] = {name: {} for name in names}
-    for low in range(0, len(entries), ROWS_READ):
-        part = np.asarray(entries[low : low + ROWS_READ])
-        for name in names:
-            known = counted[name]
-            for number, count in zip(*(x.tolist() for x in _counts(part[name])), strict=True):
-                known[number] = known.get(number, 0) + count
+    counted: dict[str, Any] = {
+        name: np.stack(np.unique(entries[name], return_counts=True))
+        for name in ("step", "truth", "estimate")
+    }
     with writing(output) as beside, beside.open("wb") as file:
-        tables: dict[str, Any] = {
-            name: np.array(sorted(known.items()), np.int64).reshape(-1, 2).T
-            for name, known in counted.items()
-        }
-        np.savez(file, **tables)
-
-
-def _counts(number: Ints) -> tuple[Ints, Ints]:
-    return np.unique(number, return_counts=True)
+        np.savez(file, **counted)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,15 +83,14 @@ class ComponentPlan:
 
     def between(self, low: int, high: int) -> tuple[tuple[str, int, int], ...]:
         """Where the entries of the steps from `low` to before `high` are: files and rows."""
-        ends = self.step_first[np.searchsorted(self.step, (low, high))]
-        found = []
-        for path, first, last in zip(
-            self.paths, self.file_first[:-1].tolist(), self.file_first[1:].tolist(), strict=True
-        ):
-            a, b = max(int(ends[0]), first), min(int(ends[1]), last)
-            if a < b:
-                found.append((path, a - first, b - first))
-        return tuple(found)
+        begin, end = self.step_first[np.searchsorted(self.step, (low, high))].tolist()
+        return tuple(
+            (path, max(begin, first) - first, min(end, last) - first)
+            for path, (first, last) in zip(
+                self.paths, itertools.pairwise(self.file_first.tolist()), strict=True
+            )
+            if max(begin, first) < min(end, last)
+        )
 
     def cores(self, size: int) -> list[tuple[int, int]]:
         """Stretches of steps with about so many entries each; steps from, and to before."""
@@ -193,9 +178,22 @@ def read_entries(stretches: tuple[tuple[str, int, int], ...]) -> Table:
     return np.concatenate(found)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Window:
-    """The task to solve a window.
+def solve_window(
+    output: str,
+    *,
+    entries: tuple[tuple[str, int, int], ...],
+    around: tuple[int, int],
+    core: tuple[int, int],
+    parameters: Parameters,
+    bounds: tuple[Ints, Ints],
+    gap: float,
+    near: tuple[WindowPiece, ...] = (),
+    borders: tuple[str, ...] = (),
+    number: int = 0,
+    ends: tuple[bool, bool] = (True, True),
+    end: float | None = None,
+) -> None:
+    """Solve a window, and write what its core says.
 
     Parameters
     ----------
@@ -209,8 +207,8 @@ class Window:
         Those of them that the answer is for.
     parameters : Parameters
         Of the metric.
-    truth_bounds, estimate_bounds : int arrays
-        Shards, as of `ComponentPlan`.
+    bounds : pair of int arrays
+        Shards of truths and of estimates, as of `ComponentPlan`.
     gap : float
         Relative gap that counts as exact.
     near : tuple of WindowPiece
@@ -224,94 +222,54 @@ class Window:
     end : float, optional
         In `time.time()`: afterwards all is left unassigned.
     """
-
-    output: str
-    entries: tuple[tuple[str, int, int], ...]
-    around: tuple[int, int]
-    core: tuple[int, int]
-    parameters: Parameters
-    truth_bounds: Ints
-    estimate_bounds: Ints
-    gap: float
-    near: tuple[WindowPiece, ...] = ()
-    borders: tuple[str, ...] = ()
-    number: int = 0
-    ends: tuple[bool, bool] = (True, True)
-    end: float | None = None
-
-
-def pieces_of(windows: list[Window]) -> tuple[WindowPiece, ...]:
-    """The steps that windows have the answer of."""
-    return tuple(WindowPiece(folder=w.output, low=w.core[0], high=w.core[1]) for w in windows)
-
-
-def solve_window(output: str, task: Window) -> None:
-    """Solve a window, and write what its core says."""
-    entry = read_entries(task.entries)
-    solved = _solve(entry, task)
-    low, high = np.searchsorted(entry["step"], task.core).tolist()
-    gains = np.zeros(high - low, GAIN)
-    for name in entry.dtype.names or ():
-        gains[name] = entry[name][low:high]
-    gains["weight"] = solved.entry_weights[low:high]
+    entry = read_entries(entries)
+    entry_weights = np.zeros(len(entry), np.int64)
+    holds, places, iterations = np.zeros(0, HELD), np.zeros(0, PRICE_AT), 0
+    if left_until(end) != 0:
+        known = load_borders(borders, number)
+        before, after = (known[:0] if is_end else known for is_end in ends)
+        problem, first, numbers = frame(entry, before, after, around, parameters)
+        # Estimates are columns in every window: their prices are joined.
+        states = merge_runs(problem, transpose=False)
+        warm_start = None
+        if near:
+            sides = before, after
+            warm_start = _warm_start(states, near, sides, around, first, numbers)
+        solution = within(Certified(gap=gap, jobs=1), end)(states, Stopwatch(), warm_start)
+        weights = repair(states, solution.weights)
+        of_gain = np.flatnonzero(states.entry >= 0)
+        of_entry = np.zeros(len(problem.cost), np.int64)
+        of_entry[states.entry[of_gain]] = weights[of_gain]
+        entry_weights = of_entry[len(before) : len(before) + len(entry)]
+        holds = _holds(states, weights, core, first, numbers)
+        places = _places(states, solution, core, first, numbers[1])
+        iterations = solution.iterations
+    inside = slice(*np.searchsorted(entry["step"], core).tolist())
+    gains = np.zeros(len(entry[inside]), GAIN)
+    for name in ENTRY.names or ():
+        gains[name] = entry[name][inside]
+    gains["weight"] = entry_weights[inside]
     del entry
-    truth_shards, estimate_shards = len(task.truth_bounds) - 1, len(task.estimate_bounds) - 1
+    by_track = (
+        ("gains", gains, "truth"),
+        ("holds", holds, "truth"),
+        ("places", places, "estimate"),
+        ("busy", _busy(gains[gains["weight"] > 0]), "estimate"),
+        ("present", _busy(gains), "estimate"),
+    )
     with writing(output) as folder:
         folder.mkdir()
-        for name, table in (("gains", gains), ("holds", solved.holds)):
-            part = shard_of(table["truth"], task.truth_bounds)
-            save_parts(folder, name, table, part, truth_shards)
-        by_estimate = (
-            ("places", solved.places),
-            ("busy", _busy(gains[gains["weight"] > 0])),
-            ("present", _busy(gains)),
-        )
-        for name, table in by_estimate:
-            part = shard_of(table["estimate"], task.estimate_bounds)
-            save_parts(folder, name, table, part, estimate_shards)
-        np.savez(folder / "steps.npz", **_steps(gains, task))
-        np.save(folder / "iterations.npy", solved.iterations)
+        for name, table, track in by_track:
+            of_shard = bounds[0] if track == "truth" else bounds[1]
+            part = shard_of(table[track], of_shard)
+            save_parts(folder, name, table, part, len(of_shard) - 1)
+        np.savez(folder / "steps.npz", iterations=iterations, **_steps(gains, core, parameters))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _SolvedWindow:
-    """An answer, with the numbers of the whole, cut to the core but for the entries."""
-
-    entry_weights: Ints
-    holds: Table
-    places: Table
-    iterations: int = 0
-
-
-def _solve(entry: Table, task: Window) -> _SolvedWindow:
-    if left_until(task.end) == 0:
-        return _SolvedWindow(
-            entry_weights=np.zeros(len(entry), np.int64),
-            holds=np.zeros(0, HELD),
-            places=np.zeros(0, PRICE_AT),
-        )
-    # Estimates are columns in every window: their prices are joined.
-    borders = load_borders(task.borders, task.number)
-    framed = frame(entry, task.around, task.parameters, borders, task.ends)
-    states = merge_runs(framed.problem, transpose=False)
-    warm_start = _warm_start(states, task, framed) if task.near else None
-    solver = within(Certified(gap=task.gap, jobs=1), task.end)
-    solution = solver(states, Stopwatch(), warm_start)
-    whole = repair(states, solution.weights)
-    gains = np.flatnonzero(states.entry >= 0)
-    weights = np.zeros(len(framed.problem.cost), np.int64)
-    weights[states.entry[gains]] = whole[gains]
-    return _SolvedWindow(
-        entry_weights=weights[len(framed.before) : len(framed.before) + len(entry)],
-        holds=_holds(states, whole, task, framed),
-        places=_places(states, solution, task, framed),
-        iterations=solution.iterations,
-    )
-
-
-def _holds(states: States, weights: Ints, task: Window, framed: Framed) -> Table:
+def _holds(
+    states: States, weights: Ints, core: tuple[int, int], first: int, numbers: tuple[Ints, Ints]
+) -> Table:
     """What is held without gain in the core; outside its block a pair goes on as at the border."""
-    first, numbers = framed.first, framed.numbers
     pair = states.pair
     block = states.pair_block[pair]
     opens, closes = states.pair_first[:-1], states.pair_first[1:] - 1
@@ -323,8 +281,8 @@ def _holds(states: States, weights: Ints, task: Window, framed: Framed) -> Table
         (closes, states.block_end[block[closes]] + 1, np.full_like(closes, last)),
     )
     state, begin, end = (np.concatenate(part) for part in zip(*stretches, strict=True))
-    begin = np.maximum(begin + first, task.core[0])
-    end = np.minimum(end + first, task.core[1] - 1)
+    begin = np.maximum(begin + first, core[0])
+    end = np.minimum(end + first, core[1] - 1)
     kept = (weights[state] > 0) & (begin <= end)
     held = np.zeros(int(kept.sum()), HELD)
     held["truth"] = numbers[0][states.pair_truth[pair[state[kept]]]]
@@ -335,16 +293,18 @@ def _holds(states: States, weights: Ints, task: Window, framed: Framed) -> Table
     return held
 
 
-def _places(states: States, solution: Solution, task: Window, framed: Framed) -> Table:
+def _places(
+    states: States, solution: Solution, core: tuple[int, int], first: int, estimates: Ints
+) -> Table:
     """The prices of the slots that begin in the core, at their first steps."""
     columns = states.columns
     prices = fair_prices(solution.prices)
-    step = columns.step.astype(np.int64) + framed.first
-    paid = np.flatnonzero((prices > 0) & (step >= task.core[0]) & (step < task.core[1]))
+    step = columns.step.astype(np.int64) + first
+    paid = np.flatnonzero((prices > 0) & (step >= core[0]) & (step < core[1]))
     number = np.zeros(states.nodes, np.int64)
     number[states.pair_column] = states.pair_estimate
     places = np.zeros(len(paid), PRICE_AT)
-    places["estimate"] = framed.numbers[1][number[columns.node[paid]]]
+    places["estimate"] = estimates[number[columns.node[paid]]]
     places["step"], places["price"] = step[paid], prices[paid]
     places.sort(order=["estimate", "step"])
     return places
@@ -362,65 +322,56 @@ def _busy(used: Table) -> Table:
     return busy
 
 
-def _steps(gains: Table, task: Window) -> dict[str, Any]:
+def _steps(gains: Table, core: tuple[int, int], parameters: Parameters) -> dict[str, Any]:
     """By step of the core: cost of what is assigned, objects, and how much of them is not."""
-    low, high = task.core
-    numbers = np.unique(gains["truth"]), np.unique(gains["estimate"])
-    problem = problem_of(gains, low, numbers, task.parameters)
-    step = gains["step"] - np.int32(low)
+    low, high = core
     size = high - low
-    found: dict[str, Any] = {"first": np.array(low)}
+    numbers = np.unique(gains["truth"]), np.unique(gains["estimate"])
+    problem = problem_of(gains, low, numbers, parameters)
+    found: dict[str, Any] = {"first": low}
     for name, side in zip(("truth", "estimate"), problem.sides, strict=True):
-        free = np.full(len(side.step), ONE)
-        np.subtract.at(free, side.row, gains["weight"])
+        free = spare(side, np.arange(len(gains)), gains["weight"])
         if free.min(initial=0) < 0:
-            raise SolverError(
-                "an assignment to prove is none: please report this as a bug, with the two files"
-            )
+            raise no_assignment()
         found[f"{name}s"] = np.bincount(side.step, minlength=size)
         found[f"free_{name}s"] = halves(free, side.step, size)
-    used = np.flatnonzero(gains["weight"])
-    paid = gains["weight"][used] / ONE * gains["cost"][used]
-    found["localisation"] = _sums(paid, step[used], size)
+    paid = (gains["weight"] / ONE * gains["cost"]).tolist()
+    edges = np.searchsorted(gains["step"], np.arange(low, high + 1)).tolist()
+    found["localisation"] = np.array([math.fsum(paid[a:b]) for a, b in itertools.pairwise(edges)])
     return found
 
 
-def _sums(value: Floats, step: Ints, size: int) -> Floats:
-    """Sums by step, (size,), of values in order of time: exact but for few roundings."""
-    opens = np.ones(len(value), bool)
-    opens[1:] = np.diff(step) != 0
-    place = np.arange(len(value))
-    since = place - np.maximum.accumulate(np.where(opens, place, 0))
-    starts = np.flatnonzero(since % TERMS_TOGETHER == 0)
-    chunks = np.add.reduceat(value, starts).tolist() if len(value) else []
-    first = np.searchsorted(step[starts], np.arange(size + 1)).tolist()
-    return np.array([math.fsum(chunks[a:b]) for a, b in itertools.pairwise(first)], np.float64)
-
-
-def _warm_start(states: States, task: Window, framed: Framed) -> WarmStart:
+def _warm_start(
+    states: States,
+    near: tuple[WindowPiece, ...],
+    borders: tuple[Table, Table],
+    around: tuple[int, int],
+    first: int,
+    numbers: tuple[Ints, Ints],
+) -> WarmStart:
     """What pieces say of the window: prices, and weights that are held where they can be."""
-    low, high = task.around
-    first, numbers = framed.first, framed.numbers
+    low, high = around
     pieces = tuple(
         WindowPiece(folder=piece.folder, low=max(piece.low, low), high=min(piece.high, high))
-        for piece in task.near
+        for piece in near
         if piece.low < high and piece.high > low
     )
     gains = load_pieces(pieces, "gains", None, GAIN)
     gains = gains[np.lexsort((gains["estimate"], gains["truth"], gains["step"]))]
     gains = np.concatenate(
         (
-            _outside(framed.before, "held_before", low - 1),
+            _outside(borders[0], "held_before", low - 1),
             gains,
-            _outside(framed.after, "held_after", high),
+            _outside(borders[1], "held_after", high),
         )
     )
-    known = WindowFindings(
-        weights=np.ascontiguousarray(gains["weight"]),
-        holds=_renumbered(load_pieces(pieces, "holds", None, HELD), first, numbers),
-        busy=_renumbered(_busy(gains[gains["weight"] > 0]), first, numbers),
+    weights = hold_runs(
+        states,
+        np.ascontiguousarray(gains["weight"]),
+        renumbered(load_pieces(pieces, "holds", None, HELD), numbers, first),
+        renumbered(_busy(gains[gains["weight"] > 0]), numbers, first),
     )
-    places = _renumbered(load_pieces(pieces, "places", None, PRICE_AT), first, numbers)
+    places = renumbered(load_pieces(pieces, "places", None, PRICE_AT), numbers, first)
     none = np.zeros(0, np.int64)
     paid = SavedSolution(
         **dict.fromkeys(("truth", "estimate", "begin", "end"), none),
@@ -432,7 +383,7 @@ def _warm_start(states: States, task: Window, framed: Framed) -> WarmStart:
         steps=states.problem.steps,
     )
     return WarmStart(
-        weights=(hold_runs(states, known) / ONE,),
+        weights=(weights / ONE,),
         prices=make_warm_start(states, (paid,), (1.0,)).prices,
         near=True,
     )
@@ -444,16 +395,3 @@ def _outside(borders: Table, held: str, step: int) -> Table:
         gains[name] = borders[name]
     gains["step"], gains["weight"] = step, borders[held]
     return gains
-
-
-def _renumbered(table: Table, first: int, numbers: tuple[Ints, Ints]) -> Table:
-    """With the tracks and steps of a window; what is not of its tracks is gone."""
-    for name, known in zip(("truth", "estimate"), numbers, strict=True):
-        if name in (table.dtype.names or ()):
-            at = np.minimum(np.searchsorted(known, table[name]), len(known) - 1)
-            table, at = (part[known[at] == table[name]] for part in (table, at))
-            table[name] = at
-    for name in ("step", "begin", "end"):
-        if name in (table.dtype.names or ()):
-            table[name] -= first
-    return table
