@@ -21,7 +21,7 @@ from tgospa_eval.campaign.baseline import (
     measured,
     measured_row,
 )
-from tgospa_eval.campaign.gate_report import GATE_REPORTS
+from tgospa_eval.campaign.gate_report import GATE_REPORTS, finding_record
 from tgospa_eval.campaign.outcome import (
     PairOutcome,
     Report,
@@ -30,7 +30,7 @@ from tgospa_eval.campaign.outcome import (
     updated_outcome,
 )
 from tgospa_eval.campaign.row import Row, job_name
-from tgospa_eval.campaign.rules import Finding, Rule, Verdict, parse_rules, split_rules
+from tgospa_eval.campaign.rules import Rule, Verdict, parse_rules, split_rules
 from tgospa_eval.campaign.store import SETTINGS_FILE, Store
 from tgospa_eval.campaign.suite import ONLY_PAIR, Pair, load_suite
 from tgospa_eval.common.config import SettingsFile
@@ -517,7 +517,8 @@ class GateResult:
         """A row for each rule: value, limit, verdict."""
         import pandas as pd  # here: slow to import
 
-        return pd.DataFrame([_row(found) for found in self.report.outcomes[0].findings])
+        found = pd.DataFrame([finding_record(one) for one in self.report.outcomes[0].findings])
+        return found.rename(columns={"lower": "lower_bound", "upper": "upper_bound"})
 
     def __bool__(self) -> bool:
         return self.passed
@@ -526,18 +527,6 @@ class GateResult:
         return GATE_REPORTS["table"](self.report).rstrip("\n")
 
     __repr__ = __str__
-
-
-def _row(found: Finding) -> dict[str, object]:
-    return {
-        "rule": found.rule.text,
-        "baseline": found.base,
-        "limit": found.limit,
-        "lower_bound": found.now.lower,
-        "upper_bound": found.now.upper,
-        "proven": found.now.proven,
-        "verdict": str(found.verdict),
-    }
 
 
 @with_options()

@@ -140,13 +140,14 @@ def _pair(outcome: PairOutcome) -> Json:
         "status": outcome.status,
         "notes": list(outcome.notes),
         "warnings": [notice.record() for notice in outcome.warnings],
-        "rules": [_finding(finding) for finding in outcome.findings],
+        "rules": [finding_record(finding) for finding in outcome.findings],
         "changes": {path: {"old": old, "new": new} for path, (old, new) in outcome.changes.items()},
         "seconds": outcome.seconds,
     }
 
 
-def _finding(finding: Finding) -> Json:
+def finding_record(finding: Finding) -> Json:
+    """What a rule found, as the JSON has it."""
     return {
         "rule": finding.rule.text,
         "warns": finding.rule.warns,

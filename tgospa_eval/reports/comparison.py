@@ -285,8 +285,6 @@ def _place(item: Json, pairs: list[Json]) -> str:
 # -------------------------------------------------------------------------------------------------
 # Solvers compared on one estimate, as a document and as a table.
 
-MEMORY = ("before", "peak")
-
 
 def solvers_document(document: Json) -> Document:
     """One problem through several solvers."""
@@ -338,7 +336,7 @@ def solvers_columns(document: Json) -> Columns:
     split = [_split(run["seconds"]) for run in runs]
     for k, name in enumerate(("all", "prepare", "sweeps", "programme", "rest", "proof")):
         table[f"{name}_seconds"] = [row[k] for row in split]
-    for name in MEMORY:
+    for name in ("before", "peak"):
         table[f"{name}_bytes"] = [run["memory"] and run["memory"][name] for run in runs]
     return table
 
