@@ -75,7 +75,7 @@ def test_weights_of_steps(invoke: Run, write: Write, pair: list[str]) -> None:
     assert answer.out.startswith("TGOSPA = 7.28011, exact")
     assert "weights of the steps" in answer.out
     markdown = invoke(*pair, "--step-weights", weights, "--format", "markdown").out
-    assert "(c = 5, p = 2, gamma = 1, weighted steps)" in markdown
+    assert "c = 5, p = 2, gamma = 1, weighted steps" in markdown
     document = json.loads(invoke(*pair, "--step-weights", weights, "--format", "json").out)
     assert document["metric"] == "time-weighted-tgospa"
     assert [step["total"] for step in document["per_step"]] == pytest.approx([1, 2, 50])

@@ -100,7 +100,9 @@ class Browser:
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", features=[scheme])
         self.call("Page.navigate", url=address)
-        self.wait("document.documentElement?.dataset.ready === 'yes'")
+        self.wait(
+            "document.readyState === 'complete' && document.documentElement.dataset.ready === 'yes'"
+        )
 
     def wait(self, condition: str) -> None:
         """Until a condition holds."""

@@ -197,7 +197,7 @@ class Known(dict):
         raise Wrong(f"no table has {text!r:.80}")
 
 
-class Scene:
+class ClaimedScene:
     """What exists when, and the cost of each pair that is nearer than the cutoff."""
 
     def __init__(self, folder, proof):
@@ -350,7 +350,7 @@ def upper_bound(scene, proof):
 
 def found_bounds(folder, proof):
     """Proven bounds of the total cost, and of TGOSPA, as decimals widened by 1e-45."""
-    scene = Scene(folder, proof)
+    scene = ClaimedScene(folder, proof)
     bounds = (lower_bound(scene, proof), 1), (upper_bound(scene, proof), proof["weight_unit"])
     with decimal.localcontext(prec=80, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
         cutoff, order = decimal.Decimal(float(scene.cutoff)), decimal.Decimal(float(scene.order))

@@ -49,7 +49,7 @@ def write(result: Result, folder: Path) -> Document:
 
 def read(folder: Path, document: Document) -> Any:
     """A folder as the checker reads it, with this document."""
-    return verify_tgospa.Scene(verify_tgospa.Folder(folder), document)
+    return verify_tgospa.ClaimedScene(verify_tgospa.Folder(folder), document)
 
 
 def verify(folder: Path) -> str:
