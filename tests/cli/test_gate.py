@@ -521,7 +521,9 @@ def test_suite_update_is_whole_or_absent(suite: Invoke, write: Write) -> None:
     shutil.rmtree("s/data/b")
     answer = suite("--update-baseline")
     assert answer.status == 0
-    assert "removed" in answer.out
+    assert "not in the suite: kept; --prune removes it" in answer.out
+    answer = suite("--update-baseline", "--prune")
+    assert "1 removed" in answer.out
     assert list(json.loads(Path("s/base.json").read_text(encoding="utf-8"))["pairs"]) == ["a"]
 
 

@@ -86,12 +86,12 @@ def test_another_truth_and_other_parameters_are_not_compared(batch: Invoke, invo
     batch("other", "-c", "5")
     answer = invoke("gate", "old", "other")
     assert answer.status == 2
-    assert "a/1: cutoff is 5.0, in the baseline 10.0" in answer.out
+    assert "a/1, a/2, b/1 and 1 more: cutoff is 5.0, in the baseline 10.0" in answer.out
     Path("gt/1.csv").write_text(rows(0.25), encoding="utf-8")
     batch("moved")
     answer = invoke("gate", "old", "moved")
     assert answer.status == 2
-    assert "a/1: not judged on the same truth (now: " in answer.out
+    assert "a/1, b/1: not judged on the same truth (now: " in answer.out
     assert "gate: not comparable (exit status 2): 2 pass, 2 not comparable" in answer.out
 
 
@@ -122,7 +122,7 @@ def test_a_file_made_of_a_store_is_the_baseline_that_gate_makes(
         for name in ("stored.json", "one.json")
     )
     assert sorted(stored) == ["a/1", "a/2", "b/1", "b/2"]
-    assert stored["b/1"] == one["pair"]
+    assert stored["b/1"] == one["pair"] | {"labels": {"run": "1", "tracker": "b"}}
     assert invoke("gate", "old", "--baseline", "stored.json").status == 0
     answer = invoke("gate", "old", "--baseline", "stored.json", "--format", "json", *update)
     assert json.loads(answer.out)["pairs"][0]["notes"] == ["unchanged"]

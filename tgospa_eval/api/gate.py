@@ -1,11 +1,13 @@
 """``gate``: an estimate, a suite or the store of a batch, judged by a baseline."""
 
+import glob
 import json
 import os
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
-from functools import cached_property
+from fnmatch import fnmatchcase
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval._version import __version__
@@ -20,8 +22,11 @@ from tgospa_eval.campaign.baseline import (
     make_entry,
     measured,
     measured_row,
+    parse,
 )
-from tgospa_eval.campaign.gate_report import GATE_REPORTS, finding_record
+from tgospa_eval.campaign.gate_report import GATE_REPORTS, finding_record, title
+from tgospa_eval.campaign.groups import judge_groups
+from tgospa_eval.campaign.history import append_history, best_of_last, load_history
 from tgospa_eval.campaign.outcome import (
     PairOutcome,
     Report,
@@ -29,13 +34,21 @@ from tgospa_eval.campaign.outcome import (
     leftover,
     updated_outcome,
 )
-from tgospa_eval.campaign.row import Row, job_name
+from tgospa_eval.campaign.row import Row, job_name, labels_of
 from tgospa_eval.campaign.rules import Rule, Verdict, parse_rules, split_rules
 from tgospa_eval.campaign.store import SETTINGS_FILE, Store
-from tgospa_eval.campaign.suite import ONLY_PAIR, Pair, load_suite
+from tgospa_eval.campaign.suite import (
+    ONLY_PAIR,
+    SEED,
+    GroupTable,
+    Pair,
+    load_suite,
+    make_group,
+)
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python
+from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.evaluation.sides import TrajectoriesLike
 from tgospa_eval.reports.files import PROOF, write_file, write_texts
@@ -88,6 +101,9 @@ class GateOptions(Values):
         ``default_map`` for a configuration file, or ``default``.
     typed : tuple of str
         The arguments, for commands that messages propose.
+    configured : mapping, optional
+        Options of the evaluation by the configuration of the target, in place of that which is
+        used.
     """
 
     evaluation: Request = Request()
@@ -99,6 +115,17 @@ class GateOptions(Values):
     fail_on: tuple[str, ...] = ()
     warn_on: tuple[str, ...] = ()
     maximum: tuple[str, ...] = ()
+    group: str | None = None
+    confidence: float | None = None
+    seed_label: str | None = None
+    only: tuple[str, ...] = ()
+    prune: bool = False
+    against: str | None = None
+    protect: bool = False
+    history: str | None = None
+    output: str | None = None
+    force: bool = False
+    configured: Mapping[str, object] | None = None
     junit: str | None = None
     proof: str | None = None
     quiet: bool = False
@@ -116,6 +143,10 @@ class GateOptions(Values):
         """Whether it is a flag or from the environment."""
         return self.sources.get(name) in ("commandline", "environment")
 
+    def chosen(self, name: str) -> bool:
+        """Whether an update is about this pair."""
+        return not self.only or any(fnmatchcase(name, pattern) for pattern in self.only)
+
     def prefix(self, pair: Pair) -> str:
         """What a line about a pair begins with: its name, where there are several."""
         return f"{clipped(pair.name)}: " if self.suite else ""
@@ -127,13 +158,40 @@ class GateOptions(Values):
             inherited[key] = os.path.join(os.path.dirname(path), str(inherited[key]))
         return {
             **typed(inherited, f"{path}, options"),
-            **self.given("default_map"),
+            **(self.given("default_map") if self.configured is None else self.configured),
             **typed(pair.options, f"pair {quoted(pair.name)}, options"),
             **self.given("commandline", "environment"),
         }
 
-    def rules(self, pair: Pair, *, baseline: bool = True) -> list[Rule]:
-        """The rules of a pair.
+    def tables(self, pairs: Sequence[Pair], groups: Sequence[GroupTable]) -> list[GroupTable]:
+        """The groups of a suite, or those of the command line, which have its rules.
+
+        Raises
+        ------
+        ConfigError
+            Something is wrong with them.
+        """
+        if self.group is None:
+            for option, value in (("confidence", self.confidence), ("seed-label", self.seed_label)):
+                if value is not None and not groups:
+                    raise ConfigError(f"--{option} is for --group, or a suite with [[group]]")
+            return [
+                replace(
+                    one,
+                    confidence=self.confidence or one.confidence,
+                    seed=self.seed_label or one.seed,
+                )
+                for one in groups
+            ]
+        names = [name.strip() for name in self.group.split(",")]
+        pattern = "all" if names == ["all"] else "/".join(f"{{{name}}}" for name in names)
+        texts = [getattr(self, name) for name in RULE_PARAMETERS.values()]
+        labels = {label for pair in pairs for label in pair.labels}
+        seed, confidence = self.seed_label or SEED, self.confidence or GroupTable.confidence
+        return [make_group(pattern, texts, confidence, seed, labels, f"--group {self.group}")]
+
+    def rules(self, pair: Pair, *, baseline: bool = True, default: bool = True) -> list[Rule]:
+        """The rules of a pair; `default`: whether the usual one holds where none is given.
 
         Raises
         ------
@@ -147,10 +205,10 @@ class GateOptions(Values):
             (own if is_own else suite)["fail-on"],
             (*suite["warn-on"], *own["warn-on"]),
             (*suite["max"], *own["max"]),
-            default=baseline,
+            default=baseline and default,
         )
         relative = [rule for rule in found if not rule.maximum]
-        if not baseline and (relative or not found):
+        if not baseline and (relative or not found) and default:
             why = f"{relative[0].text} needs one" if relative else "limits of --max need none"
             raise ConfigError(
                 f"{self.prefix(pair)}no baseline: name it with --baseline FILE; {why}"
@@ -205,6 +263,7 @@ def judge_all(
                 truth=row["truth"],
                 estimate=row["estimate"],
                 fault=f"failed in {folder}: {row['message']}" if row["status"] == "failed" else "",
+                labels=labels_of(row),
             )
             for name, row in table.items()
         ]
@@ -215,8 +274,11 @@ def judge_all(
             about = {"seconds": float(row["seconds"]), "warnings": warnings}
             return measured_row(row), _row_options(row, settings, path or ""), about
 
-        return _report(gate, pairs, path or "", evaluated, folder)
-    pairs, named = _pairs(gate, truth, estimate, notify)
+        old = load_baseline(path) if path else None
+        return _report(gate, pairs, [], path or "", old, evaluated, folder)
+    if gate.against is not None:
+        return _against(gate, truth, estimate, evaluate_pair, notify)
+    pairs, groups, named = _pairs(gate, truth, estimate, notify)
     if truth is not None:
         gate = replace(gate, suite=None)
     for pair in pairs:
@@ -225,10 +287,87 @@ def judge_all(
     return _report(
         gate,
         pairs,
+        groups,
         path or "",
+        load_baseline(path) if path else None,
         lambda pair, entry: _evaluated(gate, pair, entry, path or "", evaluate_pair, notify),
         "the suite",
     )
+
+
+def _against(
+    gate: GateOptions,
+    truth: str | None,
+    estimate: str | None,
+    evaluate_pair: EvaluatePair,
+    notify: Callable[[str], None],
+) -> Report:
+    """Judge by the suite, the baseline and the configuration of the target.
+
+    Raises
+    ------
+    ConfigError
+        The target has no such suite or baseline, or an update is asked for.
+    """
+    from tgospa_eval.api import protection  # here: few gates are against a target
+    from tgospa_eval.campaign.target import Target
+
+    assert gate.against is not None
+    if gate.update_baseline:
+        raise ConfigError("--against and --update-baseline: leave one of them out")
+    target, found = Target(gate.against), [*protection.of_environment()]
+    named = gate.config.path if gate.config and gate.config.named else None
+    theirs, mine = protection.configurations(target, named)
+    found += (f"configuration: {text}" for text in protection.of_settings(theirs, mine))
+    typed_only = {
+        name: "default" if source in ("environment", "default_map") else source
+        for name, source in gate.sources.items()
+    }
+    rules: dict[str, Any] = {
+        name: () if typed_only[name] == "default" else getattr(gate, name)
+        for name in RULE_PARAMETERS.values()
+    }
+    for key, name in RULE_PARAMETERS.items():
+        if key in theirs and typed_only[name] == "default":
+            rules[name] = tuple(split_rules(str(theirs[key])))
+    evaluation = {key: value for key, value in theirs.items() if key in NAMES}
+    other = replace(gate, sources=typed_only, configured=typed(evaluation, gate.against), **rules)
+    own_pairs, own_groups, own_named = _pairs(gate, truth, estimate, notify)
+    pairs, groups, baseline = own_pairs, own_groups, own_named
+    if truth is None and gate.suite:
+        content = target.read(gate.suite)
+        if content is None:
+            raise ConfigError(f"{target.name(gate.suite)}: there is no such file")
+        pairs, groups, baseline, _ = load_suite(gate.suite, FLAGS, content)
+    else:
+        other = replace(other, suite=None)
+    path = gate.baseline if typed_only["baseline"] != "default" or not baseline else baseline
+    if not path:
+        raise ConfigError("no baseline: name it with --baseline FILE")
+    content = target.read(path)
+    old = None if content is None else parse(content, target.name(path))
+    found += protection.of_pairs(
+        {pair.name: (pair, other.rules(pair, default=not groups)) for pair in pairs},
+        {pair.name: (pair, gate.rules(pair, default=not own_groups)) for pair in own_pairs},
+    )
+    found += protection.of_groups(other.tables(pairs, groups), gate.tables(own_pairs, own_groups))
+    found += protection.of_runs(old or {}, pairs, groups)
+    found += protection.of_baselines(old or {}, load_baseline(path) or {})
+    found += protection.of_truths(target, pairs, old or {}, groups)
+    if gate.history:
+        found += protection.of_history(target, gate.history)
+    if gate.suite and truth is None and own_named != baseline:
+        found.append(f"the baseline is {own_named}, in the target {baseline}")
+    report = _report(
+        other,
+        pairs,
+        groups,
+        path,
+        old,
+        lambda pair, entry: _evaluated(other, pair, entry, path, evaluate_pair, notify),
+        "the suite",
+    )
+    return replace(report, against=gate.against, weakened=tuple(found), protect=gate.protect)
 
 
 def _check_junit(gate: GateOptions, *paths: str | None) -> None:
@@ -249,93 +388,252 @@ def _check_junit(gate: GateOptions, *paths: str | None) -> None:
             )
 
 
-def _report(
-    gate: GateOptions, pairs: Iterable[Pair], path: str, evaluated: Evaluate, whence: str
-) -> Report:
-    """The outcomes of all pairs; wrong files do not keep others from being judged.
+def _check_options(gate: GateOptions, path: str) -> None:
+    """Whether the options of an update, and of a target, go together.
 
-    A baseline is made anew of all pairs or not at all.
+    Raises
+    ------
+    ConfigError
+        They do not, or there is no file to make.
     """
+    for option, value in (("only", gate.only), ("prune", gate.prune)):
+        if value and not gate.update_baseline:
+            raise ConfigError(f"--{option} is for --update-baseline")
+    if gate.protect and gate.against is None:
+        raise ConfigError("--protect is for --against TARGET")
     if gate.update_baseline and (not path or is_store(path)):
         wrong = f"{path} is a batch, which tgospa-eval batch makes" if path else "no baseline"
         raise ConfigError(f"{wrong}: name the file to make with --baseline FILE")
-    pairs, update = list(pairs), gate.update_baseline
-    old = load_baseline(path) if path else None
-    names = {pair.name for pair in pairs}
-    if names == {ONLY_PAIR} and not gate.suite and old and ONLY_PAIR not in old:
+
+
+def _report(
+    gate: GateOptions,
+    pairs: Sequence[Pair],
+    groups: Sequence[GroupTable],
+    path: str,
+    old: Baseline | None,
+    evaluated: Evaluate,
+    whence: str,
+) -> Report:
+    """The outcomes of all groups and pairs, or of an update of the baseline."""
+    _check_options(gate, path)
+    groups = gate.tables(pairs, groups)
+    if gate.group is not None:  # whose rules are those of the command line
+        gate = replace(gate, fail_on=(), warn_on=(), maximum=())
+    alone = {pair.name for pair in pairs} == {ONLY_PAIR} and not gate.suite
+    if alone and old and ONLY_PAIR not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name --suite")
+    if groups and not path:
+        raise ConfigError("no baseline: name it with --baseline FILE; groups need one")
     rules = {
-        pair.name: gate.rules(pair, baseline=bool(path)) for pair in pairs if not pair.fault
+        pair.name: gate.rules(pair, baseline=bool(path), default=not groups)
+        for pair in pairs
+        if not pair.fault
     }  # wrong ones before any work
-    faults = [
-        pair.fault if gate.suite else f"{pair.name}: {pair.fault}" for pair in pairs if pair.fault
-    ]
-    if update and faults:
-        raise InputError(*faults)
-    missing = f"no such file: {path}" if old is None else f"not in {path}"
-    old, new = old or {}, Baseline()
+    if gate.update_baseline:
+        return _updated(gate, pairs, path, old, evaluated, whence)
+    past = load_history(gate.history) if gate.history else []
+    judging = [rule for some in (*rules.values(), *(one.rules for one in groups)) for rule in some]
+    if any(rule.last for rule in judging) and not gate.history:
+        raise ConfigError("rules with best-of-last need the file of --history")
+    outcomes = _judged(
+        pairs, groups, path, old, rules, partial(best_of_last, past), evaluated, whence
+    )
+    if gate.history:
+        append_history(
+            gate.history,
+            {
+                title(one): {
+                    "values": {name: value.upper for name, value in one.values.items()},
+                    "judged": one.judged,
+                    "verdict": one.verdict,
+                }
+                for one in outcomes
+                if one.values
+            },
+        )
+    again: tuple[str, ...] = ()
+    if gate.typed and path and not is_store(path):
+        command = _without(gate.typed, "--against", "--protect")
+        at = command.index("--") if "--" in command else len(command)
+        accepted = _accepted(outcomes, groups, pairs, old or {})
+        if accepted:
+            again = ("tgospa-eval", "gate", *command[:at], *accepted, *command[at:])
+    return Report(baseline=path, outcomes=tuple(outcomes), version=__version__, again=again)
+
+
+def _judged(
+    pairs: Sequence[Pair],
+    groups: Sequence[GroupTable],
+    path: str,
+    baseline: Baseline | None,
+    rules: Mapping[str, list[Rule]],
+    past: Callable[[str, str, str, int], float | None],
+    evaluated: Evaluate,
+    whence: str,
+) -> list[PairOutcome]:
+    """The outcomes of all groups and pairs; wrong files do not keep others from being judged."""
+    missing = f"no such file: {path}" if baseline is None else f"not in {path}"
+    old = baseline or {}
+    labels = {name: entry.get("labels", {}) for name, entry in old.items()}
+    labels |= {pair.name: pair.labels for pair in pairs}
+    results: dict[str, Measured] = {}
     outcomes = []
     for pair in pairs:
-        entry = old.get(pair.name)
-        begin = time.monotonic()
+        entry, begin = old.get(pair.name), time.monotonic()
+        tables = [table for table in groups if table.has(pair.labels)]
         if pair.fault:
             outcomes.append(PairOutcome.of(pair, Verdict.ERROR, pair.fault))
             continue
-        if path and entry is None and not update:
+        if path and entry is None and not (tables and baseline):
             outcomes.append(PairOutcome.of(pair, Verdict.INCOMPARABLE, missing))
             continue
         try:
-            now, options, about = evaluated(pair, entry)
-            if update:
-                new[pair.name] = make_entry(now, options)
+            now, _, about = evaluated(pair, entry)
         except TgospaError as error:
-            if update:
-                raise type(error)(f"{gate.prefix(pair)}{error}") from None
             about = {"status": error.exit_status, "seconds": time.monotonic() - begin}
             outcomes.append(PairOutcome.of(pair, Verdict.ERROR, str(error), **about))
             continue
         about = {"seconds": time.monotonic() - begin, **about}
-        if update:
-            outcomes.append(updated_outcome(pair, entry, new[pair.name], now, **about))
-        else:
-            outcomes.append(judged_outcome(pair, now, entry, rules[pair.name], **about))
-    if update and (new != old or not os.path.exists(path)):
+        results[pair.name] = now
+        if path and entry is None:
+            about |= {"values": now.values, "judged": now.digest}
+            outcomes.append(PairOutcome.of(pair, Verdict.PASS, IN_GROUP, **about))
+            continue
+        noisy = any(table.seed in pair.labels for table in tables)
+        outcomes.append(
+            judged_outcome(
+                pair,
+                now,
+                entry,
+                rules[pair.name],
+                past=partial(past, pair.name, now.digest),
+                noisy=noisy,
+                **about,
+            )
+        )
+    if baseline is not None:
+        failed = [one.name for one in outcomes if one.verdict is Verdict.ERROR]
+        outcomes = [*judge_groups(groups, results, old, labels, failed, past), *outcomes]
+    named = {name for name in old if any(table.has(labels[name]) for table in groups)}
+    named |= {pair.name for pair in pairs}
+    note = f"in the baseline and not in {whence}; --update-baseline --prune removes it"
+    return outcomes + leftover(old, named, Verdict.INCOMPARABLE, note)
+
+
+IN_GROUP = "not in the baseline: judged in its group alone"
+
+
+def _updated(
+    gate: GateOptions,
+    pairs: Sequence[Pair],
+    path: str,
+    baseline: Baseline | None,
+    evaluated: Evaluate,
+    whence: str,
+) -> Report:
+    """Renew the entries of all pairs, or of those that are named; all of these or none."""
+    chosen = [pair for pair in pairs if gate.chosen(pair.name)]
+    faults = [
+        pair.fault if gate.suite else f"{pair.name}: {pair.fault}" for pair in chosen if pair.fault
+    ]
+    if faults:
+        raise InputError(*faults)
+    old = baseline or {}
+    if not chosen and not any(map(gate.chosen, old)):
+        raise ConfigError(f"--only {' --only '.join(gate.only)}: no pair is called so")
+    new, outcomes = dict(old), []
+    for pair in chosen:
+        before, begin = old.get(pair.name), time.monotonic()
+        try:
+            now, options, about = evaluated(pair, before)
+            new[pair.name] = make_entry(now, options, pair.labels)
+        except TgospaError as error:
+            raise type(error)(f"{gate.prefix(pair)}{error}") from None
+        about = {"seconds": time.monotonic() - begin, **about}
+        outcomes.append(updated_outcome(pair, before, new[pair.name], now, **about))
+    names = {pair.name for pair in pairs}
+    gone = [name for name in old if name not in names and gate.chosen(name)]
+    for name in gone if gate.prune else ():
+        del new[name]
+    if new != old or not os.path.exists(path):
         write_file(path, dump(new), "--baseline")
-    verdict, note = (
-        (Verdict.UPDATED, f"removed: it is not in {whence}")
-        if update
-        else (Verdict.INCOMPARABLE, f"in the baseline and not in {whence}")
+    note = "removed" if gate.prune else "kept; --prune removes it"
+    outcomes += leftover(old, {*old} - {*gone}, Verdict.UPDATED, f"not in {whence}: {note}")
+    changed = sum(new[name] != old.get(name) for name in new)
+    tally = {"updated": changed, "unchanged": len(new) - changed, "removed": len({*old} - {*new})}
+    return Report(baseline=path, outcomes=tuple(outcomes), version=__version__, tally=tally)
+
+
+def _without(arguments: Sequence[str], option: str, flag: str) -> list[str]:
+    """Arguments without an option that has a value, and without a flag."""
+    kept = [text for text in arguments if text != flag and not text.startswith(f"{option}=")]
+    if option in kept:
+        at = kept.index(option)
+        del kept[at : at + 2]
+    return kept
+
+
+def _accepted(
+    outcomes: Iterable[PairOutcome],
+    groups: Sequence[GroupTable],
+    pairs: Sequence[Pair],
+    old: Baseline,
+) -> list[str]:
+    """The options that accept what failed or may be tightened, and nothing else."""
+    there = {pair.name: pair for pair in pairs}
+    labels = {name: entry.get("labels", {}) for name, entry in old.items()}
+    labels |= {name: pair.labels for name, pair in there.items()}
+
+    def meant(bad: Iterable[PairOutcome]) -> set[str]:
+        names = set[str]()
+        for one in bad:
+            if not one.group:
+                names.add(one.name)
+                continue
+            lost = one.verdict is Verdict.INCOMPARABLE
+            names |= {
+                name
+                for name, own in labels.items()
+                if any(one.name in (t.group_of(own), f"all of {t.name}") for t in groups)
+                if not lost or (name in there) != (name in old)
+            }
+        return names
+
+    names = meant(
+        one
+        for one in outcomes
+        if one.verdict is Verdict.INCOMPARABLE
+        or any(found.verdict is Verdict.FAIL and not found.rule.last for found in one.findings)
     )
-    outcomes += leftover(old, names, verdict, note)
-    at = gate.typed.index("--") if "--" in gate.typed else len(gate.typed)
-    again = ("tgospa-eval", "gate", *gate.typed[:at], "--update-baseline", *gate.typed[at:])
-    return Report(
-        baseline=path,
-        outcomes=tuple(outcomes),
-        version=__version__,
-        again=again if gate.typed and not update and path and not is_store(path) else (),
-    )
+    if not names and not any(one.status for one in outcomes):
+        names = meant(one for one in outcomes if any(found.improved for found in one.findings))
+    if not names:
+        return []
+    some = [] if names >= there.keys() else sorted(names, key=natural)
+    chosen = [text for name in some for text in ("--only", glob.escape(name))]
+    return ["--update-baseline", *(["--prune"] if names - there.keys() else []), *chosen]
 
 
 def _pairs(
     gate: GateOptions, truth: str | None, estimate: str | None, notify: Callable[[str], None]
-) -> tuple[list[Pair], str | None]:
-    """The pairs: one of two files, or those of a suite; and the baseline that a suite names."""
+) -> tuple[list[Pair], list[GroupTable], str | None]:
+    """The pairs, one of two files or those of a suite; groups and the baseline of the suite."""
     path = gate.suite
     if truth is not None and estimate is not None:
         if path and gate.sources["suite"] == "commandline":
             raise ConfigError("give TRUTH ESTIMATE or --suite, not both")
-        return [Pair(name=ONLY_PAIR, truth=truth, estimate=estimate)], None
+        return [Pair(name=ONLY_PAIR, truth=truth, estimate=estimate)], [], None
     if truth is not None or not path:
         name = "TRUTH" if truth is None else "ESTIMATE"
         raise ConfigError(
             f"{name} is missing; type tgospa-eval gate {truth or 'TRUTH'} ESTIMATE "
             "--baseline FILE, or tgospa-eval gate --suite FILE"
         )
-    pairs, baseline, notices = load_suite(path, FLAGS)
+    pairs, groups, baseline, notices = load_suite(path, FLAGS)
     for text in () if gate.quiet else notices:
         notify(text)
-    return pairs, baseline
+    return pairs, groups, baseline
 
 
 def _evaluated(
@@ -370,7 +668,12 @@ def _evaluated(
         folder = os.path.join(gate.proof, of, *([folder_name(pair.name)] if gate.suite else []))
         files = proof_files(result, options.given)
         write_texts(files, folder, PROOF, force=False, option="--proof")
-    return measured(result), _portable(recorded, path), {"warnings": result.warnings}
+    about: dict[str, Any] = {"warnings": result.warnings}
+    if gate.output is not None:
+        from tgospa_eval.reports.html import page  # here: for folders only
+
+        about["page"] = page(result, (pair.truth, pair.estimate))
+    return measured(result), _portable(recorded, path), about
 
 
 def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
@@ -412,7 +715,7 @@ def load_baseline(path: str) -> Baseline | None:
         return load(path)
     settings = Store(path).settings()["options"]
     return {
-        name: make_entry(measured_row(row), _row_options(row, settings, path))
+        name: make_entry(measured_row(row), _row_options(row, settings, path), labels_of(row))
         for name, row in _store_rows(path).items()
         if row["status"] != "failed"
     }
@@ -585,7 +888,8 @@ def gate(
         warn_on=tuple(_texts(warn_on)),
         maximum=tuple(f"{name}={value!r}" for name, value in (limits or {}).items()),
     )
-    judge_by.rules(pair)  # wrong ones before any work
+    if any(rule.last for rule in judge_by.rules(pair)):  # wrong ones before any work
+        raise ConfigError("rules with best-of-last are for --history of the command line")
     kept = old[ONLY_PAIR]["options"] if old else {}
     inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
     given: dict[str, Any] = {**inherited, **options}
@@ -598,7 +902,9 @@ def gate(
         "switch-penalty": used.switch_penalty,
     }
     about = {"warnings": result.warnings, "seconds": 0.0}
-    report = _report(judge_by, [pair], path, lambda *_: (measured(result), recorded, about), "")
+    report = _report(
+        judge_by, [pair], [], path, old, lambda *_: (measured(result), recorded, about), ""
+    )
     (outcome,) = report.outcomes
     outcome = replace(outcome, notes=tuple(in_python(note, reads=False) for note in outcome.notes))
     return GateResult(report=replace(report, outcomes=(outcome,)), result=result)

@@ -1,5 +1,6 @@
 """Baselines: values, options and what was judged of each pair, as JSON made for git."""
 
+import hashlib
 import json
 import math
 import sys
@@ -13,7 +14,7 @@ from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.results.saved import contradiction, strict_json, unlike
+from tgospa_eval.results.saved import ACCURACY, NEUTRAL, contradiction, strict_json, unlike
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.judged import JUDGE_ALIKE, fault_of, incomparable, judged_of
@@ -56,6 +57,18 @@ class Measured:
     def order(self) -> float:
         """The order p."""
         return float(str(self.parameters["order"]))
+
+    @property
+    def digest(self) -> str:
+        """Of the parameters and of what was judged: equal where values are comparable."""
+        used = {
+            name: value
+            for name, value in self.parameters.items()
+            if name not in (*ACCURACY, *NEUTRAL)
+        }
+        judged = {name: text for name, text in self.judged.items() if name.endswith("sha256")}
+        text = json.dumps([used, judged], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @property
     def relative_gap(self) -> float:
@@ -152,10 +165,12 @@ REMEDY = "mend it, or delete it and make it anew with --update-baseline"
 Baseline: TypeAlias = dict[str, Json]
 """An entry for each pair, by its name, as the JSON has it: `values` (`upper_bound` and what follows
 from it, the split, `lower_bound`; those of classes under `by_class`), `options` that were given,
-`parameters` that change the number, `judged`, and the `version` of the program."""
+`parameters` that change the number, `judged`, the `version` of the program, and `labels`."""
 
 
-def make_entry(now: Measured, options: Mapping[str, object]) -> Json:
+def make_entry(
+    now: Measured, options: Mapping[str, object], labels: Mapping[str, str] | None = None
+) -> Json:
     """What a baseline keeps of a result that was made with these options.
 
     Raises
@@ -174,6 +189,7 @@ def make_entry(now: Measured, options: Mapping[str, object]) -> Json:
         "parameters": now.parameters,
         "judged": now.judged,
         "version": now.version,
+        **({"labels": dict(labels)} if labels else {}),
     }
 
 
@@ -220,9 +236,17 @@ def load(path: str) -> Baseline | None:
     ConfigError
         It cannot be read, or is no baseline of this version.
     """
-    if is_missing(path):
-        return None
-    content = read_bytes(path, ConfigError)
+    return None if is_missing(path) else parse(read_bytes(path, ConfigError), path)
+
+
+def parse(content: bytes, path: str) -> Baseline:
+    """A baseline of what is in a file; `path` begins the messages.
+
+    Raises
+    ------
+    ConfigError
+        It is no baseline of this version.
+    """
     try:
         document = strict_json(content.decode("utf-8-sig"))
         schema = document.get("schema") if isinstance(document, dict) else None
@@ -265,4 +289,8 @@ def _fault(entry: Json) -> str | None:
             return f"{where} contradict each other: {wrong}"
     if not isinstance(entry.get("version"), str):
         return "version is no text"
+    if not all(
+        isinstance(text, str) for text in _object({"labels": {}, **entry}, "labels").values()
+    ):
+        return "labels must be texts"
     return fault_of(judged)

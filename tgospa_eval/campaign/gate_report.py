@@ -1,16 +1,18 @@
 """What a gate found: a table of 80 columns, JSON, Markdown for a pull request."""
 
+import json
 import math
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import takewhile
 from textwrap import TextWrapper
 
 from tgospa_eval.campaign.outcome import PairOutcome, Report, texts
-from tgospa_eval.campaign.rules import Finding, Verdict
+from tgospa_eval.campaign.rules import Finding, Inference, Verdict
 from tgospa_eval.campaign.suite import ONLY_PAIR
 from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.files import is_missing, named, patience
-from tgospa_eval.common.words import number
+from tgospa_eval.common.words import counted, number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports import tables as escape
 from tgospa_eval.reports.tables import (
@@ -25,25 +27,33 @@ from tgospa_eval.reports.tables import (
     xml,
 )
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.text import clipped, ending, visible
+from tgospa_eval.text import clipped, ending, listed, visible
 
 SCHEMA = "tgospa-eval/gate/1"
 WIDTHS = (16, 20, 11, 11, 11, 0)
 """Of the columns: pair, rule, three numbers, verdict."""
 
-ANEW = "To make the whole baseline anew, if that is right"
+ACCEPT = "To accept this, if it is right"
 
 
 def title(outcome: PairOutcome) -> str:
-    """What to call a pair."""
+    """What to call a pair, or a group."""
+    if outcome.group:
+        return f"group {outcome.name}"
     return outcome.estimate if outcome.name == ONLY_PAIR and outcome.estimate else outcome.name
 
 
 def headline(report: Report) -> str:
     """The verdict and what it is made of, in one line."""
-    counts = ", ".join(f"{report.count(v)} {v}" for v in Verdict if report.count(v))
-    pairs = "" if len(report.outcomes) == 1 else f": {counts}"
-    return f"gate: {report.verdict} (exit status {report.status}){pairs}"
+    parts = [f"{count} {what}" for what, count in report.tally.items()]
+    for kind, group in (("group", True), ("pair", False)) if not parts else ():
+        of_kind = [one.verdict for one in report.outcomes if one.group is group]
+        named = any(one.group for one in report.outcomes)
+        for verdict in (one for one in Verdict if one in of_kind):
+            count = of_kind.count(verdict)
+            parts.append(f"{counted(count, kind) if named else count} {verdict}")
+    counts = f": {', '.join(parts)}" if len(report.outcomes) > 1 or report.tally else ""
+    return f"gate: {report.verdict} (exit status {report.status}){counts}"
 
 
 UNPROVEN = "the reported split, not proven: where optima tie, another has the same total"
@@ -52,7 +62,7 @@ UNPROVEN = "the reported split, not proven: where optima tie, another has the sa
 LIMITS = ("baseline", "limit", "now")
 
 
-def _rows(
+def rows_of(
     report: Report,
 ) -> Iterator[tuple[PairOutcome, str, tuple[float | None, ...], str, bool]]:
     """Of each rule the pair, its text, baseline, limit, value, the verdict, whether proven.
@@ -69,38 +79,106 @@ def _rows(
             now = finding.now.lower if finding.verdict is Verdict.FAIL else finding.now.upper
             values = (base, finding.limit, now)
             yield outcome, finding.rule.text, values, shown_verdict(finding), finding.now.proven
-        if not outcome.findings and outcome.verdict is not Verdict.UPDATED:
+        if not outcome.findings and outcome.verdict not in (Verdict.UPDATED, Verdict.PASS):
             yield outcome, "", (None,) * len(LIMITS), outcome.verdict, True
 
 
-def table(report: Report) -> str:
-    """The rules of all pairs, then notes about them."""
+def table(report: Report, width: int = WIDTH) -> str:
+    """The rules of all pairs, then notes about them; passing ones are folded if they are many."""
     updated = report.verdict is Verdict.UPDATED
+    found = list(rows_of(report))
+    shown = found
+    if len(found) > MANY_ROWS:  # of an update the totals
+        shown = [row for row in found if (row[1] == "total" if updated else row[3] != Verdict.PASS)]
+    rules = max([WIDTHS[1], *(len(visible(row[1])) + 3 for row in shown)])
+    rules = min(rules, max(WIDTHS[1], width // 3))
+    names = width - sum(WIDTHS[2:5]) - len(" undecided") - rules
+    titles = {id(one): visible(title(one)) for one in report.outcomes}
+    short = dict(zip(titles.values(), shortened([*titles.values()], names - 1), strict=False))
+    widths = (max([WIDTHS[0], *(len(text) + 1 for text in short.values())]), rules, *WIDTHS[2:])
     rows: list[Row] = []
     above = None
-    for outcome, rule, values, verdict, proven in _rows(report):
-        pair = "" if outcome is above else ending(visible(title(outcome)), WIDTHS[0] - 1)
-        text = ending(visible(f"{rule or verdict}{'' if proven else ' *'}"), WIDTHS[1] - 1)
-        numbers = map(number_of, values) if rule else ()
-        rows.append((pair, text, *numbers, *([f" {verdict}"] if rule and not updated else [])))
+    for outcome, rule, values, verdict, proven in shown:
+        pair = "" if outcome is above else short[titles[id(outcome)]]
+        text = ending(visible(f"{rule or verdict}{'' if proven else ' *'}"), rules - 1)
+        numbers_of = map(number_of, values) if rule else ()
+        rows.append((pair, text, *numbers_of, *([f" {verdict}"] if rule and not updated else [])))
         above = outcome
     head = ("pair", "value", "old", "new") if updated else ("pair", "rule", *LIMITS)
-    lines = text_lines(Table(head=head, rows=rows, align="llrrrl", widths=WIDTHS), "")
+    lines = text_lines(Table(head=head, rows=rows, align="llrrrl", widths=widths), "")
+    if len(found) > len(shown):
+        lines.append(f"... and {len(found) - len(shown)} {'values' if updated else 'that pass'}")
     if any(not finding.now.proven for o in report.outcomes for finding in o.findings):
         lines += ["", f"* {UNPROVEN}"]
-    lay = TextWrapper(WIDTH, "", "  ", break_on_hyphens=False, break_long_words=False)
-    notes = [
-        line
-        for outcome in report.outcomes
-        for note in outcome.notes
-        if outcome.verdict is not Verdict.ERROR  # that is on stderr
-        for line in lay.wrap(visible(f"{title(outcome)}: {note}"))
-    ]
+    lay = TextWrapper(width, "", "  ", break_on_hyphens=False, break_long_words=False)
+    notes = [line for text in notes_of(report) for line in lay.wrap(visible(text))]
     blocks = [[headline(report)], lines if len(lines) > 1 else [], notes]
+    if report.weakened:
+        items = [line for text in report.weakened for line in lay.wrap(visible(f"- {text}"))]
+        blocks.append([*lay.wrap(visible(weakened_title(report))), *items])
     blocks += [lay.wrap(visible(text)) for text in report.told()]
     if report.advice:
-        blocks.append([f"{ANEW}:", f"  {visible(report.advice)}"])
+        blocks.append([f"{ACCEPT}:", f"  {visible(report.advice)}"])
     return "\n\n".join("\n".join(block) for block in blocks if block) + "\n"
+
+
+MANY_ROWS = 40
+"""Rules of which those that pass are not shown one by one."""
+
+
+def notes_of(report: Report) -> Iterator[str]:
+    """What is said of pairs, each sentence once; of errors nothing, which are on stderr."""
+    found: dict[str, list[str]] = {}
+    for outcome in report.outcomes:
+        for note in outcome.notes if outcome.verdict is not Verdict.ERROR else ():
+            found.setdefault(note, []).append(title(outcome))
+    for note, names in found.items():
+        yield f"{listed(names, SAID_OF)}: {note}"
+
+
+SAID_OF = 3
+"""Pairs that a note names."""
+
+
+def shortened(names: Sequence[str], width: int) -> list[str]:
+    """Names in so many characters that differ where the names do, where that can be."""
+    if max(map(len, names), default=0) <= width:
+        return [*names]
+    parts = [name.split("/") for name in names]
+    first = _common(parts)
+    last = _common([part[first:][::-1] for part in parts])
+    inner = ["/".join(part[first : len(part) - last]) for part in parts]
+    if first == last == 0 or max(map(len, inner)) + 6 > width:
+        # Within their parts as well: names such as run-01-of-the-suite.
+        first = len(_prefix(names))
+        last = len(_prefix([name[first:][::-1] for name in names]))
+        inner = [name[first : len(name) - last] for name in names]
+        if max(map(len, inner)) + 6 > width:
+            first, last, inner = 0, 0, [*names]
+    dots = "..." if first else "", "..." if last else ""
+    room = width - sum(map(len, dots))
+    return [
+        f"{dots[0]}{text}{dots[1]}"
+        if len(text) <= room
+        else f"{text[: room // 2 - 3]}...{text[len(text) - (width - room // 2) :]}"
+        for text in inner
+    ]
+
+
+def _prefix(names: Sequence[str]) -> str:
+    """What all begin with, which leaves a character of each at least."""
+    return min(names)[: _common(names)]
+
+
+def _common(parts: Sequence[Sequence[str]]) -> int:
+    """How many first parts are the same in all, which leaves one of each at least."""
+    same = takewhile(lambda column: len({*column}) == 1, zip(*parts, strict=False))
+    return min(sum(1 for _ in same), min(map(len, parts)) - 1)
+
+
+def weakened_title(report: Report) -> str:
+    """What the list of weakened rules is called."""
+    return f"This branch lets more pass than {report.against}, by which it was judged:"
 
 
 def shown_verdict(finding: Finding) -> str:
@@ -125,8 +203,10 @@ def json_report(report: Report) -> str:
         "verdict": report.verdict,
         "status": report.status,
         "update": report.advice,
+        **({"against": report.against, "weakened": [*report.weakened]} if report.against else {}),
         **settings_field(report.settings_file),
-        "pairs": [_pair(outcome) for outcome in report.outcomes],
+        "groups": [_pair(outcome) for outcome in report.outcomes if outcome.group],
+        "pairs": [_pair(outcome) for outcome in report.outcomes if not outcome.group],
     }
     return json_text(document)
 
@@ -156,9 +236,20 @@ def finding_record(finding: Finding) -> Json:
         "limit": _finite(finding.limit),
         "lower": _finite(finding.now.lower),
         "upper": _finite(finding.now.upper),
-        "proven": finding.now.proven,
+        "proven": finding.proven,
         "improved": finding.improved,
         "verdict": finding.verdict,
+        **({"inference": _inference(finding.inference)} if finding.inference else {}),
+    }
+
+
+def _inference(inference: Inference) -> Json:
+    return {
+        "p_value": inference.p_value,
+        "confidence": inference.confidence,
+        "runs": inference.runs,
+        "paired": inference.paired,
+        "noticeable": _finite(inference.noticeable),
     }
 
 
@@ -168,38 +259,98 @@ def _finite(value: float) -> float | None:
 
 
 def markdown(report: Report) -> str:
-    """A table for a pull request."""
-    return "\n".join(github_lines(report)) + "\n"
+    """A table for a pull request, of a length that comments may have."""
+    return summary(report, COMMENT).decode()
 
 
 def github_lines(report: Report) -> Iterator[str]:
-    """The lines of the Markdown report, the verdict first."""
+    """The lines of the Markdown report: the verdict, what does not pass, then what does, folded."""
     yield from (f"**TGOSPA {headline(report)}**", "")
     updated = report.verdict is Verdict.UPDATED
-    rows: list[Row] = []
-    for outcome, rule, values, verdict, proven in _rows(report):
-        about = verdict if rule and verdict == Verdict.PASS else f"**{verdict}**"
+    rows: dict[bool, list[Row]] = {False: [], True: []}
+    for outcome, rule, values, verdict, proven in rows_of(report):
+        passes = verdict == Verdict.PASS
+        about = verdict if rule and passes else f"**{verdict}**"
         about += "" if proven else ", split, not proven"
-        cells = [_cell(value) for value in values] if rule else [None] * len(LIMITS)
+        numbers = [_cell(value) for value in values] if rule else [None] * len(LIMITS)
         text = markdown_code(rule) if rule else None
-        rows.append((markdown_code(title(outcome)), text, *cells, *([] if updated else [about])))
-    head = ("value", "old", "new") if updated else ("rule", *LIMITS, "verdict")
-    align = "llrr" if updated else "llrrrl"
-    found = Table(head=("pair", *head), rows=rows, align=align)
-    yield from (*markdown_lines(found, escape=str), "")
+        end = [] if updated else [change(values), about]
+        rows[passes].append((markdown_code(title(outcome)), text, *numbers, *end))
+    head = ("value", "old", "new") if updated else ("rule", *LIMITS, "change", "verdict")
+    align = "llrr" if updated else "llrrrrl"
+    fold = len(rows[True]) > FOLDED
+    first = rows[False] if fold else rows[False] + rows[True]
+
+    def lines_of(found: Sequence[Row]) -> list[str]:
+        return markdown_lines(Table(head=("pair", *head), rows=found, align=align), escape=str)
+
+    yield from (*lines_of(first), "") if first else ()
     for outcome in report.outcomes:
-        for note in (*outcome.notes, *map(str, outcome.warnings)):
+        for warning in map(str, outcome.warnings):
+            yield f"- {markdown_code(title(outcome))}: {escape.markdown(warning)}"
+        for note in outcome.notes if outcome.verdict is Verdict.ERROR else ():
             yield f"- {markdown_code(title(outcome))}: {escape.markdown(note)}"
-    yield from (f"- {escape.markdown(text)}" for text in report.told())
+    yield from (f"- {escape.markdown(text)}" for text in notes_of(report))
+    if report.weakened:
+        yield f"\n**{escape.markdown(weakened_title(report))}**\n"
+    yield from (f"- {escape.markdown(text)}" for text in (*report.weakened, *report.told()))
     if report.advice:
-        yield f"\n{ANEW}: {markdown_code(report.advice)}"
+        yield f"\n{ACCEPT}: {markdown_code(report.advice)}"
+    if fold:
+        yield f"\n<details><summary>{len(rows[True])} rules that pass</summary>\n"
+        yield from (*lines_of(rows[True]), "", "</details>")
+
+
+FOLDED = 5
+"""Passing rules beyond which Markdown folds them."""
+
+
+def change(values: tuple[float | None, ...]) -> str | None:
+    """From the baseline to now, in per cent."""
+    base, now = values[0], values[-1]
+    return f"{now / base - 1:+.1%}" if base and now is not None else None
 
 
 def _cell(value: float | None) -> str:
     return "" if value is None or math.isnan(value) else number(value, 7)
 
 
-GATE_REPORTS = {"table": table, "json": json_report, "markdown": markdown}
+def bencher(report: Report) -> str:
+    """The Metric Format of Bencher: a benchmark for each pair and group, a measure each value."""
+    return json_text(
+        {
+            title(outcome): {
+                path: {"value": value.upper, "lower_value": value.lower, "upper_value": value.upper}
+                for path, value in outcome.values.items()
+            }
+            for outcome in report.outcomes
+            if outcome.values
+        }
+    )
+
+
+def action_benchmark(report: Report) -> str:
+    """``customSmallerIsBetter`` of github-action-benchmark: an entry for each value."""
+    found = [
+        {
+            "name": f"{title(outcome)} {path}",
+            "unit": "",
+            "value": value.upper,
+            "range": f"{value.lower:.9g} to {value.upper:.9g}",
+        }
+        for outcome in report.outcomes
+        for path, value in outcome.values.items()
+    ]
+    return json.dumps(found, indent=2, sort_keys=True) + "\n"
+
+
+GATE_REPORTS = {
+    "table": table,
+    "json": json_report,
+    "markdown": markdown,
+    "bencher": bencher,
+    "github-action-benchmark": action_benchmark,
+}
 """What ``--format`` of the gate prints, by name."""
 
 
@@ -217,7 +368,10 @@ LONGEST = 1000
 SUMMARY = 1_000_000
 """Bytes of the step summary."""
 
-CUT = "\n*The rest does not fit into a step summary; see the log or the JUnit report.*\n"
+COMMENT = 60_000
+"""Bytes of a comment on a pull request, of at most 65,536 characters."""
+
+CUT = "\n*The rest does not fit in here; see the log or the JUnit report.*\n"
 
 
 def annotations(report: Report) -> Iterator[str]:
@@ -235,6 +389,9 @@ def annotations(report: Report) -> Iterator[str]:
             lines.insert(0, f"broken or undecided, for a warning only: {broken}")
         if lines:
             warnings.append((title(outcome), "\n".join(lines)))
+    if report.weakened:
+        text = "\n".join((weakened_title(report), *report.weakened))
+        (errors if report.protect else warnings).insert(0, ("protection", text))
     for kind, found in (("error", errors), ("warning", warnings)):
         shown = found if len(found) <= MOST_ANNOTATIONS else found[: MOST_ANNOTATIONS - 1]
         for name, text in shown:
@@ -276,14 +433,18 @@ def summary(report: Report, room: int) -> bytes:
     lines = [f"{line}\n".encode() for line in (*github_lines(report), "")]
     if sum(map(len, lines)) <= room:
         return b"".join(lines)
-    room -= len(CUT.encode())
-    shown = []
+    room -= len(CUT.encode()) + len(END)
+    shown: list[bytes] = []
     for line in lines:
         room -= len(line)
         if room < 0:
             break
         shown.append(line)
-    return b"".join((*shown, CUT.encode())) if shown else b""
+    end = END if any(line.startswith(b"\n<details>") for line in shown) else b""
+    return b"".join((*shown, end, CUT.encode())) if shown else b""
+
+
+END = b"\n</details>\n"
 
 
 # -------------------------------------------------------------------------------------------------
@@ -294,15 +455,25 @@ def summary(report: Report, room: int) -> bytes:
 # Written by hand: to import a library for XML takes as long as a small evaluation.
 
 SUITE = "tgospa-eval gate"
+PAGE = "gate.html"
+"""The page of all pairs, in the folder of ``-o``."""
 
 
-def junit(report: Report) -> str:
-    """The report as a document."""
-    cases = [
-        case
-        for outcome in report.outcomes
-        for case in _cases(outcome, report.told(*outcome.warnings))
-    ]
+def junit(report: Report, folder: str | None = None) -> str:
+    """The report as a document; `folder` has its pages, to which cases that do not pass point."""
+    cases: list[str] = []
+    for outcome in report.outcomes:
+        told = report.told(*outcome.warnings)
+        if folder and any(one.verdict is not Verdict.PASS for one in outcome.findings):
+            told.append(f"[[ATTACHMENT|{os.path.join(folder, outcome.page_name or PAGE)}]]")
+        cases += _cases(outcome, told)
+    if report.against:
+        text = "\n".join(report.weakened)
+        result = _output([text]) if report.weakened else ""
+        if report.weakened and report.protect:
+            result = _result("failure", Verdict.WEAKENED, text, weakened_title(report))
+        about = PairOutcome(name="gate", truth="", estimate="", verdict=report.verdict, status=0)
+        cases.append(_case(about, "protection", 0.0, result))
     attributes = {
         "name": SUITE,
         "tests": str(len(cases)),
@@ -335,14 +506,17 @@ def _cases(outcome: PairOutcome, told: list[str]) -> Iterator[str]:
         if finding.verdict is Verdict.INCOMPARABLE:
             about = f"there is no {finding.rule.path}"
         result, lines = "", [] if place else told
-        if finding.rule.warns and verdict != Verdict.PASS:
+        if finding.warning:
             lines = [f"{verdict}: {about}", *lines]
         elif verdict == Verdict.FAIL:
             result = _result("failure", verdict, text, about)
         elif verdict != Verdict.PASS:
             result = _result("error", verdict, text, about)
         seconds = 0.0 if place else outcome.seconds
-        yield _case(outcome, finding.rule.text, seconds, result + _output(lines))
+        # Without the limit: a case keeps its history where that changes.
+        rule = finding.rule
+        kinds = (" max" * rule.maximum, " best-of-last" * bool(rule.last), " warning" * rule.warns)
+        yield _case(outcome, rule.path + "".join(kinds), seconds, result + _output(lines))
 
 
 def _case(outcome: PairOutcome, name: str, seconds: float, result: str) -> str:

@@ -1,7 +1,7 @@
 """What a gate found: one outcome for each pair, and what the user should know."""
 
 import math
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import field, replace
 from typing import Any, Self
 
@@ -16,6 +16,7 @@ from tgospa_eval.campaign.rules import (
     BY_CLASS,
     STATUS,
     Finding,
+    Inference,
     Rule,
     Value,
     Verdict,
@@ -28,10 +29,14 @@ from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
 from tgospa_eval.common.words import number
+from tgospa_eval.errors import ExitStatus
 from tgospa_eval.results.records import PARTS, Json
+from tgospa_eval.results.saved import unlike
 from tgospa_eval.tracks.judged import incomparable
 
-WORST_FIRST = (Verdict.FAIL, Verdict.INCOMPARABLE, Verdict.UNDECIDED, Verdict.PASS)
+WORST_FIRST = tuple(
+    getattr(Verdict, name) for name in ("FAIL", "INCOMPARABLE", "UNDECIDED", "NOISE", "PASS")
+)
 OPEN = 1e-6
 """Relative gap of a total from which on a baseline is called open."""
 
@@ -58,6 +63,18 @@ class PairOutcome:
         Time of reading and solving.
     warnings : tuple of Notice
         What looks wrong with the data.
+    group : bool
+        Whether it is one of several pairs, added up.
+    values : mapping of str to Value
+        What rules can name, where it was evaluated; of a group what its rules name.
+    judged : str
+        Digest of what has to be the same where values of several runs are compared.
+    labels : mapping of str to str
+        Of the pair.
+    base : float, optional
+        The total of the baseline, of the same truth.
+    page : str
+        Its page, if one is made.
     """
 
     name: str
@@ -70,12 +87,26 @@ class PairOutcome:
     notes: tuple[str, ...] = ()
     seconds: float = 0.0
     warnings: tuple[Notice, ...] = ()
+    group: bool = False
+    values: Mapping[str, Value] = field(default_factory=dict)
+    judged: str = ""
+    labels: Mapping[str, str] = field(default_factory=dict)
+    base: float | None = None
+    page: str = ""
 
     @classmethod
     def of(cls, pair: Pair, verdict: Verdict, *notes: str, **about: Any) -> Self:
         """Of a pair, with notes, and further fields."""
         names = {"name": pair.name, "truth": pair.truth, "estimate": pair.estimate}
-        return cls(verdict=verdict, notes=notes, **{"status": STATUS[verdict], **names, **about})
+        about = {"status": STATUS[verdict], **names, "labels": pair.labels, **about}
+        return cls(verdict=verdict, notes=notes, **about)
+
+    @property
+    def page_name(self) -> str:
+        """Where its page is in the folder of a gate; blank without one."""
+        from tgospa_eval.reports.proofs import folder_name  # here: for folders only
+
+        return f"pairs/{folder_name(self.name)}.html" if self.page else ""
 
     @property
     def warned(self) -> tuple[Finding, ...]:
@@ -96,9 +127,17 @@ class Report:
     version : str
         Of the program.
     again : tuple of str
-        Command that makes the baseline anew, word for word.
+        Command that accepts what failed, word for word.
     settings_file : SettingsFile, optional
         The configuration file that set options.
+    against : str
+        The target branch by which was judged; blank without one.
+    weakened : tuple of str
+        Where the gate of this branch lets more pass than that of the target.
+    protect : bool
+        Whether that fails.
+    tally : mapping of str to int
+        Of an update, how many entries were updated, stayed, were removed.
     """
 
     baseline: str
@@ -106,6 +145,10 @@ class Report:
     version: str
     again: tuple[str, ...] = ()
     settings_file: SettingsFile | None = None
+    against: str = ""
+    weakened: tuple[str, ...] = ()
+    protect: bool = False
+    tally: Mapping[str, int] = field(default_factory=dict)
 
     def told(self, *warnings: Notice) -> list[str]:
         """What is said beside the verdicts: where settings come from, and these warnings."""
@@ -114,44 +157,106 @@ class Report:
     @property
     def status(self) -> int:
         """Exit status."""
-        return worst(outcome.status for outcome in self.outcomes)
+        found = [outcome.status for outcome in self.outcomes]
+        return worst([*found, *([ExitStatus.WEAKENED] if self.protect and self.weakened else [])])
 
     @property
     def verdict(self) -> Verdict:
         """The verdict that decides the exit status."""
-        return next(o.verdict for o in self.outcomes if o.status == self.status)
+        if self.status == ExitStatus.WEAKENED:
+            return Verdict.WEAKENED
+        found = {one.verdict for one in self.outcomes if one.status == self.status}
+        return (
+            Verdict.NOISE
+            if Verdict.NOISE in found
+            else next(one.verdict for one in self.outcomes if one.status == self.status)
+        )
 
     @property
     def advice(self) -> str:
-        """Command that makes the baseline anew, if there is a reason to think of it."""
+        """Command that accepts what failed, or may be tightened; blank of nothing."""
         import shlex  # here: most gates pass
 
-        outdated = any(
-            outcome.verdict is Verdict.INCOMPARABLE or any(f.improved for f in outcome.findings)
-            for outcome in self.outcomes
-        )
-        return shlex.join(self.again) if outdated else ""
+        return shlex.join(self.again)
 
     def count(self, verdict: Verdict) -> int:
         """Pairs of a verdict."""
         return sum(outcome.verdict is verdict for outcome in self.outcomes)
 
 
+Past = Callable[[str, int], float | None]
+"""The least value by its path of so many last runs."""
+
+
 def judged_outcome(
-    pair: Pair, now: Measured, entry: Json | None, rules: Iterable[Rule], **about: Any
+    pair: Pair,
+    now: Measured,
+    entry: Json | None,
+    rules: Iterable[Rule],
+    *,
+    past: Past | None = None,
+    noisy: bool = False,
+    **about: Any,
 ) -> PairOutcome:
     """Verdict, findings and notes of a result against its entry of the baseline.
 
-    Without an entry all rules are absolute limits. `about` has further fields.
+    Without an entry all rules are absolute limits. `past` has the best value of earlier runs, and
+    `noisy`: the pair is one of several runs with
+    other seeds, of which one alone says nothing of an improvement. `about` has further fields.
     """
     apart = differences(entry, now) if entry else []
     if apart:
         return PairOutcome.of(pair, Verdict.INCOMPARABLE, *apart, **about)
-    findings = [_judged(rule, now, entry["values"] if entry else {}) for rule in rules]
-    binding = [finding.verdict for finding in findings if not finding.rule.warns]
-    verdict = min(binding, key=WORST_FIRST.index)
+    findings = [_judged(rule, now, entry["values"] if entry else {}, past) for rule in rules]
+    if noisy:
+        findings = [replace(finding, noisy=True) for finding in findings]
     notes = _notes(findings, now, entry)
-    return PairOutcome.of(pair, verdict, *notes, findings=tuple(findings), **about)
+    about |= {"values": now.values, "judged": now.digest}
+    about["base"] = entry["values"]["total"] if entry else None
+    return PairOutcome.of(pair, _worst(findings), *notes, findings=tuple(findings), **about)
+
+
+def combined_outcome(
+    name: str,
+    findings: Iterable[Finding | None],
+    rules: Iterable[Rule],
+    faults: Iterable[str],
+    more: Iterable[str] = (),
+) -> PairOutcome:
+    """Verdict, findings and notes of a group; faults are why it cannot be compared."""
+    pair, faults = Pair(name=name, truth="", estimate=""), list(faults)
+    if faults:
+        return PairOutcome.of(pair, Verdict.INCOMPARABLE, *faults, group=True)
+    found = [one or _unknown(rule) for one, rule in zip(findings, rules, strict=True)]
+    notes = [*more, *(text for one in found for text in _sentences(one))]
+    few = max(
+        (one.inference for one in found if one.inference), key=lambda one: one.needed, default=None
+    )
+    if few and few.runs < few.needed:
+        notes.append(
+            f"{few.runs} runs can support nothing here: at least {few.needed} are needed, or fewer "
+            "groups and rules"
+        )
+    better = [one.rule.path for one in found if one.improved]
+    if better:
+        notes.append(TIGHTER.format(", ".join(dict.fromkeys(better))))
+    values = {one.rule.path: one.now for one in found if one.verdict is not Verdict.INCOMPARABLE}
+    about = {"findings": tuple(found), "group": True, "values": values}
+    return PairOutcome.of(pair, _worst(found), *notes, **about)
+
+
+TIGHTER = "baseline can be tightened: {} improved by more than the slack"
+
+
+def _worst(findings: Iterable[Finding]) -> Verdict:
+    binding = [finding.verdict for finding in findings if not finding.rule.warns]
+    return min(binding, key=WORST_FIRST.index, default=Verdict.PASS)
+
+
+def _unknown(rule: Rule) -> Finding:
+    """Of a value that neither side has."""
+    now = Value(lower=math.nan, upper=math.nan, proven=True, unit=1.0)
+    return Finding(rule=rule, base=None, limit=math.nan, now=now, verdict=Verdict.INCOMPARABLE)
 
 
 def updated_outcome(
@@ -163,16 +268,25 @@ def updated_outcome(
     return PairOutcome.of(pair, Verdict.UPDATED, *notes, changes=changes, **about)
 
 
-def _judged(rule: Rule, now: Measured, old: Json) -> Finding:
+def judged_by_past(rule: Rule, now: Value, best: float | None) -> Finding:
+    """What a rule against drift finds; it holds where there is no earlier run."""
+    if best is None:
+        return Finding(rule=rule, base=None, limit=math.nan, now=now, verdict=Verdict.PASS)
+    return judge(rule, now, best)
+
+
+def _judged(rule: Rule, now: Measured, old: Json, past: Past | None) -> Finding:
     """What a rule finds; a class that is on one side only costs 0 on the other."""
+    if rule.last and rule.path in now.values:
+        best = past(rule.path, rule.last) if past else None
+        return judged_by_past(rule, now.values[rule.path], best)
     for name, path in meanings(rule.path):
         own = now.values if name is None else now.classes.get(name)
         before = old if name is None else old.get("by_class", {}).get(name)
         if own or before:
             value = own[path] if own else replace(now.values[path], lower=0.0, upper=0.0)
             return judge(rule, value, value_at(before, path) if before else 0.0)
-    unknown = Value(lower=math.nan, upper=math.nan, proven=True, unit=1.0)
-    return Finding(rule=rule, base=None, limit=math.nan, now=unknown, verdict=Verdict.INCOMPARABLE)
+    return _unknown(rule)
 
 
 def _changes(
@@ -209,10 +323,7 @@ def _against(findings: list[Finding], now: Measured, old: Json) -> Iterator[str]
         )
     better = [finding.rule.path for finding in findings if finding.improved]
     if better:
-        yield (
-            f"baseline can be tightened: {', '.join(dict.fromkeys(better))} improved by more than "
-            "the slack"
-        )
+        yield TIGHTER.format(", ".join(dict.fromkeys(better)))
     lower, upper = (old[f"{side}_bound"] for side in ("lower", "upper"))
     gap = 1 - (lower / upper) ** now.order if upper else 0.0
     if gap > OPEN:
@@ -229,12 +340,37 @@ def _sentences(finding: Finding) -> Iterator[str]:
     warning = "warning: " if rule.warns else ""
     if finding.verdict is Verdict.INCOMPARABLE:
         yield f"{warning}{rule.text}: the result has no {rule.path}, nor has a baseline"
+    elif finding.inference and finding.verdict in (Verdict.FAIL, Verdict.NOISE):
+        yield from _inferred(finding, finding.inference, warning)
     elif finding.verdict is Verdict.UNDECIDED:
-        yield f"{warning}{rule.path} is between {lower} and {upper}, {allowed}"
+        about = f"between {lower} and {upper}" if lower != upper else f"{lower} but for rounding"
+        yield f"{warning}{rule.path} is {about}, {allowed}"
     elif finding.verdict is Verdict.FAIL:
         known = f"at least {lower}, proven" if now.proven else lower
         mark = "" if now.proven else " (split, not proven)"
         yield f"{warning}{rule.path} is {known}, {allowed}{mark}"
+
+
+def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[str]:
+    """What is proven of these files, and what is inferred of the tracker."""
+    rule, base = finding.rule, finding.base or 0.0
+    now, limit, before = texts(finding.now.lower, finding.limit, base)
+    change = f"{finding.now.lower / base - 1:+.1%} " if base else ""
+    yield (
+        f"{warning}{rule.path} of these files is {change}({before} -> {now}"
+        f"{', proven' if finding.proven else ''}), {limit} allowed by {rule.text}"
+    )
+    runs = f"{inference.runs} runs with {'the same' if inference.paired else 'other'} seeds"
+    p = f"p = {inference.p_value:.2g}"
+    if finding.verdict is Verdict.FAIL:
+        yield f"inferred of the tracker: it is worse than allowed, by {runs}, {p}"
+    elif inference.runs < inference.needed:
+        yield f"{warning}undecided by {runs}"
+    else:
+        yield (
+            f"{warning}undecided by {runs}, {p}: they would notice a change of about "
+            f"{inference.noticeable:+.1%}"
+        )
 
 
 def _parts(values: Mapping[str, Value], old: Json) -> Iterator[str]:
@@ -277,8 +413,8 @@ def _update_notes(before: Json | None, entry: Json, now: Measured) -> Iterator[s
         yield "unchanged"
     elif incomparable({"before": before["judged"], "now": entry["judged"]}):
         yield "the truth is another one than before"
-    elif before["parameters"] != entry["parameters"]:
-        yield "parameters are others than before"
+    for name, now_is, was in unlike(entry["parameters"], before["parameters"]) if before else ():
+        yield f"{name} is {now_is}, was {was}"
     if not now.certified:
         yield (
             f"the bracket is open, relative gap {now.relative_gap:.2g}: the gate is as loose as "

@@ -61,11 +61,22 @@ def stored_slices(result: Summary) -> dict[str, str]:
     return {STORED_SLICES: json.dumps([one.record() for one in result.sliced])}
 
 
+def labels_of(row: Mapping[Any, Any]) -> dict[str, str]:
+    """What a job is told from others by: its labels, and options of its own."""
+    labels = {
+        str(name).removeprefix(LABEL): str(value)
+        for name, value in row.items()
+        if str(name).startswith(LABEL)
+    }
+    own = [f"{key}={value}" for key, value in json.loads(row["options"]).items()]
+    return labels | ({"options": " ".join(own)} if own else {})
+
+
 def job_name(row: Mapping[Any, Any]) -> str:
     """A job in words: labels, or else its estimate, and options of its own.
 
     So a suite calls it whose fields are these labels.
     """
-    labels = [str(value) for name, value in row.items() if str(name).startswith(LABEL)]
-    own = [f"{key}={value}" for key, value in json.loads(row["options"]).items()]
-    return " ".join(("/".join(labels) or str(row["estimate"]), *own))
+    labels = labels_of(row)
+    own = labels.pop("options", "")
+    return " ".join(filter(None, ("/".join(labels.values()) or str(row["estimate"]), own)))

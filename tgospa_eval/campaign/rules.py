@@ -31,7 +31,10 @@ LEAST_SLACK = 1e-9
 NO_CHANGE = 1e-9
 """Relative change that is no improvement."""
 
-_RULE = r"(?P<path>.+):\+(?P<slack>[^%]+)(?P<percent>%?)"
+_RULE = (
+    r"(?P<path>.+):\+\s*(?P<slack>[^%\s]+)\s*(?P<percent>%?)"
+    r"(?:\s+best-of-last\s+(?P<last>[1-9]\d{0,5}))?"
+)
 
 
 class Verdict(StrEnum):
@@ -40,14 +43,17 @@ class Verdict(StrEnum):
     PASS = "pass"
     FAIL = "fail"
     UNDECIDED = "undecided"
+    NOISE = "undecided by seeds"
     INCOMPARABLE = "not comparable"
     ERROR = "error"
     UPDATED = "updated"
+    WEAKENED = "weakened"
 
 
 STATUS = {
     Verdict.PASS: ExitStatus.DONE,
     Verdict.UPDATED: ExitStatus.DONE,
+    Verdict.NOISE: ExitStatus.DONE,
     Verdict.FAIL: ExitStatus.REGRESSION,
     Verdict.INCOMPARABLE: ExitStatus.WRONG_OPTION,
     Verdict.ERROR: ExitStatus.WRONG_INPUT,
@@ -57,6 +63,7 @@ STATUS = {
 
 SEVERITY = (
     ExitStatus.REGRESSION,
+    ExitStatus.WEAKENED,
     ExitStatus.WRONG_INPUT,
     ExitStatus.WRONG_OPTION,
     ExitStatus.NOT_REACHED,
@@ -117,6 +124,8 @@ class Rule:
         Whether the limit does not depend on the baseline.
     warns : bool
         Whether breaking it is a warning only.
+    last : int
+        Of how many last runs the best stands for the baseline; 0 for the baseline itself.
     """
 
     text: str
@@ -126,6 +135,7 @@ class Rule:
     floor: float = 0.0
     maximum: bool = False
     warns: bool = False
+    last: int = 0
 
     def limit(self, base: float | None, unit: float) -> float:
         """The largest value that keeps the rule, given that of the baseline."""
@@ -145,6 +155,41 @@ DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, fl
 
 
 @dataclass(frozen=True, kw_only=True)
+class Inference:
+    """What runs with other seeds say of the tracker, beside what is proven of these files.
+
+    Parameters
+    ----------
+    p_value : float
+        Of a tracker that is as good as the limit.
+    confidence : float
+        What is above 1 - p is supported.
+    runs : int
+        How many there are now.
+    needed : int
+        With how many something is inferred.
+    paired : bool
+        Whether the seeds are those of the baseline.
+    noticeable : float
+        The relative change against the baseline that these runs would notice; may be infinite.
+    better : float
+        P value of a tracker that is better than the baseline by the slack of the rule.
+    """
+
+    p_value: float
+    confidence: float
+    runs: int
+    needed: int
+    paired: bool
+    noticeable: float
+    better: float
+
+    def supports(self, p_value: float) -> bool:
+        """Whether this is below what the confidence leaves."""
+        return p_value <= 1 - self.confidence + 1e-12
+
+
+@dataclass(frozen=True, kw_only=True)
 class Finding:
     """What a rule found.
 
@@ -160,6 +205,10 @@ class Finding:
         Value of this run.
     verdict : Verdict
         Pass, fail or undecided.
+    inference : Inference, optional
+        Of a group of runs with other seeds.
+    noisy : bool
+        Whether it is of one such run, which says nothing of an improvement.
     """
 
     rule: Rule
@@ -167,16 +216,26 @@ class Finding:
     limit: float
     now: Value
     verdict: Verdict
+    inference: Inference | None = None
+    noisy: bool = False
+
+    @property
+    def proven(self) -> bool:
+        """Whether the change is proven: by brackets, of values on the same truths."""
+        return self.now.proven and (self.inference is None or self.inference.paired)
 
     @property
     def warning(self) -> bool:
-        """Whether it is a rule that only warns, and is not proven to hold."""
-        return self.rule.warns and self.verdict in (Verdict.FAIL, Verdict.UNDECIDED)
+        """Whether it is a rule that only warns, and is not proven to hold; or seeds decide not."""
+        open_ = self.rule.warns and self.verdict in (Verdict.FAIL, Verdict.UNDECIDED)
+        return open_ or self.verdict is Verdict.NOISE
 
     @property
     def improved(self) -> bool:
         """Whether the value is better than the baseline by more than the rule's slack."""
-        if self.base is None or self.rule.maximum:
+        if self.base is None or self.rule.maximum or self.noisy:
+            return False
+        if self.inference and not self.inference.supports(self.inference.better):
             return False
         slack = max(self.limit - self.base, NO_CHANGE * self.base, self.now.tolerance)
         return self.now.upper < self.base - slack
@@ -215,11 +274,13 @@ def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
     path = _path(found["path"].strip(), option, text)
     relative = found["percent"] == "%"
     return Rule(
-        text=f"{path}:+{found['slack'].strip()}{found['percent']}",
+        text=f"{path}:+{found['slack'].strip()}{found['percent']}"
+        + (f" best-of-last {found['last']}" if found["last"] else ""),
         path=path,
         slack=slack / 100 if relative else slack,
         relative=relative,
         warns=option == "warn-on",
+        last=int(found["last"] or 0),
     )
 
 

@@ -170,10 +170,12 @@ def permutations_of(pairs: int) -> int:
     return PERMUTATIONS if pairs >= PERMUTATIONS.bit_length() else 1 << pairs
 
 
-def holm(p_values: Floats) -> Floats:
-    """P values adjusted for their number (Holm 1979), in the order given."""
-    order = np.argsort(p_values)
-    adjusted = np.maximum.accumulate(p_values[order] * np.arange(len(p_values), 0, -1))
+def holm(p_values: Floats, weights: Floats | None = None) -> Floats:
+    """P values adjusted for their number (Holm 1979), with weights if some, in the order given."""
+    shares = np.ones(len(p_values)) if weights is None else weights
+    order = np.argsort(p_values / shares, kind="stable")
+    left = np.cumsum(shares[order][::-1])[::-1]
+    adjusted = np.maximum.accumulate(p_values[order] / shares[order] * left)
     found = np.empty(len(p_values))
     found[order] = np.minimum(1.0, adjusted)
     return found

@@ -1,24 +1,35 @@
 """Suites: several pairs to judge, from a TOML file. Knows names of files, not their content."""
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field
+import re
+from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import field, replace
+from fnmatch import fnmatchcase
 from typing import TypeAlias
 
+from tgospa_eval.campaign.rules import Rule, parse_rules, split_rules
 from tgospa_eval.common import config, patterns
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import runs_inside
-from tgospa_eval.text import quoted
+from tgospa_eval.text import listed, quoted
 
 RULE_KEYS = ("fail-on", "warn-on", "max")
 PAIR_KEYS = ("name", "truth", "estimate", "options", *RULE_KEYS)
-SUITE_KEYS = ("baseline", "pair", "options", *RULE_KEYS)
+SUITE_KEYS = ("baseline", "pair", "group", "limits", "options", *RULE_KEYS)
+GROUP_KEYS = ("name", "confidence", "seed", *RULE_KEYS)
+LIMITS_KEYS = ("match", *RULE_KEYS)
+SEED = "seed"
+"""The label in which runs of one scene differ, unless another is named."""
+
 ONLY_PAIR = "pair"
 """Name of the pair in a baseline that holds one pair only."""
 
 Table: TypeAlias = dict[str, object]
 """A table of TOML that was read."""
+
+Rules: TypeAlias = Mapping[str, tuple[str, ...]]
+"""Texts of rules by `RULE_KEYS`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +48,8 @@ class Pair:
         Of ``fail-on``, ``warn-on`` and ``max`` those that the suite sets.
     fault : str
         Why there are no such files: the pattern finds none.
+    labels : dict of str to str
+        What the fields of its patterns stand for.
     """
 
     name: str
@@ -45,10 +58,43 @@ class Pair:
     options: Mapping[str, object] = field(default_factory=dict)
     rules: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     fault: str = ""
+    labels: Mapping[str, str] = field(default_factory=dict)
 
 
-def load_suite(path: str, known: Mapping[str, bool]) -> tuple[list[Pair], str | None, list[str]]:
-    """The pairs of a suite, its baseline if it names one, and notices of what was passed over.
+@dataclass(frozen=True, kw_only=True)
+class GroupTable:
+    """Groups by a pattern, with their rules.
+
+    Parameters
+    ----------
+    name : str
+        With labels in braces, ``"{scenario}"``; without one all pairs are one group.
+    rules : tuple of Rule
+        Of each group.
+    confidence : float
+        Of what is inferred.
+    seed : str
+        The label in which runs of one scene differ.
+    """
+
+    name: str
+    rules: tuple[Rule, ...]
+    confidence: float = 0.95
+    seed: str = SEED
+
+    def has(self, labels: Mapping[str, str]) -> bool:
+        """Whether a pair with these labels is in one of the groups."""
+        return labels.keys() >= {*patterns.fields(self.name)}
+
+    def group_of(self, labels: Mapping[str, str]) -> str | None:
+        """The name of the group of such a pair, if it is in one."""
+        return patterns.fill(self.name, labels) if self.has(labels) else None
+
+
+def load_suite(
+    path: str, known: Mapping[str, bool], content: bytes | None = None
+) -> tuple[list[Pair], list[GroupTable], str | None, list[str]]:
+    """Pairs and groups of a suite, its baseline if it names one, notices of what is passed over.
 
     Paths are relative to its folder; pairs are in its order, those of one pattern by name.
 
@@ -58,18 +104,18 @@ def load_suite(path: str, known: Mapping[str, bool]) -> tuple[list[Pair], str | 
         The TOML file.
     known : mapping of str to bool
         Options that it may set, and whether each is a flag.
+    content : bytes, optional
+        What is in the file, if that was read elsewhere.
 
     Raises
     ------
     ConfigError
         It cannot be read, has an unknown key, no pair, or two of one name.
     """
-    document = config.read_toml(path)
+    document = config.read_toml(path, content)
     folder = os.path.dirname(path)
     _check(document, SUITE_KEYS, path)
-    tables = document.get("pair", [])
-    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise ConfigError(f'{path}: "pair" must be a list of tables; write [[pair]]')
+    tables = _tables(document, "pair", path)
     common = _options(document, path, known, folder), _rules(document, path)
     notices: list[str] = []
     pairs = [
@@ -79,6 +125,9 @@ def load_suite(path: str, known: Mapping[str, bool]) -> tuple[list[Pair], str | 
     ]
     if not pairs:
         raise ConfigError(f"{path}: no pair to judge; add [[pair]] with truth and estimate")
+    for number, table in enumerate(_tables(document, "limits", path), start=1):
+        pairs = _limited(pairs, table, f"{path}, limits {number}")
+    groups = _tables(document, "group", path)
     seen: dict[str, Pair] = {}
     for pair in pairs:
         if pair.fault:
@@ -90,7 +139,83 @@ def load_suite(path: str, known: Mapping[str, bool]) -> tuple[list[Pair], str | 
             )
         seen[pair.name] = pair
     baseline = _text(document, "baseline", path) if "baseline" in document else None
-    return pairs, baseline and os.path.join(folder, baseline), list(dict.fromkeys(notices))
+    found = [_group(table, pairs, f"{path}, group {k}") for k, table in enumerate(groups, start=1)]
+    where = None if baseline is None else os.path.join(folder, baseline)
+    return pairs, found, where, list(dict.fromkeys(notices))
+
+
+def _tables(document: Table, key: str, path: str) -> list[Table]:
+    """The tables of a list of them."""
+    tables = document.get(key, [])
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise ConfigError(f"{path}: {quoted(key)} must be a list of tables; write [[{key}]]")
+    return tables
+
+
+def _limited(pairs: Sequence[Pair], table: Table, where: str) -> list[Pair]:
+    """All pairs, those that match with the rules of the table."""
+    _check(table, LIMITS_KEYS, where)
+    match, own = _text(table, "match", where), _rules(table, where)
+    if not any(fnmatchcase(pair.name, match) for pair in pairs):
+        raise ConfigError(f"{where}: no pair is called like {quoted(match)}")
+    return [
+        replace(pair, rules=_merged(pair.rules, own)) if fnmatchcase(pair.name, match) else pair
+        for pair in pairs
+    ]
+
+
+def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
+    """Rules, and rules that go before them."""
+    found = dict(rules)
+    for key, texts in own.items():
+        found[key] = texts if key == "fail-on" else (*found.get(key, ()), *texts)
+    return found
+
+
+def _group(table: Table, pairs: Sequence[Pair], where: str) -> GroupTable:
+    """A table of groups; its labels are those of some pair."""
+    _check(table, GROUP_KEYS, where)
+    name = _text(table, "name", where) if "name" in table else "all"
+    texts, confidence = _rules(table, where), table.get("confidence", GroupTable.confidence)
+    if isinstance(confidence, bool) or not isinstance(confidence, int | float):
+        raise ConfigError(f'{where}: "confidence" must be a number')
+    seed = _text(table, "seed", where) if "seed" in table else SEED
+    labels = {label for pair in pairs for label in pair.labels}
+    return make_group(
+        name, [texts.get(key, ()) for key in RULE_KEYS], confidence, seed, labels, where
+    )
+
+
+def make_group(
+    name: str,
+    rules: Sequence[Sequence[str]],
+    confidence: float,
+    seed: str,
+    labels: Container[str],
+    where: str,
+) -> GroupTable:
+    """Groups by a pattern.
+
+    Raises
+    ------
+    ConfigError
+        The confidence is out of range, or pairs have no such label.
+    """
+    if not 0.5 <= confidence < 1:
+        raise ConfigError(f"{where}: confidence is {confidence}: must be from 0.5 to below 1")
+    if set("{}") & {*re.sub(patterns.FIELD, "", name)}:
+        raise ConfigError(f"{where}: {quoted(name)} has a brace that names no label")
+    if seed != SEED and seed not in labels:
+        raise ConfigError(f"{where}: no pattern of a pair has {{{seed}}}, in which runs differ")
+    for label in patterns.fields(name):
+        if label not in labels:
+            raise ConfigError(f"{where}: {quoted(name)}: {{{label}}} is in no pattern of a pair")
+        if label == seed:
+            raise ConfigError(f"{where}: {quoted(name)}: runs of a group differ in {{{seed}}}")
+    found = parse_rules(
+        *([part for text in texts for part in split_rules(text) or [text]] for texts in rules)
+    )
+    return GroupTable(name=name, rules=tuple(found), confidence=float(confidence), seed=seed)
 
 
 def _pairs(
@@ -115,9 +240,7 @@ def _pairs(
             f"{quoted(estimate)}"
         )
     options = common[0] | _options(table, where, known, folder)
-    rules = dict(common[1])
-    for key, own in _rules(table, where).items():
-        rules[key] = own if key == "fail-on" else (*rules.get(key, ()), *own)
+    rules = _merged(common[1], _rules(table, where))
     truths = patterns.meant(truth, folder, inside=runs_inside)
     estimates = patterns.meant(estimate, folder, truth=(truth, folder), inside=runs_inside)
     notices += (truths.notices | estimates.notices).values()
@@ -127,6 +250,15 @@ def _pairs(
         pattern, theirs = os.path.join(folder, truth), os.path.join(folder, estimate)
         fault = f"{where}: no file is like {quoted(theirs if found else pattern)}"
         yield Pair(name=name, truth=pattern, estimate=theirs, fault=fault)
+    known_truths = {tuple(values.items()) for values in found}
+    alone = [
+        file
+        for file, values in estimates.files
+        if words and tuple((word, values.get(word)) for word in words) not in known_truths
+    ]
+    if alone:
+        which = listed([os.path.join(folder, file) for file in alone], 3)
+        notices.append(f"{which}: no truth is like {quoted(truth)}: not judged")
     for file, _ in estimates.files if others else ():
         if patterns.is_ambiguous(estimate, file):
             fault = f"{where}: the fields of {quoted(estimate)} fit {file} in two ways"
@@ -139,6 +271,7 @@ def _pairs(
             estimate=os.path.join(folder, patterns.fill(estimate, values)),
             options=options,
             rules=rules,
+            labels=values,
         )
 
 

@@ -1,6 +1,8 @@
 """``tgospa-eval gate TRUTH ESTIMATE --baseline FILE``: a regression gate for CI."""
 
 import os
+import shutil
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -40,8 +42,67 @@ class Gate(Verb):
         *GATE_OPTIONS,
         Option(
             "--update-baseline",
-            "Make the baseline, or replace it, and exit with 0.",
+            "Make the baseline, or renew the entries of all pairs, and exit with 0.",
             section="Gate",
+        ),
+        Option(
+            "--against TARGET",
+            "Judge by the suite, the baseline and the configuration of the target branch, a git "
+            "revision such as origin/main, or of a folder; and list where those of this branch let "
+            "more pass.",
+            section="Gate",
+        ),
+        Option(
+            "--protect",
+            "With --against, exit with 6 if this branch lets more pass.",
+            section="Gate",
+        ),
+        Option(
+            "--history FILE",
+            "Add a line with commit, time and values to this file, a line of JSON for each run; "
+            "tgospa-eval gate history FILE shows them. Rules such as 'total:+5% best-of-last 20' "
+            "judge by them.",
+            section="Gate",
+            type=PATH,
+        ),
+        Option(
+            "-o, --output DIR",
+            "Write gate.html, gate.md and gate.json to this folder, and a page for each pair.",
+            section="Gate",
+            type=PATH,
+        ),
+        Option("--force", "Write into a folder with other files in it.", section="Gate"),
+        Option(
+            "--only PATTERN",
+            "With --update-baseline, renew the entries of these pairs alone: 'slow/*'. Repeatable.",
+            section="Gate",
+            multiple=True,
+        ),
+        Option(
+            "--prune",
+            "With --update-baseline, remove entries of pairs that are there no more.",
+            section="Gate",
+        ),
+        Option(
+            "--group LABELS",
+            "Add up all pairs that agree in these labels of their patterns, such as scenario, and "
+            "judge the sums by --fail-on; all adds up all. Runs with other seeds say whether a "
+            "change is more than their noise.",
+            section="Gate",
+        ),
+        Option(
+            "--confidence P",
+            "Of what is inferred from runs with other seeds: a tracker that is as good as the "
+            "limit fails in at most 1 - P of all gates.",
+            section="Gate",
+            type=click.FloatRange(0.5, 1, max_open=True),
+            show_default="0.95",
+        ),
+        Option(
+            "--seed-label LABEL",
+            "Label in which the runs of one scene differ.",
+            section="Gate",
+            show_default="seed",
         ),
         Option(
             "--proof DIR",
@@ -49,7 +110,7 @@ class Gate(Verb):
             section="Gate",
             type=PATH,
         ),
-        format_option("table", "json", "markdown"),
+        format_option("table", "json", "markdown", "bencher", "github-action-benchmark"),
     ],
 )
 @click.argument("truth", type=SOURCE, required=False)
@@ -75,9 +136,11 @@ def command(
       tgospa-eval gate truth.csv estimate.csv -c 10 -g 5 --max tgospa=50
       tgospa-eval gate --suite suite.toml --junit gate.xml
       tgospa-eval gate old_results new_results          two stores of a batch
+      tgospa-eval gate --suite suite.toml --against origin/main --protect
+      tgospa-eval gate history history.jsonl            values over time
 
     Exit status: 0 passed, 1 regression proven, 2 wrong option, baseline missing or
-    not comparable, 3 bad input file, 4 undecided.
+    not comparable, 3 bad input file, 4 undecided, 6 weakened (--protect).
     """
     from tgospa_eval.api.gate import GateOptions
     from tgospa_eval.api.options import Request
@@ -92,6 +155,9 @@ def command(
         "typed": ctx.meta[TYPED],
     }
     output, github = OutputOptions.of(options), bool(options["github"])
+    if truth == "history" and estimate is not None and not os.path.lexists(truth):
+        _show_history(estimate, output)
+        return
     ctx.exit(_run(GateOptions.of(asked), truth, estimate, output, github=github))
 
 
@@ -115,7 +181,9 @@ def _run(
     from tgospa_eval.campaign.gate_report import GATE_REPORTS
     from tgospa_eval.campaign.outcome import PairOutcome, Report
     from tgospa_eval.campaign.rules import Verdict, worst
+    from tgospa_eval.campaign.suite import SEED
     from tgospa_eval.cli.shared.values import OutputOptions
+    from tgospa_eval.reports.files import GATE, probe_folder, write_texts
 
     def evaluated(
         truth: str, estimate: str, options: "Request", tell: Callable[[str], None]
@@ -129,6 +197,8 @@ def _run(
             raise KeyboardInterrupt
         return result, finished
 
+    if gate.output is not None:
+        probe_folder(gate.output, GATE, force=gate.force)
     try:
         report = judge_all(gate, truth, estimate, evaluated, print_notice)
     except TgospaError as error:
@@ -146,6 +216,12 @@ def _run(
             version=__version__,
             settings_file=gate.config,
         )
+        if gate.output is not None:
+            from tgospa_eval.campaign.gate_page import gate_files  # here: for folders only
+
+            write_texts(gate_files(report), gate.output, GATE, force=gate.force)
+        if output.format_ != "table":  # who reads it from a file finds out as well
+            emit(GATE_REPORTS[output.format_](report), output.format_)
         _publish(report, None if isinstance(error, OverInputError) else gate.junit, github=github)
         raise
     report = replace(report, settings_file=gate.config)
@@ -154,16 +230,58 @@ def _run(
         if outcome.verdict is Verdict.ERROR:
             print_notice((f"{outcome.name}: " if several else "") + " ".join(outcome.notes))
     # The files first: a full disk behind stdout must not cost the report, nor hide a regression.
-    status = worst((report.status, _publish(report, gate.junit, github=github)))
+    status = worst((report.status, _publish(report, gate.junit, gate.output, github=github)))
     try:
-        emit(GATE_REPORTS[output.format_](report), output.format_)
+        if gate.output is not None:
+            from tgospa_eval.campaign.gate_page import gate_files  # here: for folders only
+
+            files = gate_files(report, gate.seed_label or SEED)
+            written = write_texts(files, gate.output, GATE, force=gate.force)
+            if not gate.quiet:
+                print_notice(str(written))
+        emit(_printed(report, output.format_), output.format_)
     except ConfigError as error:
         print_notice(str(error))
         status = worst((status, error.exit_status))
     return status
 
 
-def _publish(report: "Report", path: str | None, *, github: bool) -> int:
+def _show_history(path: str, output: "OutputOptions") -> None:
+    """Print the values over time.
+
+    Raises
+    ------
+    ConfigError
+        There is no such file, or it is no history.
+    """
+    from tgospa_eval.campaign.history import history_document, history_table, load_history
+    from tgospa_eval.results.records import json_text
+
+    points = load_history(path)
+    if not points:
+        raise ConfigError(
+            f"{path}: there is no run in it; tgospa-eval gate --history FILE adds one"
+        )
+    if output.format_ == "json":
+        emit(json_text(history_document(points)), "json")
+    elif output.format_ == "table":
+        can = "utf" in (sys.stdout.encoding or "").lower()
+        emit(history_table(points, "total", can))
+    else:
+        raise ConfigError(f"--format {output.format_}: a history is a table, or json")
+
+
+def _printed(report: "Report", format: str) -> str:
+    """The report for stdout; a table in the columns that there are."""
+    from tgospa_eval.campaign.gate_report import GATE_REPORTS, table
+    from tgospa_eval.reports.tables import WIDTH
+
+    if format != "table":
+        return GATE_REPORTS[format](report)
+    return table(report, max(shutil.get_terminal_size((WIDTH, 24)).columns, WIDTH))
+
+
+def _publish(report: "Report", path: str | None, folder: str | None = None, *, github: bool) -> int:
     """JUnit file, annotations and step summary; 2 if one cannot be written, else 0."""
     from tgospa_eval.campaign.gate_report import annotations, append_summary, junit
     from tgospa_eval.reports.files import write_file
@@ -171,7 +289,7 @@ def _publish(report: "Report", path: str | None, *, github: bool) -> int:
     status = 0
     try:
         if path is not None:
-            write_file(path, junit(report), "--junit")
+            write_file(path, junit(report, folder), "--junit")
     except ConfigError as error:
         print_notice(str(error))
         status = error.exit_status

@@ -106,7 +106,7 @@ def load(
     else:
         table = read_toml(path)
         if Path(path).name == "pyproject.toml":
-            table = _section(table) or {}
+            table = section(table) or {}
     if not isinstance(table, dict):
         raise ConfigError(f"{path}: [tool.{TOOL_TABLE}] must be a table")
     options = settings_of(table, path, known)
@@ -172,7 +172,7 @@ def _search() -> tuple[str | None, object]:
         return FILE, read_toml(FILE)
     if _may_have_table("pyproject.toml"):
         try:
-            table = _section(read_toml("pyproject.toml"))
+            table = section(read_toml("pyproject.toml"))
         except ConfigError:
             return None, {}  # somebody else's broken file is not ours to report
         if table is not None:
@@ -188,13 +188,14 @@ def _may_have_table(path: str) -> bool:
         return False
 
 
-def _section(document: Mapping[str, object]) -> object:
+def section(document: Mapping[str, object]) -> object:
+    """Our table of ``pyproject.toml``; None without one."""
     tool = document.get("tool")
     return tool.get(TOOL_TABLE) if isinstance(tool, dict) else None
 
 
-def read_toml(path: str) -> dict[str, object]:
-    """The tables of a TOML file.
+def read_toml(path: str, content: bytes | None = None) -> dict[str, object]:
+    """The tables of a TOML file, of what is in it if that was read elsewhere.
 
     Raises
     ------
@@ -203,7 +204,8 @@ def read_toml(path: str) -> dict[str, object]:
     """
     import tomllib  # here: most runs have no such file
 
-    content = read_bytes(path, ConfigError)
+    if content is None:
+        content = read_bytes(path, ConfigError)
     try:
         return tomllib.loads(content.decode())
     except RecursionError:

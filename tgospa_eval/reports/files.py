@@ -108,6 +108,12 @@ STUDY = Kind(
     log="runs.jsonl",
     opens=("report.md",),
 )
+GATE = Kind(
+    name="gate",
+    document="gate.json",
+    names=("gate.json", "gate.md", "gate.html"),
+    opens=("gate.html",),
+)
 BATCH = Kind(
     name="batch",
     document="report.html",

@@ -1,0 +1,609 @@
+"""The gate of a team: noisy seeds, pull requests, accepting in part, values over time."""
+
+import json
+import subprocess
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+Invoke = Callable[..., Any]
+
+STEPS = 20
+SUITE = """
+baseline = "base.json"
+[options]
+cutoff = 10
+switch-penalty = 5
+[[pair]]
+truth = "data/{scene}/{seed}/truth.csv"
+estimate = "out/{scene}/{seed}.csv"
+"""
+GROUPS = """
+[[group]]
+name = "{scene}"
+fail-on = ["total:+2%"]
+[[group]]
+fail-on = ["total:+2%"]
+"""
+SCENES = {"slow": 100.0, "fast": 40.0, "dense": 200.0}
+
+
+def write(path: str, text: str) -> None:
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    Path(path).write_text(text, encoding="utf-8")
+
+
+def runs(
+    change: float, noise: int, *, seeds: Iterable[int] = range(1, 6), spread: float = 0.05
+) -> None:
+    """Runs whose totals are those of the scenes, changed, with a noise of some per cent."""
+    rng = np.random.default_rng(noise)
+    for scene, total in SCENES.items():
+        for seed in seeds:
+            error = (total * (1 + change) * np.exp(rng.normal(0, spread)) / STEPS) ** 0.5
+            rows = [f"{k},{k + error:.12f}\n" for k in range(STEPS)]
+            truth = "".join(f"a,{k},{k}\n" for k in range(STEPS))
+            write(f"data/{scene}/{seed}/truth.csv", f"id,t,x\n{truth}")
+            write(f"out/{scene}/{seed}.csv", "id,t,x\n" + "".join(f"b,{row}" for row in rows))
+
+
+@pytest.fixture
+def gate(invoke: Invoke, tmp_path: Path) -> Invoke:
+    """The gate of a suite with groups, whose baseline is there."""
+    write("suite.toml", SUITE + GROUPS)
+    runs(0, 1)
+
+    def gate(*arguments: str, **about: Any) -> Any:
+        return invoke("gate", "--suite", "suite.toml", "-q", *arguments, **about)
+
+    assert gate("--update-baseline").status == 0
+    return gate
+
+
+def groups(answer: Any) -> dict[str, Any]:
+    """The groups of a JSON report by name."""
+    return {one["name"]: one for one in json.loads(answer.out)["groups"]}
+
+
+# --- groups ---------------------------------------------------------------------------------------
+
+
+def test_a_change_of_the_tracker_fails(gate: Invoke) -> None:
+    runs(0.14, 2)
+    answer = gate("--format", "json")
+    assert answer.status == 1
+    found = groups(answer)
+    assert found["all"]["verdict"] == "fail"
+    (rule,) = found["all"]["rules"]
+    assert rule["proven"]
+    assert rule["inference"]["runs"] == 15
+    assert rule["inference"]["paired"]
+    assert rule["inference"]["p_value"] <= 0.05
+    # Totals of a group are sums of those of its pairs.
+    pairs = json.loads(Path("base.json").read_text(encoding="utf-8"))["pairs"]
+    totals = {name: pairs[name]["values"]["total"] for name in pairs}
+    (rule,) = found["slow"]["rules"]
+    assert rule["baseline"] == pytest.approx(sum(totals[f"slow/{k}"] for k in range(1, 6)))
+    text = gate().out
+    assert (
+        "inferred of the tracker: it is worse than allowed, by 15 runs with the same"
+        in " ".join(text.split())
+    )
+
+
+def test_noise_is_undecided_and_says_what_would_be_noticed(gate: Invoke) -> None:
+    runs(0.05, 3)
+    answer = gate("--format", "json")
+    assert answer.status == 0
+    (rule,) = groups(answer)["all"]["rules"]
+    assert rule["verdict"] == "undecided by seeds"
+    assert 0.03 < rule["inference"]["noticeable"] < 0.15
+    assert "they would notice a change of about +" in " ".join(gate().out.split())
+
+
+def test_an_equal_tracker_passes_and_nothing_can_be_tightened(gate: Invoke) -> None:
+    runs(-0.02, 4)
+    answer = gate()
+    assert answer.status == 0
+    assert "tightened" not in answer.out
+    runs(-0.2, 4)
+    assert "baseline can be tightened" in gate().out
+
+
+def test_other_seeds_are_no_proof(gate: Invoke) -> None:
+    for folder in ("data", "out"):
+        subprocess.run(["rm", "-r", folder], check=True)
+    runs(0.14, 5, seeds=range(6, 11))
+    answer = gate("--format", "json")
+    assert answer.status == 1
+    (rule,) = groups(answer)["all"]["rules"]
+    assert not rule["proven"]
+    assert not rule["inference"]["paired"]
+    assert "proven" not in gate().out
+
+
+def test_one_scene_that_is_worse_is_seen(invoke: Invoke, tmp_path: Path) -> None:
+    write("suite.toml", SUITE + '[[group]]\nname = "{scene}"\nfail-on = ["total:+2%"]\n')
+    seeds = range(1, 11)
+    runs(0, 1, seeds=seeds)
+    arguments = ("gate", "--suite", "suite.toml", "-q", "--format", "json")
+    assert invoke(*arguments, "--update-baseline").status == 0
+    kept = [Path(f"out/fast/{seed}.csv").read_text(encoding="utf-8") for seed in seeds]
+    runs(0.3, 2, seeds=seeds)
+    worse = [Path(f"out/fast/{seed}.csv").read_text(encoding="utf-8") for seed in seeds]
+    runs(-0.1, 3, seeds=seeds)
+    for seed, text, old in zip(seeds, worse, kept, strict=True):
+        assert text != old
+        write(f"out/fast/{seed}.csv", text)
+    answer = invoke(*arguments)
+    assert answer.status == 1
+    found = {name: one["verdict"] for name, one in groups(answer).items()}
+    assert found == {"all of {scene}": "pass", "dense": "pass", "fast": "fail", "slow": "pass"}
+
+
+def test_runs_that_the_baseline_lacks_count_for_nothing(gate: Invoke) -> None:
+    runs(0.3, 2)
+    runs(-0.9, 3, seeds=range(6, 40))
+    answer = gate("--format", "json")
+    assert answer.status == 1
+    assert groups(answer)["all"]["notes"][0].endswith("34 runs are not in the baseline: left out")
+    subprocess.run(["rm", "-r", "data/slow/2"], check=True)
+    assert gate().status == 2
+
+
+def test_few_runs_decide_nothing(invoke: Invoke, tmp_path: Path) -> None:
+    write("suite.toml", SUITE + '[[group]]\nname = "{scene}"\nfail-on = ["total:+2%"]\n')
+    runs(0, 1, seeds=[1, 2])
+    arguments = ("gate", "--suite", "suite.toml", "-q")
+    assert invoke(*arguments, "--update-baseline").status == 0
+    runs(0.5, 2, seeds=[1, 2])
+    out = " ".join(invoke(*arguments).out.split())
+    assert "group slow: undecided by 2 runs with the same seeds" in out
+    assert "2 runs can support nothing here: at least 7 are needed" in out
+    assert "group all of {scene}: inferred of the tracker" in out
+
+
+def test_without_seeds_a_group_is_judged_by_its_bracket(invoke: Invoke, tmp_path: Path) -> None:
+    write("suite.toml", SUITE + "[[group]]\nfail-on = ['tgospa:+1%', 'normalised.tgospa:+1%']\n")
+    runs(0, 1, seeds=[1])
+    arguments = ("gate", "--suite", "suite.toml", "-q", "--format", "json")
+    assert invoke(*arguments, "--update-baseline").status == 0
+    runs(0.03, 1, seeds=[1])
+    answer = invoke(*arguments)
+    assert answer.status == 1
+    for rule in groups(answer)["all"]["rules"]:
+        assert "inference" not in rule
+        assert rule["proven"]
+        assert rule["upper"] / rule["baseline"] == pytest.approx(1.03**0.5)
+    runs(0, 1, seeds=[2])
+    subprocess.run(["rm", "-r", "data/slow/1", "data/fast/1", "data/dense/1"], check=True)
+    answer = invoke(*arguments)  # one run of each, with another seed: nothing is known
+    assert answer.status == 2
+    assert "one run of each" in groups(answer)["all"]["notes"][0]
+
+
+def test_a_group_with_a_run_that_fails_is_not_judged(gate: Invoke) -> None:
+    write("out/slow/2.csv", "")
+    answer = gate("--format", "json")
+    assert answer.status == 3
+    found = groups(answer)
+    assert found["slow"]["verdict"] == found["all"]["verdict"] == "not comparable"
+    assert found["fast"]["verdict"] == "pass"
+
+
+def test_another_truth_is_not_comparable(gate: Invoke) -> None:
+    text = Path("data/slow/2/truth.csv").read_text(encoding="utf-8")
+    write("data/slow/2/truth.csv", text.replace("a,3,3\n", "a,3,3.5\n"))
+    answer = gate("--format", "json")
+    assert answer.status == 2
+    assert groups(answer)["slow"]["verdict"] == "not comparable"
+
+
+def test_groups_on_the_command_line_and_of_batches(gate: Invoke, invoke: Invoke) -> None:
+    write("suite.toml", SUITE)
+    runs(0.14, 2)
+    answer = gate("--group", "scene", "--fail-on", "total:+2%", "--format", "json")
+    assert answer.status == 1
+    assert set(groups(answer)) == {*SCENES, "all of {scene}"}
+    answer = gate("--group", "all", "--confidence", "0.9999", "--fail-on", "total:+2%")
+    assert answer.status == 0
+    labels = ("--truth", "data/{scene}/{seed}/truth.csv", "--estimate", "out/{scene}/{seed}.csv")
+    assert invoke("batch", *labels, "-c", "10", "-g", "5", "-o", "new", "-q").status == 0
+    runs(0, 1)
+    assert invoke("batch", *labels, "-c", "10", "-g", "5", "-o", "old", "-q").status == 0
+    answer = invoke("gate", "old", "new", "--group", "all", "--fail-on", "total:+2%", "-q")
+    assert answer.status == 1
+    assert "group all" in answer.out
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('[[group]]\nname = "{site}"\n', '"{site}": {site} is in no pattern of a pair'),
+        ('[[group]]\nname = "{seed}"\n', "runs of a group differ in {seed}"),
+        ('[[group]]\nseed = "run"\n', "no pattern of a pair has {run}"),
+        ('[[group]]\nname = "{scene"\n', "a brace that names no label"),
+        ("[[group]]\n[[group]]\n", 'two groups are called "all"'),
+        ("[[group]]\nconfidence = 1\n", "confidence is 1: must be from 0.5 to below 1"),
+        ('[[group]]\nconfidence = "x"\n', '"confidence" must be a number'),
+        ("[group]\n", '"group" must be a list of tables; write [[group]]'),
+        ("[[group]]\nfail-on = 'total'\n", '--fail-on "total": must be PATH:+N'),
+        ("[[limits]]\nfail-on = 'total:+1%'\n", '"match" must be a text'),
+        ("[[limits]]\nmatch = 'x/*'\n", 'no pair is called like "x/*"'),
+    ],
+)
+def test_wrong_tables(gate: Invoke, text: str, said: str) -> None:
+    write("suite.toml", SUITE + text)
+    answer = gate()
+    assert answer.status == 2
+    assert said in answer.err
+
+
+def test_limits_of_their_own(gate: Invoke) -> None:
+    more = "fail-on = ['total:+1%']\n"
+    limits = "[[limits]]\nmatch = 'slow/*'\nfail-on = ['total:+50%']\nmax = ['total=1']\n"
+    write("suite.toml", more + SUITE + limits)
+    runs(0.3, 1, spread=0)
+    found = {one["name"]: one for one in json.loads(gate("--format", "json").out)["pairs"]}
+    assert [rule["rule"] for rule in found["slow/1"]["rules"]] == ["total:+50%", "total<=1"]
+    assert [rule["rule"] for rule in found["fast/1"]["rules"]] == ["total:+1%"]
+
+
+# --- accepting in part ----------------------------------------------------------------------------
+
+
+def entries() -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(Path("base.json").read_text(encoding="utf-8"))["pairs"]
+    return found
+
+
+def test_an_update_of_some(gate: Invoke) -> None:
+    before = entries()
+    runs(0.2, 1)
+    answer = gate("--update-baseline", "--only", "slow/*")
+    assert answer.status == 0
+    assert "5 updated, 10 unchanged, 0 removed" in answer.out
+    after = entries()
+    assert {name for name in before if before[name] != after[name]} == {
+        f"slow/{k}" for k in range(1, 6)
+    }
+    assert gate("--update-baseline", "--only", "none").status == 2
+    assert gate("--only", "slow/*").status == 2
+
+
+def test_entries_without_a_pair_stay_unless_pruned(gate: Invoke) -> None:
+    subprocess.run(["rm", "-r", "data/slow", "data/fast"], check=True)
+    answer = gate("--update-baseline")
+    assert "0 updated, 15 unchanged, 0 removed" in answer.out
+    assert len(entries()) == 15
+    answer = gate("--update-baseline", "--prune", "--only", "slow/*")
+    assert "0 updated, 10 unchanged, 5 removed" in answer.out
+    assert not any(name.startswith("slow") for name in entries())
+
+
+def test_the_command_accepts_what_failed_and_nothing_else(gate: Invoke, invoke: Invoke) -> None:
+    write("suite.toml", SUITE)
+    runs(0.1, 1)
+    accepted = gate("--update-baseline").status
+    runs(0.1, 1)
+    write(
+        "out/slow/3.csv", Path("out/slow/3.csv").read_text(encoding="utf-8").replace("b,3", "c,3")
+    )
+    answer = gate("--format", "json")
+    assert accepted == 0
+    assert answer.status == 1
+    command = json.loads(answer.out)["update"]
+    assert (
+        command
+        == "tgospa-eval gate --suite suite.toml -q --format json --update-baseline --only slow/3"
+    )
+    before = entries()
+    assert invoke(*command.split()[1:]).status == 0
+    assert {name for name in before if before[name] != entries()[name]} == {"slow/3"}
+    assert gate().status == 0
+
+
+def test_an_update_says_which_parameter_changed(gate: Invoke) -> None:
+    answer = gate("--update-baseline", "--only", "slow/1", "-c", "9")
+    assert "slow/1: cutoff is 9.0, was 10.0" in answer.out
+
+
+# --- against the target branch --------------------------------------------------------------------
+
+
+def git(*arguments: str) -> None:
+    names = ("-c", "user.name=a", "-c", "user.email=a@example.com", "-c", "init.defaultBranch=main")
+    subprocess.run(("git", *names, *arguments), check=True, capture_output=True)
+
+
+@pytest.fixture
+def protected(gate: Invoke) -> Invoke:
+    """The same against the branch main, which has all of this."""
+    git("init")
+    git("add", ".")
+    git("commit", "-m", "first")
+
+    def protected(*arguments: str, **about: Any) -> Any:
+        return gate("--against", "main", "--protect", *arguments, **about)
+
+    return protected
+
+
+def edit(path: str, old: str, new: str) -> None:
+    text = Path(path).read_text(encoding="utf-8")
+    assert old in text
+    write(path, text.replace(old, new))
+
+
+def loosened() -> None:
+    edit(
+        "suite.toml",
+        'name = "{scene}"\nfail-on = ["total:+2%"]',
+        'name = "{scene}"\nfail-on = ["total:+900%"]',
+    )
+
+
+def warning_only() -> None:
+    edit("suite.toml", 'name = "{scene}"\nfail-on', 'name = "{scene}"\nmax = "missed=1"\nwarn-on')
+    edit("suite.toml", "max =", "fail-on = 'missed:+1'\nmax =")
+
+
+def no_group() -> None:
+    edit("suite.toml", GROUPS, "")
+
+
+def fewer_pairs() -> None:
+    edit("suite.toml", "data/{scene}/", "data/{scene}w/")
+    edit("suite.toml", "out/{scene}/", "out/{scene}w/")
+
+
+def other_truth() -> None:
+    edit("data/slow/1/truth.csv", "a,3,3\n", "a,3,3.5\n")
+
+
+def fewer_files() -> None:
+    subprocess.run(["rm", "-r", "data/slow/1"], check=True)
+
+
+def cutoff() -> None:
+    edit("suite.toml", "cutoff = 10", "cutoff = 3")
+
+
+def configuration() -> None:
+    write("tgospa-eval.toml", "scale = 'x=0.1'\n")
+
+
+def confidence() -> None:
+    edit("suite.toml", "[[group]]\nname", "[[group]]\nconfidence = 0.9999\nname")
+
+
+def more_noise() -> None:
+    edit("suite.toml", "[[group]]\nname", '[[group]]\nseed = "scene"\nname')
+    edit("suite.toml", '"{scene}"\n', '"{seed}"\n')
+
+
+@pytest.mark.parametrize(
+    ("weaken", "said"),
+    [
+        (loosened, "group {scene}: the rule total:+2% is loosened to total:+900%"),
+        (warning_only, "group {scene}: the rule total:+2% is removed"),
+        (no_group, "group all: is removed"),
+        (
+            fewer_pairs,
+            "dense/1, dense/2, dense/3, dense/4, dense/5 and 10 more: the pair is removed",
+        ),
+        (other_truth, "data/slow/1/truth.csv: the truth is changed"),
+        (fewer_files, "slow/1: in the baseline of the target, and there are no such files"),
+        (cutoff, 'cutoff is "3", in the target "10"'),
+        (configuration, 'configuration: scale is "x=0.1", in the target not set'),
+        (confidence, "group {scene}: confidence is 0.9999, in the target 0.95"),
+        (more_noise, "group {scene}: is removed"),
+    ],
+)
+def test_a_weakened_gate_is_caught(
+    protected: Invoke, gate: Invoke, weaken: Callable[[], None], said: str
+) -> None:
+    assert protected().status == 0
+    weaken()
+    answer = protected("--format", "json", "--junit", "j.xml")
+    found = json.loads(answer.out)
+    assert answer.status == found["status"] == 6
+    assert any(said in text for text in found["weakened"]), found["weakened"]
+    assert 'type="weakened"' in Path("j.xml").read_text(encoding="utf-8")
+    answer = gate("--against", "main")  # listed, and by the verdict of the target
+    assert answer.status in (0, 2)
+    assert "This branch lets more pass than main" in answer.out
+
+
+def test_a_baseline_that_is_updated_passes_nothing(protected: Invoke, gate: Invoke) -> None:
+    runs(0.3, 2)
+    assert gate("--update-baseline").status == 0
+    assert gate().status == 0
+    answer = protected()
+    assert answer.status == 1
+    assert "the baseline of dense/1 is raised: total" in answer.out
+
+
+def test_variables_are_passed_over(protected: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs(0.3, 2)
+    monkeypatch.setenv("TGOSPA_EVAL_FAIL_ON", "total:+900%")
+    monkeypatch.setenv("TGOSPA_EVAL_CUTOFF", "0.1")
+    answer = protected()
+    assert answer.status == 1
+    for name in ("FAIL_ON", "CUTOFF"):
+        assert f"the variable TGOSPA_EVAL_{name} is set" in " ".join(answer.out.split())
+
+
+def test_stricter_is_no_finding(protected: Invoke) -> None:
+    edit(
+        "suite.toml",
+        'name = "{scene}"\nfail-on = ["total:+2%"]',
+        'name = "{scene}"\nfail-on = ["total:+1%"]',
+    )
+    assert json.loads(protected("--format", "json").out)["weakened"] == []
+
+
+def other_baseline() -> None:
+    edit("suite.toml", '"base.json"', '"other.json"')
+    write("other.json", Path("base.json").read_text(encoding="utf-8"))
+
+
+def baseline_options() -> None:
+    edit("base.json", '"cutoff": 10.0', '"cutoff": 0.1')
+
+
+def drift_only() -> None:
+    edit(
+        "suite.toml",
+        'name = "{scene}"\nfail-on = ["total:+2%"]',
+        'name = "{scene}"\nfail-on = ["total:+2% best-of-last 5"]',
+    )
+
+
+def more_groups() -> None:
+    edit("suite.toml", GROUPS, GROUPS + "[[group]]\nname = 'more {scene}'\n")
+
+
+def easy_seeds() -> None:
+    for folder in ("data", "out"):
+        subprocess.run(["rm", "-r", folder], check=True)
+    runs(0, 9, seeds=range(21, 26))
+
+
+@pytest.mark.parametrize(
+    ("weaken", "said"),
+    [
+        (other_baseline, "the baseline is other.json, in the target base.json"),
+        (baseline_options, "options in the baseline are others"),
+        (drift_only, "the rule total:+2% is removed"),
+        (more_groups, "groups have 3 rules, in the target 2"),
+        (easy_seeds, "not in the target, nor in its baseline"),
+    ],
+)
+def test_more_ways_to_weaken(protected: Invoke, weaken: Callable[[], None], said: str) -> None:
+    weaken()
+    found = json.loads(protected("--format", "json", "--history", "h.jsonl").out)["weakened"]
+    assert any(said in text for text in found), found
+
+
+def test_a_pull_request_with_a_worse_tracker_and_a_folder(
+    protected: Invoke, gate: Invoke, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    other = tmp_path_factory.mktemp("target")
+    subprocess.run(["cp", "-r", "suite.toml", "base.json", "data", str(other)], check=True)
+    runs(0.3, 2)
+    loosened()
+    for target in ("main", str(other)):
+        answer = gate("--against", target, "--format", "json")
+        assert answer.status == 1
+        assert len(json.loads(answer.out)["weakened"]) == 1
+
+
+def test_an_error_is_in_the_folder_too(gate: Invoke) -> None:
+    assert gate("-o", "report").status == 0
+    write("base.json", "{")
+    assert gate("-o", "report").status == 2
+    assert "base.json: is no baseline" in Path("report/gate.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--against", "no"), "neither a folder nor a git revision"),
+        (("--protect",), "--protect is for --against TARGET"),
+        (("--against", "main", "--update-baseline"), "leave one of them out"),
+    ],
+)
+def test_wrong_targets(
+    protected: Invoke, gate: Invoke, arguments: tuple[str, ...], said: str
+) -> None:
+    answer = gate(*arguments)
+    assert answer.status == 2
+    assert said in answer.err
+
+
+# --- reports --------------------------------------------------------------------------------------
+
+
+def test_markdown_has_failures_first_and_fits_into_a_comment(gate: Invoke) -> None:
+    write("suite.toml", SUITE)
+    runs(0, 2, seeds=range(1, 6))
+    text = gate("--format", "markdown").out
+    failing, _, passing = text.partition("<details>")
+    assert "**fail**" in failing
+    assert "| pass |" not in failing
+    assert "**fail**" not in passing
+    assert "%" in failing.splitlines()[4].split("|")[6]
+    files = 'truth = "data/slow/1/truth.csv"\nestimate = "out/slow/1.csv"\n'
+    many = "".join(f'[[pair]]\nname = "{"x" * 99}{k}"\n{files}' for k in range(900))
+    write("suite.toml", SUITE + many)
+    text = gate("--format", "markdown").out
+    assert 0 < len(text.encode()) <= 60_000
+    assert "does not fit" in text
+
+
+def test_markdown_of_a_broken_baseline_says_so(gate: Invoke) -> None:
+    write("base.json", "{")
+    answer = gate("--format", "markdown")
+    assert answer.status == 2
+    assert "base.json: is no baseline" in answer.out
+
+
+def test_names_differ_where_they_differ(gate: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = SUITE.replace("truth =", 'name = "recordings/2026/{scene}-{seed}/estimate"\ntruth =')
+    write("suite.toml", text)
+    out = gate("--update-baseline").out
+    assert "dense-1" in out
+    monkeypatch.setenv("COLUMNS", "120")
+    assert "recordings/2026/dense-1/estimate" in gate().out
+
+
+def test_a_folder_with_a_page(gate: Invoke) -> None:
+    runs(0.14, 2)
+    assert gate("-o", "report").status == 1
+    page = Path("report/gate.html").read_text(encoding="utf-8")
+    assert "group all" in page
+    assert 'href="pairs/slow%252F1.html"' in page
+    assert Path("report/pairs/slow%2F1.html").is_file()
+    assert json.loads(Path("report/gate.json").read_text(encoding="utf-8"))["status"] == 1
+
+
+def test_other_formats(gate: Invoke) -> None:
+    found = json.loads(gate("--format", "bencher").out)
+    assert found["slow/1"]["total"]["value"] == found["slow/1"]["total"]["upper_value"]
+    assert "group all" in found
+    found = json.loads(gate("--format", "github-action-benchmark").out)
+    assert {"name", "unit", "value", "range"} == {*found[0]}
+
+
+def test_estimates_without_a_truth_are_reported(gate: Invoke, invoke: Invoke) -> None:
+    write("out/slow/9.csv", "id,t,x\n")
+    answer = invoke("gate", "--suite", "suite.toml")
+    assert (
+        'out/slow/9.csv: no truth is like "data/{scene}/{seed}/truth.csv": not judged' in answer.err
+    )
+
+
+# --- over time ------------------------------------------------------------------------------------
+
+
+def test_history_and_slow_drift(gate: Invoke, invoke: Invoke) -> None:
+    drift = ("--history", "h.jsonl", "--fail-on", "total:+5% best-of-last 20")
+    write("suite.toml", SUITE)
+    statuses = []
+    for change in (0, 0.02, 0.04, 0.06):
+        runs(change, 1)
+        statuses.append(gate(*drift).status)
+    assert statuses == [0, 0, 0, 1]
+    assert len(Path("h.jsonl").read_text(encoding="utf-8").splitlines()) == 4
+    answer = invoke("gate", "history", "h.jsonl")
+    assert answer.status == 0
+    assert "slow/1" in answer.out
+    assert json.loads(invoke("gate", "history", "h.jsonl", "--format", "json").out)["runs"]
+    assert invoke("gate", "history", "none.jsonl").status == 2
+    answer = gate("--fail-on", "total:+5% best-of-last 20")
+    assert answer.status == 2
+    assert "rules with best-of-last need the file of --history" in answer.err

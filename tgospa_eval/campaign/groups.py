@@ -1,0 +1,381 @@
+"""Groups of a gate: runs with other seeds, added up and judged together.
+
+A group fails if its value is above the limit, and the scatter of its runs supports that the tracker
+is worse than the limit allows. The groups of a table are judged together as well, as one more
+group: what is a little worse everywhere is seen there. `confidence` is that of the whole gate: a
+tracker that is as good as the limit fails in no more than 1 - confidence of its runs, however many
+groups and rules there are. For that p values are adjusted (Holm 1979, with weights): each rule of a
+table has the same share of the error, one half of it for all groups together.
+"""
+
+import hashlib
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tgospa_eval.campaign.baseline import Baseline, Measured, differences, value_at
+from tgospa_eval.campaign.outcome import PairOutcome, combined_outcome, judged_by_past
+from tgospa_eval.campaign.permutation import Stratum, fewest, noticeable, p_value
+from tgospa_eval.campaign.rules import Finding, Inference, Rule, Value, Verdict, judge, meanings
+from tgospa_eval.campaign.statistics import holm
+from tgospa_eval.campaign.suite import GroupTable
+from tgospa_eval.common import patterns
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import natural
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.results.records import Json
+from tgospa_eval.results.saved import unlike
+from tgospa_eval.text import listed, quoted
+
+FEWEST_RUNS = 5
+"""With fewer nothing is inferred."""
+
+SHOWN = 5
+"""Names of runs in a sentence."""
+
+Labels = Mapping[str, str]
+
+Part = tuple[str | None, str]
+"""A class, or None for all of them, and the path of a value."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SceneRuns:
+    """Runs that differ in their seed alone, those of now and those of the baseline.
+
+    Parameters
+    ----------
+    now : sequence of Measured
+        In the order of their names.
+    old : sequence of dict
+        Entries of the baseline, in the same order.
+    paired : bool
+        Whether the names are the same.
+    """
+
+    now: Sequence[Measured]
+    old: Sequence[Json]
+    paired: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Group:
+    """Scenes that are added up.
+
+    Parameters
+    ----------
+    name : str
+        The pattern with its labels.
+    scenes : tuple of SceneRuns
+        Of those that can be compared.
+    faults : tuple of str
+        Why others cannot.
+    notes : tuple of str
+        What is left out.
+    """
+
+    name: str
+    scenes: tuple[SceneRuns, ...]
+    faults: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def runs(self) -> int:
+        """Of now."""
+        return sum(len(scene.now) for scene in self.scenes)
+
+    @property
+    def judged(self) -> str:
+        """Digest of what all runs are judged on."""
+        digests = sorted(one.digest for scene in self.scenes for one in scene.now)
+        return hashlib.sha256("".join(digests).encode()).hexdigest()[:16]
+
+
+def judge_groups(
+    tables: Iterable[GroupTable],
+    now: Mapping[str, Measured],
+    old: Baseline,
+    labels: Mapping[str, Labels],
+    failed: Iterable[str] = (),
+    past: Callable[[str, str, str, int], float | None] | None = None,
+) -> list[PairOutcome]:
+    """The outcomes of all groups.
+
+    Parameters
+    ----------
+    tables : iterable of GroupTable
+        Groups and rules.
+    now, old : mapping
+        What is judged and the baseline, by name of the pair.
+    failed : iterable of str
+        Pairs that could not be evaluated: their groups cannot be judged.
+    labels : mapping of str to mapping
+        Of the pairs of both, by name.
+    past : callable, optional
+        The least value of earlier runs: by name, digest of what is judged, path, and how many runs.
+    """
+    tables = list(tables)
+    groups = [_groups(table, now, old, labels, list(failed)) for table in tables]
+    names = [group.name for among in groups for group in among]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise ConfigError(
+            f"two groups are called {quoted(twice)}; tell them apart by name, as in 'site {{site}}'"
+        )
+    sums = {
+        (place, number): [(group, _summed(rule, group, past)) for group in (*among, *together)]
+        for place, (table, among) in enumerate(zip(tables, groups, strict=True))
+        for together in [_together(table, among)]
+        for number, rule in enumerate(table.rules)
+    }
+    weights: list[float] = []
+    tested: list[tuple[Summed, float]] = []
+    for (place, _), found in sums.items():
+        some = [one for _, one in found if one and one.is_tested]
+        tested += [(one, tables[place].confidence) for one in some]
+        # One half of the error for all groups together, and one half for each by itself.
+        alone = len(some) - 1
+        weights += [0.5 / alone] * alone + [0.5] if alone > 0 else [1.0] * len(some)
+    shares = np.array(weights) / len(sums or "-")
+    worse, better = (
+        holm(np.array([p_value(strata(one)) for one, _ in tested]), shares)
+        for strata in (Summed.strata, Summed.better)
+    )
+    known = {
+        id(one): one.inferred(confidence, float(share), float(p), float(q))
+        for (one, confidence), share, p, q in zip(tested, shares, worse, better, strict=True)
+    }
+    outcomes = []
+    for place, (table, among) in enumerate(zip(tables, groups, strict=True)):
+        for k, group in enumerate((*among, *_together(table, among))):
+            column = [sums[place, number][k][1] for number in range(len(table.rules))]
+            findings = [known.get(id(one), one.finding) if one else None for one in column]
+            outcome = combined_outcome(group.name, findings, table.rules, group.faults, group.notes)
+            outcomes.append(replace(outcome, judged=group.judged))
+    return outcomes
+
+
+def _together(table: GroupTable, among: Sequence[Group]) -> list[Group]:
+    """All groups of a table as one, if there are several that can be judged."""
+    if len(among) < 2 or any(group.faults for group in among):
+        return []
+    scenes = tuple(scene for group in among for scene in group.scenes)
+    return [Group(name=f"all of {table.name}", scenes=scenes, faults=(), notes=())]
+
+
+def _groups(
+    table: GroupTable,
+    now: Mapping[str, Measured],
+    old: Baseline,
+    labels: Mapping[str, Labels],
+    failed: Sequence[str],
+) -> list[Group]:
+    """Groups by name, of the pairs that have the labels of the pattern."""
+    found: dict[str, dict[tuple[str, ...], tuple[list[str], list[str]]]] = {}
+    for side, names in enumerate((now, old)):
+        for name in sorted(names, key=natural):
+            own = labels.get(name, {})
+            if not table.has(own):
+                continue
+            others = (f"{key} {own[key]}" for key in sorted(own) if key != table.seed)
+            scene = tuple(others) if table.seed in own else (name,)
+            group = found.setdefault(patterns.fill(table.name, own), {})
+            group.setdefault(scene, ([], []))[side].append(name)
+    lost: dict[str, list[str]] = {}
+    for name in failed:
+        if table.has(labels[name]):
+            lost.setdefault(patterns.fill(table.name, labels[name]), []).append(name)
+    found |= {name: {} for name in lost.keys() - found.keys()}
+    return [
+        _group(name, scenes, now, old, lost.get(name, ()))
+        for name, scenes in sorted(found.items(), key=lambda item: natural(item[0]))
+    ]
+
+
+def _group(
+    name: str,
+    found: Mapping[tuple[str, ...], tuple[list[str], list[str]]],
+    now: Mapping[str, Measured],
+    old: Baseline,
+    lost: Iterable[str],
+) -> Group:
+    """One group, of names of runs of now and of the baseline."""
+    scenes, notes = [], []
+    faults = [f"{run}: could not be evaluated" for run in lost]
+    for scene, (mine, theirs) in found.items():
+        where = ", ".join(scene) or "all runs"
+        common = [run for run in theirs if run in now]
+        gone = [run for run in theirs if run not in now]
+        if not mine or not theirs:
+            what = "in the baseline and not among the pairs" if theirs else "not in the baseline"
+            faults.append(f"{where}: {what}")
+            continue
+        if common and gone:
+            faults.append(f"{listed(gone, SHOWN)}: in the baseline and not among the pairs")
+            continue
+        apart = [f"{run}: {text}" for run in common for text in differences(old[run], now[run])]
+        if not common:
+            apart = [
+                f"{mine[0]}: {option} is {value}, in the baseline {before}"
+                for option, value, before in unlike(
+                    now[mine[0]].parameters, old[theirs[0]]["parameters"]
+                )
+            ]
+        elif len(mine) > len(common):
+            notes.append(
+                f"{where}: {len(mine) - len(common)} runs are not in the baseline: left out"
+            )
+        faults += apart[:1]
+        sides = [now[run] for run in common or mine], [old[run] for run in theirs]
+        scenes.append(SceneRuns(now=sides[0], old=sides[1], paired=bool(common)))
+    if len(scenes) == sum(len(one.now) for one in scenes) and not all(s.paired for s in scenes):
+        faults.append("the seeds are others than in the baseline, and there is one run of each")
+    orders = {one.order for scene in scenes for one in scene.now}
+    if len(orders) > 1:
+        faults.append("the orders p of its runs differ: they have no common sum")
+    return Group(name=name, scenes=tuple(scenes), faults=tuple(faults), notes=tuple(notes))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Summed:
+    """A value of a group: what the sums over its runs say, and what each run is allowed.
+
+    Parameters
+    ----------
+    finding : Finding
+        By the sums, as for a pair.
+    group : Group
+        The runs.
+    part : pair of str
+        The class, if it is of one, and the value of a run of which this is the sum, or its root.
+    base, limit : float
+        The sum of the baseline, brought to as many runs as there are now; and the largest allowed.
+    of_sum : callable
+        The value of a sum.
+    """
+
+    finding: Finding
+    group: Group
+    part: Part
+    base: float
+    limit: float
+    of_sum: Callable[[float], float]
+
+    @property
+    def is_tested(self) -> bool:
+        """Whether something is inferred: there are seeds, and the rule is about a change."""
+        rule = self.finding.rule
+        return self.group.runs > len(self.group.scenes) and not (rule.maximum or rule.last)
+
+    def strata(self) -> list[Stratum]:
+        """What each run is allowed, and its value."""
+        if self.finding.rule.relative and self.base > 0:
+            factor, more = self.limit / self.base, 0.0
+        else:
+            factor, more = 1.0, (self.limit - self.base) / self.group.runs
+        return [
+            Stratum(
+                allowed=np.array([_old(entry, self.part) for entry in scene.old]) * factor + more,
+                now=np.array([_now(one, self.part).lower for one in scene.now]),
+                paired=scene.paired,
+            )
+            for scene in self.group.scenes
+        ]
+
+    def inferred(self, confidence: float, share: float, worse: float, better: float) -> Finding:
+        """What is inferred of the tracker, where its seeds differ.
+
+        `share` is that of the error which is for this test; `worse` and `better` are p values,
+        adjusted for all tests.
+        """
+        runs, level = self.group.runs, 1 - (1 - confidence) * share
+        paired = all(scene.paired for scene in self.group.scenes)
+        needed = max(FEWEST_RUNS, fewest(level, paired=paired))
+        rise = noticeable(self.strata(), level, needed=needed)
+        base = self.finding.base or 0.0
+        inference = Inference(
+            p_value=worse if runs >= FEWEST_RUNS else 1.0,
+            confidence=confidence,
+            runs=runs,
+            needed=needed,
+            paired=paired,
+            noticeable=self.of_sum(self.limit * (1 + rise)) / base - 1 if base > 0 else math.inf,
+            better=better if runs >= FEWEST_RUNS else 1.0,
+        )
+        verdict = self.finding.verdict
+        if verdict is Verdict.FAIL and not inference.supports(inference.p_value):
+            verdict = Verdict.NOISE
+        return replace(self.finding, verdict=verdict, inference=inference)
+
+    def better(self) -> list[Stratum]:
+        """Whether the baseline, less the slack of the rule, is above the values of now."""
+        share = max(2 - self.limit / self.base, 0.0) if self.base > 0 else 0.0
+        return [
+            Stratum(
+                allowed=np.array([_now(one, self.part).upper for one in scene.now]),
+                now=np.array([_old(entry, self.part) for entry in scene.old]) * share,
+                paired=scene.paired,
+            )
+            for scene in self.group.scenes
+        ]
+
+
+def _now(one: Measured, part: Part) -> Value:
+    """A value of a run; a class that it does not have costs nothing."""
+    name, path = part
+    values = one.values if name is None else one.classes.get(name)
+    return values[path] if values else replace(one.values[path], lower=0.0, upper=0.0)
+
+
+def _old(entry: Json, part: Part) -> float:
+    name, path = part
+    values = entry["values"] if name is None else entry["values"].get("by_class", {}).get(name, {})
+    return float(value_at(values, path) or 0.0)
+
+
+def _summed(
+    rule: Rule, group: Group, past: Callable[[str, str, str, int], float | None] | None
+) -> Summed | None:
+    """A value of all runs together; None if no run has it, or they cannot be compared."""
+    runs = [one for scene in group.scenes for one in scene.now]
+    classes: set[str | None] = {None, *(name for one in runs for name in one.classes)}
+    for scene in group.scenes:
+        classes |= {name for entry in scene.old for name in entry["values"].get("by_class", {})}
+    part = next((part for part in meanings(rule.path) if part[0] in classes), None)
+    if part is None or group.faults:
+        return None
+    tail, order, steps, old_steps = part[1], 1.0, 1.0, 1.0
+    if tail.endswith("tgospa"):
+        part, order = (part[0], "total"), runs[0].order
+    if tail == "normalised.tgospa":
+        steps = max(math.fsum(one.judged["steps"] for one in runs), 1.0)
+        old_steps = max(_sum_of(group, lambda entry: float(entry["judged"]["steps"])), 1.0)
+    found = [_now(one, part) for one in runs]
+    base = _sum_of(group, lambda entry: _old(entry, part))
+
+    def of_sum(total: float) -> float:
+        return float((total / steps) ** (1 / order))
+
+    now = Value(
+        lower=of_sum(math.fsum(one.lower for one in found)),
+        upper=of_sum(math.fsum(one.upper for one in found)),
+        proven=all(one.proven for one in found),
+        unit=1.0 if tail.endswith("tgospa") else sum(one.unit for one in found),
+    )
+    if rule.last:
+        best = past(f"group {group.name}", group.judged, rule.path, rule.last) if past else None
+        finding = judged_by_past(rule, now, best)
+    else:
+        finding = judge(rule, now, (base / old_steps) ** (1 / order))
+    limit = finding.limit**order * steps
+    return Summed(finding=finding, group=group, part=part, base=base, limit=limit, of_sum=of_sum)
+
+
+def _sum_of(group: Group, number: Callable[[Json], float]) -> float:
+    """The sum over the baseline, each scene brought to as many runs as there are now."""
+    return math.fsum(
+        math.fsum(map(number, scene.old)) * (len(scene.now) / len(scene.old))
+        for scene in group.scenes
+    )
