@@ -306,7 +306,7 @@ def test_help_is_in_sections(invoke: Run) -> None:
         (["gate", "--basel=b.json"], "no such option: --basel; did you mean --baseline?"),
         (["simulate", "x", "--target", "3"], "did you mean --targets?"),
         (["t.csv", "e.csv", "--xyz"], "no such option: --xyz\n"),
-        (["gate", "--save", "x"], "no such option: --save\n"),
+        (["simulate", "--save", "x"], "no such option: --save\n"),
         (["simulate", "x", "--plot"], "--plot is no option of simulate, but of inspect\n"),
         (["t.csv", "e.csv", "--fromat", "json"], "did you mean --format?"),
         (["t.csv", "e.csv", "--json"], "did you mean --format json?"),
