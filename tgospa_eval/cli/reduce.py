@@ -76,7 +76,7 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
     from tgospa_eval.reports.files import check_file, write_file
     from tgospa_eval.reports.tables import csv_text
     from tgospa_eval.results.records import json_text, records
-    from tgospa_eval.sensors.reduction import CloudChange, reduce_trajectories
+    from tgospa_eval.sensors.reduction import CHANGES, reduce_trajectories
 
     request, output = Request.of(options), OutputOptions.of(options)
     check_file(target, force=force, option="OUT")
@@ -104,7 +104,7 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
         "particles": sum(table["particles"]),
         "kept": sum(table["kept"]),
     }
-    change = {name: _spread(name, table[name]) for name in CloudChange._fields[2:]}
+    change = {name: _spread(name, table[name]) for name in CHANGES[2:]}
     document = {
         "schema": "tgospa-eval/reduce/1",
         "version": __version__,

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from tgospa_eval.common.manifest import FileEntry
     from tgospa_eval.reports.files import Kind
     from tgospa_eval.simulation.recordings import RecordedRows
-    from tgospa_eval.simulation.settings import SettingRun
     from tgospa_eval.tracks.trajectories import Trajectories
 
 # Spelled out here, because importing the members costs numpy; a test holds them together.
@@ -261,30 +260,26 @@ def _make_setting(folder: str, name: str, seed: int, *, force: bool) -> tuple[st
     names = "truth.csv", "estimate.csv", "measurements.csv"
     setting, kind = PUBLISHED[name], _kind(names)
     probe_folder(folder, kind, force=force, option=OPTION)
-    run = run_setting(setting, seed)
-    texts = csv_text(run.truth), csv_text(run.estimate), _measurements(run)
+    truth, estimate, measurements = run_setting(setting, seed)
+    # A row for each measurement, shuffled within a step.
+    rows = (
+        f"{time},{x!r},{y!r}\n"
+        for time, found in zip(truth.times.tolist(), measurements, strict=True)
+        for x, y in found.tolist()
+    )
+    texts = csv_text(truth), csv_text(estimate), "".join(["t,x,y\n", *rows])
     files = dict(zip(names, texts, strict=True))
     write_texts(files, folder, kind, force=force, option=OPTION)
-    count = sum(map(len, run.measurements))
+    count = sum(map(len, measurements))
     return (
         f"{folder}: {name}, {counted(setting.steps, 'step')}; "
-        f"{_size_of(run.truth, 'truth')} in {names[0]}, {counted(count, 'measurement')} in "
-        f"{names[2]}; {_size_of(run.estimate, 'estimate')} in {names[1]}, the measurements of each "
+        f"{_size_of(truth, 'truth')} in {names[0]}, {counted(count, 'measurement')} in "
+        f"{names[2]}; {_size_of(estimate, 'estimate')} in {names[1]}, the measurements of each "
         "target as they are, until your tracker's takes its place",
         f"source: {setting.source}; random numbers are not those of the source",
         f"tgospa-eval {_paths(folder, names[:2])} -c {setting.cutoff:g} -p {setting.order:g} "
         f"-g {setting.switch_penalty:g}",
     )
-
-
-def _measurements(run: "SettingRun") -> str:
-    """CSV ``t,x,y``, a row for each measurement, shuffled within a step."""
-    rows = [
-        f"{time},{x!r},{y!r}\n"
-        for time, found in zip(run.truth.times.tolist(), run.measurements, strict=True)
-        for x, y in found.tolist()
-    ]
-    return "".join(["t,x,y\n", *rows])
 
 
 def _make_scene(

@@ -1,6 +1,6 @@
 """Rows of a file to Trajectories: what is left out, duplicates, order."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -250,32 +250,28 @@ def _check_states(
         There is one, and it is not to be left out.
     """
 
-    def leave_out(wrong: Flags, say: Callable[[int, str], str]) -> None:
+    def leave_out(wrong: Flags, column: str, fault: str, remedy: str = "") -> None:
+        """Leave out rows, or refuse them with what is wrong with the first."""
         at = np.flatnonzero(wrong & choice.mask)
         if not len(at):
             return
-        text = rows.where(row := int(at[0])) + say(row, more(len(at)))
+        of_column = f", column {quoted(column)}" if column else ""
+        text = f"{of_column}: {fault}{more(len(at)) if remedy else ''}{remedy}"
         if options.on_invalid == "error" or not droppable:
-            remedy = "; --on-invalid drop leaves such rows out" if droppable else ""
-            raise InputError(f"{text}{remedy}")
-        text = text.removeprefix(f"{rows.name}, ")  # which begins every notice
-        choice.keep(~wrong, "invalid", f"{RULES_SAID['invalid']}: {text}")
+            way = "; --on-invalid drop leaves such rows out" if droppable else ""
+            raise InputError(f"{rows.where(int(at[0]))}{text}{way}")
+        place = rows.where(int(at[0])).removeprefix(f"{rows.name}, ")  # which begins every notice
+        choice.keep(~wrong, "invalid", f"{RULES_SAID['invalid']}: {place}{text}")
 
     if rows.roles.centres or options.boxes:
         infinite = np.asarray(~np.isfinite(state).all(axis=1))
-        leave_out(
-            infinite,
-            lambda _, others: f": a box too large for a number{others}; use another unit",
-        )
-    least = "> 0 for --distance iou" if options.boxes else ">= 0"
+        leave_out(infinite, "", "a box too large for a number", "; use another unit")
     for name, size in zip(("width", "height"), rows.roles.sizes, strict=False):
         extent = rows.roles.mixed(rows.numbers, (size,))[:, 0]
-
-        def said(row: int, others: str, name: str = name, extent: Floats = extent) -> str:
-            what = f"{extent[row]:g} is no {name} of a box{others}"
-            return f", column {quoted(name)}: {what}; it must be {least}"
-
-        leave_out(np.asarray(~(extent > 0 if options.boxes else extent >= 0)), said)
+        wrong = np.asarray(~(extent > 0 if options.boxes else extent >= 0)) & choice.mask
+        least = "> 0 for --distance iou" if options.boxes else ">= 0"
+        first = extent[wrong][:1].sum()
+        leave_out(wrong, name, f"{first:g} is no {name} of a box", f"; it must be {least}")
     while options.fault is not None:
         taking = state if choice.all() else state[choice.mask]
         fault = options.fault(rows.roles.names, taking.T)
@@ -283,12 +279,7 @@ def _check_states(
             return
         wrong = np.zeros(len(state), bool)
         wrong[choice.mask], column, what = fault
-        message = f", column {quoted(column)}: {what}"
-
-        def told(_: int, __: str, message: str = message) -> str:
-            return message
-
-        leave_out(wrong, told)
+        leave_out(wrong, column, what)
 
 
 def _repeats(
@@ -389,12 +380,6 @@ def _number_times(value: TimeArray) -> tuple[TimeArray, Ints]:
         begins = np.ones(len(value), bool)
         np.greater(value[1:], value[:-1], out=begins[1:])
         return value[begins], np.cumsum(begins) - 1
-    if value.dtype.kind == "i" and len(value):
-        low, high = int(value.min()), int(value.max())
-        if high - low < 4 * len(value):  # a table is quicker than sorting
-            seen = np.zeros(high - low + 1, bool)
-            seen[value - low] = True
-            return np.flatnonzero(seen) + low, (np.cumsum(seen) - 1)[value - low]
     moments, step = np.unique(value, return_inverse=True)
     return cast(TimeArray, moments), step
 
@@ -402,16 +387,15 @@ def _number_times(value: TimeArray) -> tuple[TimeArray, Ints]:
 def attributes_of(rows: Rows, taken: Ints) -> dict[str, Values]:
     """What is asked for of some rows of a file, by name; of a cloud its first particle's."""
     roles = rows.roles
+    columns: dict[int, Values] = dict(rows.attributes)
+    columns |= dict(zip(roles.numbers, rows.numbers.T, strict=True))
     found: dict[str, Values] = {}
     for name, column in roles.attributes.items():
-        if column in rows.attributes:
-            found[name] = rows.attributes[column][taken]
-        elif column in roles.numbers:
-            found[name] = rows.numbers[taken, roles.numbers.index(column)]
-        elif column == roles.time and rows.times.text is None:
-            found[name] = rows.times.value[taken].astype(np.float64)
+        if column in columns:
+            found[name] = columns[column][taken]
         elif column == roles.time:
-            found[name] = np.array([rows.moment(row) for row in taken.tolist()], dtype=object)
+            times = np.array([rows.moment(row) for row in taken.tolist()], dtype=object)
+            found[name] = times if rows.times.text is not None else times.astype(np.float64)
         else:
             numbered = rows.ids if column == roles.id else rows.classes
             assert numbered is not None  # a column is one of these or among the texts
@@ -421,7 +405,7 @@ def attributes_of(rows: Rows, taken: Ints) -> dict[str, Values]:
 
 PARTICLES_HINT = "particles of one object need a column weight"
 
-NO_TRACKS = "-1: these are detections, and TGOSPA compares tracks"
+DETECTIONS_ALONE = "every id is -1: these are detections, and TGOSPA compares tracks"
 
 NEARLY_ALL = 0.9
 """Share of rows from which one id is that of nearly all."""
@@ -429,7 +413,7 @@ NEARLY_ALL = 0.9
 
 def only_detections(name: str) -> str:
     """Message for a file whose only id is -1."""
-    return f"{name}: every id is {NO_TRACKS}; give a single track another id"
+    return f"{name}: {DETECTIONS_ALONE}; give a single track another id"
 
 
 def refusal(taken: Ints, again: Ints, key: Ints, rows: Rows, format: str) -> str:
@@ -467,16 +451,13 @@ def refusal(taken: Ints, again: Ints, key: Ints, rows: Rows, format: str) -> str
 def _cause(taken: Ints, again: Ints, rows: Rows) -> str:
     """Why rows may repeat an (id, t), with a remedy; blank if it is not known."""
     counts = np.bincount(rows.ids[1][taken])
-    name, header = rows.ids[0][int(counts.argmax())], rows.roles.headers[rows.roles.id]
-    if counts.max() < NEARLY_ALL * len(taken):
-        return ""
-    share = "every id is" if counts.max() == len(taken) else "nearly every id is"
-    if name == "-1":
-        return f"{share} {NO_TRACKS}"
-    if 2 * len(again) <= len(taken):
+    name = rows.ids[0][int(counts.argmax())]
+    if name == "-1" and counts.max() == len(taken):
+        return DETECTIONS_ALONE
+    if counts.max() < NEARLY_ALL * len(taken) or 2 * len(again) <= len(taken):
         return ""
     return (
-        f"{share} {quoted(name)}, as of detections, and TGOSPA compares tracks; if another column "
-        f"than {quoted(header)} has the ids, name it, --columns id=HEADER; "
-        f"{PARTICLES_HINT}"
+        f"nearly every id is {quoted(name)}, as of detections, and TGOSPA compares tracks; if "
+        f"another column than {quoted(rows.roles.headers[rows.roles.id])} has the ids, name it, "
+        f"--columns id=HEADER; {PARTICLES_HINT}"
     )

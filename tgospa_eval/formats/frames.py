@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from decimal import Decimal
+from functools import partial
 from numbers import Real
 
 import numpy as np
@@ -18,7 +19,7 @@ from tgospa_eval.formats.columns.headers import Roles, find_roles
 from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
-from tgospa_eval.formats.rows import Numbered, Rows, blanks, number_ids
+from tgospa_eval.formats.rows import Rows, blanks, numbered
 from tgospa_eval.formats.text.scan import numbers
 from tgospa_eval.formats.times import RowError, TimeError, Times, coded_times
 from tgospa_eval.text import quoted
@@ -28,8 +29,9 @@ from tgospa_eval.tracks.trajectories import Floats
 ID_TYPES = (str, Real, Decimal, np.bool_, datetime.date, datetime.time, datetime.timedelta)
 """Values that are ids and classes as texts; numpy's numbers and pandas' times are among them."""
 
-TIME_TYPES = (str, Real, Decimal, datetime.date)
-"""Values that are times, or no times by their text."""
+NUMBER_TYPES = (str, Real, Decimal)
+TIME_TYPES = (*NUMBER_TYPES, datetime.date)
+"""Values that are numbers and times, or none by their text."""
 
 UNWRITTEN = (NotImplementedError, OverflowError, OutOfBoundsDatetime)
 """What pandas raises where it cannot write out a timestamp."""
@@ -79,16 +81,15 @@ def frame_rows(
     """
     where = where or f"{name}, row {{}}".format
 
-    def named(column: int, wanted: str) -> Numbered:
+    def named(column: int, wanted: str) -> Coded:
         with _placed(frame.iloc[:, column], where):
-            return _numbered(frame.iloc[:, column], wanted)
+            return _texts(frame.iloc[:, column], wanted, ID_TYPES, _name)
 
     def attribute(column: int) -> Values:
         values = frame.iloc[:, column]
         if values.dtype.kind in "iuf":
             return values.to_numpy(dtype=np.float64, na_value=np.nan)
-        names, number = named(column, "a number or a text")
-        return attribute_of(Coded(names.tolist(), number), decimal)
+        return attribute_of(named(column, "a number or a text"), decimal)
 
     weight_fault = None
     states = np.empty((len(frame), len(roles.numbers)), order="F")
@@ -101,7 +102,7 @@ def frame_rows(
                 raise
             states[:, k], weight_fault = np.nan, str(error)  # it may be something else
     times = frame_times(frame.iloc[:, roles.time], name, decimal, where)
-    ids = named(roles.id, "an id")
+    ids = numbered(named(roles.id, "an id"))
     blank = blanks(ids)
     if len(blank):
         header = frame.columns[roles.id]
@@ -116,7 +117,7 @@ def frame_rows(
         times=times,
         numbers=states,
         where=where,
-        classes=None if roles.klass is None else named(roles.klass, "a class"),
+        classes=None if roles.klass is None else numbered(named(roles.klass, "a class")),
         attributes={column: attribute(column) for column in roles.texts},
         weight_fault=weight_fault,
     )
@@ -153,13 +154,8 @@ def _numbers(column: pd.Series, name: str, decimal: str) -> Floats:
             "column"
         )
     if kind == "O":
-        missing = column.isna().tolist()
-        texts = []
-        for row, value in enumerate(column.tolist()):
-            if not (missing[row] or isinstance(value, (str, Real, Decimal))):
-                raise RowError(row, _other(value, "a number"))
-            texts.append("" if missing[row] else _number_text(value, decimal))
-        values, wrong = numbers(texts, decimal)
+        texts = _texts(column, "a number", NUMBER_TYPES, partial(_number_text, decimal))
+        values, wrong = numbers(list(texts), decimal)
         if wrong:
             raise RowError(*wrong[0])
         return values
@@ -170,8 +166,10 @@ def _numbers(column: pd.Series, name: str, decimal: str) -> Floats:
     return values
 
 
-def _number_text(value: object, decimal: str) -> str:
-    """A value of a column of mixed types as a file of text would have it."""
+def _number_text(decimal: str, value: object) -> str:
+    """A number, a text or a date as a file of text would have it."""
+    if isinstance(value, datetime.date):
+        return value.isoformat()
     if isinstance(value, (str, bool, int, np.integer)):
         return str(value)
     return str(value).replace(".", decimal)
@@ -182,23 +180,23 @@ def _other(value: object, wanted: str) -> str:
     return f"a value of type {type(value).__name__}, not {wanted}; write numbers or texts"
 
 
-def _numbered(column: pd.Series, wanted: str) -> Numbered:
-    """Distinct texts and the number of each row's; blank where one is missing."""
+def _texts(
+    column: pd.Series, wanted: str, types: tuple[type, ...], text: Callable[[object], str]
+) -> Coded:
+    """The values of a column, which are of these types, as texts; blank where one is missing."""
     # Factorizing objects wants what can be hashed, and takes 1 for True.
     if column.dtype == object and pd.api.types.infer_dtype(column) != "string":
-        values = column.tolist()
-        code, found = np.arange(len(values)), values
+        code, found = np.arange(len(column)), column.tolist()
     else:
         code, uniques = pd.factorize(column)
         found = uniques.tolist()
     missing = pd.isna(pd.Series(found, dtype=object)).tolist()
     names = []
     for k, value in enumerate(found):
-        if not (missing[k] or isinstance(value, ID_TYPES)):
+        if not (missing[k] or isinstance(value, types)):
             raise RowError(int(np.flatnonzero(code == k)[0]), _other(value, wanted))
-        names.append("" if missing[k] else _name(value))
-    table, number = number_ids([*names, ""] if (code < 0).any() else names)
-    return table, number[code]  # -1, missing, is the last: ""
+        names.append("" if missing[k] else text(value))
+    return Coded([*names, ""], np.where(code < 0, len(names), code))
 
 
 def _name(value: object) -> str:
@@ -258,25 +256,10 @@ def _times(column: pd.Series, name: str, decimal: str) -> Times:
         if len(odd):
             raise TimeError(int(odd[0]), "not a finite time; write a number")
         return Times(value=np.asarray(value + 0.0), clock="number", text=None)
-    if kind == "M":
-        code, moments = pd.factorize(column)
-        return coded_times(Coded([stamp.isoformat() for stamp in moments], code), decimal)
-    if kind != "O":
+    if kind not in "MO":
         raise InputError(
             f"{name}, column {quoted(column.name)}: {column.dtype}, not times; write numbers, "
             "timestamps or ISO texts"
         )
-    if pd.api.types.infer_dtype(column) == "string":
-        code, texts = pd.factorize(column)
-        return coded_times(Coded(texts.tolist(), code), decimal)
-    seen: dict[str, int] = {}
-    codes = []
-    for row, value in enumerate(column.tolist()):
-        if not isinstance(value, TIME_TYPES):
-            raise TimeError(row, _other(value, "a time"))
-        if isinstance(value, datetime.date):
-            text = value.isoformat()
-        else:
-            text = _number_text(value, decimal)
-        codes.append(seen.setdefault(text, len(seen)))
-    return coded_times(Coded(list(seen), np.array(codes, np.int64)), decimal)
+    texts = _texts(column, "a time", TIME_TYPES, partial(_number_text, decimal))
+    return coded_times(texts, decimal)

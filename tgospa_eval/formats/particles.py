@@ -106,14 +106,14 @@ def gather(rows: Rows, key: Ints, mask: Flags, *, always: bool) -> Particles | N
     given = rows.numbers[:, roles.numbers.index(roles.weight or 0)]
     weights = np.zeros(len(given))
     weights[used] = given[used]
-    for wrong, what in ((np.isnan(weights), "blank"), (weights < 0, "negative")):
-        at = np.flatnonzero(wrong)
-        if len(at):
-            text = what if what == "blank" else f"negative: {weights[at[0]]:g}"
-            raise InputError(
-                f"{rows.where(int(at[0]))}: the weight of a particle of {_name(rows, int(at[0]))} "
-                f"is {text}{more(len(at))}; {RULE}"
-            )
+    wrong = np.flatnonzero(~(weights >= 0))
+    if len(wrong):
+        row = int(wrong[0])
+        text = "blank" if np.isnan(weights[row]) else f"negative: {weights[row]:g}"
+        raise InputError(
+            f"{rows.where(row)}: the weight of a particle of {_name(rows, row)} is {text}"
+            f"{more(len(wrong))}; {RULE}"
+        )
     largest = np.zeros(len(distinct))
     np.maximum.at(largest, number, weights[used])
     empty = np.flatnonzero(largest[number] == 0)

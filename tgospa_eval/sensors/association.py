@@ -18,13 +18,16 @@ from tgospa_eval.errors import ConfigError, InputError, real_number
 from tgospa_eval.problem.gospa import assign_pairs
 from tgospa_eval.results.records import Columns
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 Floats = NDArray[np.float64]
 
 COLUMN_NAMES = ("t", "id_a", "id_b", "distance", "mean_distance")
 
-MOST_STATES = 3000
+NOBODY = -1
+"""Row of the partner of a state that has none."""
+
+MAX_STATES = 3000
 """Rows of either side of a step: the matrix of their gains takes 72 MB."""
 
 
@@ -68,27 +71,23 @@ class Association:
     def associations_table(self) -> Columns:
         """Each state once: pairs by step, with None for the partner of an unassigned one."""
         pairs = np.flatnonzero(self.chosen)
-        i, j = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
-        values = zip(self.pairs.distance[pairs].tolist(), self.apart[pairs].tolist(), strict=True)
-        steps = self.first.step, self.second.step
-        unassigned = [
-            np.setdiff1d(np.arange(len(step)), taken).tolist()
-            for step, taken in zip(steps, (i, j), strict=True)
+        both = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
+        alone = [
+            np.setdiff1d(np.arange(len(side.step)), taken)
+            for side, taken in zip((self.first, self.second), both, strict=True)
         ]
-        rows = [
-            *(
-                (int(steps[0][a]), 0, a, self._names(a, b, *value))
-                for a, b, value in zip(i.tolist(), j.tolist(), values, strict=True)
-            ),
-            *((int(steps[0][a]), 1, a, self._names(a, None, None, None)) for a in unassigned[0]),
-            *((int(steps[1][b]), 2, b, self._names(None, b, None, None)) for b in unassigned[1]),
-        ]
-        rows.sort(key=lambda row: row[:3])
-        return {name: [row[3][k] for row in rows] for k, name in enumerate(COLUMN_NAMES)}
+        kind = np.repeat((0, 1, 2), (len(pairs), len(alone[0]), len(alone[1])))
+        a, b, pair = np.full((3, len(kind)), NOBODY)
+        a[kind < 2] = np.concatenate((both[0], alone[0]))
+        b[kind != 1] = np.concatenate((both[1], alone[1]))
+        pair[kind == 0] = pairs
+        order = np.lexsort((np.where(kind < 2, a, b), kind, self._steps(a, b)))
+        return self._table(a[order], b[order], pair[order])
 
     def costs_table(self) -> Columns:
         """All `pairs`, and whether they were associated."""
-        table = self._pairs_table(np.arange(len(self.chosen)))
+        pairs = np.arange(len(self.chosen))
+        table = self._table(self.pairs.truth_row, self.pairs.estimate_row, pairs)
         return {**table, "associated": self.chosen.astype(int).tolist()}
 
     def cross_covariances_table(self) -> Columns:
@@ -118,26 +117,28 @@ class Association:
             for r, one in enumerate(names)
             for s, other in enumerate(names)
         }
-        return {**self._pairs_table(pairs), **entries}
+        rows = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
+        return {**self._table(*rows, pairs), **entries}
 
-    def _pairs_table(self, pairs: NDArray[np.intp]) -> Columns:
-        found = self.pairs.truth_row, self.pairs.estimate_row, self.pairs.distance, self.apart
-        columns = [values[pairs].tolist() for values in found]
-        rows = [self._names(*row) for row in zip(*columns, strict=True)]
-        return {name: [row[k] for row in rows] for k, name in enumerate(COLUMN_NAMES)}
+    def _steps(self, a: Ints, b: Ints) -> Ints:
+        """The steps of rows of the sides, of which one may be `NOBODY`."""
+        steps = [np.append(side.step, 0) for side in (self.first, self.second)]
+        return np.where(a == NOBODY, steps[1][b], steps[0][a])
 
-    def _names(
-        self, a: int | None, b: int | None, value: float | None, apart: float | None
-    ) -> tuple[object, ...]:
-        side, row = (self.first, a) if a is not None else (self.second, b)
-        time = side.shown[side.step[row]]
-        return (
-            time.item() if hasattr(time, "item") else time,
-            None if a is None else self.first.ids[self.first.track[a]],
-            None if b is None else self.second.ids[self.second.track[b]],
-            value,
-            apart,
+    def _table(self, a: Ints, b: Ints, pair: Ints) -> Columns:
+        """Rows of the sides, and the distances of the pairs that they are; None of `NOBODY`."""
+        values = (
+            (self.first.shown, self._steps(a, b)),
+            (self.first.ids[self.first.track], a),
+            (self.second.ids[self.second.track], b),
+            (self.pairs.distance, pair),
+            (self.apart, pair),
         )
+        table: Columns = {}
+        for name, (column, at) in zip(COLUMN_NAMES, values, strict=True):
+            found = [*column.tolist(), None]
+            table[name] = [found[k] for k in at.tolist()]
+        return table
 
 
 def associate(
@@ -185,10 +186,10 @@ def associate(
     for begin, end in pairwise((*begins, len(step))):
         i, j = (side[begin:end] for side in rows)
         most = max(len(np.unique(i)), len(np.unique(j)))
-        if most > MOST_STATES:
+        if most > MAX_STATES:
             raise InputError(
                 f"t {first.shown[step[begin]]}: {most} states with a partner within the "
-                f"cutoff, at most {MOST_STATES} are possible; take a smaller cutoff"
+                f"cutoff, at most {MAX_STATES} are possible; take a smaller cutoff"
             )
         own = near[begin:end]
         chosen[own[assign_pairs(i, j, pairs.distance[own] - cutoff, 0.0)]] = True

@@ -1,7 +1,6 @@
 """Clouds of a whole recording reduced, and what that changed. Knows no file."""
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,16 +14,10 @@ from tgospa_eval.results.records import Columns
 from tgospa_eval.tracks.clouds import Cloud, Clouds
 from tgospa_eval.tracks.trajectories import Trajectories
 
+CloudChange = tuple[int, int, float | None, float, float | None, float]
+"""Values of `CHANGES` of a cloud; None where one is not known or has no meaning."""
 
-class CloudChange(NamedTuple):
-    """What a reduction changed in a cloud; None where that is not known or has no meaning."""
-
-    particles: int
-    kept: int
-    wasserstein: float | None
-    sliced_wasserstein: float
-    trace_kept: float | None
-    mean_shift: float
+CHANGES = ("particles", "kept", "wasserstein", "sliced_wasserstein", "trace_kept", "mean_shift")
 
 
 def reduce_trajectories(
@@ -52,14 +45,14 @@ def reduce_trajectories(
     """
     effort = effort or Effort()
     if side.clouds is None:
-        return side, _table(side, [CloudChange(1, 1, 0.0, 0.0, None, 0.0)] * len(side.step))
+        return side, _table(side, [(1, 1, 0.0, 0.0, None, 0.0)] * len(side.step))
     after = reduced(side.clouds, reduction, effort)
     return side.with_clouds(after), _table(side, _changes(side.clouds, after, effort))
 
 
 def _table(side: Trajectories, changes: list[CloudChange]) -> Columns:
     table = {"id": side.ids[side.track].tolist(), "t": side.shown[side.step].tolist()}
-    return table | {name: [getattr(one, name) for one in changes] for name in CloudChange._fields}
+    return table | {name: [change[k] for change in changes] for k, name in enumerate(CHANGES)}
 
 
 def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[CloudChange]:
@@ -85,7 +78,7 @@ def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[CloudChange]
 def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool) -> CloudChange:
     sizes = len(before[1]), len(after[1])
     if sizes[0] == sizes[1]:
-        return CloudChange(*sizes, 0.0, 0.0, 1.0, 0.0)
+        return *sizes, 0.0, 0.0, 1.0, 0.0
     means = [weights @ points for points, weights in (before, after)]
     traces = [
         float(weights @ ((points - mean) ** 2).sum(axis=1))
@@ -97,7 +90,7 @@ def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool
         if is_exact and sizes[0] * sizes[1] <= MOST_PARTICLES**2
         else None
     )
-    return CloudChange(
+    return (
         *sizes,
         exact,
         sliced_wasserstein(before, after, directions),

@@ -64,17 +64,21 @@ class Scene:
         ):
             if value not in known:
                 raise ConfigError(f"{name} is {quoted(value)}: must be one of {', '.join(known)}")
-        _check_integer("targets", self.targets, 0)
-        _check_integer("steps", self.steps, 1)
-        _check_integer("particles", self.particles, 1)
+        _check_counts(self, {"targets": 0, "steps": 1, "particles": 1})
         if self.targets * self.steps > LARGEST_COUNT:
             raise ConfigError(
                 f"{self.targets} targets in {self.steps} steps are too many: targets times steps "
                 f"must be at most {LARGEST_COUNT}"
             )
-        area = _number("area", self.area)
-        if not 1e-6 <= area <= 1e12:
-            raise ConfigError(f"area is {area:g}: must be from 1e-6 to 1e12")
+        _check_ranges(self, {"area": (1e-6, 1e12)})
+
+
+ERROR_RANGES = {
+    **dict.fromkeys(("noise", "near"), (0.0, 1000000000000.0)),
+    **dict.fromkeys(("detection", "merges", "swaps", "fragmentation"), (0.0, 1.0)),
+    "false_rate": (0.0, 1e6),
+}
+"""Least and most of errors that are real numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,24 +130,16 @@ class Tracker:
     false_length: tuple[int, int] = (3, 10)
 
     def __post_init__(self) -> None:
-        for name, most in (("noise", 1e12), ("near", 1e12), ("false_rate", 1e6)):
-            value = _number(name, getattr(self, name))
-            if not 0 <= value <= most:
-                raise ConfigError(f"{_spelt(name)} is {value:g}: must be from 0 to {most:g}")
-        for name in ("detection", "merges", "swaps", "fragmentation"):
-            value = _number(name, getattr(self, name))
-            if not 0 <= value <= 1:
-                raise ConfigError(f"{name} is {value:g}: must be a probability, from 0 to 1")
-        for name in ("confirmation", "lost", "latency"):
-            _check_integer(name, getattr(self, name), 0)
+        _check_ranges(self, ERROR_RANGES)
+        _check_counts(self, {"confirmation": 0, "lost": 0, "latency": 0})
         try:
             shortest, longest = self.false_length
         except (TypeError, ValueError):
             raise ConfigError(
                 f"false-length is {self.false_length!r}: must be two numbers, least and most"
             ) from None
-        _check_integer("false-length", shortest, 1)
-        _check_integer("false-length", longest, 1)
+        for length in (shortest, longest):
+            _check_count("false-length", length, 1)
         if shortest > longest:
             raise ConfigError(f"false-length is {shortest}:{longest}: the least comes first")
 
@@ -248,15 +244,22 @@ def _trajectories(
     return replace(found, ids=ids, times=np.arange(1, scene.steps + 1))
 
 
-def _spelt(name: str) -> str:
-    return name.replace("_", "-")
+def _check_ranges(record: "Scene | Tracker", ranges: dict[str, tuple[float, float]]) -> None:
+    """Whether these fields are real numbers from a least to a most."""
+    for name, (least, most) in ranges.items():
+        option = name.replace("_", "-")
+        value = real_number(option, getattr(record, name))
+        if not least <= value <= most:
+            raise ConfigError(f"{option} is {value:g}: must be from {least:g} to {most:g}")
 
 
-def _number(name: str, value: object) -> float:
-    return real_number(_spelt(name), value)
+def _check_counts(record: "Scene | Tracker", least: dict[str, int]) -> None:
+    """Whether these fields are whole numbers, and not too small."""
+    for name, smallest in least.items():
+        _check_count(name, getattr(record, name), smallest)
 
 
-def _check_integer(name: str, value: object, least: int) -> None:
+def _check_count(name: str, value: object, least: int) -> None:
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not whole or not least <= value <= LARGEST_COUNT:  # type: ignore[operator]
         raise ConfigError(

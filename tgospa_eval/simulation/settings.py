@@ -112,12 +112,15 @@ PUBLISHED = {
 }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SettingRun:
-    """One run of a setting.
+def run_setting(
+    setting: StudySetting, seed: int
+) -> tuple[Trajectories, Trajectories, list[Floats]]:
+    """One run; where all runs of the source have the same truth, so have all seeds.
 
-    Parameters
-    ----------
+    The random numbers are not those of the source.
+
+    Returns
+    -------
     truth : Trajectories
         The targets.
     estimate : Trajectories
@@ -125,17 +128,6 @@ class SettingRun:
         without errors of association has before it filters.
     measurements : list of (M, 2) arrays
         What a tracker gets at each step: those of targets and the false ones, shuffled.
-    """
-
-    truth: Trajectories
-    estimate: Trajectories
-    measurements: list[Floats]
-
-
-def run_setting(setting: StudySetting, seed: int) -> SettingRun:
-    """One run; where all runs of the source have the same truth, so have all seeds.
-
-    The random numbers are not those of the source.
     """
     truth_rng, rng = (
         np.random.default_rng(key) for key in (0 if setting.one_truth else [seed, 1], [seed, 2])
@@ -150,9 +142,7 @@ def run_setting(setting: StudySetting, seed: int) -> SettingRun:
         false = rng.uniform(*setting.square, size=(rng.poisson(setting.clutter), 2))
         found = np.concatenate((step[~np.isnan(step[:, 0])], np.round(false, DECIMALS)))
         measurements.append(rng.permutation(found))
-    return SettingRun(
-        truth=_named(states, 1), estimate=_named(noisy, 101), measurements=measurements
-    )
+    return _named(states, 1), _named(noisy, 101), measurements
 
 
 def _paths(setting: StudySetting, rng: np.random.Generator) -> Floats:

@@ -637,7 +637,7 @@ def test_duplicates(write: Write) -> None:
     ("ids", "cause"),
     [
         ("-1", "every id is -1: these are detections, and TGOSPA compares tracks"),
-        ("7", 'every id is "7", as of detections, and TGOSPA compares tracks'),
+        ("7", 'nearly every id is "7", as of detections, and TGOSPA compares tracks'),
         ("abcde", "name the columns of ids and times"),
     ],
 )

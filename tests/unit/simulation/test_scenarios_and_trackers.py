@@ -234,7 +234,7 @@ def test_errors_have_their_own_random_numbers() -> None:
         (Scene, {"targets": 10**6, "steps": 10**6}, "targets times steps must be at most"),
         (Scene, {"area": float("nan")}, "area is nan"),
         (Tracker, {"noise": float("inf")}, "noise is inf"),
-        (Tracker, {"detection": 1.5}, "detection is 1.5: must be a probability"),
+        (Tracker, {"detection": 1.5}, "detection is 1.5: must be from 0 to 1"),
         (Tracker, {"latency": 0.5}, "latency is 0.5: must be a whole number"),
         (Tracker, {"false_length": (5, 2)}, "false-length is 5:2"),
         (Tracker, {"false_length": 5}, "false-length is 5: must be two numbers"),

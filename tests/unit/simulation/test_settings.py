@@ -11,6 +11,7 @@ import pytest
 
 from tgospa_eval.cli import simulate
 from tgospa_eval.simulation.settings import PUBLISHED, run_setting
+from tgospa_eval.tracks.trajectories import Trajectories
 
 Run = Callable[..., Any]
 
@@ -23,33 +24,30 @@ def test_the_names_are_those_of_the_options() -> None:
 def test_draws_have_the_moments_of_the_source(name: str) -> None:
     setting = PUBLISHED[name]
     runs = [run_setting(setting, seed) for seed in range(60)]
-    assert [len(run.measurements) for run in runs] == [setting.steps] * 60
-    truth = runs[0].truth
+    assert [len(measurements) for _, _, measurements in runs] == [setting.steps] * 60
+    truth = runs[0][0]
     ends = [
         (int(steps[0]) + 1, int(steps[-1]) + 1)
         for steps in (truth.step[truth.track == k] for k in range(len(truth.ids)))
     ]
     assert tuple(ends) == setting.alive
-    same = np.array_equal(truth.state, runs[1].truth.state)
+    same = np.array_equal(truth.state, runs[1][0].state)
     assert same == setting.one_truth
-    counts = np.array([[len(step) for step in run.measurements] for run in runs])
+    counts = np.array([[len(step) for step in measurements] for _, _, measurements in runs])
     alive = np.bincount(truth.step, minlength=setting.steps)
     expected = setting.clutter + setting.detection * alive
     assert counts.mean() == pytest.approx(expected.mean(), rel=0.02)
-    errors = np.concatenate([_errors(run) for run in runs])
+    errors = np.concatenate([_errors(truth, estimate) for truth, estimate, _ in runs])
     assert errors.std() == pytest.approx(np.sqrt(setting.noise), rel=0.02)
-    detected = sum(len(run.estimate.step) for run in runs)
+    detected = sum(len(estimate.step) for _, estimate, _ in runs)
     assert detected / (60 * len(truth.step)) == pytest.approx(setting.detection, abs=0.01)
-    places = np.concatenate([np.concatenate(run.measurements) for run in runs])
+    places = np.concatenate([np.concatenate(measurements) for _, _, measurements in runs])
     assert setting.square[0] - 50 < places.min() < places.max() < setting.square[1] + 50
 
 
-def _errors(run: Any) -> np.ndarray:
-    dense = run.truth.dense()
-    tracks = [int(name) - 101 for name in run.estimate.ids]
-    return np.asarray(
-        run.estimate.state - dense[run.estimate.step, np.array(tracks)[run.estimate.track]]
-    )
+def _errors(truth: Trajectories, estimate: Trajectories) -> np.ndarray:
+    tracks = np.array([int(name) - 101 for name in estimate.ids])
+    return np.asarray(estimate.state - truth.dense()[estimate.step, tracks[estimate.track]])
 
 
 def test_motion_nearly_keeps_its_velocity() -> None:
@@ -57,7 +55,7 @@ def test_motion_nearly_keeps_its_velocity() -> None:
     setting = PUBLISHED["xia-2019"]
     jumps = []
     for seed in range(150):
-        dense = run_setting(setting, seed).truth.dense()
+        dense = run_setting(setting, seed)[0].dense()
         for k, (first, last) in enumerate(setting.alive):
             jumps.append(np.diff(dense[first - 1 : last, k], n=2, axis=0))
     jump = np.array(jumps)

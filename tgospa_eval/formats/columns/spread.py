@@ -171,8 +171,9 @@ def covariances_of(
     if spread.deviations:
         packed = _products(packed, spread, first, fix=fix)
     order = np.argsort(row, kind="stable")  # messages name the first of the file
-    in_order = row[order]
-    packed[:, order], changed = accept(packed[:, order], lambda k: where(int(in_order[k])), fix=fix)
+    packed[:, order], changed = accept(
+        packed[:, order], lambda k: where(int(row[order[k]])), fix=fix
+    )
     return np.ascontiguousarray(packed.T), notices + changed
 
 
@@ -185,20 +186,19 @@ def _blank(values: Mapping[int, Floats], spread: SpreadColumns, first: First) ->
         Of a row some entries are blank and others are not.
     """
     blank = {column: np.isnan(values) for column, values in values.items()}
-    without = np.all(list(blank.values()), axis=0)
+    without = np.asarray(np.all(list(blank.values()), axis=0), bool)
     partly = np.any(list(blank.values()), axis=0) & ~without
     if partly.any():
         at, place, others = first(partly)
-        label = next(
-            label
-            for (_, _, label), entry in zip(spread.labels(), spread.entries, strict=True)
-            if any(blank[column][at] for column in entry)
-        )
+        named = zip(spread.labels(), spread.entries, strict=True)
+        labels = [
+            label for (*_, label), entry in named if any(blank[column][at] for column in entry)
+        ]
         raise InputError(
-            f"{place}: {label} is blank and other entries of the covariance are not{others}; fill "
-            "it, or leave all blank and use --missing-cov zero"
+            f"{place}: {labels[0]} is blank and other entries of the covariance are not{others}; "
+            "fill it, or leave all blank and use --missing-cov zero"
         )
-    return np.asarray(without, bool)
+    return without
 
 
 def _entry(

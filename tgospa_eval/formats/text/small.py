@@ -7,7 +7,7 @@ import numpy as np
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import FIRST_ALIASES
-from tgospa_eval.formats.fields import floats
+from tgospa_eval.formats.fields import floats, is_number
 from tgospa_eval.formats.loading import load, unpack
 from tgospa_eval.formats.text.scan import check_text, decode, numbers
 from tgospa_eval.formats.times import TimeError, parse_times
@@ -31,23 +31,19 @@ def read_matrix(path: str, decimal: str) -> list[list[float]]:
     lines, rows = _rows(data, path, decimal) if data.strip() else ([], [])
     if not rows:
         raise InputError(f"{path}: the file is empty; {MATRIX_NEEDED}")
-    matrix: list[list[float]] = []
     for line, fields in zip(lines, rows, strict=True):
         if len(fields) != len(rows):
             raise InputError(
                 f"{path}, line {line}: {counted(len(fields), 'field')} in a file of "
                 f"{counted(len(rows), 'row')}; {MATRIX_NEEDED}"
             )
-        matrix.append([])
         for column, field in enumerate(fields, start=1):
-            try:
-                matrix[-1].append(float(floats([field], decimal)[0]))
-            except ValueError:
+            if not is_number(field, decimal):
                 raise InputError(
                     f"{path}, line {line}, column {column}: not a number: "
                     f"{quoted(field.strip())}; a matrix of numbers is needed, without header"
-                ) from None
-    return matrix
+                )
+    return [floats(fields, decimal).tolist() for fields in rows]
 
 
 def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
@@ -60,9 +56,9 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
     """
     lines, rows = _rows(unpack(load(path), path), path, decimal)
     names = [name.strip().lower() for name in rows[0]] if rows else []
-    times = next((k for k, name in enumerate(names) if name in FIRST_ALIASES["t"]), None)
-    if times is None or "weight" not in names:
-        missing = "t" if times is None else "weight"
+    time = next((name for name in names if name in FIRST_ALIASES["t"]), "")
+    if not time or "weight" not in names:
+        missing = "weight" if time else "t"
         raise InputError(
             f"{path}, line {lines[0] if lines else 1}: no column {quoted(missing)}; weights of "
             f"steps are a CSV file with the header {WEIGHTS_HEADER}"
@@ -74,37 +70,34 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
             )
     if len(rows) == 1:
         raise InputError(f"{path}: a header alone; give every step of the two files a row")
-    lines, columns = lines[1:], list(zip(*rows[1:], strict=True))
+    columns = dict(zip(names, zip(*rows[1:], strict=True), strict=True))
 
-    def where(row: int, name: str) -> str:
-        return f'{path}, line {lines[row]}, column "{name}"'
+    def wrong(row: int, name: str, what: str) -> InputError:
+        return InputError(f'{path}, line {lines[1 + row]}, column "{name}": {what}')
 
     def weights(name: str) -> Floats:
         """A column of finite numbers >= 0."""
-        texts = columns[names.index(name)]
-        values, wrong = numbers(texts, decimal)
-        for row, message in wrong:
-            raise InputError(f"{where(row, name)}: {message}")
+        values, faults = numbers(columns[name], decimal)
+        for row, message in faults:
+            raise wrong(row, name, message)
         odd = np.flatnonzero(~(values >= 0))
         if len(odd):
-            text = texts[int(odd[0])].strip()
-            raise InputError(
-                f"{where(int(odd[0]), name)}: {f'a weight of {text}' if text else 'a blank weight'}"
-                f"{more(len(odd))}; write a number >= 0, 0 for a step that does not count"
-            )
+            text = columns[name][odd[0]].strip()
+            what = f"a weight of {text}" if text else "a blank weight"
+            remedy = "write a number >= 0, 0 for a step that does not count"
+            raise wrong(int(odd[0]), name, f"{what}{more(len(odd))}; {remedy}")
         return values
 
     try:
-        found = parse_times(columns[times], lambda texts: floats(texts, decimal))
+        found = parse_times(columns[time], lambda texts: floats(texts, decimal))
     except TimeError as error:
-        raise InputError(f"{where(error.row, names[times])}: {error}") from None
+        raise wrong(error.row, time, str(error)) from None
     again = repeated(found.value)
     if again is not None:
         later, before, count = again
-        raise InputError(
-            f"{where(later, names[times])}: t = {columns[times][later]} is there twice"
-            f"{more(count)}, first on line {lines[before]}; give each step one row"
-        )
+        what = f"t = {columns[time][later]} is there twice{more(count)}"
+        remedy = f"first on line {lines[1 + before]}; give each step one row"
+        raise wrong(later, time, f"{what}, {remedy}")
     cost = weights("weight")
     switch = weights("switch_weight") if "switch_weight" in names else cost
     return WeightsByTime(times=found.value, cost=cost, switch=switch, clock=found.clock, name=path)
