@@ -525,6 +525,19 @@ def test_wrong_targets(
     assert said in answer.err
 
 
+def test_nothing_is_protected_in_silence(protected: Invoke, gate: Invoke, invoke: Invoke) -> None:
+    labels = ("--truth", "data/{scene}/{seed}/truth.csv", "--estimate", "out/{scene}/{seed}.csv")
+    assert invoke("batch", *labels, "-c", "10", "-g", "5", "-o", "store", "-q").status == 0
+    answer = invoke("gate", "store", "--baseline", "base.json", "--against", "main", "--protect")
+    assert answer.status == 2
+    assert "--against is for files and suites" in answer.err
+    before = Path("data/slow/1/truth.csv").read_text(encoding="utf-8")
+    answer = protected("--junit", "data/slow/1/truth.csv")
+    assert answer.status == 2
+    assert "is an input of the gate" in answer.err
+    assert Path("data/slow/1/truth.csv").read_text(encoding="utf-8") == before
+
+
 # --- reports --------------------------------------------------------------------------------------
 
 
@@ -604,6 +617,9 @@ def test_history_and_slow_drift(gate: Invoke, invoke: Invoke) -> None:
     assert "slow/1" in answer.out
     assert json.loads(invoke("gate", "history", "h.jsonl", "--format", "json").out)["runs"]
     assert invoke("gate", "history", "none.jsonl").status == 2
+    write("suite.toml", SUITE + "[[group]]\nfail-on = 'total:+5% best-of-last 20'\n")
+    assert "best-of-last is for trackers without seeds" in gate("--history", "h.jsonl").err
+    write("suite.toml", SUITE)
     answer = gate("--fail-on", "total:+5% best-of-last 20")
     assert answer.status == 2
     assert "rules with best-of-last need the file of --history" in answer.err

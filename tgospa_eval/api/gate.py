@@ -254,6 +254,8 @@ def judge_all(
     """
     _check_junit(gate, truth, estimate)
     if truth is not None and is_store(truth):
+        if gate.against is not None:
+            raise ConfigError("--against is for files and suites: name the baseline of a store")
         folder, path = _stores(gate, truth, estimate)
         table = _store_rows(folder)
         settings = Store(folder).settings()["options"]
@@ -341,6 +343,8 @@ def _against(
         pairs, groups, baseline, _ = load_suite(gate.suite, FLAGS, content)
     else:
         other = replace(other, suite=None)
+    for pair in (*own_pairs, *pairs):
+        _check_junit(gate, pair.truth, pair.estimate, own_named, baseline)
     path = gate.baseline if typed_only["baseline"] != "default" or not baseline else baseline
     if not path:
         raise ConfigError("no baseline: name it with --baseline FILE")
@@ -406,6 +410,23 @@ def _check_options(gate: GateOptions, path: str) -> None:
         raise ConfigError(f"{wrong}: name the file to make with --baseline FILE")
 
 
+def _check_drift(groups: Sequence[GroupTable], pairs: Sequence[Pair]) -> None:
+    """Whether rules against drift are of groups without seeds.
+
+    Raises
+    ------
+    ConfigError
+        The best of several noisy runs would be the limit.
+    """
+    for table in groups:
+        seeds = {pair.labels[table.seed] for pair in pairs if table.seed in pair.labels}
+        if len(seeds) > 1 and any(rule.last for rule in table.rules):
+            raise ConfigError(
+                f"group {table.name}: best-of-last is for trackers without seeds: the best of "
+                "noisy runs is lower than the tracker is"
+            )
+
+
 def _report(
     gate: GateOptions,
     pairs: Sequence[Pair],
@@ -418,6 +439,7 @@ def _report(
     """The outcomes of all groups and pairs, or of an update of the baseline."""
     _check_options(gate, path)
     groups = gate.tables(pairs, groups)
+    _check_drift(groups, pairs)
     if gate.group is not None:  # whose rules are those of the command line
         gate = replace(gate, fail_on=(), warn_on=(), maximum=())
     alone = {pair.name for pair in pairs} == {ONLY_PAIR} and not gate.suite
@@ -512,6 +534,8 @@ def _judged(
                 **about,
             )
         )
+    if len(pairs) > MAX_PAGES:
+        outcomes = [replace(one, page="") if not one.status else one for one in outcomes]
     if baseline is not None:
         failed = [one.name for one in outcomes if one.verdict is Verdict.ERROR]
         outcomes = [*judge_groups(groups, results, old, labels, failed, past), *outcomes]
@@ -520,6 +544,9 @@ def _judged(
     note = f"in the baseline and not in {whence}; --update-baseline --prune removes it"
     return outcomes + leftover(old, named, Verdict.INCOMPARABLE, note)
 
+
+MAX_PAGES = 200
+"""Pairs of which each has a page; of more those have one that do not pass."""
 
 IN_GROUP = "not in the baseline: judged in its group alone"
 
