@@ -75,8 +75,10 @@ class Stratum:
         """Estimated variance of the excess."""
         if self.paired:
             return len(self.now) * float(np.var(self.now - self.allowed, ddof=1))
-        sides = (self.now, 1.0), (self.allowed, len(self.now) / len(self.allowed))
-        return sum(w * w * len(side) * float(np.var(side, ddof=1)) for side, w in sides)
+        # Pooled: a side may be of one run.
+        squares = sum(float(((side - side.mean()) ** 2).sum()) for side in (self.now, self.allowed))
+        count = len(self.now)
+        return squares / self.freedom * count * (1 + count / len(self.allowed))
 
     @property
     def freedom(self) -> int:

@@ -66,3 +66,9 @@ def test_the_noticeable_change_is_noticed_four_times_of_five() -> None:
         noticed.append(p_value(strata) <= 0.05)
     assert 0.7 < np.mean(noticed) < 0.9
     assert noticeable([stratum([1], [2])], 0.95) == np.inf
+
+
+def test_the_scatter_of_one_run_against_several() -> None:
+    one = stratum([1, 2, 3, 4], [5], paired=False)
+    assert one.variance == pytest.approx(5 / 3 * (1 + 1 / 4))
+    assert np.isfinite(noticeable([one], 0.95))
