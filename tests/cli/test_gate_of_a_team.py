@@ -600,6 +600,18 @@ def test_estimates_without_a_truth_are_reported(gate: Invoke, invoke: Invoke) ->
     )
 
 
+@pytest.mark.parametrize(
+    ("option", "place"), [("--history", "no/such/folder"), ("--junit", "suite.toml/file")]
+)
+def test_what_cannot_be_written_hides_no_regression(gate: Invoke, option: str, place: str) -> None:
+    runs(0.14, 2)
+    answer = gate(option, place, "-o", "report")
+    assert answer.status == 1
+    assert f"{option} {place}: cannot be written" in answer.err
+    assert "group all" in answer.out
+    assert Path("report/gate.md").is_file()
+
+
 # --- over time ------------------------------------------------------------------------------------
 
 

@@ -24,9 +24,9 @@ from tgospa_eval.campaign.baseline import (
     measured_row,
     parse,
 )
-from tgospa_eval.campaign.gate_report import GATE_REPORTS, finding_record, title
+from tgospa_eval.campaign.gate_report import GATE_REPORTS, finding_record
 from tgospa_eval.campaign.groups import judge_groups
-from tgospa_eval.campaign.history import append_history, best_of_last, load_history
+from tgospa_eval.campaign.history import best_of_last, load_history
 from tgospa_eval.campaign.outcome import (
     PairOutcome,
     Report,
@@ -461,19 +461,6 @@ def _report(
     outcomes = _judged(
         pairs, groups, path, old, rules, partial(best_of_last, past), evaluated, whence
     )
-    if gate.history:
-        append_history(
-            gate.history,
-            {
-                title(one): {
-                    "values": {name: value.upper for name, value in one.values.items()},
-                    "judged": one.judged,
-                    "verdict": one.verdict,
-                }
-                for one in outcomes
-                if one.values
-            },
-        )
     again: tuple[str, ...] = ()
     if gate.typed and path and not is_store(path):
         command = _without(gate.typed, "--against", "--protect")

@@ -11,6 +11,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
+from tgospa_eval.campaign.gate_report import title
+from tgospa_eval.campaign.outcome import PairOutcome
 from tgospa_eval.common.files import is_missing, named, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import number
@@ -114,14 +116,25 @@ def _checked(one: Mapping[str, Any]) -> dict[str, Any]:
     return {**one, "values": values, "judged": str(one["judged"])}
 
 
-def append_history(path: str, values: Mapping[str, Mapping[str, Any]]) -> None:
-    """Add a line.
+def append_history(path: str, outcomes: Iterable[PairOutcome]) -> None:
+    """Add a line with the values of pairs and groups; of an update there are none.
 
     Raises
     ------
     ConfigError
         The file cannot be written.
     """
+    values = {
+        title(one): {
+            "values": {name: value.upper for name, value in one.values.items()},
+            "judged": one.judged,
+            "verdict": one.verdict,
+        }
+        for one in outcomes
+        if one.values
+    }
+    if not values:
+        return
     record = {
         "schema": SCHEMA,
         "time": datetime.now(UTC).isoformat(timespec="seconds"),

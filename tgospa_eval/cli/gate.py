@@ -181,9 +181,8 @@ def _run(
     from tgospa_eval.campaign.gate_report import GATE_REPORTS
     from tgospa_eval.campaign.outcome import PairOutcome, Report
     from tgospa_eval.campaign.rules import Verdict, worst
-    from tgospa_eval.campaign.suite import SEED
     from tgospa_eval.cli.shared.values import OutputOptions
-    from tgospa_eval.reports.files import GATE, probe_folder, write_texts
+    from tgospa_eval.reports.files import GATE, probe_folder
 
     def evaluated(
         truth: str, estimate: str, options: "Request", tell: Callable[[str], None]
@@ -216,13 +215,10 @@ def _run(
             version=__version__,
             settings_file=gate.config,
         )
-        if gate.output is not None:
-            from tgospa_eval.campaign.gate_page import gate_files  # here: for folders only
-
-            write_texts(gate_files(report), gate.output, GATE, force=gate.force)
         if output.format_ != "table":  # who reads it from a file finds out as well
             emit(GATE_REPORTS[output.format_](report), output.format_)
-        _publish(report, None if isinstance(error, OverInputError) else gate.junit, github=github)
+        over = isinstance(error, OverInputError)
+        _publish(replace(gate, junit=None) if over else gate, report, github=github)
         raise
     report = replace(report, settings_file=gate.config)
     several = (gate.suite and (truth is None or estimate is None)) or is_store(truth)
@@ -230,15 +226,8 @@ def _run(
         if outcome.verdict is Verdict.ERROR:
             print_notice((f"{outcome.name}: " if several else "") + " ".join(outcome.notes))
     # The files first: a full disk behind stdout must not cost the report, nor hide a regression.
-    status = worst((report.status, _publish(report, gate.junit, gate.output, github=github)))
+    status = worst((report.status, _publish(gate, report, github=github)))
     try:
-        if gate.output is not None:
-            from tgospa_eval.campaign.gate_page import gate_files  # here: for folders only
-
-            files = gate_files(report, gate.seed_label or SEED)
-            written = write_texts(files, gate.output, GATE, force=gate.force)
-            if not gate.quiet:
-                print_notice(str(written))
         emit(_printed(report, output.format_), output.format_)
     except ConfigError as error:
         print_notice(str(error))
@@ -281,25 +270,52 @@ def _printed(report: "Report", format: str) -> str:
     return table(report, max(shutil.get_terminal_size((WIDTH, 24)).columns, WIDTH))
 
 
-def _publish(report: "Report", path: str | None, folder: str | None = None, *, github: bool) -> int:
-    """JUnit file, annotations and step summary; 2 if one cannot be written, else 0."""
+def _publish(gate: "GateOptions", report: "Report", *, github: bool) -> int:
+    """Files, annotations and step summary; 2 if one cannot be written, else 0.
+
+    What cannot be written must not cost the report, nor hide a regression.
+    """
     from tgospa_eval.campaign.gate_report import annotations, append_summary, junit
+    from tgospa_eval.campaign.history import append_history
     from tgospa_eval.reports.files import write_file
 
     status = 0
-    try:
-        if path is not None:
-            write_file(path, junit(report, folder), "--junit")
-    except ConfigError as error:
-        print_notice(str(error))
-        status = error.exit_status
-    if not github:
-        return status
-    for line in annotations(report):
-        print_raw(line)
-    try:
-        append_summary(report, os.environ.get("GITHUB_STEP_SUMMARY"))
-    except ConfigError as error:
-        print_notice(str(error))
-        status = error.exit_status
+
+    def attempt(write: Callable[[], object]) -> None:
+        nonlocal status
+        try:
+            write()
+        except ConfigError as error:
+            print_notice(str(error))
+            status = error.exit_status
+
+    if (path := gate.junit) is not None:
+        attempt(lambda: write_file(path, junit(report, gate.output), "--junit"))
+    if gate.output is not None:
+        attempt(lambda: _write_folder(gate, report))
+    if (history := gate.history) is not None:
+        attempt(lambda: append_history(history, report.outcomes))
+    if github:
+        for line in annotations(report):
+            print_raw(line)
+        attempt(lambda: append_summary(report, os.environ.get("GITHUB_STEP_SUMMARY")))
     return status
+
+
+def _write_folder(gate: "GateOptions", report: "Report") -> None:
+    """Write the folder of ``-o``.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be written.
+    """
+    from tgospa_eval.campaign.gate_page import gate_files  # here: for folders only
+    from tgospa_eval.campaign.suite import SEED
+    from tgospa_eval.reports.files import GATE, write_texts
+
+    assert gate.output is not None
+    files = gate_files(report, gate.seed_label or SEED)
+    written = write_texts(files, gate.output, GATE, force=gate.force)
+    if not gate.quiet:
+        print_notice(str(written))

@@ -196,7 +196,9 @@ def _texts(
         if not (missing[k] or isinstance(value, types)):
             raise RowError(int(np.flatnonzero(code == k)[0]), _other(value, wanted))
         names.append("" if missing[k] else text(value))
-    return Coded([*names, ""], np.where(code < 0, len(names), code))
+    if (code < 0).any():  # missing; no table has a text that no row has
+        return Coded([*names, ""], np.where(code < 0, len(names), code))
+    return Coded(names, code)
 
 
 def _name(value: object) -> str:

@@ -6,7 +6,17 @@ from pathlib import Path
 import pytest
 
 from tgospa_eval.campaign.history import append_history, best_of_last, load_history
+from tgospa_eval.campaign.outcome import PairOutcome
+from tgospa_eval.campaign.rules import Value, Verdict
 from tgospa_eval.errors import ConfigError
+
+
+def outcome(total: float, judged: str = "x") -> PairOutcome:
+    value = Value(lower=total, upper=total, proven=True, unit=1.0)
+    return PairOutcome(
+        name="a", truth="", estimate="", verdict=Verdict.PASS, status=0,
+        values={"total": value}, judged=judged,
+    )  # fmt: skip
 
 
 def test_lines_are_appended_and_read_in_order_of_time(
@@ -15,14 +25,15 @@ def test_lines_are_appended_and_read_in_order_of_time(
     path = tmp_path / "history.jsonl"
     assert load_history(str(path)) == []
     monkeypatch.setenv("GITHUB_SHA", "abc")
-    append_history(str(path), {"a": {"values": {"total": 3.0}, "judged": "x"}})
+    append_history(str(path), [outcome(3)])
     old = json.dumps({"time": "2020-01-01T01:00:00+01:00", "commit": "", "values": {}})
     path.write_text(path.read_text() + old)  # without a newline at its end
-    append_history(str(path), {})
+    append_history(str(path), [outcome(4)])
+    append_history(str(path), [])
     points = load_history(str(path))
     assert [point.commit for point in points] == ["", "abc", "abc"]
     assert points[0].time == "2020-01-01T00:00:00+00:00"
-    assert points[1].values == {"a": {"values": {"total": 3.0}, "judged": "x"}}
+    assert points[1].values == {"a": {"values": {"total": 3.0}, "judged": "x", "verdict": "pass"}}
     assert path.read_bytes().count(b"\n") == 3
 
 
@@ -32,7 +43,7 @@ def test_lines_are_appended_and_read_in_order_of_time(
 )
 def test_a_line_that_is_wrong(tmp_path: Path, line: str) -> None:
     path = tmp_path / "history.jsonl"
-    append_history(str(path), {})
+    append_history(str(path), [outcome(3)])
     path.write_text(f"{path.read_text()}\n{line}\n")
     with pytest.raises(ConfigError, match="line 3: is no line of a history"):
         load_history(str(path))
@@ -41,7 +52,7 @@ def test_a_line_that_is_wrong(tmp_path: Path, line: str) -> None:
 def test_best_of_the_last_that_were_judged_alike(tmp_path: Path) -> None:
     path = str(tmp_path / "history.jsonl")
     for value, judged in [(1, "x"), (4, "x"), (2, "y"), (3, "x"), (5, "x")]:
-        append_history(path, {"a": {"values": {"total": value}, "judged": judged}})
+        append_history(path, [outcome(value, judged)])
     history = load_history(path)
     assert best_of_last(history, "a", "x", "total", 3) == 3
     assert best_of_last(history, "a", "x", "total", 9) == 1
@@ -51,4 +62,4 @@ def test_best_of_the_last_that_were_judged_alike(tmp_path: Path) -> None:
 
 def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be written"):
-        append_history(str(tmp_path / "no" / "history.jsonl"), {})
+        append_history(str(tmp_path / "no" / "history.jsonl"), [outcome(3)])
