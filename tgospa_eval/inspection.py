@@ -11,7 +11,7 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.clock import find_clock
-from tgospa_eval.evaluation.diagnosis.costs import SAMPLE, Sampler
+from tgospa_eval.evaluation.diagnosis.costs import SAMPLE
 from tgospa_eval.evaluation.diagnosis.scale import explained, suggest_cutoff, unit_notices
 from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -172,8 +172,7 @@ def compare(sides: Fitted, request: EvaluationRequest) -> Json:
     """What both files have in common: steps, time, another clock, space, nearest estimates."""
     aligned, parameters = sides.alignment, request.parameters
     distance = sides.distance.lower_bound
-    sampler = Sampler((aligned.truth, aligned.estimate), parameters, distance)
-    clock = find_clock(sides.given, sampler, request.recorded)
+    clock = find_clock(sides.given, parameters, distance, request.recorded)
     truth, estimate = sides.read
     return {
         "steps": {

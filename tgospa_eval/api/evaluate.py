@@ -9,7 +9,7 @@ from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.notices import about, pair_notices, slow_notice
 from tgospa_eval.api.resolve import Settings, called, infos, make_settings
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, as_argument, as_option, in_python, warn_user
+from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.evaluation.evaluate import evaluate_fitted
 from tgospa_eval.evaluation.prepare import Fitted, fit
@@ -88,10 +88,9 @@ def read_sides(
         sides = settings.read(*given, mapping=mapping, advise=notify is not None, known=known)
     names = called(given)
     fitted, request = settings.fit(sides, names)
-    spell = as_argument if notify is None else as_option
     notices = [
         *(notice for name, side in zip(names, sides, strict=True) for notice in about(name, side)),
-        *pair_notices(fitted, request, sides, spell),
+        *pair_notices(fitted, request, sides),
         *(() if request.solver.referee else slow_notice()),
     ]
     if notify is None:
