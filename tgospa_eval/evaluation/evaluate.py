@@ -1,5 +1,6 @@
 """The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
@@ -11,13 +12,13 @@ from tgospa_eval.evaluation.localisation import (
     split_localisation,
     within_rounding,
 )
-from tgospa_eval.evaluation.prepare import Fitted, Prepared, Source, prepare
+from tgospa_eval.evaluation.prepare import Fitted, Prepared, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest, Sliding, in_words
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.tgospa import Parameters, check_underflow
-from tgospa_eval.results.records import FileInfo, Json, MetricSums, OtherMetrics
+from tgospa_eval.results.records import Json, MetricSums, OtherMetrics
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers import Solver
 
@@ -32,7 +33,7 @@ def evaluate_fitted(
     sides: Fitted,
     request: EvaluationRequest,
     *,
-    files: tuple[FileInfo, FileInfo] | None = None,
+    files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> Result:
     """`evaluate` with everything resolved.
@@ -43,8 +44,8 @@ def evaluate_fitted(
         Truth and estimate, aligned, and their distance.
     request : EvaluationRequest
         Everything else.
-    files : pair of FileInfo, optional
-        The two files, for the result.
+    files : pair of dict, optional
+        The two files, as of `input_record`.
     stopwatch : Stopwatch
         Running clock with the time of reading.
     """
@@ -66,11 +67,11 @@ def evaluate_fitted(
     result = solve(
         prepared, request.solver, stopwatch, curve=request.curve, sliding=request.sliding
     )
-    result = replace(result, with_=others, sums=sums, source=Source(sides=sides, request=request))
+    result = replace(result, with_=others, sums=sums, source=(sides, request))
     if cut is None:
         return result
     with stopwatch.span("slices"):
-        sliced = cut.of(result)
+        sliced = split.slicings(cut, result)
     return replace(result, sliced=sliced, timings=nested_timings(stopwatch))
 
 

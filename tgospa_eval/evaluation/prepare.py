@@ -1,7 +1,7 @@
 """Before any solver: from what a user gives to two sides on one grid, near pairs, the problem."""
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -25,8 +25,8 @@ from tgospa_eval.problem.tgospa import (
     weight_existence,
     weight_steps,
 )
-from tgospa_eval.results.records import FileInfo, Json, Labels
-from tgospa_eval.results.result import ComparedSides
+from tgospa_eval.results.records import Json, Labels, input_record
+from tgospa_eval.results.result import ComparedSides, Result
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
 from tgospa_eval.tracks.judged import Judged, digest, judge, whole
@@ -61,20 +61,17 @@ class Fitted:
     axis: Axis
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Source:
+def source_of(result: Result) -> tuple[Fitted, EvaluationRequest]:
     """What was evaluated, and how: enough to evaluate something like it.
 
-    Parameters
-    ----------
-    sides : Fitted
-        Truth and estimate.
-    request : EvaluationRequest
-        Everything else.
+    Raises
+    ------
+    ConfigError
+        The result was not made by `evaluate`.
     """
-
-    sides: Fitted
-    request: EvaluationRequest
+    if result.source is None:
+        raise ConfigError("this result was not made by evaluate: evaluate again")
+    return result.source
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -181,7 +178,7 @@ def prepare(
     sides: Fitted,
     request: EvaluationRequest,
     *,
-    files: tuple[FileInfo, FileInfo] | None = None,
+    files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> Prepared:
     """The problem of two sides, all before the solver."""
@@ -200,17 +197,17 @@ def measure(
     request: EvaluationRequest,
     *,
     cutoff: float,
-    files: tuple[FileInfo, FileInfo] | None = None,
+    files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> tuple[MeasuredSides, Pairs]:
     """Both sides as they are compared, and all pairs nearer than the cutoff.
 
-    `files` are the records of the two sides beside their digests; by default their rows.
+    `files` are those of the two sides, as of `input_record`; by default their rows.
     """
     distance, aligned, time_matching = sides.distance, sides.alignment, request.time_matching
     # What is digested is what counts.
     with stopwatch.span("report"):
-        infos = files or [FileInfo(rows=len(side.step)) for side in sides.given]
+        files = files or [{"rows": len(side.step), "left_out": {}} for side in sides.given]
         digests = [
             digest(side.seen_as(distance.kinds), existence=request.probabilistic)
             for side in sides.given
@@ -252,10 +249,10 @@ def measure(
             **request.recorded,
         },
         input={
-            role: info.record(sha256, {"grid": off_grid, "steps": off_steps})
-            for role, info, sha256, off_grid, off_steps in zip(
+            role: input_record(file, sha256, {"grid": off_grid, "steps": off_steps})
+            for role, file, sha256, off_grid, off_steps in zip(
                 ("truth", "estimate"),
-                infos,
+                files,
                 digests,
                 aligned.left_out,
                 sides.axis.left_out,

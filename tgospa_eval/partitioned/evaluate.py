@@ -38,7 +38,7 @@ from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.tgospa import check_underflow
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import Costs, FileInfo, Json, Labels
+from tgospa_eval.results.records import Costs, Json, Labels, input_record
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.judged import digest_of_sums, judge
@@ -295,8 +295,10 @@ def _result(
         solver=record,
         timings={"read": 0, "distances": 0, "solve": {}, "certify": 0, "report": 0, "total": 0},
         input={
-            role: FileInfo(rows=side.rows, format=side.format, left_out=one.left_out).record(
-                digest_of_sums(side.columns, one.sums), {rule: 0 if plan.cut.resampled else one.off}
+            role: input_record(
+                {"rows": side.rows, "format": side.format, "left_out": one.left_out},
+                digest_of_sums(side.columns, one.sums),
+                {rule: 0 if plan.cut.resampled else one.off},
             )
             for role, side, one in zip(ROLES, sides, known, strict=True)
         },
