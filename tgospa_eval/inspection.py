@@ -1,6 +1,7 @@
 """What was read, in numbers: counts, extents, overlaps. Prints nothing."""
 
 from collections.abc import Iterator
+from dataclasses import asdict
 
 import numpy as np
 
@@ -185,13 +186,7 @@ def compare(sides: Fitted, request: EvaluationRequest) -> Json:
         "time": _overlap(aligned),
         "clock": None
         if clock is None
-        else {
-            "time_scale": clock.time_scale,
-            "time_offset": clock.time_offset,
-            "uncertainty": clock.uncertainty,
-            "saving": clock.saving,
-            "steps": clock.steps,
-        },
+        else {name: value for name, value in asdict(clock).items() if name != "ahead"},
         "extent": {
             name: _common_range(a, b)
             for name, a, b in zip(truth.columns, truth.state.T, estimate.state.T, strict=True)

@@ -13,7 +13,7 @@ from tgospa_eval.evaluation.localisation import (
     within_rounding,
 )
 from tgospa_eval.evaluation.prepare import Fitted, Prepared, prepare
-from tgospa_eval.evaluation.request import EvaluationRequest, Sliding, in_words
+from tgospa_eval.evaluation.request import EvaluationRequest, in_words
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.solution import Solution
@@ -64,9 +64,7 @@ def evaluate_fitted(
 
         with stopwatch.span("slices"):
             cut = split.cut(sides, request.slices, request.parameters.cutoff)
-    result = solve(
-        prepared, request.solver, stopwatch, curve=request.curve, sliding=request.sliding
-    )
+    result = solve(prepared, request.solver, stopwatch, request)
     result = replace(result, with_=others, sums=sums, source=(sides, request))
     if cut is None:
         return result
@@ -79,14 +77,11 @@ def solve(
     prepared: Prepared,
     solver: Solver,
     stopwatch: Stopwatch,
-    *,
-    curve: bool = False,
-    sliding: Sliding | None = None,
+    request: EvaluationRequest | None = None,
 ) -> Result:
     """The second half: solution, proof, result; the problem can be solved again."""
     stopwatch.progress.begin(prepared.parameters.root)
-    solution = solver(prepared.states, stopwatch)
-    return prove(prepared, solver, solution, stopwatch, curve=curve, sliding=sliding)
+    return prove(prepared, solver, solver(prepared.states, stopwatch), stopwatch, request)
 
 
 def prove(
@@ -94,11 +89,12 @@ def prove(
     solver: Solver,
     solution: Solution,
     stopwatch: Stopwatch,
-    *,
-    curve: bool = False,
-    sliding: Sliding | None = None,
+    request: EvaluationRequest | None = None,
 ) -> Result:
-    """What a solution proves of a problem; a disposable one loses its weights."""
+    """What a solution proves of a problem; a disposable one loses its weights.
+
+    The curve and windows are those that the request asks for, if there is one.
+    """
     with stopwatch.span("certify"):
         bounds, weights, breakdown = certify(prepared.states, solution, consume=solution.disposable)
     check_underflow(prepared.states.problem, prepared.parameters, bounds.upper)
@@ -115,12 +111,13 @@ def prove(
     traced = slid = None
     whole = (prepared.states, weights, solution.prices, cast("Certified", solver))
     known = solution.reduced, stopwatch.progress
-    if curve:
+    if request and request.curve:
         from tgospa_eval.evaluation.curve import trace  # here: only when it is asked for
 
         with stopwatch.span("curve"):
             traced = trace(*whole, *known)
-    if sliding is not None:
+    if request and request.sliding is not None:
+        sliding = request.sliding
         from tgospa_eval.evaluation.curve import slide  # here: only when it is asked for
 
         with stopwatch.span("windows"):

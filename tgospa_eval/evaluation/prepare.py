@@ -224,10 +224,20 @@ def measure(
         truth, estimate = (
             side.seen_as(distance.kinds) for side in (aligned.truth, aligned.estimate)
         )
-        scene = _scene(truth, estimate)
+        scene: dict[str, Any] = {  # as they were read, not as a distance scales or whitens them
+            "columns": truth.columns,
+            "truth": truth.state,
+            "estimate": estimate.state,
+            "truth_covariance": _second_moments(truth),
+            "estimate_covariance": _second_moments(estimate),
+        }
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
         (truth, estimate), prepared = distance.prepared((truth, estimate), effort)
         pairs = prepared_pairs((truth, estimate), cutoff, prepared, effort)
+    weights = None
+    if request.step_weights is not None:
+        cost, switch = request.step_weights.on(truth)
+        weights = StepWeights(cost=cost, switch=switch)
     measured = MeasuredSides(
         sides=(truth, estimate),
         distance=prepared,
@@ -261,7 +271,7 @@ def measure(
         },
         judged=judged,
         **scene,
-        step_weights=_weights_of_steps(request.step_weights, truth),
+        step_weights=weights,
         existence=(
             (existence_of(aligned.truth), existence_of(aligned.estimate))
             if request.probabilistic
@@ -269,14 +279,6 @@ def measure(
         ),
     )
     return measured, pairs
-
-
-def _weights_of_steps(given: "WeightsByTime | None", side: Trajectories) -> StepWeights | None:
-    """The weights that are asked for on the steps of an aligned side."""
-    if given is None:
-        return None
-    cost, switch = given.on(side)
-    return StepWeights(cost=cost, switch=switch)
 
 
 def fit(
@@ -325,17 +327,6 @@ def fit(
         distance=fitted,
         axis=axis,
     )
-
-
-def _scene(truth: Trajectories, estimate: Trajectories) -> dict[str, Any]:
-    """Of `ComparedSides` the states as they were read, not as a distance scales or whitens them."""
-    return {
-        "columns": truth.columns,
-        "truth": truth.state,
-        "estimate": estimate.state,
-        "truth_covariance": _second_moments(truth),
-        "estimate_covariance": _second_moments(estimate),
-    }
 
 
 def _second_moments(side: Trajectories) -> Floats | None:

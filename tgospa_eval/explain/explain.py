@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.common.words import number
+from tgospa_eval.common.words import counted, number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import on_own_times, periods_of
 from tgospa_eval.evaluation.prepare import Fitted, source_of
@@ -13,13 +13,13 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.explain.candidates import (
     Candidate,
     StatePlaces,
-    best,
+    exchanged,
     extended,
     filled,
     moved,
-    of_names,
     of_rows,
     shifted,
+    split_up,
 )
 from tgospa_eval.explain.edits import Assigned
 from tgospa_eval.explain.trials import Trials
@@ -76,7 +76,7 @@ def explain(
             for candidate in _candidates(result, sides, request, assigned, TRIED * top)
             if candidate.kind not in without
         ]
-        tried = best(able, TRIED * top)
+        tried = sorted(able, key=lambda candidate: -candidate.saving)[: TRIED * top]
         trials = Trials(proof, assigned, sides, request).run(tried, stopwatch) if tried else []
         repairs = [_repair(result, sides.read[0].columns, *trial) for trial in trials]
     worth = [repair for repair in repairs if repair.saving_upper > result.gap * result.total]
@@ -100,7 +100,7 @@ def _candidates(
         return
     places = _places(result, sides, request)
     names = (*result.labels.truths, *result.labels.estimates)
-    makers = [of_names(assigned, names), of_rows(assigned, most)]
+    makers = [exchanged(assigned), split_up(assigned, names), of_rows(assigned, most)]
     if len(sides.alignment.truth.step):
         if estimate.clouds is None:
             makers += [
@@ -172,36 +172,28 @@ def _outward(value: float, sign: int) -> float:
 def in_words(candidate: Candidate, result: Result, offset: dict[str, float]) -> str:
     """What a repair does."""
     labels, edit = result.labels, candidate.edit
-    ids = [labels.estimates[track] for track in candidate.tracks]
+    first, second = ([labels.estimates[track] for track in candidate.tracks] + 2 * [""])[:2]
     begin, end = (
         "" if k is None else str(labels.times[k]) for k in (candidate.begin, candidate.end)
     )
     span = f"t = {begin}" if begin == end else f"t = {begin} to {end}"
-    if candidate.kind == "merge":
-        return f"join estimate {ids[1]}, {span}, to estimate {ids[0]}"
-    if candidate.kind == "exchange":
-        if _last(candidate, result) < (candidate.begin or 0):
-            return f"join estimate {ids[1]} from t = {begin} on to estimate {ids[0]}"
-        return f"exchange estimates {ids[0]} and {ids[1]} from t = {begin} on"
-    if candidate.kind == "split":
-        return f"split estimate {ids[0]} at t = {begin}"
-    if candidate.kind == "drop":
-        return f"drop estimate {ids[0]}, {span}"
-    if candidate.kind == "trim":
-        return f"cut {span} off estimate {ids[0]}"
-    if candidate.kind == "fill":
-        return f"fill the gap of estimate {ids[0]}, {span}"
-    if candidate.kind == "extend":
-        onward = _last(candidate, result) < (candidate.begin or 0)
-        return f"extend estimate {ids[0]} {f'to t = {end}' if onward else f'back to t = {begin}'}"
-    if candidate.kind == "shift":
-        size, when = abs(edit.shift), "later" if edit.shift > 0 else "earlier"
-        return f"shift the whole estimate {size} {'step' if size == 1 else 'steps'} {when}"
+    kind, size = candidate.kind, abs(edit.shift)
+    if kind in ("exchange", "extend"):
+        problem = result.proof.states.problem
+        own = problem.estimate_step[problem.estimate_track == candidate.tracks[0]]
+        kind += "-after" * bool(own.max() < (candidate.begin or 0))
     parts = ", ".join(f"{name} = {number(value, 4)}" for name, value in offset.items())
-    return f"take the offset {parts} from the whole estimate"
-
-
-def _last(candidate: Candidate, result: Result) -> int:
-    """The last step of the first of its tracks."""
-    problem = result.proof.states.problem
-    return int(problem.estimate_step[problem.estimate_track == candidate.tracks[0]].max())
+    return {
+        "merge": f"join estimate {second}, {span}, to estimate {first}",
+        "exchange": f"exchange estimates {first} and {second} from t = {begin} on",
+        "exchange-after": f"join estimate {second} from t = {begin} on to estimate {first}",
+        "split": f"split estimate {first} at t = {begin}",
+        "drop": f"drop estimate {first}, {span}",
+        "trim": f"cut {span} off estimate {first}",
+        "fill": f"fill the gap of estimate {first}, {span}",
+        "extend": f"extend estimate {first} back to t = {begin}",
+        "extend-after": f"extend estimate {first} to t = {end}",
+        "shift": f"shift the whole estimate {counted(size, 'step')} "
+        f"{'later' if edit.shift > 0 else 'earlier'}",
+        "offset": f"take the offset {parts} from the whole estimate",
+    }[kind]

@@ -18,7 +18,6 @@ from tgospa_eval.evaluation.diagnosis.costs import FIRST_STEPS, Sample
 from tgospa_eval.evaluation.diagnosis.states import side_warnings, state_warnings
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching
-from tgospa_eval.tracks.durations import Duration
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.prepare import Fitted
@@ -50,7 +49,8 @@ def diagnose(sides: "Fitted", request: "EvaluationRequest") -> list[Notice]:
 
 def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
     """What bringing sides to their steps took: interpolated states, and what was not used."""
-    for (side, made), gap in zip(axis.made, _gaps_of(axis, matching), strict=True):
+    for side, made in axis.made:
+        gap = matching.gaps[("truth", "estimate").index(side)]
         other = "truth" if side == "estimate" else "estimate"
         where = f"the stamps of the {other}"
         if matching.resample is not None:
@@ -67,11 +67,6 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
             text=f"{counted(len(axis.horizon.times), 'step')} declared; at other times "
             f"{counted(first, 'row')} of the truth and {second:,} of the estimate are left out"
         )
-
-
-def _gaps_of(axis: "Axis", matching: TimeMatching) -> list[Duration]:
-    """The longest gap of each side that was interpolated."""
-    return [matching.gaps[("truth", "estimate").index(side)] for side, _ in axis.made]
 
 
 def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:

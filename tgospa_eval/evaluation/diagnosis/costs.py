@@ -225,6 +225,11 @@ class StepCosts:
         """How many."""
         return len(self.counts[0])
 
+    @property
+    def possible(self) -> int:
+        """Pairs that there could be at once."""
+        return int(np.minimum(*self.counts).sum())
+
     @cached_property
     def step(self) -> Ints:
         """Of each pair."""

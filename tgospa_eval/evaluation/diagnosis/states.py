@@ -102,7 +102,7 @@ def few_are_near(here: StepCosts) -> bool:
     if not len(here.taken):
         return True
     rows = sorted(map(len, here.objects))
-    return len(here.taken) < SOME * _most(here) and rows[1] <= UNLIKE * rows[0]
+    return len(here.taken) < SOME * here.possible and rows[1] <= UNLIKE * rows[0]
 
 
 def nearness_warnings(sample: Sample) -> list[Notice]:
@@ -139,7 +139,7 @@ def _is_chance(sample: Sample) -> bool:
     what is displaced across it is near nothing. Exchanged steps would not do, for what is at rest
     is where it was at any other step.
     """
-    most, estimate = _most(sample.here), sample.estimate
+    most, estimate = sample.here.possible, sample.estimate
     if most < ENOUGH:
         return False
     saved = _saved(sample.here) - LITTLE * most
@@ -149,11 +149,6 @@ def _is_chance(sample: Sample) -> bool:
         if saved <= HARDLY * sum(by_chance) / len(by_chance):
             return True
     return False
-
-
-def _most(here: StepCosts) -> int:
-    """Pairs that there could be."""
-    return int(np.minimum(*here.counts).sum())
 
 
 def _saved(costs: StepCosts) -> float:
