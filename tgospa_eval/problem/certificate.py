@@ -19,7 +19,15 @@ from tgospa_eval.problem.reduced import forced_cost
 from tgospa_eval.problem.slots import PART, Slots
 from tgospa_eval.problem.solution import Bounds, Breakdown, Reduced, Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, changes, make_feasible, row_parts, spare, whole_weights
+from tgospa_eval.problem.weights import (
+    ONE,
+    assigned,
+    changes,
+    make_feasible,
+    row_parts,
+    spare,
+    whole_weights,
+)
 
 
 class UnassignedPrices:
@@ -385,8 +393,7 @@ def break_down(states: States, weights: Ints) -> Breakdown:
 def _break_down(states: States, weights: Ints) -> tuple[list[Floats], list[float]]:
     """Costs, numbers and variation by step, and sums of some terms of the total each."""
     problem, steps = states.problem, states.problem.steps
-    used = np.flatnonzero((weights != 0) & (states.entry >= 0))
-    entry, whole = states.entry[used], weights[used]
+    used, entry, whole = assigned(states, weights)
     paid = whole / ONE * problem.cost[entry]
     terms, costs, counts = _in_chunks(paid), [sum_by(states.begin[used], paid, steps)], []
     for side in problem.sides:

@@ -119,8 +119,7 @@ def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:
         return np.zeros(0, np.int64)
     one_step = states.block_begin == states.block_end
     if one_step.any():
-        of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
-        _assign_steps(states, np.flatnonzero(one_step[of_state]), weights, prices)
+        _assign_steps(states, np.flatnonzero(states.states_of(one_step)), weights, prices)
     return places_of(~one_step)
 
 
@@ -148,8 +147,7 @@ def _solve_paths(states: States, weights: Floats, prices: Floats, *, conflict_fr
             done |= np.bincount(clash, minlength=blocks) == 0
         mine = np.zeros(blocks, bool)
         mine[left] = done[left]
-        of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
-        np.copyto(weights, best, where=mine[of_state])
+        np.copyto(weights, best, where=states.states_of(mine))
     open_ones: Ints = left[~done[left]]
     return open_ones
 
