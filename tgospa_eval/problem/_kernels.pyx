@@ -977,14 +977,8 @@ cdef class Brackets:
 
     # --- prices
 
-    def look(self, const double[::1] prices):
-        """Bound of each block at the prices, (B,)."""
-        with nogil:
-            self._survey(&prices[0], False, 0.0, NULL)
-        return self.bound(prices)
-
     def bound(self, const double[::1] prices):
-        """The same where the last survey was at these prices."""
+        """Bound of each block at the prices of the last survey, (B,)."""
         with nogil:
             self._bound(&prices[0])
         return np.array(self.found)

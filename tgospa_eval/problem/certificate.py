@@ -74,7 +74,7 @@ def unpaired_prices(states: States) -> tuple[float, float]:
     for side, blocks in zip(states.problem.sides, states.track_blocks, strict=True):
         unpaired = blocks < 0
         price = side.price[unpaired[side.track]] if unpaired.any() else side.price[:0]
-        found.append(float(lower_sums(price, np.array([0, len(price)]))[0]) if len(price) else 0.0)
+        found.append(float(lower_sums(price, np.array([0, len(price)]))[0]))
     return found[0], found[1]
 
 
@@ -308,21 +308,10 @@ def idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats
     if kernels:
         found: Floats = kernels.idle_prices(*running, left, first)
         return found
-    unit, whole = running[0], running[1][1:] - running[1][:-1]
-    low, high = (_whole_sums(half * left, first) for half in _halves(whole))
+    unit, whole = running[0], np.diff(running[1])
+    halves = whole & (HALF_WORD - 1), whole // HALF_WORD
+    low, high = (np.diff(np.append(0, np.cumsum(half * left))[first]) for half in halves)
     return np.stack((-up(unit * low), -up(unit * HALF_WORD * high)))
-
-
-def _halves(whole: Ints) -> tuple[Ints, Ints]:
-    """Integers >= 0 as remainders and multiples of HALF_WORD."""
-    return whole & (HALF_WORD - 1), whole // HALF_WORD
-
-
-def _whole_sums(value: Ints, first: Ints) -> Ints:
-    """Sums of parts of integers; part i begins at first[i]."""
-    running = np.concatenate(([0], np.cumsum(value)))
-    sums: Ints = running[first[1:]] - running[first[:-1]]
-    return sums
 
 
 def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
@@ -363,11 +352,8 @@ def home_blocks(states: States, inner: States) -> Ints:
 
 def _in_chunks(terms: Floats) -> list[float]:
     """Sums of TERMS_TOGETHER terms each."""
-    return (
-        np.add.reduceat(terms, np.arange(0, len(terms), TERMS_TOGETHER)).tolist()
-        if len(terms)
-        else []
-    )
+    sums: list[float] = np.add.reduceat(terms, np.arange(0, len(terms), TERMS_TOGETHER)).tolist()
+    return sums
 
 
 def break_down(states: States, weights: Ints) -> Breakdown:

@@ -72,8 +72,6 @@ def per_step_gospa(problem: Problem) -> PerStep:
 def _cheapest(problem: Problem) -> Iterator[Ints]:
     """Entries of the cheapest assignment, component by component of the graph of near pairs."""
     rows, columns = problem.truth_row, problem.estimate_row
-    if not len(rows):
-        return
     truths = len(problem.truth_step)
     label = connected_components(rows, columns + truths, truths + len(problem.estimate_step))
     order = np.argsort(label[rows], kind="stable")

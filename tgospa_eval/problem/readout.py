@@ -78,7 +78,7 @@ def read_switches(states: States, weights: Ints) -> Switches:
         """Of each group the estimate of its first change that is chosen."""
         place = np.where(chosen[order], np.arange(len(order)), len(order))
         track = np.append(states.pair_estimate[pair[order]], -1)
-        found: Ints = track[np.minimum.reduceat(place, first)] if len(first) else first
+        found: Ints = track[np.minimum.reduceat(place, first)]
         return found
 
     return Switches(
@@ -86,7 +86,7 @@ def read_switches(states: States, weights: Ints) -> Switches:
         truth=truth[order[first]],
         before=largest(~rises),
         after=largest(rises),
-        variation=np.add.reduceat(amount[order], first) if len(first) else np.zeros(0),
+        variation=np.add.reduceat(amount[order], first),
     )
 
 

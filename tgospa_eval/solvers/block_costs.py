@@ -85,7 +85,7 @@ def better(states: States, first: Floats, second: Floats) -> Floats:
 #
 # Nothing here is reported; the bracket of the result is made by `problem.certificate.certify`.
 
-SideMetadata = tuple[NDArray[np.bool_], Floats, Floats, Floats]
+BlockBrackets = tuple[NDArray[np.bool_], Floats, Floats, Floats]
 """Some blocks, and of all blocks the width of the bracket, cost, and cost of leaving all."""
 
 FINEST = 1e-12
@@ -167,7 +167,7 @@ class BatchProgress:
     ) -> None:
         self.whole, self.number = whole, number
         self.states, self.weights, self.quickly = states, weights, quickly
-        self.known: SideMetadata | None = None
+        self.known: BlockBrackets | None = None
 
     def update(
         self,
@@ -196,7 +196,7 @@ class BatchProgress:
         unassigned = unassigned_costs(self.states) if self.quickly.any() else none
         self._pass_on(self.known or (none > 0, none, none, unassigned), 1.0)
 
-    def _pass_on(self, known: SideMetadata, share: float) -> None:
+    def _pass_on(self, known: BlockBrackets, share: float) -> None:
         blocks, width, cost, unassigned = known
         gained = -_gains(self.states, self.weights)
         upper = np.where(blocks, cost - unassigned, gained)

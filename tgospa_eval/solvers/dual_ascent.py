@@ -59,7 +59,7 @@ class Ascent:
     unassigned_cost : (B,) float array
         Cost of leaving all unassigned.
     flags : (S,) uint8 array
-        Marks of each state by the last survey: NEAR, NEEDED, LOSES, BEST, TEMPTED.
+        Marks of each state by the last `mark`: NEAR, NEEDED, LOSES, BEST, TEMPTED.
     work, sweeping : int, float
         States, those of being in none included, times half sweeps; the seconds that they took.
     seconds : dict
@@ -93,7 +93,8 @@ class Ascent:
         self.most = self.brackets.most
         self.most[:] = self.unassigned_cost - sum_by(states.node_block, taken_off, blocks)
         self.soft = np.zeros(len(prices))
-        self.dual[:] = self.survey(prices, 0.0)
+        self.mark(prices, 0.0)
+        self.dual[:] = self.brackets.bound(prices)
         self.primal[wanted] = -np.inf
         self.brackets.round(0)
 
@@ -136,23 +137,15 @@ class Ascent:
         wide: NDArray[np.bool_] = self.brackets.wide(self.wanted_gap if gap is None else gap)
         return wide
 
-    def look(self, prices: Floats) -> Floats:
-        """Bound of each block at the prices, (B,)."""
-        bounds: Floats = self.brackets.look(prices)
-        return bounds
-
-    def survey(self, prices: Floats, reach: float) -> Floats:
-        """`look`, with `flags` of every state and the value of the best assignment of each row."""
-        self.mark(prices, reach)
-        bounds: Floats = self.brackets.bound(prices)
-        return bounds
-
     def mark(self, prices: Floats, reach: float) -> None:
-        """`survey` where nobody asks for the bound."""
+        """`flags` of every state at the prices, and the value of the best assignment of each row.
+
+        States with slack up to `reach` are near.
+        """
         self.brackets.mark(prices, reach)
 
     def has(self, flag: int) -> NDArray[np.bool_]:
-        """Which states bear a flag since the last survey, (S,)."""
+        """Which states were marked with a flag last, (S,)."""
         return (self.flags & flag) > 0
 
     def try_prices(self, prices: Floats) -> None:
@@ -234,7 +227,7 @@ class Ascent:
         return self.states.columns.loads(self.weights) > 1 - 1e-9
 
     def near(self, also: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """States that a programme may have to decide, after a survey, (S,).
+        """States that a programme may have to decide, after `mark`, (S,).
 
         Near are the states within its reach, those in use and those in `also`. Where a row
         has one of them only, and cannot well do without, it is decided.

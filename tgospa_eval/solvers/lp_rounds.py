@@ -231,7 +231,7 @@ class Programmes:
 
     def _near(self, reach: float) -> Mask:
         """States that a programme may have to decide, (S,)."""
-        self.ascent.survey(self.ascent.prices, reach)
+        self.ascent.mark(self.ascent.prices, reach)
         return self.ascent.near(self.tempted)
 
     def _solve_undecided(self, near: Mask, reach: float, most: int | None) -> bool:
@@ -326,7 +326,7 @@ class Programmes:
         ascent.try_prices(prices)
         if ascent.open_gap <= PROGRAMMES.met * ascent.open_cost:
             return
-        ascent.survey(prices, 0.0)
+        ascent.mark(prices, 0.0)
         self.tempted |= ascent.has(kernels.TEMPTED)
         if len(solved) > 1 and ascent.open_gap < 0.5 * wide:
             return

@@ -123,17 +123,15 @@ def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:
     return places_of(~one_step)
 
 
-def solve_rows(states: States, weights: Floats, prices: Floats) -> Ints:
-    """`solve_steps`, and the blocks with one row (one pair included): each is a shortest path."""
-    return _solve_paths(states, weights, prices, conflict_free=False)
-
-
 def solve_conflict_free(states: States, weights: Floats, prices: Floats) -> Ints:
     """`solve_rows`, and the blocks whose rows want different columns: prices 0 prove it."""
-    return _solve_paths(states, weights, prices, conflict_free=True)
+    return solve_rows(states, weights, prices, conflict_free=True)
 
 
-def _solve_paths(states: States, weights: Floats, prices: Floats, *, conflict_free: bool) -> Ints:
+def solve_rows(
+    states: States, weights: Floats, prices: Floats, *, conflict_free: bool = False
+) -> Ints:
+    """`solve_steps`, and the blocks with one row (one pair included): each is a shortest path."""
     left = solve_steps(states, weights, prices)
     is_row = np.zeros(states.nodes, bool)
     is_row[states.pair_row] = True

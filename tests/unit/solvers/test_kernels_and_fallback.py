@@ -160,7 +160,7 @@ def test_relative_gains_are_those_of_the_certificate(name: str, uniform: bool) -
         assert field.layout.gain == pytest.approx(value, abs=1e-12)
     off = np.add.reduceat(np.append(field.layout.offset, 0.0), steps.first[:-1])
     off[np.diff(steps.first) == 0] = 0.0
-    field.look(np.zeros(len(states.columns.step)))
+    field.mark(np.zeros(len(states.columns.step)), 0.0)
     assert field.best + off == pytest.approx(best_values(states, states.gain), abs=1e-10)
 
 
@@ -173,7 +173,7 @@ def test_a_survey_says_what_forcing_a_state_costs(name: str, reach: float) -> No
     survey = ascent_of(states)
     rng = np.random.default_rng(1)
     prices = rng.exponential(0.2, len(states.columns.step))
-    survey.survey(prices, reach)
+    survey.mark(prices, reach)
     value = states.gain - states.columns.totals(prices)
     best = best_values(states, value)
     row, end = states.pair_row[states.pair], states.end
