@@ -18,7 +18,7 @@ from tgospa_eval.partitioned.long.tables import (
     no_assignment,
 )
 from tgospa_eval.partitioned.shards import HELD, PARTS_OF_TRACKS, contribute
-from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.problem.certificate import idle_prices
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.rows import PricedPlaces
@@ -53,8 +53,7 @@ def join_columns(
     np.add.at(rows, whose, present["end"] - present["begin"] + 1)
     first = np.searchsorted(places["estimate"], _ends(estimates))
     unit, sums = exact_running(np.ascontiguousarray(places["price"]), first.astype(np.int32))
-    with writing(output) as folder:
-        folder.mkdir()
+    with writing_folder(output) as folder:
         np.save(folder / "estimates.npy", estimates)
         np.save(folder / "rows.npy", rows)
         np.save(folder / "first.npy", first)
@@ -185,8 +184,7 @@ def add_rest(
         "unassigned": price * free,
         "unassigned_count": free,
     }
-    with writing(output) as folder:
-        folder.mkdir()
+    with writing_folder(output) as folder:
         np.savez(
             folder / "sums.npz",
             lower=expansion(terms.ravel().tolist()),

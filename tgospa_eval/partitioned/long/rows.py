@@ -18,7 +18,7 @@ from tgospa_eval.partitioned.long.tables import (
     renumbered,
 )
 from tgospa_eval.partitioned.shards import HELD, contribute, problem_of, tables_of
-from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.problem.certificate import row_terms
 from tgospa_eval.problem.paths import best_values
 from tgospa_eval.problem.problem import REGRET, Floats, Ints, Problem, sum_by
@@ -78,8 +78,7 @@ def prove_rows(
     moved = np.flatnonzero(changed(states.pair_first, weights))
     variation = np.abs(weights[moved] - weights[moved - 1])
     intervals = _intervals(states, weights, first, numbers)
-    with writing(output) as folder:
-        folder.mkdir()
+    with writing_folder(output) as folder:
         contribute(
             folder,
             tables=tables_of(states, weights, first, numbers),

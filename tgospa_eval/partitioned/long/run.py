@@ -23,7 +23,7 @@ from tgospa_eval.partitioned.long.windows import (
     solve_window,
 )
 from tgospa_eval.partitioned.shards import PartialSums, contribute
-from tgospa_eval.partitioned.tasks import Run, Task, left_until, writing
+from tgospa_eval.partitioned.tasks import Run, Task, left_until, writing_folder
 from tgospa_eval.problem.paths import down
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.tgospa import Parameters
@@ -293,8 +293,7 @@ def width(joined: ComponentBounds) -> float:
 def _stored(joined: ComponentBounds, output: str) -> ComponentBounds:
     """With the share in a folder like the others."""
     if not Path(output).exists():
-        with writing(output) as folder:
-            folder.mkdir()
+        with writing_folder(output) as folder:
             contribute(folder, share=joined.share)
     return replace(joined, folders=(*joined.folders, output))
 

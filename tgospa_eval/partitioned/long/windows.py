@@ -25,7 +25,7 @@ from tgospa_eval.partitioned.long.tables import (
     save_parts,
 )
 from tgospa_eval.partitioned.shards import ENTRY, HELD, problem_of, within
-from tgospa_eval.partitioned.tasks import left_until, writing
+from tgospa_eval.partitioned.tasks import left_until, writing, writing_folder
 from tgospa_eval.problem.certificate import fair_prices
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Ints
@@ -257,8 +257,7 @@ def solve_window(
         ("busy", _busy(gains[gains["weight"] > 0]), "estimate"),
         ("present", _busy(gains), "estimate"),
     )
-    with writing(output) as folder:
-        folder.mkdir()
+    with writing_folder(output) as folder:
         for name, table, track in by_track:
             of_shard = bounds[0] if track == "truth" else bounds[1]
             part = shard_of(table[track], of_shard)
