@@ -15,7 +15,7 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.engines.processes import PersistentPool
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
-from tgospa_eval.partitioned.long.run import Long, solve_long
+from tgospa_eval.partitioned.long.run import solve_long
 from tgospa_eval.partitioned.scan import READ, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import (
     PARTS_OF_TRACKS,
@@ -452,15 +452,16 @@ def _solve(
         lambda output: PartialSums.load(Path(output) / "share.npz"),
     )
     for number in np.flatnonzero(shards.long).tolist():
-        component = Long(
-            entries=tuple(str(Path(folder) / long_name(number)) for folder in folders),
-            parameters=parameters,
-            work=str(work / "long" / f"{number:06d}"),
+        name = str(work / "long" / f"{number:06d}")
+        joined = solve_long(
+            [str(Path(folder) / long_name(number)) for folder in folders],
+            parameters,
+            name,
+            partial(stages.run, "solving a long component"),
+            partial(stages.prove, name=name),
             gap=solver.gap,
             together=most,
             end=end,
         )
-        run = partial(stages.run, "solving a long component")
-        joined = solve_long(component, run, partial(stages.prove, name=component.work))
         found += map(Path, joined.folders)
     return found

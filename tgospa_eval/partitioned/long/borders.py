@@ -70,7 +70,7 @@ def value_borders(
     """
     first, last = window
     problem, _, numbers = load_rows(pieces, number, window, parameters)
-    places = load_columns(columns, numbers[1], first).places
+    places, _, _ = load_columns(columns, numbers[1], first)
     states = rows_of_component(problem, places)
     values = _Values(states, places)
     held = renumbered(np.load(Path(rows) / "by_estimate.npy"), numbers)
