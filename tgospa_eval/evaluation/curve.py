@@ -24,7 +24,6 @@ from tgospa_eval.problem.certificate import ROUNDOFF, fair_prices
 from tgospa_eval.problem.prefixes import (
     Cells,
     PrefixBounds,
-    bound_prefixes,
     costs_so_far,
     whole_prices,
 )
@@ -65,9 +64,9 @@ def trace(
     """
     progress = progress or Progress()
     prices = fair_prices(prices)
-    found = bound_prefixes(states, weights, prices)
+    found = PrefixBounds.of(states, weights, prices)
     cells, parts = found.cells, found.parts.copy()
-    least, error = found.lower.copy(), found.error.copy()
+    least, error = found.whole_lower(states), found.error.copy()
     unpaired_costs = np.cumsum(unpaired_by_step(states), axis=1)
     ends = cells.first[1:] - 1
     least[ends] = np.maximum(least[ends], whole_blocks(states, prices, reduced))

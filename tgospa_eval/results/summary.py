@@ -39,8 +39,10 @@ from tgospa_eval.results.records import (
     Labels,
     MetricSums,
     OtherMetrics,
+    as_lists,
     json_text,
     records,
+    step_columns,
 )
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.text import quoted
@@ -179,7 +181,7 @@ class Summary(ABC):
     @cached_property
     def scale(self) -> float:
         """c^p: costs of one unit of the dimensionless problem."""
-        return float(self.proof.parameters.cutoff**self.proof.parameters.order)
+        return self.proof.parameters.scale
 
     def _root(self, cost: float) -> float:
         return self.proof.parameters.root(cost)
@@ -352,12 +354,8 @@ class Summary(ABC):
 
     def _per_step(self) -> Columns:
         """Cost of each step by kind."""
-        split = self.proof.breakdown
-        parts = {name: self.scale * getattr(split, name) for name in PARTS}
-        table: Columns = {"t": list(self.labels.times)}
-        table.update({name: part.tolist() for name, part in parts.items()})
-        table["total"] = sum(parts.values(), np.zeros(len(self.labels.times))).tolist()
-        return table
+        costs = step_columns(self.proof.breakdown, self.scale)
+        return {"t": list(self.labels.times)} | as_lists(costs)
 
     def _curve(self) -> Columns:
         """The normalised curve (docs/theory/solvers.md): no columns if it was not asked for.
