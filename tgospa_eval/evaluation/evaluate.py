@@ -139,7 +139,7 @@ def prove(
         labels=prepared.labels,
         gap=gap,
         settings={**prepared.settings, **solver_settings(solver)},
-        solver=_solver_record(solver, solution, prepared.parameters, met=bounds.met(gap)),
+        solver=solver_record(solver, solution, prepared.parameters, met=bounds.met(gap)),
         timings=nested_timings(stopwatch),
         input=prepared.input,
         judged_on=prepared.judged,
@@ -150,15 +150,13 @@ def prove(
     )
 
 
-def _solver_record(
-    solver: Solver, solution: Solution, parameters: Parameters, *, met: bool
-) -> Json:
+def solver_record(solver: Solver, solution: Solution, parameters: Parameters, *, met: bool) -> Json:
     """The record of the solver for the result; the bracket of its history as costs."""
     finished, status = solution.finished, solution.sentence
     if met != finished and (met or solver.proves):
         # The proof knows better than the solver.
         finished, status = met, str(Status.SOLVED if met else Status.NOT_SOLVED)
-    scale = parameters.cutoff**parameters.order
+    scale = parameters.scale
     return {
         "name": solver.name,
         "status": status,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.partitioned.tasks import left_until, writing
+from tgospa_eval.partitioned.tasks import left_until, writing_folder
 from tgospa_eval.problem.certificate import prove, unpaired_prices
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats, Ints, Problem
@@ -111,8 +111,7 @@ def sort_entries(
     np.cumsum(np.bincount(shard, minlength=len(long)), out=first[1:])
     entry = entry[order]
     others = int(first[np.count_nonzero(long)])  # long ones are the first
-    with writing(output) as folder:
-        folder.mkdir()
+    with writing_folder(output) as folder:
         np.save(folder / "first.npy", first - others)
         for number in np.flatnonzero(long).tolist():
             np.save(folder / long_name(number), entry[first[number] : first[number + 1]])
@@ -198,8 +197,7 @@ def solve_shard(
         }
         for side in (0, 1)
     ]
-    with writing(output) as folder:
-        folder.mkdir()
+    with writing_folder(output) as folder:
         contribute(
             folder,
             tables=tables_of(states, weights, first, numbers),

@@ -43,7 +43,7 @@ from tgospa_eval.partitioned.input.runs import (
     write_runs,
 )
 from tgospa_eval.partitioned.input.tables import FilePiece, open_table, read_head, size_of
-from tgospa_eval.partitioned.tasks import Run, Task, writing
+from tgospa_eval.partitioned.tasks import Run, Task, writing_folder
 from tgospa_eval.text import listed
 from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray, Trajectories
 
@@ -131,8 +131,7 @@ def index_side(
             yield found
 
     moments = merged_moments(gathered())
-    with writing(str(store / "steps")) as folder:
-        folder.mkdir()
+    with writing_folder(str(store / "steps")) as folder:
         known = {
             "runs": [str(run.relative_to(store)) for run in runs],
             "ends": ends,

@@ -79,6 +79,11 @@ class Parameters:
         return {k: v for k, v in vars(self).items() if k != "rho" or v != 0.5}
 
     @property
+    def scale(self) -> float:
+        """c^p: costs of one unit of the dimensionless problem."""
+        return float(self.cutoff**self.order)
+
+    @property
     def unassigned_prices(self) -> tuple[float, float]:
         """What a missed and a false target cost in units of c^p; they sum to 1 exactly."""
         missed = 1.0 - self.rho

@@ -3,7 +3,12 @@
 from collections.abc import Mapping
 from typing import Any, Literal, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.problem.problem import Ints
+from tgospa_eval.problem.readout import PerTrack
 from tgospa_eval.problem.solution import Bounds, Breakdown
 from tgospa_eval.problem.tgospa import Parameters
 
@@ -83,6 +88,34 @@ def input_record(file: Json, sha256: str, off: Mapping[str, int]) -> Json:
     """
     left_out = file["left_out"] | {name: rows for name, rows in off.items() if rows}
     return file | {"left_out": left_out, "sha256": sha256}
+
+
+Arrays: TypeAlias = dict[str, NDArray[Any]]
+"""Columns by name, all of one length, as arrays."""
+
+
+def step_columns(split: Breakdown, scale: float) -> Arrays:
+    """Cost of each step by kind, and of all; `scale` is c^p."""
+    columns = {name: scale * getattr(split, name) for name in PARTS}
+    return columns | {"total": sum(columns.values(), np.zeros(len(split.switch)))}
+
+
+def track_columns(side: int, steps: Ints, costs: PerTrack, scale: float) -> Arrays:
+    """What each truth (side 0) or estimate (side 1) costs; `steps` says at how many it exists."""
+    kind = ("missed", "false")[side]
+    return {
+        "steps": steps,
+        "localisation": scale * costs.localisation,
+        kind: scale * costs.unassigned,
+        "switch": scale * costs.switch,
+        f"{kind}_count": costs.unassigned_count,
+        "switch_count": costs.switch_count,
+    }
+
+
+def as_lists(columns: Arrays) -> Columns:
+    """Columns of plain Python values."""
+    return {name: column.tolist() for name, column in columns.items()}
 
 
 def json_text(document: Mapping[str, object]) -> str:

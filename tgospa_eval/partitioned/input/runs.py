@@ -24,7 +24,7 @@ from tgospa_eval.formats.rows import Numbered, Rows, number_ids
 from tgospa_eval.formats.times import EXACT_BELOW, Times
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.partitioned.input.tables import FilePiece
-from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.tracks.trajectories import CLOCKS, Ints, TimeArray
 
 PENDING = 1 << 22
@@ -197,8 +197,7 @@ def write_runs(
     output: str, pieces: Sequence[FilePiece], options: ReadOptions, rows_together: int
 ) -> None:
     """Write the rows of pieces, in the order of the files, as runs of at least so many rows."""
-    with writing(output) as folder:
-        folder.mkdir()
+    with writing_folder(output) as folder:
         parts: list[Rows] = []
         origins: list[tuple[int, int, FilePiece]] = []
         count = runs = 0
