@@ -14,11 +14,9 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.common.words import counted, natural
-from tgospa_eval.distances import Distance
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.engines.engine import Engine
 from tgospa_eval.engines.processes import PersistentPool, Processes
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import Axis, check_left
 from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
 from tgospa_eval.evaluation.evaluate import nested_timings, solver_record, solver_settings
@@ -78,7 +76,7 @@ class SideSummary:
     @classmethod
     def of(cls, side: PartsSide, blocks: Sequence[Json]) -> "SideSummary":
         """Of what `scan` says of all blocks."""
-        left_out = Counter(side.left_out)
+        left_out = Counter(side.steps.left_out)
         for block in blocks:
             left_out.update(block["left_out"])
         repaired = {tuple(one.items()): one for block in blocks for one in block["warnings"]}
@@ -173,7 +171,6 @@ def evaluate_partitioned(
             clocks = clock_of(truth), clock_of(estimate)
             check_columns(*clocks, paths)
             request = request_of(truth.columns)
-            _check_request(request)
             axis, grid, cut = find_steps(sides, clocks, request, paths)
 
         def summaries(read: list[list[Json]]) -> tuple[SideSummary, ...]:
@@ -206,26 +203,6 @@ def evaluate_partitioned(
     )
 
 
-def _check_request(request: EvaluationRequest) -> None:
-    """Whether an evaluation in parts has what is asked for.
-
-    Raises
-    ------
-    ConfigError
-        It needs all data at once.
-    """
-    if type(request.distance).fitted is not Distance.fitted:
-        raise ConfigError(
-            f"--distance {request.distance.name} takes settings from all data at once, which are "
-            "not in memory: evaluate a part, or choose a distance without such settings"
-        )
-    if not isinstance(request.solver, Certified):
-        raise ConfigError(
-            f"--solver {request.solver.name} solves what is in memory; data in parts are for the "
-            "solver certified"
-        )
-
-
 def _result(
     known: Sequence[SideSummary],
     axis: Axis,
@@ -241,7 +218,7 @@ def _result(
     """The result, its tables written."""
     request, sides, proof = cut.request, cut.sides, found.proof
     for side, numbered in zip(sides, found.tracks, strict=True):
-        if numbered.rows.sum() == side.rows:  # else filters may have left out the other ids
+        if numbered.rows.sum() == side.steps.rows:  # else filters may have left out the other ids
             side.check_ids(numbered.ids)
     parameters, solver, bounds = request.parameters, request.solver, proof.bounds
     assert isinstance(solver, Certified)
@@ -284,7 +261,7 @@ def _result(
         solver=solver_record(solver, solution, parameters, met=bounds.met(solver.gap)),
         timings={},
         input={
-            role: FileInfo(rows=side.rows, format=side.format, left_out=one.left_out).record(
+            role: FileInfo(rows=side.steps.rows, format=side.format, left_out=one.left_out).record(
                 digest_of_sums(side.columns, one.sums), {rule: 0 if cut.resampled else one.off}
             )
             for role, side, one in zip(ROLES, sides, known, strict=True)

@@ -18,9 +18,8 @@ from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.guess import GUESSED_FROM, guess, is_table_folder
 from tgospa_eval.formats.loading import is_packed, plain_name
-from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.tasks import Run, removing, writing
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.text import listed
 
 PARQUET_ENDINGS, CSV_ENDINGS = (".parquet", ".pq"), (".csv", ".tsv")
 """Of names, without those of compressed files."""
@@ -50,36 +49,6 @@ class File:
     keys: tuple[tuple[str, str], ...] = ()
 
 
-def check_options(path: str, options: ReadOptions) -> None:
-    """Whether a side can be read in parts with these options.
-
-    Raises
-    ------
-    ConfigError
-        It is the standard input, or something is asked for that needs all rows at once.
-    """
-    if path == STDIN:
-        raise ConfigError(f"{path}: the standard input is not read in parts; name a file or folder")
-    for asked, what in (
-        (
-            options.by_class,
-            f"{options.class_for} is not for data in parts; --class takes one class",
-        ),
-        (
-            options.attributes,
-            f"column {quoted(next(iter(options.attributes), ''))} is not read of data in parts; "
-            "leave out the option that asks for it, or give one file that fits into memory",
-        ),
-        (
-            options.clouds,
-            "clouds of particles are not read in parts; give one file that fits into memory, or "
-            "compare means",
-        ),
-    ):
-        if asked:
-            raise ConfigError(f"{path}: {what}")
-
-
 def files_of(path: str) -> tuple[str, tuple[File, ...]]:
     """Format and files of a side, in natural order of their paths (part-2 before part-10).
 
@@ -87,7 +56,11 @@ def files_of(path: str) -> tuple[str, tuple[File, ...]]:
     ------
     InputError
         There is none, or there are some of a format that is not read in parts, or of two.
+    ConfigError
+        It is the standard input.
     """
+    if path == STDIN:
+        raise ConfigError(f"{path}: the standard input is not read in parts; name a file or folder")
     with named(path, InputError):
         if not os.path.exists(path):
             raise InputError(f"{path}: no such file or folder")

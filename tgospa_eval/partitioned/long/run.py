@@ -33,8 +33,8 @@ class Component:
 
     Parameters
     ----------
-    entries : sequence of str
-        Files of ENTRY, by time.
+    entries : sequence of (str, int, int)
+        Files of ENTRY, by time, and from which row to before which.
     parameters : Parameters
         Of the metric.
     work : str
@@ -46,7 +46,7 @@ class Component:
     end : float, optional
         In `time.time()`: what is not solved by then is left unassigned.
     file_first : (F + 1,) int array
-        Entries before each file.
+        Entries before those of each file.
     step : (K,) int array
         The steps with entries.
     step_first : (K + 1,) int array
@@ -57,7 +57,7 @@ class Component:
         The first number of each shard, and the end.
     """
 
-    entries: Sequence[str]
+    entries: Sequence[tuple[str, int, int]]
     parameters: Parameters
     work: str
     gap: float
@@ -79,8 +79,8 @@ class Component:
         """Where the entries of the steps from `low` to before `high` are: files and rows."""
         begin, end = self.step_first[np.searchsorted(self.step, (low, high))].tolist()
         return tuple(
-            (path, max(begin, first) - first, min(end, last) - first)
-            for path, (first, last) in zip(
+            (path, row + max(begin, first) - first, row + min(end, last) - first)
+            for (path, row, _), (first, last) in zip(
                 self.entries, itertools.pairwise(self.file_first.tolist()), strict=True
             )
             if max(begin, first) < min(end, last)
@@ -293,7 +293,7 @@ WINDOW_ENTRIES = 200_000
 
 
 def solve_long(
-    entries: Sequence[str],
+    entries: Sequence[tuple[str, int, int]],
     parameters: Parameters,
     work: str,
     run: Run,
@@ -372,7 +372,7 @@ def _stored(joined: ComponentBounds, output: str) -> ComponentBounds:
 
 
 def make_component(
-    entries: Sequence[str],
+    entries: Sequence[tuple[str, int, int]],
     parameters: Parameters,
     work: str,
     gap: float,
@@ -382,8 +382,8 @@ def make_component(
 ) -> Component:
     """Count the entries and divide them."""
     counts: dict[str, Task] = {
-        f"{work}/counts/{number:05d}.npz": partial(count_entries, path=path)
-        for number, path in enumerate(entries)
+        f"{work}/counts/{number:05d}.npz": partial(count_entries, path=path, low=low, high=high)
+        for number, (path, low, high) in enumerate(entries)
     }
     run(counts)
     sides: dict[str, list[Ints]] = {"step": [], "truth": [], "estimate": []}
