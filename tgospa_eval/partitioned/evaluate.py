@@ -23,7 +23,7 @@ from tgospa_eval.evaluation.evaluate import nested_timings, solver_record, solve
 from tgospa_eval.evaluation.localisation import within_rounding
 from tgospa_eval.evaluation.prepare import fit, recorded_settings
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.formats import ROLES
+from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.input.listing import changed_file, stored
 from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, rows_together
@@ -40,38 +40,27 @@ from tgospa_eval.results.records import FileInfo, Json, Labels
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.judged import digest_of_sums, judge
+from tgospa_eval.tracks.trajectories import Trajectories
 
 SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
 """Of fewer bytes of files, so many seconds of work are done before there are workers: to begin one
 takes a second. Of more it would take memory of this process as well."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SideSummary:
-    """What is known of a side when its rows are read.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SideSummary(Reading):
+    """What is known of a side when its rows are read; its trajectories are its stamps alone.
 
     Parameters
     ----------
-    missing : dict of str to str
-        As `Roles.lacking`.
-    left_out : dict of str to int
-        How many rows take no part, by rule.
-    named : set of str
-        Classes of all rows, if they were asked for.
     at_steps : int
         How many rows that take part have stamps that are steps.
     sums : list of tuple of int
         `row_sums` of these rows in each block.
-    warnings : list of Notice
-        What was repaired.
     """
 
-    missing: dict[str, str]
-    left_out: dict[str, int]
-    named: frozenset[str]
     at_steps: int
     sums: list[tuple[int, ...]]
-    warnings: list[Notice]
 
     @classmethod
     def of(cls, side: PartsSide, blocks: Sequence[Json]) -> "SideSummary":
@@ -81,12 +70,15 @@ class SideSummary:
             left_out.update(block["left_out"])
         repaired = {tuple(one.items()): one for block in blocks for one in block["warnings"]}
         return cls(
+            trajectories=Trajectories.of_times(side.times, side.columns, side.clock),
+            rows=side.steps.rows,
+            format=side.format,
             missing=side.roles.missing,
             left_out=dict(left_out),
-            named=frozenset(name for block in blocks for name in block["named"]),
+            named=tuple({name for block in blocks for name in block["named"]}),
             at_steps=sum(block["at_steps"] for block in blocks),
             sums=[tuple(block["sums"]) for block in blocks],
-            warnings=[Notice(**one).about(side.path) for one in repaired.values()],
+            warnings=tuple(Notice(**one).about(side.path) for one in repaired.values()),
         )
 
     @property
@@ -261,10 +253,11 @@ def _result(
         solver=solver_record(solver, solution, parameters, met=bounds.met(solver.gap)),
         timings={},
         input={
-            role: FileInfo(rows=side.steps.rows, format=side.format, left_out=one.left_out).record(
-                digest_of_sums(side.columns, one.sums), {rule: 0 if cut.resampled else one.off}
+            role: FileInfo(rows=one.rows, format=one.format, left_out=one.left_out).record(
+                digest_of_sums(one.trajectories.columns, one.sums),
+                {rule: 0 if cut.resampled else one.off},
             )
-            for role, side, one in zip(ROLES, sides, known, strict=True)
+            for role, one in zip(ROLES, known, strict=True)
         },
         judged_on=judge(
             axis.horizon,

@@ -10,13 +10,14 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import freeze
+from tgospa_eval.common.arrays import freeze, in_batches
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.assemble import (
@@ -105,17 +106,15 @@ def index_side(
         Times cannot be converted, or are of another kind than --time.
     """
     pieces = (text_pieces if format == "csv" else table_pieces)(files, options, rows_together)
-    tasks: dict[str, Task] = {}
-    waiting: list[FilePiece] = []
-    rows = 0
-    for number, (piece, count) in enumerate(pieces, 1):
-        waiting.append(piece)
-        rows += count
-        if rows >= rows_together or number == len(pieces):
-            tasks[str(store / "runs" / f"{len(tasks):06}")] = partial(
-                write_runs, pieces=tuple(waiting), options=options, rows_together=rows_together
-            )
-            waiting, rows = [], 0
+    tasks: dict[str, Task] = {
+        str(store / "runs" / f"{number:06}"): partial(
+            write_runs,
+            pieces=[piece for piece, _ in some],
+            options=options,
+            rows_together=rows_together,
+        )
+        for number, some in enumerate(in_batches(pieces, itemgetter(1), rows_together))
+    }
     run(tasks)
     runs = [
         folder

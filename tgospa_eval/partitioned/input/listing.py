@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from urllib.parse import unquote
 
+from tgospa_eval.common.arrays import in_batches
 from tgospa_eval.common.files import CHUNK, STDIN, named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
@@ -185,8 +186,9 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     kept = work / CONTENT / "digests.json"
     kept.parent.mkdir(parents=True, exist_ok=True)
     fresh = tempfile.mkdtemp(dir=kept.parent)  # what was found before says nothing of now
+    batches = in_batches(_stretches(files), lambda stretch: stretch[2] - stretch[1], TOGETHER)
     stretches = {
-        os.path.join(fresh, str(number)): some for number, some in enumerate(_stretches(files))
+        os.path.join(fresh, str(number)): tuple(some) for number, some in enumerate(batches)
     }
     run({output: partial(write_digests, stretches=some) for output, some in stretches.items()})
     now: dict[str, list[str]] = {}
@@ -211,7 +213,7 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     return next(iter(changed), None)
 
 
-def write_digests(output: str, stretches: tuple[Stretch, ...]) -> None:
+def write_digests(output: str, stretches: Sequence[Stretch]) -> None:
     """Write the digests of stretches of files.
 
     Raises
@@ -232,17 +234,8 @@ def write_digests(output: str, stretches: tuple[Stretch, ...]) -> None:
         beside.write_text(json.dumps(digests), encoding="utf-8")
 
 
-def _stretches(files: Iterable[tuple[File, os.stat_result]]) -> Iterator[tuple[Stretch, ...]]:
-    """The bytes of all files in order, so many together."""
-    waiting: list[Stretch] = []
-    size = 0
+def _stretches(files: Iterable[tuple[File, os.stat_result]]) -> Iterator[Stretch]:
+    """The bytes of all files in order, no more than so many together."""
     for file, found in files:
         for begin in range(0, max(found.st_size, 1), TOGETHER):
-            end = min(begin + TOGETHER, found.st_size)
-            waiting.append((file, begin, end))
-            size += end - begin
-            if size >= TOGETHER:
-                yield tuple(waiting)
-                waiting, size = [], 0
-    if waiting:
-        yield tuple(waiting)
+            yield file, begin, min(begin + TOGETHER, found.st_size)

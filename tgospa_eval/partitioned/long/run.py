@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import stretches
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.partitioned.long.borders import value_borders
 from tgospa_eval.partitioned.long.columns import add_rest, join_columns
@@ -121,9 +122,7 @@ def _added(counted: list[Ints]) -> tuple[Ints, Ints]:
 
 def _bounds(number: Ints, count: Ints, size: int) -> Ints:
     """First numbers of stretches of about `size` counts each, and the end."""
-    before = np.cumsum(count) - count
-    opens = np.flatnonzero(np.diff(before // size, prepend=-1) > 0)
-    return np.append(number[opens], number[-1] + 1)
+    return np.append(number[stretches(count, size)[:-1]], number[-1] + 1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
