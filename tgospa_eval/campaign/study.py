@@ -28,7 +28,6 @@ from tgospa_eval.campaign.solvers import (
     errors,
     failed,
     referee,
-    run_here,
     spent,
     warm_up,
 )
@@ -314,7 +313,7 @@ def measure(study: Study, targets: int, steps: int, run: int) -> Json:
     record["prepare_seconds"] = sum(
         stopwatch.spans[name] for name in ("distances", "solve/preparation")
     )
-    found = compare_solvers(prepared, study.solvers, run=run_here)
+    found = compare_solvers(prepared, study.solvers)
     record["runs"] = [run | {"history": [], "memory": None} for run in found]
     return record
 

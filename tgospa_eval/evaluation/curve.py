@@ -28,7 +28,7 @@ from tgospa_eval.problem.prefixes import (
     whole_prices,
 )
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
-from tgospa_eval.problem.solution import Curve, Reduced, Windows
+from tgospa_eval.problem.solution import Brackets, Reduced, Windows
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, save_solution
@@ -44,7 +44,7 @@ def trace(
     solver: Certified,
     reduced: tuple[Reduced, ...] = (),
     progress: Progress | None = None,
-) -> Curve:
+) -> Brackets:
     """The curve of a solved problem; its last point is what the solution proves of the whole.
 
     Parameters
@@ -100,7 +100,7 @@ def trace(
     lower *= 1 - few - problem.cost_error
     share = np.cumsum(sum_by(problem.truth_step, problem.truth_price, problem.steps))
     share += np.cumsum(sum_by(problem.estimate_step, problem.estimate_price, problem.steps))
-    return Curve(
+    return Brackets(
         lower=np.clip(lower, 0.0, upper),
         upper=upper,
         parts=shown,

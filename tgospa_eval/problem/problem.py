@@ -120,21 +120,18 @@ class Problem:
     @cached_property
     def sides(self) -> tuple[Objects, Objects]:
         """Truths and estimates."""
-        truth = Objects(
-            count=self.truths,
-            step=self.truth_step,
-            track=self.truth_track,
-            price=self.truth_price,
-            row=self.truth_row,
+        return (
+            Objects(
+                self.truths, self.truth_step, self.truth_track, self.truth_price, self.truth_row
+            ),
+            Objects(
+                self.estimates,
+                self.estimate_step,
+                self.estimate_track,
+                self.estimate_price,
+                self.estimate_row,
+            ),
         )
-        estimate = Objects(
-            count=self.estimates,
-            step=self.estimate_step,
-            track=self.estimate_track,
-            price=self.estimate_price,
-            row=self.estimate_row,
-        )
-        return truth, estimate
 
     @property
     def _least_gain(self) -> float:

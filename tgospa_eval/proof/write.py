@@ -189,8 +189,10 @@ def estimate_prices(
         part_of[bound > best] = number
         best = np.maximum(best, bound)
     found = _of_slots(states, prices, part_of < 0, bits)
+    first = states.block_first
     for block in np.flatnonzero(states.transposed & (part_of < 0)).tolist():
-        found.update(_of_single_estimate(states, block, bits))
+        entry = states.entry[first[block] : first[block + 1]]
+        found.update(_of_single_estimate(states.problem, entry[entry >= 0], bits))
     home = states.track_blocks[1]
     for number, part in enumerate(reduced):
         chosen = part_of == number
@@ -232,18 +234,14 @@ def _of_slots(states: States, prices: Floats, chosen: NDArray[np.bool_], bits: i
     )
 
 
-def _of_single_estimate(states: States, block: int, bits: int) -> Prices:
+def _of_single_estimate(problem: Problem, entry: Ints, bits: int) -> Prices:
     """Prices of the estimate of a block that has no other, from its value function."""
-    problem = states.problem
-    pairs = slice(*np.searchsorted(states.pair_block, (block, block + 1)).tolist())
-    entry: Ints = states.entry[slice(*states.pair_first[[pairs.start, pairs.stop]].tolist())]
-    entry = entry[entry >= 0]
     entry = entry[np.argsort(-problem.entry_step[entry], kind="stable")]
     steps = problem.entry_step[entry].tolist()
     truths = problem.truth_track[problem.truth_row[entry]].tolist()
     gains = [(1 << bits) - _whole(cost, bits) for cost in problem.cost[entry].tolist()]
     change = _whole(float(np.max(problem.switch_price, initial=0.0)), bits)
-    estimate = int(states.pair_estimate[pairs.start])
+    estimate = int(problem.estimate_track[problem.estimate_row[entry[0]]])
     found: Prices = Counter()
     value: dict[int, int] = {}  # V of each truth, where it is more than that of none less `change`
     unassigned = 0

@@ -19,7 +19,7 @@ from tgospa_eval.common.notices import Notice, told
 from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.problem.solution import Brackets, Curve, Windows
+from tgospa_eval.problem.solution import Brackets, Windows
 from tgospa_eval.problem.tgospa import POWER
 from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.numbers import (
@@ -118,7 +118,7 @@ class Summary(ABC):
         Version of the package that made it.
     split : mapping of str to float, optional
         Parts of the cost of localisation by name, of `SPLIT_PARTS`, if it has any; they sum to it.
-    traced : Curve, optional
+    traced : Brackets, optional
         Costs of the steps up to each step, if they were asked for.
     slid : Windows, optional
         Costs of sliding windows, if they were asked for.
@@ -153,7 +153,7 @@ class Summary(ABC):
     objects: tuple[int, int]
     version: str
     split: Mapping[str, float] | None = None
-    traced: Curve | None = None
+    traced: Brackets | None = None
     slid: Windows | None = None
     warnings: tuple[Notice, ...] = ()
     files: dict[str, str | None] = field(default_factory=lambda: {"truth": None, "estimate": None})

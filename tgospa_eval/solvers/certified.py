@@ -1,4 +1,4 @@
-"""The exact solver: prices by entropic ascent, a linear programme for what they leave open.
+"""The certified solver: prices by entropic ascent, a linear programme for what they leave open.
 
 Whatever happens here only proposes; the bracket is made by `problem.certificate.certify`.
 """

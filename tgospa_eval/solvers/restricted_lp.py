@@ -318,7 +318,7 @@ def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
     by row. A state without a constraint lies where the one before it of its pair ends.
     """
     states, size = p.states, len(p.free)
-    pair = np.searchsorted(states.pair_first, p.free, side="right") - 1
+    pair = states.pairs_of(p.free)
     used, row = np.unique(states.pair_row[pair], return_inverse=True)
     row_of = np.zeros(len(p.rows.room), np.intp)
     row_of[p.rows.constraint] = row[p.rows.state]
