@@ -21,11 +21,11 @@ from tgospa_eval._version import __version__
 from tgospa_eval.distances.base import DistanceSettings
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.certificate import fair_prices, lower_bounds, of_whole
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats, Ints, Problem
-from tgospa_eval.problem.reduced import vertex_cover
+from tgospa_eval.problem.smaller_cutoff import vertex_cover
 from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.verify_tgospa import CLOSED
@@ -159,7 +159,7 @@ def _csv(header: Iterable[str], *columns: Iterable[str]) -> str:
 #   gains at most the sum of G_i(k) - v(k) + a_i(k) - a_i(k-1) <= 0; and the prices sum to the
 #   optimum.
 # - Blocks at a smaller cutoff price s: with the prices v' there and the vertex cover (y, z) of
-#   `problem.reduced`, v = s v' + (1 - s) z. Proof: a gain is G <= s G' + (1 - s) (y + z), so each
+#   `problem.smaller_cutoff`, v = s v' + (1 - s) z. Proof: a gain is G <= s G' + (1 - s) (y + z), so each
 #   truth gains at most what it does there, and (1 - s) y.
 
 Prices = Counter[tuple[int, int]]

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.readout import PerTrack
 from tgospa_eval.problem.solution import Bounds, Breakdown
-from tgospa_eval.problem.tgospa import Parameters
 
 Part: TypeAlias = Literal["localisation", "missed", "false", "switch"]
 CountedPart: TypeAlias = Literal["missed", "false", "switch"]
