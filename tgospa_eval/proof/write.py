@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval._version import __version__
-from tgospa_eval.distances.base import DistanceSettings
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.certificate import fair_prices, lower_bounds, of_whole
 from tgospa_eval.problem.metric_family import Parameters
@@ -424,7 +423,7 @@ def proof_parameters(compared: ComparedSides, parameters: Parameters) -> dict[st
         },
         **{
             name: settings[name]
-            for name in DistanceSettings.__annotations__
+            for name in verify_tgospa.EXTRAS[str(settings["distance"])].split()
             if name in settings and name not in COLUMN_NUMBERS
         },
     }

@@ -68,11 +68,12 @@ def component(
 ) -> Callable[..., ComponentBounds]:
     """Solves it, from files of which none has whole steps only."""
     work.mkdir()
-    paths = [str(work / f"{number}.npy") for number in range(3)]
-    for path, part in zip(paths, np.array_split(entries, 3), strict=True):
-        np.save(path, part)
+    files = []
+    for number, part in enumerate(np.array_split(entries, 3)):
+        files.append((str(work / f"{number}.npy"), number, number + len(part)))
+        np.save(files[-1][0], np.concatenate((part[:number], part, part[:2])))  # beside others
     return partial(
-        solve_long, paths, parameters, str(work / "work"), together=together, overlap=overlap
+        solve_long, files, parameters, str(work / "work"), together=together, overlap=overlap
     )
 
 

@@ -9,7 +9,6 @@ from tgospa_eval.partitioned.long.columns import load_columns
 from tgospa_eval.partitioned.long.holding import hold_runs
 from tgospa_eval.partitioned.long.tables import (
     GAIN,
-    Table,
     WindowPiece,
     expansion,
     halves,
@@ -17,7 +16,7 @@ from tgospa_eval.partitioned.long.tables import (
     no_assignment,
     renumbered,
 )
-from tgospa_eval.partitioned.shards import HELD, contribute, problem_of, tables_of
+from tgospa_eval.partitioned.shards import HELD, Table, contribute, problem_of, tables_of
 from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.problem.certificate import row_terms
 from tgospa_eval.problem.metric_family import Parameters
