@@ -16,8 +16,8 @@ from tgospa_eval.evaluation.prepare import Fitted, Prepared, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest, in_words
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.problem.metric_family import Parameters, check_underflow
 from tgospa_eval.problem.solution import Solution
-from tgospa_eval.problem.tgospa import Parameters, check_underflow
 from tgospa_eval.results.records import Json, MetricSums, OtherMetrics
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers import Solver

@@ -16,15 +16,15 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import Axis, Sides, on_axis
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.problem import Floats, Problem
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import (
+from tgospa_eval.problem.metric_family import (
     Parameters,
     StepWeights,
     tgospa_problem,
     weight_existence,
     weight_steps,
 )
+from tgospa_eval.problem.problem import Floats, Problem
+from tgospa_eval.problem.states import States
 from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.results.result import ComparedSides, Result
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align

@@ -32,9 +32,9 @@ from tgospa_eval.partitioned.sides import PartsSide, open_side
 from tgospa_eval.partitioned.steps import BlockPlan, clock_of, find_steps
 from tgospa_eval.partitioned.tables import write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
+from tgospa_eval.problem.metric_family import check_underflow
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Solution
-from tgospa_eval.problem.tgospa import check_underflow
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.solvers.certified import Certified

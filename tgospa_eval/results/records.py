@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.readout import PerTrack
 from tgospa_eval.problem.solution import Bounds, Breakdown
-from tgospa_eval.problem.tgospa import Parameters
 
 Part: TypeAlias = Literal["localisation", "missed", "false", "switch"]
 CountedPart: TypeAlias = Literal["missed", "false", "switch"]
@@ -87,7 +87,8 @@ def input_record(file: Json, sha256: str, off: Mapping[str, int]) -> Json:
         Rows at steps that do not count, by option.
     """
     left_out = file["left_out"] | {name: rows for name, rows in off.items() if rows}
-    return file | {"left_out": left_out, "sha256": sha256}
+    found = {"rows": file["rows"], "left_out": left_out, "sha256": sha256}
+    return found | ({"format": file["format"]} if "format" in file else {})
 
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]

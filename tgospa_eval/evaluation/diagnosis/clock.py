@@ -22,8 +22,8 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     step_costs,
 )
 from tgospa_eval.evaluation.diagnosis.offset import Fit, Search
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, nearest, within
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
