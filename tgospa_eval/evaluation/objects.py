@@ -9,7 +9,7 @@ import numpy as np
 from tgospa_eval.errors import InputError
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.trajectories import Trajectories, column_names
+from tgospa_eval.tracks.trajectories import Trajectories, as_doubles, column_names
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.times import Times
@@ -247,8 +247,6 @@ def times_of(moments: object, name: str) -> "Times":
 def _states(value: object, where: str) -> Floats:
     """States of one track (T, d)."""
     found = array_of(value, where)
-    if isinstance(found, np.ma.MaskedArray):
-        found = np.ma.filled(found.astype(np.float64), np.nan)
     if found.ndim != 2 or not found.shape[1]:
         hint = "; a table is a DataFrame, pandas.DataFrame(...)" if found.ndim == 1 else ""
         raise InputError(f"{where}: shape {found.shape}; states have the axes (T, d){hint}")
@@ -264,10 +262,7 @@ def numbers_of(value: object, where: str) -> Floats:
         They are none.
     """
     try:
-        found = np.asarray(value)
-        if found.dtype.kind not in "biufO":
-            raise TypeError(f"not of type {found.dtype}")
-        return found.astype(np.float64, copy=False)
+        return as_doubles(value)
     except (TypeError, ValueError) as error:
         raise InputError(f"{where}: a state holds numbers: {error}") from None
 
