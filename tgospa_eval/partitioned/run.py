@@ -26,11 +26,11 @@ from tgospa_eval.partitioned.shards import (
 from tgospa_eval.partitioned.steps import BlockPlan
 from tgospa_eval.partitioned.tasks import Task, run_tasks
 from tgospa_eval.problem.certificate import lower_cost, upper_cost
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import down
 from tgospa_eval.problem.problem import Ints, Problem
 from tgospa_eval.problem.readout import PerTrack
 from tgospa_eval.problem.solution import Bounds, Breakdown
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.records import Costs, Json
 from tgospa_eval.solvers.certified import Certified
 

@@ -22,9 +22,9 @@ from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.partitioned.shards import ASSIGNED_PAIR, SWITCHED
 from tgospa_eval.partitioned.tasks import Run, Task, run_tasks, writing, writing_folder
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.readout import PerTrack
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.partitioned import IN_PARTS, StoredTables, name_of
 from tgospa_eval.results.records import Arrays, Costs, step_columns, track_columns
 

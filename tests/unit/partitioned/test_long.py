@@ -16,10 +16,10 @@ from tgospa_eval.partitioned.shards import ENTRY, PARTS_OF_TRACKS, PartialSums, 
 from tgospa_eval.partitioned.tasks import Run, Task, run_tasks
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.solution import Bounds, Breakdown
 from tgospa_eval.problem.states import connected_components
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.solvers.certified import Certified
 

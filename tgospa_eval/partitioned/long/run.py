@@ -20,9 +20,9 @@ from tgospa_eval.partitioned.long.tables import WindowPiece, fraction
 from tgospa_eval.partitioned.long.windows import count_entries, solve_window
 from tgospa_eval.partitioned.shards import PartialSums, contribute
 from tgospa_eval.partitioned.tasks import Run, Task, left_until, writing_folder
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import down
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.problem.tgospa import Parameters
 
 OVERLAP = 20
 """Steps with near pairs that a window has on either side of what its answer is for."""

@@ -24,10 +24,10 @@ from tgospa_eval.partitioned.shards import ENTRY, HELD, Table, problem_of, save_
 from tgospa_eval.partitioned.tasks import left_until, writing, writing_folder
 from tgospa_eval.problem.certificate import fair_prices
 from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE, repair, spare
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, WarmStart, make_warm_start
