@@ -1,10 +1,11 @@
 """``tgospa-eval batch``: a whole benchmark or Monte Carlo study, stored and tabulated."""
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
-from click.core import ParameterSource
 
+from tgospa_eval.api.options import Request
 from tgospa_eval.cli.shared.click_options import (
     CONFIG_FILE,
     EVALUATION,
@@ -13,15 +14,14 @@ from tgospa_eval.cli.shared.click_options import (
     REPORT_FORMATS,
     SLICE,
     WITH,
+    OutputOptions,
 )
-from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, Option
+from tgospa_eval.cli.shared.command import PATH, Option, Verb, dashed, typed_options
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.errors import ConfigError
 
 if TYPE_CHECKING:
     from tgospa_eval.campaign.store import Store
-    from tgospa_eval.cli.shared.values import OutputOptions
     from tgospa_eval.reports.batch_records import BatchTables
 
 OF_REPORT = {
@@ -34,8 +34,7 @@ BAND_KINDS = ("interval", "bootstrap", "percentiles", "deviation")
 LAYOUTS = ("motchallenge", "kitti")
 
 
-def _batch(declaration: str, text: str, **settings: object) -> Option:
-    return Option(declaration, text, section="Batch", **settings)  # type: ignore[arg-type]
+_batch = partial(Option, section="Batch")
 
 
 @click.command(
@@ -148,9 +147,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     of some job was not reached, 5 some jobs failed.
     """
     from tgospa_eval.api.batch import BatchOptions, evaluate_batch, tables_of
-    from tgospa_eval.api.options import Request
     from tgospa_eval.campaign.store import Store
-    from tgospa_eval.cli.shared.values import OutputOptions
     from tgospa_eval.reports.batch import BATCH_REPORTS
 
     output = OutputOptions.of(options)
@@ -181,7 +178,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     ctx.exit(done.status)
 
 
-def _write(store: "Store", tables: "BatchTables", output: "OutputOptions") -> None:
+def _write(store: "Store", tables: "BatchTables", output: OutputOptions) -> None:
     """Write the page of a batch, its curves and pictures to the folder of ``-o``.
 
     Raises
@@ -213,8 +210,9 @@ def _check_typed(ctx: click.Context) -> None:
     click.UsageError
         One is for evaluating, which a report does not.
     """
+    given = typed_options(ctx)
     for name in ctx.params:
-        if name in OF_REPORT or ctx.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
-            continue
-        text = name.removesuffix("_").replace("_", "-")
-        raise click.UsageError(f"--{text} is for evaluating; batch report shows what is stored")
+        if name in given and name not in OF_REPORT:
+            raise click.UsageError(
+                f"{dashed(name)} is for evaluating; batch report shows what is stored"
+            )

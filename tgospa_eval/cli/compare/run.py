@@ -15,9 +15,9 @@ from tgospa_eval.campaign.pairs import compared_runs, short_names
 from tgospa_eval.campaign.ranking import steps_columns, steps_costs
 from tgospa_eval.campaign.solvers import check_solvers
 from tgospa_eval.campaign.study import Study, carry_out, machine, opened, study_document
+from tgospa_eval.cli.shared.click_options import OutputOptions
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, shielded
-from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.progress import Stopwatch

@@ -8,10 +8,10 @@ from tgospa_eval.api.options import DEFAULTS, FITTING, SETTINGS, Request
 from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.cli.evaluate.run import not_reached, show
 from tgospa_eval.cli.evaluate.work import identity_of, work_folder
+from tgospa_eval.cli.shared.click_options import OutputOptions
 from tgospa_eval.cli.shared.in_parts import memory_of
 from tgospa_eval.cli.shared.progress import bracket, shown
 from tgospa_eval.cli.shared.streams import notifier, print_notice
-from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import probed_folder
 from tgospa_eval.common.machine import cores
 from tgospa_eval.common.progress import Progress, Stopwatch

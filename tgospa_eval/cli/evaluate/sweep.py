@@ -9,10 +9,9 @@ import numpy as np
 from tgospa_eval import plots
 from tgospa_eval.api.options import Request
 from tgospa_eval.api.sweep import sweep_sides, swept_parameters
-from tgospa_eval.cli.shared.click_options import OF_PICTURES
+from tgospa_eval.cli.shared.click_options import OF_PICTURES, OutputOptions
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice
-from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import wanted_pictures, write_output
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import parsed, parsed_whole

@@ -1,14 +1,13 @@
 """The folder of ``-o``: probed before any work, made in a thread, written at once, announced."""
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from tgospa_eval.api.options import Request
+from tgospa_eval.cli.shared.click_options import OutputOptions
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import interrupted, print_notice, shielded
-from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.proof import PROOF_FOLDER
@@ -74,19 +73,6 @@ def _made(
         return run(lambda: make(notify), stopwatch, show=not output.quiet)
     except KeyboardInterrupt:  # what is known is printed all the same
         return None
-
-
-def check_apart(path: str, others: list[str], option: str) -> None:
-    """Whether what is written would replace what is read, or is written as well.
-
-    Raises
-    ------
-    ConfigError
-        `path` is the same file as one of `others`.
-    """
-    for other in others:
-        if os.path.realpath(path) == os.path.realpath(other):
-            raise ConfigError(f"{option} {path}: is read or written otherwise; name another file")
 
 
 # -------------------------------------------------------------------------------------------------
