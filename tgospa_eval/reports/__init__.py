@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from tgospa_eval.reports.console import document, table
+from tgospa_eval.reports.result_text import document, table
 from tgospa_eval.reports.tables import WRITERS, Document, csv_text
 from tgospa_eval.results.summary import Summary
 

@@ -17,7 +17,9 @@ import numpy as np
 from tgospa_eval.common.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
 from tgospa_eval.common.words import number, sizes_in_words
 from tgospa_eval.problem.problem import Ints
-from tgospa_eval.reports.console import (
+from tgospa_eval.reports.other_metrics import other_table, similarity
+from tgospa_eval.reports.page_data import binned
+from tgospa_eval.reports.result_text import (
     SPLIT_WORDS,
     meaning,
     part_rows,
@@ -25,8 +27,6 @@ from tgospa_eval.reports.console import (
     repair_table,
     similarity_in_words,
 )
-from tgospa_eval.reports.other_metrics import other_table, similarity
-from tgospa_eval.reports.page_data import binned
 from tgospa_eval.reports.slices import about_slices, share, shown_slices
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import PARTS, Columns, Json

@@ -193,7 +193,7 @@ def _print(result: Summary, output: OutputOptions) -> None:
     """The result to stdout."""
     name = output.format_
     if name == "table" and on_terminal():
-        from tgospa_eval.reports.terminal import report  # here: for terminals only
+        from tgospa_eval.reports.result_text import report  # here: for terminals only
 
         emit(report(result, sys.stdout.encoding or "ascii"), "colours")
     else:
