@@ -22,7 +22,7 @@ from tgospa_eval.errors import ConfigError
 
 if TYPE_CHECKING:
     from tgospa_eval.campaign.store import Store
-    from tgospa_eval.reports.batch_records import BatchTables
+    from tgospa_eval.reports.batch import BatchTables
 
 OF_REPORT = {
     *("paths", "by", "mean_of_roots", "band", "output", "force", "format_", "pictures", "style"),
@@ -148,7 +148,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     """
     from tgospa_eval.api.batch import BatchOptions, evaluate_batch, tables_of
     from tgospa_eval.campaign.store import Store
-    from tgospa_eval.reports.batch import BATCH_REPORTS
+    from tgospa_eval.reports.batch_text import batch_report
 
     output = OutputOptions.of(options)
     if paths[:1] == ("report",):
@@ -158,14 +158,14 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
         store = Store(paths[1])
         store.settings()
         tables = tables_of(store, store.rows(), BatchOptions.of({**options, "output": paths[1]}))
-        emit(BATCH_REPORTS[output.format_](tables), output.format_)
+        emit(batch_report(tables, output.format_), output.format_)
         _write(store, tables, output)
         return
     if output.output is None:
         raise click.UsageError("name the folder of the results with -o DIR")
     chosen = Request.of({**options, "by": None, "summed": True})
     done = evaluate_batch(paths, BatchOptions.of({**options, "evaluation": chosen}), print_notice)
-    emit(BATCH_REPORTS[output.format_](done.tables), output.format_)
+    emit(batch_report(done.tables, output.format_), output.format_)
     if done.page:
         try:
             _write(done.store, done.tables, output)

@@ -14,17 +14,19 @@ from tgospa_eval.common.words import counted, number
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.batch import (
     NARROW,
+    BatchTables,
+    Ranking,
+    bracket,
+    parameters_in_words,
+)
+from tgospa_eval.reports.batch_text import (
     about_others,
     about_slices_of,
-    bracket,
     of_expected,
     order_of,
     other_tables,
-    parameters_in_words,
     slice_tables,
 )
-from tgospa_eval.reports.batch_records import Ranking
-from tgospa_eval.reports.batch_view import METRIC_COLUMNS, BatchView
 from tgospa_eval.reports.clock import ROOM, upward
 from tgospa_eval.reports.curves import (
     BANDS,
@@ -132,6 +134,9 @@ def _line(drawn: _Drawn, top: float, stride: int, unit: str) -> Json:
     }
 
 
+METRIC_COLUMNS = ("distance", "cutoff", "order", "switch_penalty")
+"""Columns of parameters."""
+
 MOST_GROUPS = 40
 MOST_FAULTS = 50
 COSTLIEST = 10
@@ -143,41 +148,41 @@ DASHES_OF_TRACKS = ("none", "9 3", "2.5 3", "10 3 2 3")
 """In turn, so that neighbours differ without colour."""
 
 
-def batch_page(view: BatchView) -> str:
+def batch_page(tables: BatchTables) -> str:
     """The whole page."""
-    rows, groups = view.tables.rows, view.groups
+    rows, groups = tables.rows, tables.shown_groups
     # Of several sets of parameters none is that of the batch.
-    ranking = view.tables.rankings[0] if len(view.tables.rankings) == 1 else None
+    ranking = tables.rankings[0] if len(tables.rankings) == 1 else None
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
     html = (
         environment()
         .get_template("batch.html.j2")
         .render(
-            view=view,
-            source=_source(view),
-            title=_title(view, ranking),
+            tables=tables,
+            source=_source(tables),
+            title=_title(tables, ranking),
             sentence="" if ranking is None else order_of("the combined value", ranking),
-            version=view.settings["version"],
+            version=tables.settings["version"],
             jobs=len(rows),
             failed=len(failed),
             unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
-            rankings=[_ranking(view, ranking) for ranking in view.tables.rankings],
-            notes=view.tables.notes,
-            parameter_sets=len({(*group["parameters"],) for group in view.groups}),
+            rankings=[_ranking(tables, ranking) for ranking in tables.rankings],
+            notes=tables.notes,
+            parameter_sets=len({(*group["parameters"],) for group in tables.shown_groups}),
             groups=groups[:MOST_GROUPS],
-            common=any(found.jobs < found.all_jobs for found in view.tables.rankings),
-            others=list(other_tables(view.tables)),
-            about_others=list(about_others(view.tables)),
-            slices=list(slice_tables(view.tables)),
-            about_slices=list(about_slices_of(view.tables)),
-            heat=view.heat,
+            common=any(found.jobs < found.all_jobs for found in tables.rankings),
+            others=list(other_tables(tables)),
+            about_others=list(about_others(tables)),
+            slices=list(slice_tables(tables)),
+            about_slices=list(about_slices_of(tables)),
+            heat=tables.heat,
             levels=HEAT_LEVELS,
             tracks=len(TRACK_COLOURS),
-            charts=curve_charts(view.drawn_curves, view.unit),
-            bands=[BANDS[curve.band] for curve in view.tables.curves[:1]],
-            curve_groups=len({curve.name for curve in view.tables.curves}),
-            costliest=list(_costliest(view, valued)),
+            charts=curve_charts(tables.drawn_curves, tables.unit),
+            bands=[BANDS[curve.band] for curve in tables.curves[:1]],
+            curve_groups=len({curve.name for curve in tables.curves}),
+            costliest=list(_costliest(tables, valued)),
             faults=_rows(failed.head(MOST_FAULTS)),
             parts=PARTS,
             orders=ORDERS,
@@ -185,7 +190,7 @@ def batch_page(view: BatchView) -> str:
             of_expected=of_expected,
             share=_share,
             per_step=_per_step,
-            settings=_settings(view),
+            settings=_settings(tables),
             style=page_colours() + _shades() + inlined("page.css") + inlined("batch.css"),
         )
     )
@@ -212,28 +217,28 @@ def _shades() -> str:
     )
 
 
-def _source(view: BatchView) -> tuple[str, str]:
+def _source(tables: BatchTables) -> tuple[str, str]:
     """What was evaluated, and against what, as it was named."""
-    jobs = view.settings["jobs"]
+    jobs = tables.settings["jobs"]
     paths = [str(path) for path in jobs["paths"]]
     if jobs["layout"]:
         return paths[1], paths[0]
     return (str(jobs["estimate"]), str(jobs["truth"])) if jobs["estimate"] else (paths[0], "")
 
 
-def _title(view: BatchView, ranking: Ranking | None) -> str:
+def _title(tables: BatchTables, ranking: Ranking | None) -> str:
     """The answer."""
     if ranking is not None:
         best = ranking.entries[0]
         if best["place"] != (1, 1):
             return f"{ranking.label}: none of {len(ranking.entries)} is proven best"
-        return f"{best['name']}: TGOSPA {view.between(bracket(best, 'per_step'))} per step"
-    if len(view.groups) == 1:
-        return f"TGOSPA {view.between(view.groups[0]['per_step'])} per step"
+        return f"{best['name']}: TGOSPA {tables.between(bracket(best, 'per_step'))} per step"
+    if len(tables.shown_groups) == 1:
+        return f"TGOSPA {tables.between(tables.shown_groups[0]['per_step'])} per step"
     return "TGOSPA of a batch"
 
 
-def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
+def _ranking(tables: BatchTables, ranking: Ranking) -> dict[str, object]:
     """A ranking in words, with the places of brackets and intervals on a common scale."""
     entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
     equal = ranking.equal
@@ -245,12 +250,12 @@ def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
         sure = Interval(lower=low, upper=high).scaled(share) if entry["confidence"] else None
         words = {
             "name": name,
-            "track": view.compared[name],
+            "track": tables.compared[name],
             "place": place_in_words(*entry["place"], shared=name in equal),
             "statistical": place_in_words(*(entry["statistical_place"] or (0, 0))),
-            "per_step": view.between(per_step),
-            "combined": view.between(bracket(entry, "combined")),
-            "sure": view.between(sure, 4) if sure else "",
+            "per_step": tables.between(per_step),
+            "combined": tables.between(bracket(entry, "combined")),
+            "sure": tables.between(sure, 4) if sure else "",
         }
         entries.append((words, per_step, sure))
     shown = [found for _, *both in entries for found in both if found is not None]
@@ -267,8 +272,8 @@ def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
             words | {"bracket": _span(place, value), "whisker": sure and _span(place, sure)}
             for words, value, sure in entries
         ],
-        "ends": [view.quantity(end, 4) for end in (low, high)],
-        "pairs": list(_pairs(view, ranking)),
+        "ends": [tables.quantity(end, 4) for end in (low, high)],
+        "pairs": list(_pairs(tables, ranking)),
         "all_pairs": len(ranking.comparisons),
     }
 
@@ -279,13 +284,13 @@ def _span(place: Callable[[float], float], found: Interval) -> tuple[str, str]:
     return f"{left:.2f}", f"{right - left:.2f}"
 
 
-def _pairs(view: BatchView, ranking: Ranking) -> Iterator[Json]:
+def _pairs(tables: BatchTables, ranking: Ranking) -> Iterator[Json]:
     """All pairs of few, else those of neighbours."""
     near = set(itertools.pairwise(entry["name"] for entry in ranking.entries))
     for pair in ranking.comparisons:
         if len(ranking.entries) <= ALL_PAIRS or (pair["first"], pair["second"]) in near:
             low, high = pair["difference"]
-            yield {**pair, "difference": view.between(Interval(lower=low, upper=high))}
+            yield {**pair, "difference": tables.between(Interval(lower=low, upper=high))}
 
 
 def _share(cost: float, total: float) -> str:
@@ -293,14 +298,14 @@ def _share(cost: float, total: float) -> str:
 
 
 def _costliest(
-    view: BatchView, valued: "pd.DataFrame"
+    tables: BatchTables, valued: "pd.DataFrame"
 ) -> "Iterator[tuple[str, list[pd.Series[Any]]]]":
     """The jobs with the largest cost per step, of each set of parameters by themselves."""
     if len(valued) < 2:
         return
     each = valued["total"] / valued["judged.steps"].clip(lower=1)
     order = each.sort_values(ascending=False, kind="stable").index
-    names = list(view.tables.parameters)
+    names = list(tables.parameters)
     if not names:
         yield "", _rows(valued.loc[order[:COSTLIEST]])
         return
@@ -323,9 +328,9 @@ def _per_step(row: "pd.Series[Any]") -> Interval:
     )
 
 
-def _settings(view: BatchView) -> dict[str, str]:
+def _settings(tables: BatchTables) -> dict[str, str]:
     """What was evaluated, and how, in lines."""
-    rows, jobs = view.tables.rows, view.settings["jobs"]
+    rows, jobs = tables.rows, tables.settings["jobs"]
     found = {name: str(value) for name, value in jobs.items() if value and name != "paths"}
     if jobs["paths"]:
         found["paths"] = " ".join(map(str, jobs["paths"]))
@@ -336,4 +341,4 @@ def _settings(view: BatchView) -> dict[str, str]:
             found[name] = value if isinstance(value, str) else number(float(value))
         elif len(values):
             found[name] = "as each job has it"
-    return {str(k): str(v) for k, v in view.settings["options"].items()} | found
+    return {str(k): str(v) for k, v in tables.settings["options"].items()} | found
