@@ -11,8 +11,8 @@ from tgospa_eval.plots.overtime import name_times
 from tgospa_eval.plots.style import FILLS, SOFT, Style, legend, literal, power, styled, titled
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.batch import BatchTables
-from tgospa_eval.reports.clock import ROOM
 from tgospa_eval.reports.curves import CURVE_KINDS, LINE_NAMES, RmsCurve, RmsLine, on_one_axis
+from tgospa_eval.reports.time_axis import ROOM
 from tgospa_eval.results.records import PARTS, Json, Part
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.common.words import number
 from tgospa_eval.plots import COLOURS, MARKERS, figure, label
 from tgospa_eval.plots.overtime import name_times
-from tgospa_eval.reports.clock import Clock, edges, moments, placed, words
+from tgospa_eval.reports.time_axis import TimeAxis, moments
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Json, Time
 from tgospa_eval.results.sweep import Point, Sweep
 
@@ -319,18 +319,17 @@ def cumulative(series: Mapping[str, Sequence[float]], times: Sequence[Time]) -> 
     """Cost up to each step, a line for each estimate."""
     made, ((axis,),) = figure(6.2, 3.3 + 0.2 * len(series))
     lines, names = [], []  # kept here: names that begin with _ are hidden from a legend
-    how = moments(times)
-    at = placed(times, how)
-    begin, end = edges(at)
+    time = TimeAxis(times=times, axis=moments(times))
+    begin, end = time.edges
     for k, (name, costs) in enumerate(series.items()):
         total = list(itertools.accumulate(costs))
         colour, dashes = COLOURS[k % len(COLOURS)], ("-", "--", ":", "-.")[k // len(COLOURS) % 4]
         dot = "o" if len(total) == 1 else ""
-        lines += axis.plot(at, total, dashes + dot, color=colour, clip_on=False)
+        lines += axis.plot(time.at, total, dashes + dot, color=colour, clip_on=False)
         names.append(f"{_literal(name)}: {number(total[-1])}")
     axis.set_ylim(0, None)
     label(axis, "", "cost of all steps so far", "Where the estimates part")
-    name_times(axis, Clock(axis=how, labels=words(times)), (begin[0], end[-1]), 6.2)
+    name_times(axis, time, (begin[0], end[-1]), 6.2)
     made.legend(lines, names, loc="outside upper left", frameon=False)
     return made
 

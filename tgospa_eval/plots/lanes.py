@@ -91,7 +91,9 @@ def draw_lanes(seen: PlotData, style: Style) -> "Figure":
     letters = min(72 * tall * 0.62, axis.xaxis.label.get_fontsize())
     columns = min(max(seen.steps, 1), style.bars)
     # the least that is seen
-    pixel = (seen.edges[1][-1] - seen.edges[0][0] if seen.steps else 1) / _room(style) * 0.8
+    pixel = (
+        (seen.time.edges[1][-1] - seen.time.edges[0][0] if seen.steps else 1) / _room(style) * 0.8
+    )
     if seen.steps > columns:
         _shares(axis, truths, seen, columns, MISSED)
         _shares(axis, estimates, seen, columns, FALSE)
@@ -149,7 +151,7 @@ def _bars(
     """
     run, truth = lanes.side.run, lanes.side.name == "truth"
     place = lanes.place(run["track"])
-    begin, end = seen.edges[0][run["begin"]], seen.edges[1][run["end"]]
+    begin, end = seen.time.edges[0][run["begin"]], seen.time.edges[1][run["end"]]
     held = ~np.isnan(place) & (run["other"] != NONE)
     half = HALF if truth else 0.14
     track = run["other"] if truth else run["track"]
@@ -190,7 +192,7 @@ def _columns(step: Ints, columns: int, steps: int) -> Ints:
 def _column_edges(seen: PlotData, columns: int) -> tuple[Floats, Floats]:
     """Where each column begins and ends."""
     first = -(-np.arange(columns + 1) * seen.steps // columns)
-    begin, end = seen.edges
+    begin, end = seen.time.edges
     return begin[first[:-1]], end[first[1:] - 1]
 
 
@@ -279,7 +281,7 @@ def _switches(
     looks |= {"linewidths": 0 if many else 0.3, "clip_on": False}
     kept = _seen_switches(place, switches, columns, seen.steps)
     place, sizes = place[kept], np.where(switches["mass"][kept] >= 0.99, size, size / 2)
-    x = seen.edges[0][switches["step"][kept]]
+    x = seen.time.edges[0][switches["step"][kept]]
     looks["rasterized"] = len(place) > VECTOR_SHAPES
     marks = axis.scatter(x, place - HALF, sizes, label="switch", **looks)
     return {"switch (small: half of one)" if (switches["mass"] < 0.99).any() else "switch": marks}
@@ -294,7 +296,7 @@ def _names(axis: "Axes", lanes: Lanes, seen: PlotData, letters: float, room: flo
     run, truth = lanes.side.run, lanes.side.name == "truth"
     other = seen.estimate if truth else seen.truth
     place = lanes.place(run["track"])
-    (begin, end), point = seen.edges, (seen.edges[1][-1] - seen.edges[0][0]) / room
+    (begin, end), point = seen.time.edges, (seen.time.edges[1][-1] - seen.time.edges[0][0]) / room
     wide = (end[run["end"]] - begin[run["begin"]]) / point
     held = np.flatnonzero((run["other"] != NONE) & ~np.isnan(place) & (wide > letters))
     looks: dict[str, Any] = {"va": "center_baseline", "color": "white" if truth else INK}

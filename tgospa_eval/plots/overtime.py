@@ -9,8 +9,8 @@ from tgospa_eval.common.words import number
 from tgospa_eval.plots import boxes, counted, figure, stairs
 from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, titled
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.reports.clock import Clock
 from tgospa_eval.reports.plot_data import KINDS, DrawnSide, PlotData, binned
+from tgospa_eval.reports.time_axis import TimeAxis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +28,7 @@ def draw_costs(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
     stretch = seen.document["together"]
     most = style.bars if stretch == 1 else seen.steps
     first, costliest = binned(sum(costs.values(), np.zeros(seen.steps)), most)
-    begin, end = seen.edges
+    begin, end = seen.time.edges
     begin, end = begin[first], end[np.append(first[1:], seen.steps) - 1] if seen.steps else end
     base = np.zeros(len(first))
     handles = []
@@ -58,7 +58,7 @@ def draw_costs(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
 def draw_cumulative(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
     """The root of the mean cost of the steps up to each."""
     values = {name: seen.document["curve"][name] for name in (*parts, "total")}
-    made, axis = _draw_lines(seen, style, seen.at, values, "per step, so far")
+    made, axis = _draw_lines(seen, style, seen.time.at, values, "per step, so far")
     titled(axis, style, "Normalised cumulative cost", seen.about)
     return made
 
@@ -66,7 +66,7 @@ def draw_cumulative(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figu
 def draw_windows(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
     """The root of the mean cost of each window."""
     found = seen.document["windows"]
-    first, last = (seen.at[np.asarray(found[name], int)] for name in ("first", "last"))
+    first, last = (seen.time.at[np.asarray(found[name], int)] for name in ("first", "last"))
     values = {name: found["lines"][name] for name in (*parts, "total")}
     made, axis = _draw_lines(seen, style, (first + last) / 2, values, "per step of the window")
     titled(axis, style, f"Windows of {found['size']}, each at its middle", seen.about)
@@ -103,7 +103,7 @@ def _with_gaps(begin: Floats, end: Floats, *values: Floats) -> tuple[Floats, lis
 
 def time_axis(axis: "Axes", seen: PlotData, style: Style, *, upright: bool = False) -> None:
     """From the first step to the last, with the times as names."""
-    begin, end = seen.edges
+    begin, end = seen.time.edges
     ends = (float(begin[0]), float(end[-1])) if seen.steps else (-0.5, 0.5)
     name_times(axis, seen.time, ends, style.width / (2 if upright else 1), upright=upright)
     if not seen.steps:
@@ -111,7 +111,7 @@ def time_axis(axis: "Axes", seen: PlotData, style: Style, *, upright: bool = Fal
 
 
 def name_times(
-    axis: "Axes", clock: Clock, ends: tuple[float, float], width: float, *, upright: bool = False
+    axis: "Axes", clock: TimeAxis, ends: tuple[float, float], width: float, *, upright: bool = False
 ) -> None:
     """Ends, ticks and name of an axis of time in a picture of so many inches."""
     letters = float(axis.xaxis.label.get_fontsize())
@@ -137,7 +137,7 @@ def draw_worst(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
     shared = seen.time.shared
     lists = {
         "steps": _costliest(
-            seen.document["costs"], [t[len(shared) :] for t in seen.labels], style.worst, parts
+            seen.document["costs"], [t[len(shared) :] for t in seen.time.labels], style.worst, parts
         ),
         "truths": _costliest(_costs(seen.truth), seen.truth.ids, style.worst, parts),
         "estimates": _costliest(_costs(seen.estimate), seen.estimate.ids, style.worst, parts),

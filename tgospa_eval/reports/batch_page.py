@@ -27,7 +27,6 @@ from tgospa_eval.reports.batch_text import (
     other_tables,
     slice_tables,
 )
-from tgospa_eval.reports.clock import ROOM, upward
 from tgospa_eval.reports.curves import (
     BANDS,
     CURVE_KINDS,
@@ -38,6 +37,7 @@ from tgospa_eval.reports.curves import (
 )
 from tgospa_eval.reports.html import environment, inlined, page_colours
 from tgospa_eval.reports.phrases import ORDERS, place_in_words
+from tgospa_eval.reports.time_axis import ROOM, upward
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.text import as_unicode
 

@@ -8,8 +8,8 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.formats.times import TimeError, places
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.reports.clock import Clock, moments, placed, words
 from tgospa_eval.reports.tables import csv_text
+from tgospa_eval.reports.time_axis import TimeAxis, moments
 from tgospa_eval.results.records import PARTS, Columns, Json, Time, records
 
 CurveKind = Literal["step", "cumulative", "growing"]
@@ -125,7 +125,7 @@ class RmsCurve:
 
 def on_one_axis(
     curves: Sequence[RmsCurve],
-) -> tuple[Clock, list[Floats], tuple[float, float]]:
+) -> tuple[TimeAxis, list[Floats], tuple[float, float]]:
     """The axis of the times of all these curves, where on it those of each are, and its ends.
 
     Times of several kinds have no order: then the axis is that of the numbers of the steps.
@@ -138,11 +138,11 @@ def on_one_axis(
         times = [k + 1 for own in found for k in own.tolist()]
     _, first = np.unique(np.concatenate(found), return_index=True)
     union = [times[k] for k in first.tolist()]
-    axis = moments(union)
-    at = placed(union, axis)
+    axis = TimeAxis(times=union, axis=moments(union))
+    at = axis.at
     room = 0.0 if len(at) > 1 else 0.5
     ends = float(at[0]) - room, float(at[-1]) + room
-    return Clock(axis=axis, labels=words(union)), [at[own] for own in found], ends
+    return axis, [at[own] for own in found], ends
 
 
 def curves_csv(curves: Sequence[RmsCurve]) -> str:

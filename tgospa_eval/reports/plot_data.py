@@ -18,7 +18,7 @@ from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.readout import read_switches
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
-from tgospa_eval.reports.clock import Clock, edges, moments, placed, readable, words
+from tgospa_eval.reports.time_axis import TimeAxis, moments, readable
 from tgospa_eval.results.by_class import ByClass
 from tgospa_eval.results.numbers import costliest
 from tgospa_eval.results.partitioned import PartitionedResult
@@ -132,7 +132,7 @@ class PlotData:
     def _axes(self, row: Rows) -> dict[str, Floats]:
         columns = np.clip(row["state"].T, -FARTHEST, FARTHEST)
         found = with_centres(dict(zip(self.document["columns"], columns, strict=True)))
-        return found | {TIME: self.at[row["step"]]} if found else {}
+        return found | {TIME: self.time.at[row["step"]]} if found else {}
 
     @property
     def steps(self) -> int:
@@ -145,24 +145,9 @@ class PlotData:
         return {name: np.asarray(column) for name, column in self.document["switches"].items()}
 
     @cached_property
-    def labels(self) -> list[str]:
-        """The times in words."""
-        return words(self.document["times"])
-
-    @cached_property
-    def time(self) -> Clock:
+    def time(self) -> TimeAxis:
         """The axis of time."""
-        return Clock(axis=self.document["axis"], labels=self.labels)
-
-    @cached_property
-    def at(self) -> Floats:
-        """Where each step is on it."""
-        return placed(self.document["times"], self.document["axis"])
-
-    @cached_property
-    def edges(self) -> tuple[Floats, Floats]:
-        """Where each step begins and ends on it."""
-        return edges(self.at)
+        return TimeAxis(times=self.document["times"], axis=self.document["axis"])
 
 
 def plot_data(result: Summary) -> PlotData:

@@ -35,8 +35,8 @@ from tgospa_eval.plots.lanes import draw_lanes
 from tgospa_eval.plots.result_pictures import Pictures, names_in, result_pictures
 from tgospa_eval.plots.style import literal, power, styled
 from tgospa_eval.reports import plot_data
-from tgospa_eval.reports.clock import nice
 from tgospa_eval.reports.plot_data import binned
+from tgospa_eval.reports.time_axis import nice
 from tgospa_eval.results.result import Result
 
 Draw = Callable[..., Answer]
@@ -460,7 +460,7 @@ def test_there_is_always_a_picture(make: Callable[[], Result]) -> None:
 
 def named(times: list, room: float = 80) -> tuple[list[float], list[str], str]:
     seen = plot_data.plot_data(stamped(times))
-    return seen.time.ticks(seen.edges[0][0], seen.edges[1][-1], room)
+    return seen.time.ticks(seen.time.edges[0][0], seen.time.edges[1][-1], room)
 
 
 def test_round_times_are_named_and_what_they_share_is_said_once() -> None:
@@ -490,8 +490,8 @@ def test_pictures_over_time_are_to_scale() -> None:
     line = artist(plot_cumulative(result), "total")
     assert line.get_xdata().tolist() == times
     seen = plot_data.plot_data(result)
-    assert seen.edges[0][[0, 16, 17]].tolist() == [2.5, 18.5, 45.5]
-    assert seen.edges[1][[16, 17, -1]].tolist() == [19.5, 46.5, 58.5]
+    assert seen.time.edges[0][[0, 16, 17]].tolist() == [2.5, 18.5, 45.5]
+    assert seen.time.edges[1][[16, 17, -1]].tolist() == [19.5, 46.5, 58.5]
     bars = artist(plot_costs(result), "missed").get_data()
     assert 19.5 in bars.edges
     assert 45.5 in bars.edges

@@ -9,9 +9,9 @@ import pytest
 from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, heat_shades
 from tgospa_eval.reports.batch import MOST_SQUARES, heat_of
 from tgospa_eval.reports.batch_page import curve_charts
-from tgospa_eval.reports.clock import nice
 from tgospa_eval.reports.curves import RmsCurve, RmsLine
 from tgospa_eval.reports.phrases import first_names, order_in_words
+from tgospa_eval.reports.time_axis import nice
 from tgospa_eval.results.records import Json, Time
 
 
