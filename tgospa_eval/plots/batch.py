@@ -11,7 +11,7 @@ from tgospa_eval.plots.overtime import name_times
 from tgospa_eval.plots.style import FILLS, SOFT, Style, legend, literal, power, styled, titled
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.batch import BatchTables
-from tgospa_eval.reports.curves import CURVE_KINDS, LINE_NAMES, RmsCurve, RmsLine, on_one_axis
+from tgospa_eval.reports.curves import CURVE_KINDS, LINE_NAMES, RmsCurve, on_one_axis
 from tgospa_eval.reports.time_axis import ROOM
 from tgospa_eval.results.records import PARTS, Json, Part
 
@@ -49,7 +49,7 @@ def draw_curves(
         Whether to draw the parts instead, one below the other, the kinds side by side.
     """
     lines: Sequence[str] = PARTS if parts else ("total",)
-    curves = [(track, curve) for track, curve in curves if lines[0] in curve.lines]
+    curves = [(track, curve) for track, curve in curves if lines[0] in curve.rms]
     kinds = [kind for kind in CURVE_KINDS if any(curve.kind == kind for _, curve in curves)]
     if parts:
         made, axes = figure(style.width, PANEL * style.low * len(lines), len(lines), len(kinds))
@@ -67,8 +67,8 @@ def draw_curves(
         for (track, curve), at in zip(curves, places, strict=True):
             if curve.kind == kind:
                 group = literal(curve.name or "all jobs")
-                drawn[group] = _draw_line(axis, at, curve.lines[name], track)
-                top = max(top, curve.lines[name].top)
+                drawn[group] = _draw_line(axis, at, curve, name, track)
+                top = max(top, curve.top(name))
         axis.set_ylim(0, ROOM * top or 1.0)
         name_times(axis, clock, ends, style.width / (len(kinds) if parts else 1))
         about = LINE_NAMES[name].removeprefix("RMS ").replace(" error", "\nerror")
@@ -81,17 +81,17 @@ def draw_curves(
     return made
 
 
-def _draw_line(axis: "Axes", at: Floats, line: RmsLine, track: int) -> "Artist":
+def _draw_line(axis: "Axes", at: Floats, curve: RmsCurve, name: str, track: int) -> "Artist":
     """A line with its band."""
     colour = TRACK_COLOURS[track % len(TRACK_COLOURS)]
-    if line.band:
-        axis.fill_between(at, *line.band, color=colour, alpha=0.16, linewidth=0)
+    if name in curve.bands:
+        axis.fill_between(at, *curve.bands[name], color=colour, alpha=0.16, linewidth=0)
     looks: dict[str, Any] = {
         "color": colour,
         "linestyle": DASHES_OF_LINES[track % len(DASHES_OF_LINES)],
     }
     looks |= {"marker": "o"} if len(at) == 1 else {}
-    return axis.plot(at, line.rms, clip_on=False, **looks)[0]
+    return axis.plot(at, curve.rms[name], clip_on=False, **looks)[0]
 
 
 def draw_parts(groups: Mapping[str, Mapping[Part, float]], style: Style, about: str) -> "Figure":

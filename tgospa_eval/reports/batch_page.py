@@ -32,7 +32,6 @@ from tgospa_eval.reports.curves import (
     CURVE_KINDS,
     LINE_NAMES,
     RmsCurve,
-    RmsLine,
     on_one_axis,
 )
 from tgospa_eval.reports.html import environment, inlined, page_colours
@@ -76,29 +75,31 @@ def curve_charts(
     for kind, about in CURVE_KINDS.items():
         lines: dict[str, list[_Drawn]] = {}
         for (track, curve), at in zip(curves, places, strict=True):
-            for name, line in curve.lines.items() if curve.kind == kind else ():
-                lines.setdefault(name, []).append((track, curve, line, percent * (at - first)))
+            for name in curve.rms if curve.kind == kind else ():
+                lines.setdefault(name, []).append((track, curve, percent * (at - first)))
         if lines:
             total, *parts = (
-                _chart(f"{LINE_NAMES[name]} {about}", drawn, unit, (across, about_time))
+                _chart(f"{LINE_NAMES[name]} {about}", name, drawn, unit, (across, about_time))
                 for name, drawn in lines.items()
             )
             found.append((total, parts))
     return found
 
 
-_Drawn = tuple[int, RmsCurve, RmsLine, Floats]
-"""The number of a colour, the curve, what is drawn of it, and where its times are, in percent."""
+_Drawn = tuple[int, RmsCurve, Floats]
+"""The number of a colour, the curve, and where its times are, in percent."""
 
 
-def _chart(title: str, drawn: Sequence[_Drawn], unit: str, across: tuple[list[Json], str]) -> Json:
-    """Lines with axes; of many times one in `stride` is drawn."""
-    top = ROOM * max(line.top for _, _, line, _ in drawn) or 1.0
+def _chart(
+    title: str, name: str, drawn: Sequence[_Drawn], unit: str, across: tuple[list[Json], str]
+) -> Json:
+    """Lines of the whole cost or a part, with axes; of many times one in `stride` is drawn."""
+    top = ROOM * max(curve.top(name) for _, curve, _ in drawn) or 1.0
     stride = -(-max(len(at) for *_, at in drawn) // MOST_POINTS)
-    runs = sorted({curve.runs for _, curve, _, _ in drawn})
+    runs = sorted({curve.runs for _, curve, _ in drawn})
     return {
         "title": title,
-        "lines": [_line(each, top, stride, unit) for each in drawn],
+        "lines": [_line(name, each, top, stride, unit) for each in drawn],
         "up": upward(top, 5),
         "across": across[0],
         "stride": stride,
@@ -107,9 +108,9 @@ def _chart(title: str, drawn: Sequence[_Drawn], unit: str, across: tuple[list[Js
     }
 
 
-def _line(drawn: _Drawn, top: float, stride: int, unit: str) -> Json:
+def _line(name: str, drawn: _Drawn, top: float, stride: int, unit: str) -> Json:
     """Paths of SVG of a line and of what is around it, and its last value if of several steps."""
-    track, curve, line, at = drawn
+    track, curve, at = drawn
     size = len(at)
     chosen = sorted({*range(0, size, stride), size - 1})
     x = at[chosen].tolist()
@@ -121,14 +122,14 @@ def _line(drawn: _Drawn, top: float, stride: int, unit: str) -> Json:
         return "L".join(f"{across:.2f} {up:.2f}" for across, up in places)
 
     around = ""
-    if line.band:
-        low, high = map(path, line.band)
+    if name in curve.bands:
+        low, high = map(path, curve.bands[name])
         around = f"M{high}L{'L'.join(reversed(low.split('L')))}Z"
-    last = number(line.rms[-1], 4)
+    last = number(curve.rms[name][-1], 4)
     return {
         "name": curve.name,
         "track": track,
-        "path": f"M{path(line.rms)}",
+        "path": f"M{path(curve.rms[name])}",
         "band": around,
         "last": f"{last} {unit}".strip() if curve.kind != "step" else "",
     }

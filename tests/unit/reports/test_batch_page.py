@@ -9,7 +9,7 @@ import pytest
 from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, heat_shades
 from tgospa_eval.reports.batch import MOST_SQUARES, heat_of
 from tgospa_eval.reports.batch_page import curve_charts
-from tgospa_eval.reports.curves import RmsCurve, RmsLine
+from tgospa_eval.reports.curves import RmsCurve
 from tgospa_eval.reports.phrases import first_names, order_in_words
 from tgospa_eval.reports.time_axis import nice
 from tgospa_eval.results.records import Json, Time
@@ -130,13 +130,14 @@ def test_axes_have_round_numbers() -> None:
 
 
 def curve(times: list[Time], rms: list[float], group: str = "a") -> RmsCurve:
-    line = RmsLine(rms=rms, band=([0.0] * len(rms), [2 * value for value in rms]))
+    band = [0.0] * len(rms), [2 * value for value in rms]
     return RmsCurve(
         group={"who": group},
         kind="step",
         times=times,
         runs=6,
-        lines={"total": line, "missed": line},
+        rms={"total": rms, "missed": rms},
+        bands={"total": band, "missed": band},
         bounds=None,
         band="bootstrap",
     )
