@@ -113,10 +113,10 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
     ConfigError
         Something is wrong with them.
     """
-    from tgospa_eval.plots.result_pictures import Pictures, names_in  # here: for folders only
-
     if output.pictures == "none":
         return None
+    from tgospa_eval.plots.result_pictures import Pictures, names_in  # here: for pictures only
+
     parts, plane = output.components, output.plane
     with named_options():
         return Pictures(
