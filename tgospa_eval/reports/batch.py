@@ -83,12 +83,6 @@ class Ranking:
         """What a conclusion by statistics is about."""
         return "other runs on this truth" if self.truths == 1 else "other truths"
 
-    @property
-    def equal(self) -> frozenset[str]:
-        """Names that share a place, for they are proven to be equal."""
-        pairs = [pair for pair in self.comparisons if pair["verdict"] == "equal"]
-        return frozenset(pair[name] for pair in pairs for name in ("first", "second"))
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BatchTables:

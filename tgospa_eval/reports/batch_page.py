@@ -23,7 +23,6 @@ from tgospa_eval.reports.batch_text import (
     about_others,
     about_slices_of,
     of_expected,
-    order_of,
     other_tables,
     slice_tables,
 )
@@ -35,7 +34,7 @@ from tgospa_eval.reports.curves import (
     on_one_axis,
 )
 from tgospa_eval.reports.html import environment, inlined, page_colours
-from tgospa_eval.reports.phrases import ORDERS, place_in_words
+from tgospa_eval.reports.phrases import ORDERS, equal_names, order_in_words, place_in_words
 from tgospa_eval.reports.time_axis import ROOM, upward
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.text import as_unicode
@@ -154,6 +153,9 @@ def batch_page(tables: BatchTables) -> str:
     rows, groups = tables.rows, tables.shown_groups
     # Of several sets of parameters none is that of the batch.
     ranking = tables.rankings[0] if len(tables.rankings) == 1 else None
+    sentence = ""
+    if ranking is not None:
+        sentence = order_in_words("the combined value", ranking.entries, ranking.comparisons)
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
     html = (
@@ -163,7 +165,7 @@ def batch_page(tables: BatchTables) -> str:
             tables=tables,
             source=_source(tables),
             title=_title(tables, ranking),
-            sentence="" if ranking is None else order_of("the combined value", ranking),
+            sentence=sentence,
             version=tables.settings["version"],
             jobs=len(rows),
             failed=len(failed),
@@ -242,7 +244,7 @@ def _title(tables: BatchTables, ranking: Ranking | None) -> str:
 def _ranking(tables: BatchTables, ranking: Ranking) -> dict[str, object]:
     """A ranking in words, with the places of brackets and intervals on a common scale."""
     entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
-    equal = ranking.equal
+    equal = equal_names(ranking.comparisons)
     for entry in ranking.entries:
         # Per step, as the value is: by the same number of steps.
         name, per_step = entry["name"], bracket(entry, "per_step")

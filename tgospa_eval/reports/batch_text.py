@@ -22,6 +22,7 @@ from tgospa_eval.reports.phrases import (
     MOST_NAMED,
     best_cells,
     best_of,
+    equal_names,
     first_names,
     order_in_words,
     place_in_words,
@@ -242,7 +243,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     if ranking.jobs < ranking.all_jobs:
         all_have = f"over the {counted(ranking.jobs, 'job')} that all {len(entries)} have"
         jobs = f"{all_have}, of {ranking.all_jobs:,}"
-    yield f"{where}{order_of('combined', ranking)} ({jobs})"
+    yield f"{where}{order_in_words('combined', entries, ranking.comparisons)} ({jobs})"
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     if not ranking.permutations:
         yield f"{begin}: fewer than 6, nothing can be concluded about {ranking.others}"
@@ -255,16 +256,6 @@ def _orders(ranking: Ranking) -> Iterator[str]:
         yield f"{begin}: no significant difference at the top between {top}"
 
 
-def order_of(value: str, ranking: Ranking) -> str:
-    """What is proven of the order, in a sentence."""
-    return order_in_words(
-        value,
-        [item["name"] for item in ranking.entries],
-        [item["place"] for item in ranking.entries],
-        {(pair["first"], pair["second"]): pair["verdict"] for pair in ranking.comparisons},
-    )
-
-
 def _where(ranking: Ranking) -> str:
     """For which parameters a ranking is, if there are several."""
     return f"{parameters_in_words(ranking.parameters)}: " if ranking.parameters else ""
@@ -273,7 +264,7 @@ def _where(ranking: Ranking) -> str:
 def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
     """The proven order, and below it the statistical one."""
     of = [value_in_words(value) for value in ranking.parameters.values()]
-    entries = ranking.entries
+    entries, equal = ranking.entries, equal_names(ranking.comparisons)
     per_step = [bracket(item, "per_step") for item in entries]
     yield Table(
         head=(ranking.label, *ranking.parameters, "proven place", "combined", "per step"),
@@ -281,7 +272,7 @@ def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
             (
                 item["name"],
                 *of,
-                place_in_words(*item["place"], shared=item["name"] in ranking.equal),
+                place_in_words(*item["place"], shared=item["name"] in equal),
                 _between(bracket(item, "combined")),
                 _between(each),
             )

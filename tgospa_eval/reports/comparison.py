@@ -19,6 +19,7 @@ from tgospa_eval.reports.phrases import (
     best_cells,
     best_of,
     columns,
+    equal_names,
     error_of,
     or_dash,
     order_in_words,
@@ -92,12 +93,7 @@ def _order(document: Json) -> str:
         value = _between(item["lower_bound"], item["tgospa"])
         mean = "" if document["runs"] == 1 else f", of the mean total of {document['runs']} runs"
         return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
-    return order_in_words(
-        "TGOSPA per step",
-        [item["name"] for item in estimates],
-        [(item["place"][0], item["place"][1]) for item in estimates],
-        {(pair["first"], pair["second"]): pair["verdict"] for pair in document["pairs"]},
-    )
+    return order_in_words("TGOSPA per step", estimates, document["pairs"])
 
 
 def _what(document: Json) -> str:
@@ -133,13 +129,14 @@ def _normalised_table(document: Json, *, places: bool = False) -> Table:
     """What is ranked, and its parts; with places where there are several."""
     runs, order = document["runs"], document["parameters"]["order"]
     places = places and len(document["estimates"]) > 1
+    equal = equal_names(document["pairs"])
     mean = "" if runs == 1 else (f", RMS of {runs}" if order == 2 else f", mean of {runs}")
     return Table(
         head=(f"per step{mean}", *(["place"] if places else []), "TGOSPA", *PARTS),
         rows=[
             (
                 item["name"],
-                *([_place(item, document["pairs"])] if places else []),
+                *([place_in_words(*item["place"], shared=item["name"] in equal)] if places else []),
                 _between(item["normalised"]["lower_bound"], item["normalised"]["tgospa"]),
                 *(number(item["normalised"][name], 4) for name in PARTS),
             )
@@ -271,15 +268,6 @@ def _between(low: float, high: float, sign: str = "") -> str:
     """One number if both are the same as they are shown, else both."""
     texts = [f"{value:{sign}.6g}" for value in (low, high)]
     return texts[1] if texts[0] == texts[1] else " to ".join(texts)
-
-
-def _place(item: Json, pairs: list[Json]) -> str:
-    best, worst = item["place"]
-    shared = any(
-        pair["verdict"] == "equal" and item["name"] in (pair["first"], pair["second"])
-        for pair in pairs
-    )
-    return place_in_words(best, worst, shared=shared)
 
 
 # -------------------------------------------------------------------------------------------------

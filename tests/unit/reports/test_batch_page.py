@@ -178,14 +178,18 @@ def test_a_long_chart_is_thinned() -> None:
 
 def test_sentences_name_few_of_many() -> None:
     names = [f"n{k}" for k in range(100)]
-    pairs = list(itertools.combinations(names, 2))
-    proven = [(k, k) for k in range(1, 101)]
-    sentence = order_in_words("combined", names, proven, dict.fromkeys(pairs, "less"))
+
+    def order(places: list[tuple[int, int]], verdict: str) -> str:
+        entries = [{"name": n, "place": place} for n, place in zip(names, places, strict=True)]
+        pairs = itertools.combinations(names, 2)
+        made = [{"first": a, "second": b, "verdict": verdict} for a, b in pairs]
+        return order_in_words("combined", entries, made)
+
+    sentence = order([(k, k) for k in range(1, 101)], "less")
     first = "n0, n1, n2, n3, n4, n5, n6, n7 and 92 more, all in the table"
     assert sentence == f"Proven order by combined, best first: {first}"
-    equal = dict.fromkeys(pairs, "equal")
-    sentence = order_in_words("combined", names, [(1, 1)] * 100, equal)
+    sentence = order([(1, 1)] * 100, "equal")
     assert sentence == f"Proven to be equal by combined: {first.replace(',', ' =', 7)}"
-    tied = order_in_words("combined", names, [(1, 100)] * 100, dict.fromkeys(pairs, "open"))
+    tied = order([(1, 100)] * 100, "open")
     assert tied == f"None is proven best by combined: it may be any of {first}"
     assert first_names([names[:2], names[2:8]]) == "n0 = n1, n2 = n3 = n4 = n5 = n6 = n7"

@@ -55,8 +55,8 @@ def show(
         The document.
     output : OutputOptions
         What to print, and where to write.
-    draw : callable
-        Makes figures by name; it is called where matplotlib is there.
+    draw : mapping of str to callable
+        By name what makes a figure, where matplotlib is there.
     tables : callable
         Makes further files by name.
     """
@@ -223,7 +223,7 @@ def show_ranking(found: Ranked, output: OutputOptions) -> bool:
 
     times, costs = steps_costs(entrants)
     in_order = {item["name"]: costs[item["name"]] for item in answer["estimates"] if costs}
-    show(answer, output, lambda: estimate_pictures(in_order, times), tables)
+    show(answer, output, estimate_pictures(in_order, times), tables)
     for text in () if output.quiet else opposed(answer):
         print_notice(text)
     unfinished = [
@@ -262,7 +262,7 @@ def compare_files(
         pairs.stopwatch,
         show=not output.quiet,
     )
-    show(answer, output, lambda: solver_pictures(answer))
+    show(answer, output, solver_pictures(answer))
     if not answer["agree"]:
         print_notice(
             "brackets do not overlap: " + "; ".join(map(" and ".join, answer["contradictions"]))
@@ -334,7 +334,7 @@ def study_sizes(
             scenes = counted(len(log.known), "scene is", "scenes are")
             print_notice(f"{log.path}: {scenes} there, going on")
         answer = run(work, stopwatch, show=not quiet)
-        show(answer, output, lambda: study_pictures(answer))
+        show(answer, output, study_pictures(answer))
     for size, length, number, *pair in answer["contradictions"]:
         print_notice(
             f"brackets do not overlap: {' and '.join(pair)}, run {number} of {size} targets, "

@@ -190,7 +190,7 @@ def _show(found: Sweep, output: OutputOptions, wanted: "Pictures | None") -> Non
             "sweep.csv": csv_text(found.columns()),
         }
         if wanted is not None and plots.available():
-            files |= plots.pictures(lambda: {"sweep": sweep_figure(found)}, wanted.formats)
+            files |= plots.pictures({"sweep": lambda: sweep_figure(found)}, wanted.formats)
         elif wanted is not None and not output.quiet:
             print_notice(plots.MISSING)
         return files
