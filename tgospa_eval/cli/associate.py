@@ -109,8 +109,8 @@ def command(
     from tgospa_eval.api.resolve import make_settings
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.common.config import settings_field
-    from tgospa_eval.reports.clouds import association_text
     from tgospa_eval.reports.files import check_file, write_file
+    from tgospa_eval.reports.sensors import association_text
     from tgospa_eval.reports.tables import csv_text
     from tgospa_eval.results.records import json_text
     from tgospa_eval.sensors.association import associate
@@ -201,13 +201,9 @@ def read_states(
 
 def run_with_effort(work: "Callable[[Effort], T]", jobs: int | None, *, quiet: bool) -> T:
     """Do work that takes so many threads, and show how far it is."""
-    from tgospa_eval.cli.shared.progress import run
-    from tgospa_eval.cli.shared.streams import print_notice
-    from tgospa_eval.common.progress import Stopwatch
+    from tgospa_eval.cli.shared.progress import new_stopwatch, run
     from tgospa_eval.distances import Effort
 
-    stopwatch = Stopwatch()
-    if not quiet:
-        stopwatch.notify = print_notice
+    stopwatch = new_stopwatch(quiet=quiet)
     effort = Effort(jobs=jobs, stopwatch=stopwatch)
     return run(lambda: work(effort), stopwatch, show=not quiet)

@@ -186,19 +186,16 @@ def _write(store: "Store", tables: "BatchTables", output: OutputOptions) -> None
     ConfigError
         The folder cannot be written.
     """
-    from tgospa_eval import plots
     from tgospa_eval.api.batch import batch_files
-    from tgospa_eval.cli.shared.writing import wanted_pictures, write_output
+    from tgospa_eval.cli.shared.writing import can_draw, wanted_pictures, write_output
     from tgospa_eval.reports.files import BATCH
 
     folder = output.output
     if folder is None or not len(tables.rows):
         return
     wanted = wanted_pictures(output)
-    if wanted is not None and not plots.available():
+    if wanted is not None and not can_draw(quiet=output.quiet):
         wanted = None
-        if not output.quiet:
-            print_notice(plots.MISSING)
     write_output(output, BATCH, lambda notify: batch_files(store, tables, folder, wanted, notify))
 
 

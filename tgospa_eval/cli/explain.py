@@ -104,9 +104,10 @@ def command(
     from tgospa_eval.cli.evaluate.run import evaluate_files, explained
     from tgospa_eval.cli.shared.streams import emit, print_notice
     from tgospa_eval.formats.write import TABLES
-    from tgospa_eval.reports import rendered
     from tgospa_eval.reports.files import check_file, write_file
     from tgospa_eval.reports.result_text import explanation_document
+    from tgospa_eval.reports.tables import rendered
+    from tgospa_eval.results.explanation import Explanation
 
     if output is not None:
         others = truth, estimate
@@ -123,5 +124,6 @@ def command(
         if not shown.quiet:
             text = found.repairs[apply - 1].text
             print_notice(f"wrote {output}: the estimate with repair {apply}, {text}")
-    emit(rendered(found, shown.format_, explanation_document(found)), shown.format_)
+    makers = explanation_document, Explanation.to_json, Explanation.columns
+    emit(rendered(shown.format_, found, *makers), shown.format_)
     ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)

@@ -64,7 +64,7 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> "tup
     from matplotlib import rcParams
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    from tgospa_eval.plots.shown import ApartLocator, ShownFigure
+    from tgospa_eval.plots.notebook import ApartLocator, ShownFigure
 
     grid = 0.75 * rcParams["grid.linewidth"]
     made = ShownFigure(figsize=(width, height), layout="constrained", facecolor="white")

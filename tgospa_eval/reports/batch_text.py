@@ -28,7 +28,7 @@ from tgospa_eval.reports.phrases import (
     place_in_words,
 )
 from tgospa_eval.reports.slices import about_slices, group_tables
-from tgospa_eval.reports.tables import WRITERS, Document, Table, csv_text
+from tgospa_eval.reports.tables import Document, Table, rendered
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text, records
 from tgospa_eval.results.slices import Slicing, slices_columns
 from tgospa_eval.text import listed
@@ -75,15 +75,13 @@ THRESHOLDS = ".at."
 """In names of columns with a list in each row: a number for each threshold of HOTA."""
 
 
-def batch_csv(tables: BatchTables) -> str:
+def batch_columns(tables: BatchTables) -> Columns:
     """A row for each job."""
-    return csv_text(
-        {
-            str(name): [value if value == value else None for value in column.tolist()]
-            for name, column in tables.rows.items()
-            if THRESHOLDS not in str(name) and name != STORED
-        }
-    )
+    return {
+        str(name): [value if value == value else None for value in column.tolist()]
+        for name, column in tables.rows.items()
+        if THRESHOLDS not in str(name) and name != STORED
+    }
 
 
 def batch_json(tables: BatchTables) -> str:
@@ -394,6 +392,4 @@ def _interval(lower: float, upper: float, sign: str = "") -> str:
 
 def batch_report(tables: BatchTables, format: str) -> str:
     """What ``--format`` prints."""
-    if format == "json":
-        return batch_json(tables)
-    return batch_csv(tables) if format == "csv" else WRITERS[format](document(tables))
+    return rendered(format, tables, document, batch_json, batch_columns)

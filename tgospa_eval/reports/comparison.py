@@ -28,7 +28,7 @@ from tgospa_eval.reports.phrases import (
     size_of,
     unit_of,
 )
-from tgospa_eval.reports.tables import WRITERS, Document, Table, as_markdown, csv_text
+from tgospa_eval.reports.tables import Document, Table, as_markdown, rendered
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text
 
 TIES = (
@@ -536,15 +536,15 @@ DOCUMENTS = {
 def render(document: Json, format: str) -> str:
     """What ``--format`` prints."""
     kind = document["kind"]
-    if format == "json":
-        return json_text(document)
-    if format == "csv":
-        return csv_text(COLUMNS[kind](document))
-    page = DOCUMENTS[kind](document)
-    if (kind, format) == ("estimates", "latex"):  # what goes into a paper: roots, RMS over runs
-        tables = [_normalised_table(document), *_other_tables(document)]
-        page = replace(page, tables=tables, notes=())
-    if "settings_file" in document:
+
+    def page(document: Json) -> Document:
+        made = DOCUMENTS[kind](document)
+        if (kind, format) == ("estimates", "latex"):  # what goes into a paper: roots, RMS over runs
+            tables = [_normalised_table(document), *_other_tables(document)]
+            made = replace(made, tables=tables, notes=())
+        if "settings_file" not in document:
+            return made
         used = str(SettingsFile(**document["settings_file"]))
-        page = replace(page, warnings=[used, *page.warnings])
-    return WRITERS[format](page)
+        return replace(made, warnings=[used, *made.warnings])
+
+    return rendered(format, document, page, json_text, COLUMNS[kind])

@@ -5,11 +5,14 @@ import textwrap
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import zip_longest
 from types import SimpleNamespace
+from typing import TypeVar
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import PLAIN_DECIMAL
 from tgospa_eval.results.records import Columns
 from tgospa_eval.text import clipped, ending, visible
+
+T = TypeVar("T")
 
 LATEX = {
     "\\": r"\textbackslash{}",
@@ -218,6 +221,19 @@ WRITERS: Mapping[str, Callable[[Document], str]] = {
     "latex": as_latex,
 }
 """Of each format for people what writes a document."""
+
+
+def rendered(
+    format: str,
+    subject: T,
+    document: Callable[[T], Document],
+    json: Callable[[T], str],
+    columns: Callable[[T], Columns],
+) -> str:
+    """What ``--format`` prints of a subject, with what makes each of it."""
+    if format == "json":
+        return json(subject)
+    return csv_text(columns(subject)) if format == "csv" else WRITERS[format](document(subject))
 
 
 def csv_text(table: Columns) -> str:

@@ -16,9 +16,9 @@ from tgospa_eval.campaign.ranking import steps_columns, steps_costs
 from tgospa_eval.campaign.solvers import check_solvers
 from tgospa_eval.campaign.study import Study, carry_out, machine, opened, study_document
 from tgospa_eval.cli.shared.click_options import OutputOptions
-from tgospa_eval.cli.shared.progress import run
+from tgospa_eval.cli.shared.progress import new_stopwatch, run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, shielded
-from tgospa_eval.cli.shared.writing import write_output
+from tgospa_eval.cli.shared.writing import can_draw, write_output
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted, parsed, parsed_whole
@@ -66,11 +66,7 @@ def show(
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("the pictures", 0.0)
-        pictures: dict[str, bytes] = {}
-        if plots.available():
-            pictures = plots.pictures(draw)
-        elif not output.quiet:
-            print_notice(plots.MISSING)
+        pictures = plots.pictures(draw) if can_draw(quiet=output.quiet) else {}
         files: dict[str, str | bytes] = {
             "compare.json": json_text(answer),
             "compare.csv": render(answer, "csv"),
@@ -153,9 +149,7 @@ def pair_reader(request: Request, output: OutputOptions, paths: Iterable[str]) -
             raise InputError(f"{path or quoted(path)}: no such file")
     if output.output is not None:
         probe_folder(output.output, COMPARISON, force=output.force)
-    stopwatch = Stopwatch()
-    if not output.quiet:
-        stopwatch.notify = print_notice
+    stopwatch = new_stopwatch(quiet=output.quiet)
     return PairReader(make_settings(request), stopwatch, notifier(quiet=output.quiet))
 
 

@@ -127,6 +127,15 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
         )
 
 
+def can_draw(*, quiet: bool) -> bool:
+    """Whether pictures can be drawn; prints a notice if not."""
+    from tgospa_eval import plots  # here: for folders only
+
+    if not plots.available() and not quiet:
+        print_notice(plots.MISSING)
+    return plots.available()
+
+
 @contextmanager
 def named_options() -> Iterator[None]:
     """What is wrong with pictures, with the name of the option as it is typed."""
@@ -140,10 +149,9 @@ def write_folder(
     result: Summary, options: Request, output: OutputOptions, names: tuple[str, str]
 ) -> None:
     """Write it; prints that pictures are not in it for want of the extra."""
-    from tgospa_eval import plots
-
     wanted = wanted_pictures(output)
-    missing = wanted is not None and not plots.available()
+    if wanted is not None and not can_draw(quiet=output.quiet):
+        wanted = None
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("report.html", 0.0)
@@ -154,12 +162,10 @@ def write_folder(
             notify(PROOF_FOLDER, 0.0)
             proof = proof_files(result, options.given)
             texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in proof.items()}
-        if wanted is None or missing:
+        if wanted is None:
             return texts
         from tgospa_eval.plots.result_pictures import result_pictures
 
         return {**texts, **result_pictures(result, wanted, notify)}
 
     write_output(output, RESULT, make)
-    if missing and not output.quiet:
-        print_notice(plots.MISSING)
