@@ -20,6 +20,7 @@ from tgospa_eval.reports.curves import curves_json
 from tgospa_eval.reports.other_metrics import direction, grouped_table, other_records
 from tgospa_eval.reports.phrases import (
     MOST_NAMED,
+    PART_HEADS,
     best_cells,
     best_of,
     equal_names,
@@ -207,15 +208,10 @@ def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list
 def _parts_table(tables: BatchTables) -> Table:
     heads, rows = tables.heads, tables.groups.to_dict("records")
     totals = [interval(row, "combined") for row in rows]  # in the same order
+    numbers = [[_value(row[name], 5) for name in ("total", *PARTS)] for row in rows]
     return Table(
-        head=(*heads.values(), "total", "local.", "missed", "false", "switch"),
-        rows=[
-            (
-                *(value_in_words(row[name]) for name in heads),
-                *(_value(row[name], 5) for name in ("total", *PARTS)),
-            )
-            for row in rows
-        ],
+        head=(*heads.values(), "total", *PART_HEADS),
+        rows=[(*tables.named(row), *own) for row, own in zip(rows, numbers, strict=True)],
         align="l" * len(heads) + "rrrrr",
         bold=best_cells({len(heads): totals}, _rivals(tables, rows)),
     )

@@ -9,6 +9,9 @@ from tgospa_eval.common.words import counted, sizes_in_words
 from tgospa_eval.results.numbers import PROBABILITIES
 from tgospa_eval.results.records import Columns, Json
 
+PART_HEADS = ("local.", "missed", "false", "switch")
+"""Of the parts of the cost, as heads of narrow columns."""
+
 Rule = Literal["stone_soup", "mathworks"]
 
 RULES: dict[Rule, str] = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}

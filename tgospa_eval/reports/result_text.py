@@ -15,9 +15,9 @@ from tgospa_eval.common.words import counted, number, sizes_in_words
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.reports.other_metrics import other_table, similarity
-from tgospa_eval.reports.phrases import parameters_of
+from tgospa_eval.reports.phrases import PART_HEADS, parameters_of
 from tgospa_eval.reports.slices import about_slices, slices_lines, slices_table
-from tgospa_eval.reports.tables import WIDTH, Document, Row, Table, clip, text_lines, wrap
+from tgospa_eval.reports.tables import WIDTH, Document, Row, Table, clip, table_of, text_lines, wrap
 from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
 from tgospa_eval.results.numbers import costliest
 from tgospa_eval.results.records import PARTS, Columns
@@ -197,7 +197,7 @@ def _classes(result: Summary) -> Iterator[str]:
     classes = result.table("per_class")
     if not classes:
         return
-    head = ("class", "TGOSPA", "total", "local.", "missed", "false", "switch")
+    head = ("class", "TGOSPA", "total", *PART_HEADS)
     rows = [
         (name or "(blank)", *(number(value, 5) for value in values))
         for name, *values in zip(*classes.values(), strict=True)
@@ -378,18 +378,15 @@ def _footer(result: Summary) -> Iterator[str]:
 
 def repair_table(result: Summary, found: Explanation) -> Table:
     """A row for each repair."""
-    rows = [
-        (
-            str(rank),
-            repair.text,
-            _saving(result, repair),
-            result.share(max(repair.saving_lower, 0.0)),
-            number(repair.tgospa),
-        )
-        for rank, repair in enumerate(found.repairs, 1)
-    ]
-    head = ("", "repair", "saves", "share", "TGOSPA then")
-    return Table(head=head, rows=rows, align="llrrr", wrapped=(1,))
+    repairs = found.repairs
+    columns = {
+        "": [str(rank) for rank in range(1, len(repairs) + 1)],
+        "repair": [repair.text for repair in repairs],
+        "saves": [_saving(result, repair) for repair in repairs],
+        "share": [result.share(max(repair.saving_lower, 0.0)) for repair in repairs],
+        "TGOSPA then": [number(repair.tgospa) for repair in repairs],
+    }
+    return table_of(columns, align="llrrr", wrapped=(1,))
 
 
 def _saving(result: Summary, repair: Repair) -> str:

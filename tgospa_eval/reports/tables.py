@@ -5,7 +5,7 @@ import textwrap
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import zip_longest
 from types import SimpleNamespace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import PLAIN_DECIMAL
@@ -154,6 +154,12 @@ class Table:
     def sides(self) -> str:
         """``l`` or ``r`` for each column."""
         return self.align or "l".ljust(len(self.head), "r")
+
+
+def table_of(columns: Mapping[str, Sequence[str]], **looks: Any) -> Table:
+    """A table of columns of cells by their names; `looks` are other fields of it."""
+    rows = list(zip(*columns.values(), strict=True))
+    return Table(head=tuple(columns), rows=rows, **looks)
 
 
 @dataclass(frozen=True, kw_only=True)
