@@ -335,7 +335,7 @@ def cumulative(series: Mapping[str, Sequence[float]], times: Sequence[Time]) -> 
 
 def _literal(name: str) -> str:
     """A name of the user's, short and without formulas."""
-    name = "".join(c if c.isprintable() else "?" for c in name).replace("$", r"\$")
+    name = plain(name)
     return name if len(name) <= 30 else "..." + name[-27:]
 
 
@@ -374,10 +374,7 @@ def sweep_figure(found: Sweep) -> "Figure":
         if band is not None:
             axis.axvspan(*(x[k] for k in band), color="#eeeeee", zorder=0, linewidth=0)
         if _crowded(x):
-            axis.set_xscale("log")
-            ends = x[0], x[len(x) // 2], x[-1]
-            axis.set_xticks(ends, [f"{value:.3g}" for value in ends], minor=False)
-            axis.set_xticks([], minor=True)
+            _ticks(axis, (x[0], x[len(x) // 2], x[-1]), ".3g")
         axis.set_ylim(0, None)
     made.supxlabel(
         AXIS_NAMES[found.parameter]
