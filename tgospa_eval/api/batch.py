@@ -40,7 +40,7 @@ from tgospa_eval.campaign.store import (
     Store,
     locked,
 )
-from tgospa_eval.campaign.tables import check_labels, tabulated
+from tgospa_eval.campaign.sums import check_labels, tabulated
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.manifest import read_manifest, unchanged
@@ -60,7 +60,7 @@ from tgospa_eval.reports.batch_text import batch_report, slices_of_groups
 from tgospa_eval.reports.curves import BANDS, curves_csv
 from tgospa_eval.reports.files import BATCH, Files, write_texts
 from tgospa_eval.reports.proofs import folder_name
-from tgospa_eval.reports.tables import csv_text
+from tgospa_eval.reports.rendering import csv_text
 from tgospa_eval.text import as_unicode, quoted
 
 if TYPE_CHECKING:

@@ -110,8 +110,8 @@ def command(
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.common.config import settings_field
     from tgospa_eval.reports.files import check_file, write_file
+    from tgospa_eval.reports.rendering import csv_text
     from tgospa_eval.reports.sensors import association_text
-    from tgospa_eval.reports.tables import csv_text
     from tgospa_eval.results.records import json_text
     from tgospa_eval.sensors.association import associate
 

@@ -105,8 +105,8 @@ def command(
     from tgospa_eval.cli.shared.streams import emit, print_notice
     from tgospa_eval.formats.write import TABLES
     from tgospa_eval.reports.files import check_file, write_file
+    from tgospa_eval.reports.rendering import rendered
     from tgospa_eval.reports.result_text import explanation_document
-    from tgospa_eval.reports.tables import rendered
     from tgospa_eval.results.explanation import Explanation
 
     if output is not None:

@@ -262,7 +262,7 @@ def _show_history(path: str, output: "OutputOptions") -> None:
 def _printed(report: "Report", format: str) -> str:
     """The report for stdout; a table in the columns that there are."""
     from tgospa_eval.campaign.gate_report import GATE_REPORTS, table
-    from tgospa_eval.reports.tables import WIDTH
+    from tgospa_eval.reports.rendering import WIDTH
 
     if format != "table":
         return GATE_REPORTS[format](report)

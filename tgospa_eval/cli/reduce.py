@@ -73,8 +73,8 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
     from tgospa_eval.distances import Reduction
     from tgospa_eval.formats.write import TABLES
     from tgospa_eval.reports.files import check_file, write_file
+    from tgospa_eval.reports.rendering import csv_text
     from tgospa_eval.reports.sensors import reduction_text
-    from tgospa_eval.reports.tables import csv_text
     from tgospa_eval.results.records import json_text, records
     from tgospa_eval.sensors.reduction import CHANGES, reduce_trajectories
 

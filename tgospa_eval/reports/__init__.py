@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
+from tgospa_eval.reports.rendering import WRITERS, csv_text
 from tgospa_eval.reports.result_text import document, table
-from tgospa_eval.reports.tables import WRITERS, csv_text
 from tgospa_eval.results.summary import Summary
 
 REPORTS: dict[str, Callable[[Summary], str]] = {

@@ -28,8 +28,8 @@ from tgospa_eval.reports.phrases import (
     order_in_words,
     place_in_words,
 )
+from tgospa_eval.reports.rendering import Document, Table, rendered
 from tgospa_eval.reports.slices import about_slices, group_tables
-from tgospa_eval.reports.tables import Document, Table, rendered
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text, records
 from tgospa_eval.results.slices import Slicing, slices_columns
 from tgospa_eval.text import listed

@@ -29,7 +29,7 @@ from tgospa_eval.reports.phrases import (
     size_of,
     unit_of,
 )
-from tgospa_eval.reports.tables import Document, Table, as_markdown, rendered, table_of
+from tgospa_eval.reports.rendering import Document, Table, as_markdown, rendered, table_of
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text
 
 TIES = (

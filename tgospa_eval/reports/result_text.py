@@ -16,8 +16,17 @@ from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.phrases import PART_HEADS, parameters_of
+from tgospa_eval.reports.rendering import (
+    WIDTH,
+    Document,
+    Row,
+    Table,
+    clip,
+    table_of,
+    text_lines,
+    wrap,
+)
 from tgospa_eval.reports.slices import about_slices, slices_lines, slices_table
-from tgospa_eval.reports.tables import WIDTH, Document, Row, Table, clip, table_of, text_lines, wrap
 from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
 from tgospa_eval.results.numbers import costliest
 from tgospa_eval.results.records import PARTS, Columns

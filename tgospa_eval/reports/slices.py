@@ -6,7 +6,7 @@ from itertools import zip_longest
 
 from tgospa_eval.common.words import number
 from tgospa_eval.reports.phrases import PART_HEADS
-from tgospa_eval.reports.tables import INDENT, WIDTH, Row, Table, clip, text_lines
+from tgospa_eval.reports.rendering import INDENT, WIDTH, Row, Table, clip, text_lines
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.slices import Slice, Slicing, in_order
 from tgospa_eval.text import visible

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from tgospa_eval.common.words import number, sizes_in_words
 from tgospa_eval.reports.phrases import LETTERS, parameters_of
-from tgospa_eval.reports.tables import Document, table_of
+from tgospa_eval.reports.rendering import Document, table_of
 from tgospa_eval.results.records import COUNTED_PARTS
 from tgospa_eval.results.sweep import Point, Sweep
 

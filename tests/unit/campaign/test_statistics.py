@@ -20,7 +20,7 @@ from tgospa_eval.campaign.statistics import (
     intervals,
     p_values,
 )
-from tgospa_eval.campaign.tables import tabulated
+from tgospa_eval.campaign.sums import tabulated
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.batch import BatchTables, Ranking
 from tgospa_eval.reports.batch_text import batch_report

@@ -27,7 +27,7 @@ from tgospa_eval.formats.guess import file_of
 from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
 from tgospa_eval.reports.comparison import opposed, pairs_columns, render, study_report
 from tgospa_eval.reports.files import COMPARISON, STUDY, Files, probe_folder
-from tgospa_eval.reports.tables import csv_text
+from tgospa_eval.reports.rendering import csv_text
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.simulation import COLUMNS, Scene
 from tgospa_eval.simulation.settings import usual_tracker

@@ -17,8 +17,8 @@ from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots.comparison import sweep_figure
 from tgospa_eval.reports.files import SWEEP, Files, probe_folder
+from tgospa_eval.reports.rendering import csv_text, rendered
 from tgospa_eval.reports.sweep import sweep_document
-from tgospa_eval.reports.tables import csv_text, rendered
 from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.text import quoted
 

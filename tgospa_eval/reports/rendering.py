@@ -1,4 +1,4 @@
-"""Tables with words around them, as plain text, Markdown or LaTeX. Knows no metric."""
+"""Tables and documents rendered as plain text, Markdown, LaTeX and CSV. Knows no metric."""
 
 import re
 import textwrap

@@ -1,4 +1,4 @@
-"""Tables of a batch: costs of jobs are added, never their roots.
+"""Sums of the jobs of a batch: costs are added, never their roots.
 
 Of a group of jobs COMBINED is ``(sum of totals)^(1/p)``, per step ``(sum of totals / sum of
 steps)^(1/p)`` with the steps of the horizon, and RMS ``(mean of totals)^(1/p)``, which
