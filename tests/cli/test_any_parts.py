@@ -21,7 +21,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tgospa_eval.partitioned import components, run
-from tgospa_eval.partitioned.long.run import Long
+from tgospa_eval.partitioned.long.run import solve_long
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -101,7 +101,7 @@ def test_the_bracket_is_that_of_the_whole(invoke: Invoke, seed: int, case: dict[
             patch.setattr(run, "MOST_ROWS", case["rows of a block"])
             patch.setattr(components, "SHARD_ENTRIES", case["entries of a shard"])
             patch.setattr(run, "MOST_ENTRIES", case["entries together"])
-            patch.setattr(run, "Long", partial(Long, overlap=case["overlap"]))
+            patch.setattr(run, "solve_long", partial(solve_long, overlap=case["overlap"]))
             parts = invoke(*paths, *asked)
     finally:
         shutil.rmtree(work)

@@ -13,7 +13,7 @@ from checkout import SAMPLES
 
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import ReadOptions, loading, read
-from tgospa_eval.formats.text import scan
+from tgospa_eval.formats.text import lines
 
 Run = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
@@ -29,12 +29,12 @@ PAIRS = {
 }
 
 
-@pytest.mark.parametrize("size", [scan.LARGE_BYTES, 0], ids=["small", "large"])
+@pytest.mark.parametrize("size", [lines.LARGE_BYTES, 0], ids=["small", "large"])
 @pytest.mark.parametrize("folder", PAIRS)
 def test_compressed_text(
     invoke: Run, write: Write, monkeypatch: pytest.MonkeyPatch, folder: str, size: int
 ) -> None:
-    monkeypatch.setattr(scan, "LARGE_BYTES", size)
+    monkeypatch.setattr(lines, "LARGE_BYTES", size)
     paths = [SAMPLES / folder / name for name in PAIRS[folder]]
     truth, estimate = (path.read_bytes() for path in paths)
     half = len(truth) // 2
@@ -104,8 +104,8 @@ def test_one_side_from_the_standard_input(
     truth, estimate = (str(SAMPLES / "quickstart" / name) for name in PAIRS["quickstart"])
     want = invoke(truth, estimate, *ASKED).out
     for path in (truth, estimate):
-        for size in (scan.LARGE_BYTES, 0):
-            monkeypatch.setattr(scan, "LARGE_BYTES", size)
+        for size in (lines.LARGE_BYTES, 0):
+            monkeypatch.setattr(lines, "LARGE_BYTES", size)
             pipe(gzip.compress(Path(path).read_bytes()) if size else Path(path).read_bytes())
             sides = ["-" if side == path else side for side in (truth, estimate)]
             assert invoke(*sides, *ASKED).out == want

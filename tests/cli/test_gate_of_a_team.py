@@ -1,13 +1,18 @@
 """The gate of a team: noisy seeds, pull requests, accepting in part, values over time."""
 
 import json
+import os
 import subprocess
+import sys
+import threading
 from collections.abc import Callable, Iterable
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+import yaml
 
 Invoke = Callable[..., Any]
 
@@ -304,6 +309,16 @@ def test_the_command_accepts_what_failed_and_nothing_else(gate: Invoke, invoke: 
     assert invoke(*command.split()[1:]).status == 0
     assert {name for name in before if before[name] != entries()[name]} == {"slow/3"}
     assert gate().status == 0
+
+
+def test_the_command_names_a_scene_that_failed_whole_by_a_pattern(gate: Invoke) -> None:
+    write("suite.toml", SUITE)
+    slow = {path: path.read_text(encoding="utf-8") for path in Path("out/slow").iterdir()}
+    runs(0.3, 1)
+    for path, content in slow.items():  # as in the baseline
+        path.write_text(content, encoding="utf-8")
+    command = json.loads(gate("--format", "json").out)["update"]
+    assert command.endswith("--update-baseline --only 'dense/*' --only 'fast/*'")
 
 
 def test_an_update_says_which_parameter_changed(gate: Invoke) -> None:
@@ -610,6 +625,105 @@ def test_what_cannot_be_written_hides_no_regression(gate: Invoke, option: str, p
     assert f"{option} {place}: cannot be written" in answer.err
     assert "group all" in answer.out
     assert Path("report/gate.md").is_file()
+
+
+# --- the shell parts of the example workflows -----------------------------------------------------
+
+EXAMPLES = Path(__file__).parents[2] / "docs/examples"
+
+
+@pytest.fixture
+def shell(gate: Invoke, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Invoke:
+    """Runs a line of a workflow in a clone whose branch is behind a pull request to main."""
+    git("init")
+    git("add", ".")
+    git("commit", "-m", "first")
+    git("clone", ".", "clone")
+    monkeypatch.chdir("clone")
+    runs(0.14, 2)
+    programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+
+    def shell(script: str, **variables: str) -> Any:
+        environ = {**os.environ, "PATH": programs, **variables}
+        return subprocess.run(
+            ["bash", "-e", "-c", script], env=environ, capture_output=True, text=True, check=False
+        )
+
+    return shell
+
+
+def test_the_steps_for_github(shell: Invoke, tmp_path: Path) -> None:
+    steps = yaml.safe_load((EXAMPLES / "github.yml").read_text())["jobs"]["gate"]["steps"]
+    judge, comment = (step["run"] for step in steps if "run" in step and "pip" not in step["run"])
+    write("gh", '#!/bin/sh\nprintf "%s\\n" "$@" > asked.txt\n')
+    Path("gh").chmod(0o755)
+    summary = tmp_path / "summary.md"
+    answer = shell(judge, GITHUB_BASE_REF="main", GITHUB_STEP_SUMMARY=str(summary))
+    assert answer.returncode == 1, answer.stderr
+    assert "::error" in answer.stderr
+    assert summary.read_text(encoding="utf-8") == Path("gate/gate.md").read_text(encoding="utf-8")
+    uploaded = yaml.safe_load(steps[-1]["with"]["path"].replace("\n", " ")).split()
+    assert all(Path(path).exists() for path in uploaded)
+    assert shell(f"PATH=.:$PATH\n{comment}", NUMBER="7").returncode == 0
+    asked = Path("asked.txt").read_text().split()
+    assert asked[:3] == ["pr", "comment", "7"]
+    assert Path(asked[-1]).is_file()
+
+
+class Notes(BaseHTTPRequestHandler):
+    """The notes of a merge request, as the interface of GitLab has them."""
+
+    bodies: ClassVar[list[str]] = ["LGTM"]
+
+    def do_GET(self) -> None:
+        self.answer([{"id": k, "body": body} for k, body in enumerate(self.bodies)])
+
+    def do_POST(self) -> None:
+        self.bodies.append(self.body())
+        self.answer({})
+
+    def do_PUT(self) -> None:
+        self.bodies[int(self.path.rpartition("/")[2])] = self.body()
+        self.answer({})
+
+    def body(self) -> str:
+        sent = self.rfile.read(int(self.headers["Content-Length"]))
+        return str(json.loads(sent)["body"])
+
+    def answer(self, document: Any) -> None:
+        known = self.headers["PRIVATE-TOKEN"] == "token"
+        self.send_response(200 if known else 401)
+        self.end_headers()
+        self.wfile.write(json.dumps(document).encode())
+
+    def log_message(self, *_: Any) -> None:
+        pass
+
+
+def test_the_steps_for_gitlab(shell: Invoke) -> None:
+    job = yaml.safe_load((EXAMPLES / "gitlab-ci.yml").read_text())["gate"]
+    script = "\n".join(line for line in job["script"] if "pip install" not in line)
+    (note,) = yaml.safe_load((EXAMPLES / "gitlab-note.yml").read_text())["after_script"]
+    with ThreadingHTTPServer(("127.0.0.1", 0), Notes) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        about = {
+            "CI_API_V4_URL": f"http://127.0.0.1:{server.server_port}/api/v4",
+            "CI_PROJECT_ID": "3",
+            "CI_MERGE_REQUEST_IID": "7",
+            "GATE_TOKEN": "token",
+            "NO_PROXY": "*",
+        }
+        for change in (0.14, 0.5):  # one note, whose text is that of the last run
+            runs(change, 2)
+            answer = shell(script, CI_MERGE_REQUEST_TARGET_BRANCH_NAME="main")
+            assert answer.returncode == 1, answer.stderr
+            assert all(Path(path).exists() for path in ("gate/gate.html", "report.xml"))
+            sent = shell(note, **about)
+            assert sent.returncode == 0, sent.stderr
+        server.shutdown()
+    assert Notes.bodies[0] == "LGTM"
+    (body,) = Notes.bodies[1:]
+    assert body.partition("\n")[2] == Path("gate/gate.md").read_text(encoding="utf-8")
 
 
 # --- over time ------------------------------------------------------------------------------------

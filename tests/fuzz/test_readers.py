@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from tgospa_eval.errors import TgospaError
 from tgospa_eval.formats import FORMATS, ROLES, ReadOptions, read
-from tgospa_eval.formats.text import scan, table
+from tgospa_eval.formats.text import lines
 
 MEMORY = 50_000_000
 """Bytes beyond what the largest of these files, some kilobytes, may ever need."""
@@ -173,10 +173,10 @@ def answer(path: Path, options: ReadOptions, role: str, format_: str | None) -> 
 def answers(path: Path, options: ReadOptions, role: str, format_: str | None) -> None:
     """Read it as it comes, without the compiled loop, and as a large file."""
     found = []
-    for size, scanner in ((scan.LARGE_BYTES, scan.scanner), (scan.LARGE_BYTES, None), (0, None)):
+    for size, scanner in ((lines.LARGE_BYTES, lines.scanner), (lines.LARGE_BYTES, None), (0, None)):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(scan, "LARGE_BYTES", size)
-            patch.setattr(scan, "scanner", scanner)
+            patch.setattr(lines, "LARGE_BYTES", size)
+            patch.setattr(lines, "scanner", scanner)
             found.append(answer(path, options, role, format_))
     assert found[0] == found[1] == found[2]
 
@@ -328,16 +328,16 @@ def test_memory_per_byte(
 ) -> None:
     # A row takes 32 bytes as numbers, some 80 with keys and their order: two or three times its
     # text. A list of fields would take twenty times.
-    monkeypatch.setattr(scan, "LARGE_BYTES", abs(size))
-    monkeypatch.setattr(scan, "scanner", scan.scanner if size < 0 else None)
-    monkeypatch.setattr(scan, "LETTERS_TOGETHER", 1 << 12)
-    monkeypatch.setattr(table, "ROWS_OF_BLOCK", 1 << 7)
+    monkeypatch.setattr(lines, "LARGE_BYTES", abs(size))
+    monkeypatch.setattr(lines, "scanner", lines.scanner if size < 0 else None)
+    monkeypatch.setattr(lines, "LETTERS_TOGETHER", 1 << 12)
+    monkeypatch.setattr(lines, "ROWS_OF_BLOCK", 1 << 7)
     format_ = "csv" if name == "quoted" else name
-    lines = SEEDS[name].splitlines()
-    head = [lines.pop(0)] if format_ == "csv" else []
+    seed = SEEDS[name].splitlines()
+    head = [seed.pop(0)] if format_ == "csv" else []
     found = []
     for count in (2_000, 8_000):
-        rows = [lines[0].replace(*END[name], 1) % divmod(k, 500) for k in range(count)]
+        rows = [seed[0].replace(*END[name], 1) % divmod(k, 500) for k in range(count)]
         path = write("a.txt", "\n".join([*head, *rows]) + "\n")
         read(path, format=format_)
         tracemalloc.start()

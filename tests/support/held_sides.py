@@ -1,17 +1,14 @@
 """Sides that are in memory, for evaluations in parts."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from tgospa_eval.engines.engine import Engine
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats import Reading
-from tgospa_eval.partitioned.run import PartsPlan
 from tgospa_eval.partitioned.steps import BlockPlan
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
@@ -27,6 +24,10 @@ class Held:
         return self.whole.times
 
     @property
+    def columns(self) -> tuple[str, ...]:
+        return self.whole.columns
+
+    @property
     def counts(self) -> np.ndarray:
         return np.bincount(self.whole.step, minlength=len(self.whole.times))
 
@@ -39,25 +40,14 @@ class Held:
         return Reading(trajectories=part, rows=len(rows))
 
 
-def plan(
-    sides: tuple[Trajectories, Trajectories],
-    parameters: Parameters,
-    work: Path,
-    engine: Engine | None = None,
-) -> PartsPlan:
+def plan(sides: tuple[Trajectories, Trajectories], parameters: Parameters) -> BlockPlan:
     times = np.union1d(sides[0].times, sides[1].times)
-    return PartsPlan(
-        cut=BlockPlan(
-            times=times,
-            sides=(Held(sides[0]), Held(sides[1])),
-            step=tuple(np.searchsorted(times, side.times) for side in sides),
-            request=EvaluationRequest(
-                parameters=parameters, distance=as_distance("euclidean"), solver=Certified(jobs=1)
-            ),
-            names=("truth", "estimate"),
+    return BlockPlan(
+        times=times,
+        sides=(Held(sides[0]), Held(sides[1])),
+        step=tuple(np.searchsorted(times, side.times) for side in sides),
+        request=EvaluationRequest(
+            parameters=parameters, distance=as_distance("euclidean"), solver=Certified(jobs=1)
         ),
-        columns=2,
-        work=work,
-        memory=1 << 30,
-        engine=engine,
+        names=("truth", "estimate"),
     )

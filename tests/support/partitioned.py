@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from tgospa_eval import Result
-from tgospa_eval.partitioned.tables import Naming, TrackParts, write_tables
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.partitioned.tables import write_tables
+from tgospa_eval.problem.metric_family import Parameters
+from tgospa_eval.problem.readout import PerTrack
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Columns, Costs, Labels
 
@@ -21,12 +22,8 @@ SWITCHED = np.dtype(
 def partitioned(result: Result, work: Path, shards: int = 3) -> PartitionedResult:
     """The same with its tables in a folder of files; truths are dealt out to shards."""
     proof, labels = result.proof, result.labels
-    naming = Naming(
-        times=np.array(labels.times),
-        truths=np.array(labels.truths),
-        estimates=np.array(labels.estimates),
-        parameters=proof.parameters,
-    )
+    costs = Costs(parameters=proof.parameters, bounds=proof.bounds, breakdown=proof.breakdown)
+    names = {name: np.array(getattr(labels, name)) for name in ("times", "truths", "estimates")}
     folders = []
     for shard in range(shards):
         folders.append(work / f"shard-{shard}")
@@ -38,8 +35,8 @@ def partitioned(result: Result, work: Path, shards: int = 3) -> PartitionedResul
             np.save(folders[-1] / f"{name}.npy", table[table["truth"] % shards == shard])
     tables = write_tables(
         str(work / "tables"),
-        naming,
-        proof.breakdown,
+        names,
+        costs,
         (
             _sums(result.table("per_truth"), "missed", result.scale),
             _sums(result.table("per_estimate"), "false", result.scale),
@@ -47,7 +44,7 @@ def partitioned(result: Result, work: Path, shards: int = 3) -> PartitionedResul
         folders,
     )
     return PartitionedResult(
-        proof=Costs(parameters=proof.parameters, bounds=proof.bounds, breakdown=proof.breakdown),
+        proof=costs,
         labels=Labels(times=labels.times, truths=[], estimates=[], unit=labels.unit),
         gap=result.gap,
         settings=result.settings,
@@ -91,14 +88,14 @@ def _switched(result: Result, parameters: Parameters) -> np.ndarray:
     return rows
 
 
-def _sums(table: Columns, kind: str, scale: float) -> tuple[np.ndarray, TrackParts]:
+def _sums(table: Columns, kind: str, scale: float) -> tuple[np.ndarray, PerTrack]:
     return (
         np.array(table["steps"], np.int64),
-        {
-            "localisation": np.array(table["localisation"], float) / scale,
-            "unassigned": np.array(table[kind], float) / scale,
-            "switch": np.array(table["switch"], float) / scale,
-            "unassigned_count": np.array(table[f"{kind}_count"], float),
-            "switch_count": np.array(table["switch_count"], float),
-        },
+        PerTrack(
+            localisation=np.array(table["localisation"], float) / scale,
+            unassigned=np.array(table[kind], float) / scale,
+            switch=np.array(table["switch"], float) / scale,
+            unassigned_count=np.array(table[f"{kind}_count"], float),
+            switch_count=np.array(table["switch_count"], float),
+        ),
     )

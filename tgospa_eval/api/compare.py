@@ -20,7 +20,7 @@ from tgospa_eval.campaign.ranking import (
     saved_outcomes,
     shared_metrics,
 )
-from tgospa_eval.campaign.solvers import (
+from tgospa_eval.campaign.solver_runs import (
     ONCE,
     check_solvers,
     compare_solvers,

@@ -4,6 +4,7 @@ import glob
 import json
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from fnmatch import fnmatchcase
@@ -624,9 +625,23 @@ def _accepted(
         names = meant(one for one in outcomes if any(found.improved for found in one.findings))
     if not names:
         return []
-    some = [] if names >= there.keys() else sorted(names, key=natural)
-    chosen = [text for name in some for text in ("--only", glob.escape(name))]
+    some = [] if names >= there.keys() else _patterns(names, {*there, *old})
+    chosen = [text for pattern in some for text in ("--only", pattern)]
     return ["--update-baseline", *(["--prune"] if names - there.keys() else []), *chosen]
+
+
+def _patterns(names: set[str], everything: set[str]) -> list[str]:
+    """Patterns that match these names and none of the others: `slow/*` where all of it is meant."""
+    all_of, meant_of = (
+        Counter(name.partition("/")[0] for name in some if "/" in name)
+        for some in (everything, names)
+    )
+    found = dict[str, None]()  # in order, each once
+    for name in sorted(names, key=natural):
+        head, slash, _ = name.partition("/")
+        whole = slash and 1 < all_of[head] == meant_of[head]
+        found[f"{glob.escape(head)}/*" if whole else glob.escape(name)] = None
+    return [*found]
 
 
 def _pairs(

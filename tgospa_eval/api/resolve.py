@@ -37,7 +37,7 @@ from tgospa_eval.evaluation.sides import (
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.headers import columns_of_each
 from tgospa_eval.formats.options import parse_moments, parse_steps
-from tgospa_eval.formats.reading import SideMetadata, check_classes
+from tgospa_eval.formats.reading import check_classes
 from tgospa_eval.results.numbers import Calibration
 from tgospa_eval.results.records import FileInfo
 from tgospa_eval.solvers import Solver, solver_class
@@ -264,7 +264,7 @@ class Settings:
         )
         return replace(sides[0], warnings=(*sides[0].warnings, *found)), *sides[1:]
 
-    def check(self, sides: tuple[SideMetadata, ...], paths: tuple[str, ...]) -> None:
+    def check(self, sides: tuple[Reading, ...], paths: tuple[str, ...]) -> None:
         """Whether some file has what was asked of all.
 
         Raises

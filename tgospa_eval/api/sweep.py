@@ -14,8 +14,8 @@ from tgospa_eval.common.notices import warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.sweep import in_order, sweep_fitted
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.sweep import Sweep
 
 if TYPE_CHECKING:

@@ -502,7 +502,8 @@ def _cases(outcome: PairOutcome, told: list[str]) -> Iterator[str]:
         verdict = shown_verdict(finding)
         mark = "" if finding.now.proven else " (split, not proven)"
         lower, upper, limit = texts(finding.now.lower, finding.now.upper, finding.limit)
-        about = f"{finding.rule.path} is between {lower} and {upper}, allowed is {limit}{mark}"
+        value = lower if lower == upper else f"between {lower} and {upper}"
+        about = f"{finding.rule.path} is {value}, allowed is {limit}{mark}"
         if finding.verdict is Verdict.INCOMPARABLE:
             about = f"there is no {finding.rule.path}"
         result, lines = "", [] if place else told

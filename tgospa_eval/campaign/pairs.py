@@ -20,7 +20,7 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import runs_inside
 from tgospa_eval.formats.guess import file_of, is_table_folder
 from tgospa_eval.formats.loading import load
-from tgospa_eval.formats.text.scan import decode
+from tgospa_eval.formats.text.lines import decode
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.durations import MAX_STEPS
 

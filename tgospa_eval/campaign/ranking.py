@@ -23,7 +23,7 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.times import TimeError
 from tgospa_eval.formats.times import places as places_of_times
 from tgospa_eval.problem.gospa import (
-    Changes,
+    Switched,
     changes_since_last_step,
     changes_since_last_stored,
     partners,
@@ -55,12 +55,12 @@ def against(result: Result) -> tuple[Json, dict[str, Floats]]:
     found = per_step_gospa(problem)
     gospa = scale * found.total
     track = partners(problem, found.entries)
-    changes: dict[Rule, Changes] = {
+    changes: dict[Rule, Switched] = {
         "stone_soup": changes_since_last_stored(problem, track),
         "mathworks": changes_since_last_step(problem, track),
     }
     value = gospa ** (1 / p)
-    paid = {name: switch * count.total for name, count in changes.items()}
+    paid = {name: switch * count for name, (count, _) in changes.items()}
     values: dict[str, Floats] = {
         "gospa": value,
         "stone_soup": np.hypot(value, paid["stone_soup"] ** (1 / p)),
@@ -71,8 +71,8 @@ def against(result: Result) -> tuple[Json, dict[str, Floats]]:
 
     def of_rule(rule: Rule) -> Json:
         return {
-            "switches": float(changes[rule].total.sum()),
-            "halves": float(changes[rule].half.sum()),
+            "switches": float(changes[rule][0].sum()),
+            "halves": float(changes[rule][1].sum()),
             "total": float((values[rule] ** p).sum()),
             "mean": float(values[rule].mean()) if len(gospa) else 0.0,
         }

@@ -21,14 +21,13 @@ import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.campaign import SCHEMA
-from tgospa_eval.campaign.solvers import (
+from tgospa_eval.campaign.solver_runs import (
     RUN,
     compare_solvers,
     contradictions,
     errors,
     failed,
     referee,
-    run_here,
     spent,
     warm_up,
 )
@@ -43,7 +42,7 @@ from tgospa_eval.evaluation.evaluate import solver_settings
 from tgospa_eval.evaluation.prepare import fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import KERNEL
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver
@@ -314,7 +313,7 @@ def measure(study: Study, targets: int, steps: int, run: int) -> Json:
     record["prepare_seconds"] = sum(
         stopwatch.spans[name] for name in ("distances", "solve/preparation")
     )
-    found = compare_solvers(prepared, study.solvers, run=run_here)
+    found = compare_solvers(prepared, study.solvers)
     record["runs"] = [run | {"history": [], "memory": None} for run in found]
     return record
 

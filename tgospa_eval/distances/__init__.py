@@ -1,14 +1,14 @@
 """STATES -> base distance on the pairs of one step that are nearer than the cutoff.
 
-A member is one file here, one line in `DISTANCES` and one line in docs/reference/cli.md. The
-public names are imported when they are used: a run needs one member, and no other pays for it.
+The public names are imported when they are used: a run needs one distance, and no other pays for
+it. Which there are by name, and how to add one, is in `distances.registry`.
 """
 
-from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from tgospa_eval.distances.base import Distance, Effort, Pairs
 from tgospa_eval.distances.gating import near_pairs
+from tgospa_eval.distances.registry import DISTANCES
 
 if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.distances.boxes import IoU as IoU
@@ -57,37 +57,5 @@ def __getattr__(name: str) -> object:
     globals()[name] = value
     return value
 
-
-class _Members(Mapping[str, Distance]):
-    """Records by name, made when they are asked for."""
-
-    def __init__(self, members: dict[str, tuple[str, dict[str, str | float]]]) -> None:
-        self._members = members
-
-    def __getitem__(self, name: str) -> Distance:
-        record, settings = self._members[name]
-        make = cast(Callable[..., Distance], globals().get(record) or __getattr__(record))
-        return make(**settings)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._members)
-
-    def __len__(self) -> int:
-        return len(self._members)
-
-
-DISTANCES: Mapping[str, Distance] = _Members(
-    {
-        "euclidean": ("Norm", {"name": "euclidean", "power": 2.0}),
-        "manhattan": ("Norm", {"name": "manhattan", "power": 1.0}),
-        "chebyshev": ("Norm", {"name": "chebyshev", "power": float("inf")}),
-        "mahalanobis": ("Mahalanobis", {}),
-        "haversine": ("Haversine", {}),
-        "iou": ("IoU", {}),
-        "gaussian-wasserstein": ("GaussianWasserstein", {}),
-        "cloud-wasserstein": ("CloudWasserstein", {}),
-    }
-)
-"""Base distances by name; Mahalanobis without its covariance."""
 
 __all__ = ["DISTANCES", "Distance", "Effort", "Pairs", "near_pairs", *_HOME]

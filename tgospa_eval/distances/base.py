@@ -1,9 +1,9 @@
 """What every base distance offers: to users its value, to the search a space to sort in."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence, Sized
 from dataclasses import field
-from typing import ClassVar, TypedDict
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,23 +24,8 @@ REACH_ROUNDING = 2.0**-40
 """What reaches are widened by: far above the rounding of a distance, and it loses no candidate."""
 
 
-class DistanceSettings(TypedDict, total=False):
-    """What changes the number beside the name, by the names of the options."""
-
-    periodic: dict[str, float]
-    scale: dict[str, float]
-    covariance: list[list[float]] | str
-    mixed: str
-    cloud_order: int
-    inner: str
-    inner_cov: list[list[float]] | str
-    reduce: int
-    reduce_method: str
-    seed: int
-    iterations: int
-    restarts: int
-    directions: int | list[list[float]] | None
-    polish: int
+DistanceSettings = dict[str, Any]
+"""What changes the number beside the name of a distance, by the names of the options."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,9 +85,13 @@ class Distance(ABC):
         Cutoff and switch penalty, if the user names none.
     limits : dict of str to tuple
         Least and largest value of a column, and both in words.
+    scale, period : sequence of float, optional
+        State units per unit of each column, and the period of each, of distances that have such.
     """
 
     name: str
+    scale: Sequence[float] | None = None
+    period: Sequence[float] | None = None
     columns: ClassVar[tuple[str, ...] | None] = None
     defaults: ClassVar[tuple[float, float]] = (10.0, 2.0)
     limits: ClassVar[dict[str, tuple[float, float, str]]] = {}
@@ -243,6 +232,8 @@ class Distance(ABC):
                 f"{name}: the distance {self.name} needs the state columns {needed}, not "
                 f"{','.join(columns)}; name or map them with --columns {needed}"
             )
+        check_length("scale", self.scale, columns, name)
+        check_length("period", self.period, columns, name)
 
     def fault(self, axes: Floats) -> Fault | None:
         """Which states (d, R) are out of range in a column, the column, and what the first is."""
@@ -255,8 +246,29 @@ class Distance(ABC):
         return None
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
-        """What changes the number beside the name, by the names of the options."""
-        return {}
+        """Periods and scales by the names of the columns, and what else changes the number."""
+        found: DistanceSettings = {}
+        if self.period is not None:
+            periods = zip(columns, self.period, strict=True)
+            found["periodic"] = {column: period for column, period in periods if period != np.inf}
+        if self.scale is not None:
+            found["scale"] = dict(zip(columns, self.scale, strict=True))
+        return found
+
+
+def check_length(what: str, values: Sized | None, columns: tuple[str, ...], name: str) -> None:
+    """Whether there is one for each state column.
+
+    Raises
+    ------
+    ConfigError
+        The values are not as many as the columns.
+    """
+    if values is not None and len(values) != len(columns):
+        raise ConfigError(
+            f"{name} has {len(columns)} state columns ({','.join(columns)}), but {what} is for "
+            f"{len(values)}"
+        )
 
 
 def pair_named(sides: Sides, i: int, j: int, *which: str) -> str:

@@ -3,6 +3,7 @@
 import math
 import warnings
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,10 +61,8 @@ class GaussianWasserstein(Distance):
     def __post_init__(self) -> None:
         if self.mixed not in MIXED:
             raise ConfigError(f"mixed is {quoted(self.mixed)}: must be one of {', '.join(MIXED)}")
-        norm = Norm(name="euclidean", power=2.0, scale=self.scale, period=self.period)
-        object.__setattr__(self, "_norm", norm)
-        object.__setattr__(self, "scale", norm.scale)
-        object.__setattr__(self, "period", norm.period)
+        for name in ("scale", "period"):  # checked, and as tuples
+            object.__setattr__(self, name, getattr(self._means, name))
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -75,10 +74,9 @@ class GaussianWasserstein(Distance):
         """That of the means, which are nowhere further apart than the Gaussians."""
         return self._means.tree_power
 
-    @property
+    @cached_property
     def _means(self) -> Norm:
-        norm: Norm = self.__dict__["_norm"]
-        return norm
+        return Norm(name="euclidean", power=2.0, scale=self.scale, period=self.period)
 
     def axes(self, side: Trajectories, rows: slice | Ints) -> Floats:
         """Means and, scaled, lower factors of the covariances, each factored once."""
@@ -127,13 +125,9 @@ class GaussianWasserstein(Distance):
         """That of the means, which are nowhere further apart than the Gaussians."""
         return self._means.reach(cutoff, axes[: _dimension(len(axes))])
 
-    def check_columns(self, columns: tuple[str, ...], name: str) -> None:
-        """Whether scale and period have a number for each column."""
-        self._means.check_columns(columns, name)
-
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
         """Periods and scales by the names of the columns, and what becomes of clouds."""
-        return {**self._means.settings(columns), "mixed": self.mixed}
+        return {**super().settings(columns), "mixed": self.mixed}
 
 
 def gaussian_wasserstein(

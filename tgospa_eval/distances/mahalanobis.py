@@ -15,9 +15,10 @@ from tgospa_eval.distances.base import (
     Floats,
     Pairs,
     Sides,
+    check_length,
     pair_named,
 )
-from tgospa_eval.distances.vector import check_length, positive_numbers, shares
+from tgospa_eval.distances.vector import positive_numbers, shares
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
@@ -130,14 +131,12 @@ class Mahalanobis(Distance):
                 "mahalanobis needs a covariance: --covariance FILE, or Mahalanobis(covariance=...)"
             )
         check_length("covariance", np.asarray(self.covariance), columns, name)
-        check_length("scale", self.scale, columns, name)
+        super().check_columns(columns, name)
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
         """The matrix, and scales by the names of the columns."""
-        found: DistanceSettings = {"covariance": np.asarray(self.covariance).tolist()}
-        if self.scale is not None:
-            found["scale"] = dict(zip(columns, self.scale, strict=True))
-        return found
+        matrix = np.asarray(self.covariance).tolist()
+        return {"covariance": matrix, **super().settings(columns)}
 
 
 def cholesky(covariance: ArrayLike, size: int | None = None) -> Floats:

@@ -1,12 +1,12 @@
 """Norms of the difference of two points, their components scaled or on a circle."""
 
-from collections.abc import Iterable, Iterator, Sequence, Sized
+from collections.abc import Iterable, Iterator, Sequence
 from functools import reduce
 
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.base import REACH_ROUNDING, Distance, DistanceSettings, Floats, Sides
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Floats, Sides
 from tgospa_eval.errors import ConfigError, real_number
 
 SMALLEST_SCALE, LARGEST_SCALE = 1e-150, 1e150
@@ -126,24 +126,6 @@ class Norm(Distance):
             reach += [own] if period == np.inf else [own + 2.0**-46 * period] * 2
         return np.array(reach)[:, None]
 
-    def check_columns(self, columns: tuple[str, ...], name: str) -> None:
-        """Whether scale and period have a number for each column."""
-        for what in ("scale", "period"):
-            check_length(what, getattr(self, what), columns, name)
-
-    def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
-        """Periods and scales by the names of the columns."""
-        found: DistanceSettings = {}
-        if self.period is not None:
-            found["periodic"] = {
-                column: period
-                for column, period in zip(columns, self.period, strict=True)
-                if period != np.inf
-            }
-        if self.scale is not None:
-            found["scale"] = dict(zip(columns, self.scale, strict=True))
-        return found
-
 
 def shares(parts: Floats, whole: Floats) -> Floats:
     """Quotients, 0 where the whole is."""
@@ -177,18 +159,3 @@ def positive_numbers(
                 f"{name} is {number:g}: must be > 0, from {SMALLEST_SCALE:g} to {LARGEST_SCALE:g}"
             )
     return numbers
-
-
-def check_length(what: str, values: Sized | None, columns: tuple[str, ...], name: str) -> None:
-    """Whether there is one for each state column.
-
-    Raises
-    ------
-    ConfigError
-        The values are not as many as the columns.
-    """
-    if values is not None and len(values) != len(columns):
-        raise ConfigError(
-            f"{name} has {len(columns)} state columns ({','.join(columns)}), but {what} is for "
-            f"{len(values)}"
-        )

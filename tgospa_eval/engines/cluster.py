@@ -111,7 +111,7 @@ class Remote:
     def __init__(self, address: str, client: Any) -> None:
         self.address, self.client = address, client
         self._threads, self._counted = 0, -math.inf
-        self._told = False
+        self._told = self.died = False
 
     def workers(self) -> int:
         """Threads of all workers, as of the last second."""
@@ -145,6 +145,7 @@ class Remote:
             with self._lost_told():
                 return future.result()
         except KilledWorker:
+            self.died = True
             raise DiedError from None
         except ImportError as error:
             raise self._lacking(error) from None

@@ -11,8 +11,6 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import AbstractContextManager
 from typing import Any, Protocol, TypeVar
 
-from tgospa_eval.common.frozen import dataclass
-
 J = TypeVar("J")
 R = TypeVar("R")
 
@@ -40,6 +38,10 @@ class Future(Protocol):
 class Pool(Protocol):
     """Workers that are there."""
 
+    @property
+    def died(self) -> bool:
+        """Whether a worker has, so that another pool is wanted."""
+
     def workers(self) -> int:
         """How many jobs are worked on at once."""
 
@@ -60,31 +62,10 @@ class Engine(Protocol):
         """Have workers, so many at most; left by an exception it ends their work at once."""
 
 
-@dataclass(frozen=True)
-class Attempt:
-    """How jobs are tried.
-
-    Parameters
-    ----------
-    most : int
-        Jobs in a chunk.
-    ahead : int
-        Chunks that are with each worker: all are tried again if one of them dies.
-    alone : bool
-        Whether nothing else is worked on meanwhile.
-    """
-
-    most: int
-    ahead: int
-    alone: bool
-
-
-ATTEMPTS = (
-    Attempt(most=32, ahead=2, alone=False),
-    Attempt(most=1, ahead=1, alone=False),
-    Attempt(most=1, ahead=1, alone=True),
-)
-"""What was with a dying worker is tried again with fewer beside it: one job is to blame."""
+ATTEMPTS = ((32, 2, False), (1, 1, False), (1, 1, True))
+"""How jobs are tried: how many in a chunk; chunks that are with each worker, which are all tried
+again if one of them dies; whether nothing else is worked on meanwhile. What was with a dying worker
+is tried again with fewer beside it: one job is to blame."""
 
 
 def spread(
@@ -96,11 +77,11 @@ def spread(
     dies when it is alone is answered by `lost`.
     """
     left: Sequence[J] = jobs
-    for attempt in ATTEMPTS:
+    for most, ahead, alone in ATTEMPTS:
         waiting, suspects = deque(left), list[J]()
         while waiting:
-            with engine.open(1 if attempt.alone else len(waiting)) as pool:
-                yield from _until_one_dies(work, waiting, suspects, attempt, pool)
+            with engine.open(1 if alone else len(waiting)) as pool:
+                yield from _until_one_dies(work, waiting, suspects, pool, most, ahead, alone)
         left = suspects
     yield from map(lost, left)
 
@@ -117,16 +98,22 @@ def some(work: Callable[[J], R], chunk: Sequence[J]) -> list[R]:
 
 
 def _until_one_dies(
-    work: Callable[[J], R], waiting: deque[J], suspects: list[J], attempt: Attempt, pool: Pool
+    work: Callable[[J], R],
+    waiting: deque[J],
+    suspects: list[J],
+    pool: Pool,
+    most: int,
+    ahead: int,
+    alone: bool,
 ) -> Iterator[R]:
     """Answers of the jobs that wait, until a worker dies or none is left."""
     ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
     running: dict[Any, list[J]] = {}
     broken = False
     while running or (waiting and not broken):
-        workers = 1 if attempt.alone else max(1, pool.workers())
-        while waiting and not broken and len(running) < attempt.ahead * workers:
-            size = min(attempt.most, -(-len(waiting) // (CHUNKS_AHEAD * workers)))
+        workers = 1 if alone else max(1, pool.workers())
+        while waiting and not broken and len(running) < ahead * workers:
+            size = min(most, -(-len(waiting) // (CHUNKS_AHEAD * workers)))
             chunk = [waiting.popleft() for _ in range(size)]
             try:
                 future = pool.submit(some, work, chunk)

@@ -6,7 +6,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future as Ended
 from contextlib import ExitStack, contextmanager, suppress
 from types import TracebackType
 from typing import Any, Self
@@ -61,7 +60,7 @@ class Local:
     """A pool of processes; when one dies, all that is with it is lost."""
 
     def __init__(self, pool: Any, number: int) -> None:
-        self.pool, self.number = pool, number
+        self.pool, self.number, self.died = pool, number, False
 
     def workers(self) -> int:
         """How many there are."""
@@ -69,27 +68,27 @@ class Local:
 
     def submit(self, function: Callable[..., object], *arguments: object) -> Future:
         """Have a function called."""
-        with _died_told(), _uninterrupted():
+        with self._told_when_dead(), _uninterrupted():
             future: Future = self.pool.submit(function, *arguments)
             return future
 
     def answer(self, future: Any) -> Any:
         """What came out."""
-        with _died_told():
+        with self._told_when_dead():
             return future.result()
 
     def look(self) -> None:
         """Nothing to see: a process that dies ends its futures."""
 
+    @contextmanager
+    def _told_when_dead(self) -> Iterator[None]:
+        from joblib.externals.loky.process_executor import BrokenProcessPool
 
-@contextmanager
-def _died_told() -> Iterator[None]:
-    from joblib.externals.loky.process_executor import BrokenProcessPool
-
-    try:
-        yield
-    except BrokenProcessPool:
-        raise DiedError from None
+        try:
+            yield
+        except BrokenProcessPool:
+            self.died = True
+            raise DiedError from None
 
 
 def _begin_trackers() -> None:
@@ -157,15 +156,14 @@ class PersistentPool:
     most : int
         Workers that are wanted.
     patience : float
-        Seconds of work that are done in this process before there are any: what ends sooner ends
-        before workers would have begun.
+        Seconds of work that whoever has jobs is to do without workers: what ends sooner ends before
+        workers would have begun.
     """
 
     def __init__(self, engine: Engine, most: int, patience: float = 0.0) -> None:
         self.engine, self.most, self.patience = engine, most, patience
         self._stack = ExitStack()
         self._pool: Pool | None = None
-        self._died = False
 
     def __enter__(self) -> Self:
         return self
@@ -180,56 +178,8 @@ class PersistentPool:
 
     @contextmanager
     def open(self, most: int) -> Iterator[Pool]:  # noqa: ARG002  (it has the workers it has)
-        """The pool that is there, or this process and that pool later."""
-        yield self
-        if self._died:
-            self._pool, self._died = None, False
+        """The pool that is there."""
+        if self._pool is None or self._pool.died:
             self._stack.close()
-
-    def workers(self) -> int:
-        """How many there are."""
-        return 1 if self.patience > 0 else self._opened().workers()
-
-    def submit(self, function: Callable[..., object], *arguments: object) -> Future:
-        """Have a function called, as long as there is patience here and now."""
-        if self.patience > 0:
-            return self._done_here(function, *arguments)
-        with self._watching():
-            return self._opened().submit(function, *arguments)
-
-    def answer(self, future: Any) -> Any:
-        """What came out."""
-        if isinstance(future, _Here):
-            return future.result()
-        with self._watching():
-            return self._opened().answer(future)
-
-    def look(self) -> None:
-        """See whether workers are there."""
-        self._opened().look()
-
-    def _opened(self) -> Pool:
-        if self._pool is None:
             self._pool = self._stack.enter_context(self.engine.open(self.most))
-        return self._pool
-
-    def _done_here(self, function: Callable[..., object], *arguments: object) -> Future:
-        begin, future = time.monotonic(), _Here()
-        try:
-            future.set_result(function(*arguments))
-        except Exception as error:
-            future.set_exception(error)
-        self.patience -= time.monotonic() - begin
-        return future
-
-    @contextmanager
-    def _watching(self) -> Iterator[None]:
-        try:
-            yield
-        except DiedError:
-            self._died = True
-            raise
-
-
-class _Here(Ended[object]):
-    """Of what was done in this process."""
+        yield self._pool

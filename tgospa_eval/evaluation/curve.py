@@ -24,12 +24,11 @@ from tgospa_eval.problem.certificate import ROUNDOFF, fair_prices
 from tgospa_eval.problem.prefixes import (
     Cells,
     PrefixBounds,
-    bound_prefixes,
     costs_so_far,
     whole_prices,
 )
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
-from tgospa_eval.problem.solution import Curve, Reduced, Windows
+from tgospa_eval.problem.solution import Brackets, Reduced, Windows
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, save_solution
@@ -45,7 +44,7 @@ def trace(
     solver: Certified,
     reduced: tuple[Reduced, ...] = (),
     progress: Progress | None = None,
-) -> Curve:
+) -> Brackets:
     """The curve of a solved problem; its last point is what the solution proves of the whole.
 
     Parameters
@@ -65,9 +64,9 @@ def trace(
     """
     progress = progress or Progress()
     prices = fair_prices(prices)
-    found = bound_prefixes(states, weights, prices)
+    found = PrefixBounds.of(states, weights, prices)
     cells, parts = found.cells, found.parts.copy()
-    least, error = found.lower.copy(), found.error.copy()
+    least, error = found.whole_lower(states), found.error.copy()
     unpaired_costs = np.cumsum(unpaired_by_step(states), axis=1)
     ends = cells.first[1:] - 1
     least[ends] = np.maximum(least[ends], whole_blocks(states, prices, reduced))
@@ -101,7 +100,7 @@ def trace(
     lower *= 1 - few - problem.cost_error
     share = np.cumsum(sum_by(problem.truth_step, problem.truth_price, problem.steps))
     share += np.cumsum(sum_by(problem.estimate_step, problem.estimate_price, problem.steps))
-    return Curve(
+    return Brackets(
         lower=np.clip(lower, 0.0, upper),
         upper=upper,
         parts=shown,

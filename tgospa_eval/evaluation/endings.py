@@ -386,7 +386,7 @@ class Continued:
 
     def __init__(self, endings: Endings, found: PrefixBounds, saved: SavedSolution) -> None:
         self.endings, self.found, self.saved = endings, found, saved
-        moves = found.prices.moves
+        moves = found.moves
         self._none, self._reached = np.zeros(len(moves.rows)), np.zeros(len(moves.row))
         self._best, self._done = np.zeros(len(moves.rows)), 0
         self._pass = forward(moves, self._none, self._reached)
@@ -414,7 +414,7 @@ class Continued:
 
     def _before(self, block: Ints, begin: Ints, end: Ints) -> tuple[Before, Floats]:
         """What there is before endings; of rows without a listed pair sums of values and sizes."""
-        moves = self.found.prices.moves
+        moves = self.found.moves
         row_block = self.endings.states.node_block[moves.rows]
         ending, pair = self.endings.pairs(block, begin, end)
         value, none, other = np.zeros((3, len(pair)))
@@ -480,7 +480,7 @@ class Continued:
         self, cut: SuffixProblem, states: States, listed: Ints, prices: Floats, rest: Floats
     ) -> Floats:
         """Lower bound up to each step of each ending."""
-        found, slots, before = self.found.prices, states.columns, cut.before
+        found, slots, before = self.found, states.columns, cut.before
         moves = RowMoves.of(states, offsets(states), prices, since=cut.first[cut.ending] + 1)
         of_row = cut.ending[states.block_begin[states.node_block[moves.rows]]]
         reached = before.value[listed]
@@ -504,7 +504,7 @@ class Continued:
         earlier = found.paid[self.found.cells.of(cut.block, cut.begin - 1)][ending]
         cells = concatenated(self.found.cells.of(cut.block, cut.begin), cut.length)
         paid = earlier + _running(paid[cut.own][None], cut.length)[0]
-        return found.bounds(cells, values[0], values[1], paid)
+        return found.lower(cells, values[0], values[1], paid)
 
 
 def _running(value: Floats, length: Ints) -> Floats:

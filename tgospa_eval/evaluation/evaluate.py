@@ -15,8 +15,8 @@ from tgospa_eval.evaluation.prepare import Fitted, Prepared, Source, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest, Sliding, in_words
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.problem.metric_family import Parameters, check_underflow
 from tgospa_eval.problem.solution import Solution
-from tgospa_eval.problem.tgospa import Parameters, check_underflow
 from tgospa_eval.results.records import FileInfo, Json, MetricSums, OtherMetrics
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers import Solver
@@ -141,7 +141,7 @@ def prove(
         labels=prepared.labels,
         gap=gap,
         settings={**prepared.settings, **solver_settings(solver)},
-        solver=_solver_record(solver, solution, prepared.parameters, met=bounds.met(gap)),
+        solver=solver_record(solver, solution, prepared.parameters, met=bounds.met(gap)),
         timings=nested_timings(stopwatch),
         input=prepared.input,
         judged_on=prepared.judged,
@@ -152,15 +152,13 @@ def prove(
     )
 
 
-def _solver_record(
-    solver: Solver, solution: Solution, parameters: Parameters, *, met: bool
-) -> Json:
+def solver_record(solver: Solver, solution: Solution, parameters: Parameters, *, met: bool) -> Json:
     """The record of the solver for the result; the bracket of its history as costs."""
     finished, status = solution.finished, solution.sentence
     if met != finished and (met or solver.proves):
         # The proof knows better than the solver.
         finished, status = met, str(Status.SOLVED if met else Status.NOT_SOLVED)
-    scale = parameters.cutoff**parameters.order
+    scale = parameters.scale
     return {
         "name": solver.name,
         "status": status,

@@ -74,7 +74,7 @@ def split_localisation(prepared: Prepared, proof: Proof) -> dict[str, float] | N
     states, problem = proof.states, proof.states.problem
     used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
     entry, weight = states.entry[used], proof.weights[used] / ONE
-    scale = proof.parameters.cutoff**proof.parameters.order
+    scale = proof.parameters.scale
     if not found:
         expected = weight * problem.share(entry) * problem.powers(entry)
         found = {"expected_localisation": scale * float(expected.sum())}

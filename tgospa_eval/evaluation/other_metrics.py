@@ -167,7 +167,7 @@ def _plain(value: Any) -> float:
 
 def _gospa(prepared: Prepared) -> dict[str, float]:
     problem, parameters = prepared.states.problem, prepared.parameters
-    scale = parameters.cutoff**parameters.order
+    scale = parameters.scale
     step = per_step_gospa(problem)
     parts = {"localisation": step.localisation, "missed": step.missed, "false": step.false}
     return {

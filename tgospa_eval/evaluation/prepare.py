@@ -16,15 +16,15 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import Axis, Sides, on_axis
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.problem import Floats, Problem
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import (
+from tgospa_eval.problem.metric_family import (
     Parameters,
     StepWeights,
     tgospa_problem,
     weight_existence,
     weight_steps,
 )
+from tgospa_eval.problem.problem import Floats, Problem
+from tgospa_eval.problem.states import States
 from tgospa_eval.results.records import FileInfo, Json, Labels
 from tgospa_eval.results.result import ComparedSides
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
@@ -108,22 +108,7 @@ class MeasuredSides(ComparedSides):
 
     def problem(self, pairs: Pairs, parameters: Parameters) -> Problem:
         """The problem of pairs that include all nearer than the cutoff."""
-        truth, estimate = self.sides
-        problem = tgospa_problem(
-            parameters=parameters,
-            steps=len(truth.times),
-            truths=len(truth.ids),
-            estimates=len(estimate.ids),
-            truth_step=truth.step,
-            truth_track=truth.track,
-            estimate_step=estimate.step,
-            estimate_track=estimate.track,
-            truth_row=pairs.truth_row,
-            estimate_row=pairs.estimate_row,
-            distance=pairs.distance,
-            distance_error=self.distance.error(truth.state.shape[1]),
-            last_place=self.distance.last_place(self.sides),
-        )
+        problem = problem_of_pairs(self.sides, self.distance, pairs, parameters)
         if self.existence is not None:
             problem = weight_existence(problem, *self.existence)
         if self.step_weights is not None:
@@ -195,6 +180,52 @@ def prepare(
     return measured.prepared(states, request.parameters)
 
 
+def near_pairs(
+    aligned: Sides, distance: Distance, cutoff: float, effort: Effort
+) -> tuple[Sides, Distance, Pairs]:
+    """Both sides and the distance as they are compared, and all pairs nearer than the cutoff."""
+    sides, prepared = distance.prepared(aligned, effort)
+    return sides, prepared, prepared_pairs(sides, cutoff, prepared, effort)
+
+
+def problem_of_pairs(
+    sides: Sides, distance: Distance, pairs: Pairs, parameters: Parameters
+) -> Problem:
+    """The problem of what `near_pairs` found."""
+    truth, estimate = sides
+    return tgospa_problem(
+        parameters=parameters,
+        steps=len(truth.times),
+        truths=len(truth.ids),
+        estimates=len(estimate.ids),
+        truth_step=truth.step,
+        truth_track=truth.track,
+        estimate_step=estimate.step,
+        estimate_track=estimate.track,
+        truth_row=pairs.truth_row,
+        estimate_row=pairs.estimate_row,
+        distance=pairs.distance,
+        distance_error=distance.error(truth.state.shape[1]),
+        last_place=distance.last_place(sides),
+    )
+
+
+def recorded_settings(
+    distance: Distance, request: EvaluationRequest, columns: tuple[str, ...]
+) -> dict[str, object]:
+    """Every option that changes the number, without parameters and those of the solver."""
+    return {
+        "distance": distance.name,
+        **distance.settings(columns),
+        "columns": list(columns),
+        **request.time_matching.recorded,
+        "unit": request.unit,
+        **_recorded_weights(request.step_weights),
+        **({EXISTENCE: request.existence} if request.probabilistic else {}),
+        **request.recorded,
+    }
+
+
 def measure(
     sides: Fitted,
     request: EvaluationRequest,
@@ -207,7 +238,7 @@ def measure(
 
     `files` are the records of the two sides beside their digests; by default their rows.
     """
-    distance, aligned, time_matching = sides.distance, sides.alignment, request.time_matching
+    distance, aligned = sides.distance, sides.alignment
     # What is digested is what counts.
     with stopwatch.span("report"):
         infos = files or [FileInfo(rows=len(side.step)) for side in sides.given]
@@ -224,13 +255,10 @@ def measure(
             else digest(counts, existence=request.probabilistic),
         )
     with stopwatch.span("distances"):
-        truth, estimate = (
-            side.seen_as(distance.kinds) for side in (aligned.truth, aligned.estimate)
-        )
-        scene = _scene(truth, estimate)
+        seen = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
+        scene = _scene(*seen)
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
-        (truth, estimate), prepared = distance.prepared((truth, estimate), effort)
-        pairs = prepared_pairs((truth, estimate), cutoff, prepared, effort)
+        (truth, estimate), prepared, pairs = near_pairs(seen, distance, cutoff, effort)
     measured = MeasuredSides(
         sides=(truth, estimate),
         distance=prepared,
@@ -241,16 +269,7 @@ def measure(
             unit=request.unit,
         ),
         moments=truth.times,
-        settings={
-            "distance": distance.name,
-            **distance.settings(truth.columns),
-            "columns": list(truth.columns),
-            **time_matching.recorded,
-            "unit": request.unit,
-            **_recorded_weights(request.step_weights),
-            **({EXISTENCE: request.existence} if request.probabilistic else {}),
-            **request.recorded,
-        },
+        settings=recorded_settings(distance, request, truth.columns),
         input={
             role: info.record(sha256, {"grid": off_grid, "steps": off_steps})
             for role, info, sha256, off_grid, off_steps in zip(

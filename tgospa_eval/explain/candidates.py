@@ -24,8 +24,8 @@ from tgospa_eval.explain.edits import (
     exchange,
     split,
 )
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.attributes import chosen
 from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.trajectories import Trajectories

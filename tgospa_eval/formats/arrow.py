@@ -182,17 +182,25 @@ def _file_rows(path: str, kind: str, data: bytes, options: ReadOptions) -> Rows:
             f"{path}: the file is empty; a set without objects has a schema and no rows"
         )
     import pyarrow as pa
-    import pyarrow.dataset as ds
 
-    layout = ds.ParquetFileFormat() if kind == "Parquet" else ds.IpcFileFormat()
+    take: Callable[..., pa.Table]
     with readable(path, kind):
-        file = layout.make_fragment(pa.py_buffer(data))
-        schema, rows = file.physical_schema, file.count_rows()
+        if kind == "Parquet":
+            import pyarrow.parquet as pq  # here, as below: either is slow to import
+
+            file = pq.ParquetFile(pa.BufferReader(data))
+            schema, rows, take = file.schema_arrow, file.metadata.num_rows, file.read
+        else:
+            import pyarrow.dataset as ds
+
+            fragment = ds.IpcFileFormat().make_fragment(pa.py_buffer(data))
+            schema, rows = fragment.physical_schema, fragment.count_rows()
+            take = fragment.to_table
 
     def read(subset: Sequence[str]) -> "pa.Table":
         what = f"{rows:,} rows of {len(subset)} columns"
         check_memory(path, TABLE * 8 * rows * len(subset), len(data), options.max_input, what)
-        return file.to_table(columns=subset)
+        return take(columns=subset)
 
     return arrow_rows(path, kind, schema, read, options)
 

@@ -20,7 +20,7 @@ from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import Rows, blanks, numbered
-from tgospa_eval.formats.text.scan import numbers
+from tgospa_eval.formats.text.lines import numbers
 from tgospa_eval.formats.times import RowError, TimeError, Times, coded_times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.attributes import Values

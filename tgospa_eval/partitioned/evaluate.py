@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,92 +14,71 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.common.words import counted, natural
-from tgospa_eval.distances import Distance
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.engines.engine import Engine
 from tgospa_eval.engines.processes import PersistentPool, Processes
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import Axis, check_left
 from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
-from tgospa_eval.evaluation.evaluate import nested_timings, solver_settings
+from tgospa_eval.evaluation.evaluate import nested_timings, solver_record, solver_settings
 from tgospa_eval.evaluation.localisation import within_rounding
-from tgospa_eval.evaluation.prepare import fit
+from tgospa_eval.evaluation.prepare import fit, recorded_settings
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.formats import ROLES
+from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.input.listing import changed_file, stored
-from tgospa_eval.partitioned.run import Evaluated, PartsPlan, Stages, evaluate_parts, rows_together
+from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, rows_together
 from tgospa_eval.partitioned.scan import fitted_ranges
 from tgospa_eval.partitioned.sides import PartsSide, open_side
 from tgospa_eval.partitioned.steps import BlockPlan, clock_of, find_steps
-from tgospa_eval.partitioned.tables import Naming, write_tables
+from tgospa_eval.partitioned.tables import write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
-from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.problem.metric_family import check_underflow
 from tgospa_eval.problem.problem import Ints
-from tgospa_eval.problem.tgospa import check_underflow
+from tgospa_eval.problem.solution import Solution
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import Costs, FileInfo, Json, Labels
+from tgospa_eval.results.records import FileInfo, Json, Labels
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.judged import digest_of_sums, judge
+from tgospa_eval.tracks.trajectories import Trajectories
 
 SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
 """Of fewer bytes of files, so many seconds of work are done before there are workers: to begin one
 takes a second. Of more it would take memory of this process as well."""
 
 
-@contextmanager
-def _workers(engine: Engine | None, jobs: int, data: int) -> Iterator[Engine | None]:
-    """The engine with workers that stay until the end, for so many bytes of files."""
-    if engine is None:
-        yield None
-        return
-    here = isinstance(engine, Processes) and data < SMALL_DATA
-    with PersistentPool(engine, jobs, BEFORE_WORKERS if here else 0.0) as standing:
-        yield standing
-
-
-@dataclass(frozen=True, kw_only=True)
-class SideSummary:
-    """What is known of a side when its rows are read.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SideSummary(Reading):
+    """What is known of a side when its rows are read; its trajectories are its stamps alone.
 
     Parameters
     ----------
-    missing : dict of str to str
-        As `Roles.lacking`.
-    left_out : dict of str to int
-        How many rows take no part, by rule.
-    named : set of str
-        Classes of all rows, if they were asked for.
     at_steps : int
         How many rows that take part have stamps that are steps.
     sums : list of tuple of int
         `row_sums` of these rows in each block.
-    warnings : list of Notice
-        What was repaired.
     """
 
-    missing: dict[str, str]
-    left_out: dict[str, int]
-    named: frozenset[str]
     at_steps: int
     sums: list[tuple[int, ...]]
-    warnings: list[Notice]
 
     @classmethod
     def of(cls, side: PartsSide, blocks: Sequence[Json]) -> "SideSummary":
         """Of what `scan` says of all blocks."""
-        left_out = Counter(side.left_out)
+        left_out = Counter(side.steps.left_out)
         for block in blocks:
             left_out.update(block["left_out"])
         repaired = {tuple(one.items()): one for block in blocks for one in block["warnings"]}
         return cls(
+            trajectories=Trajectories.of_times(side.times, side.columns, side.clock),
+            rows=side.steps.rows,
+            format=side.format,
             missing=side.roles.missing,
             left_out=dict(left_out),
-            named=frozenset(name for block in blocks for name in block["named"]),
+            named=tuple({name for block in blocks for name in block["named"]}),
             at_steps=sum(block["at_steps"] for block in blocks),
             sums=[tuple(block["sums"]) for block in blocks],
-            warnings=[Notice(**one).about(side.path) for one in repaired.values()],
+            warnings=tuple(Notice(**one).about(side.path) for one in repaired.values()),
         )
 
     @property
@@ -165,7 +144,12 @@ def evaluate_partitioned(
     """
     files = [found for path in paths for found in stored(path)]
     most = rows_together(memory // jobs)
-    with _workers(engine, jobs, sum(found.st_size for _, found in files)) as workers:
+    pool: AbstractContextManager[PersistentPool | None] = nullcontext()
+    if engine is not None:
+        small = sum(found.st_size for _, found in files) < SMALL_DATA
+        here = isinstance(engine, Processes) and small
+        pool = PersistentPool(engine, jobs, BEFORE_WORKERS if here else 0.0)
+    with pool as workers:
         run = partial(run_tasks, engine=workers)
         with stopwatch.span("read"):
             changed = changed_file(files, work, run) if kept else None
@@ -179,7 +163,6 @@ def evaluate_partitioned(
             clocks = clock_of(truth), clock_of(estimate)
             check_columns(*clocks, paths)
             request = request_of(truth.columns)
-            _check_request(request)
             axis, grid, cut = find_steps(sides, clocks, request, paths)
 
         def summaries(read: list[list[Json]]) -> tuple[SideSummary, ...]:
@@ -188,23 +171,20 @@ def evaluate_partitioned(
                 for number, side in enumerate(sides)
             )
 
-        plan = PartsPlan(
-            cut=cut,
-            columns=len(truth.columns),
-            work=work,
-            memory=memory // jobs,
-            stages=Stages(stopwatch),
-            engine=workers,
-            look=lambda read: check(summaries(read), paths) if check else None,
-        )
         looked = look(cut, grid) if len(cut.times) else []
         for notice in looked:
             if not notice.code:
                 stopwatch.notify(str(notice))
-        found = evaluate_parts(plan, stopwatch)
+        found = evaluate_parts(
+            cut,
+            work=work,
+            memory=memory // jobs,
+            stages=Stages(stopwatch, workers),
+            check=lambda read: check(summaries(read), paths) if check else None,
+        )
         with stopwatch.span("report"):
             known = summaries(found.read)
-            result = _result(known, axis, grid, plan, found, run, assignments=kept)
+            result = _result(known, axis, grid, cut, found, stopwatch, work, run, assignments=kept)
             for notice in _notices(known, axis, grid, cut, found):
                 stopwatch.notify(str(notice))
     return replace(
@@ -215,90 +195,69 @@ def evaluate_partitioned(
     )
 
 
-def _check_request(request: EvaluationRequest) -> None:
-    """Whether an evaluation in parts has what is asked for.
-
-    Raises
-    ------
-    ConfigError
-        It needs all data at once.
-    """
-    if type(request.distance).fitted is not Distance.fitted:
-        raise ConfigError(
-            f"--distance {request.distance.name} takes settings from all data at once, which are "
-            "not in memory: evaluate a part, or choose a distance without such settings"
-        )
-    if not isinstance(request.solver, Certified):
-        raise ConfigError(
-            f"--solver {request.solver.name} solves what is in memory; data in parts are for the "
-            "solver certified"
-        )
-
-
 def _result(
     known: Sequence[SideSummary],
     axis: Axis,
     grid: Alignment,
-    plan: PartsPlan,
+    cut: BlockPlan,
     found: Evaluated,
+    stopwatch: Stopwatch,
+    work: Path,
     run: Run,
     *,
     assignments: bool,
 ) -> PartitionedResult:
     """The result, its tables written."""
-    request, sides, whole = plan.cut.request, plan.cut.sides, found.whole
+    request, sides, proof = cut.request, cut.sides, found.proof
     for side, numbered in zip(sides, found.tracks, strict=True):
-        if numbered.rows.sum() == side.rows:  # else filters may have left out the other ids
+        if numbered.rows.sum() == side.steps.rows:  # else filters may have left out the other ids
             side.check_ids(numbered.ids)
-    parameters, solver = request.parameters, request.solver
+    parameters, solver, bounds = request.parameters, request.solver, proof.bounds
     assert isinstance(solver, Certified)
-    check_underflow(found.constants, parameters, whole.bounds.upper)
+    check_underflow(found.constants, parameters, bounds.upper)
     shown = grid.truth.shown
     truths, estimates = found.tracks
-    naming = Naming(times=shown, truths=truths.ids, estimates=estimates.ids, parameters=parameters)
     tables = write_tables(
-        str(plan.work / "tables"),
-        naming,
-        whole.breakdown,
-        ((truths.rows, whole.tracks[0]), (estimates.rows, whole.tracks[1])),
+        str(work / "tables"),
+        {
+            "times": shown.astype(np.str_) if shown.dtype == object else shown,
+            "truths": truths.ids,
+            "estimates": estimates.ids,
+        },
+        proof,
+        zip((truths.rows, estimates.rows), found.track_costs, strict=True),
         found.folders,
         run,
         assignments=assignments,
     )
-    met = whole.bounds.met(solver.gap)
-    spent = plan.stages.stopwatch.spans.get("solve/sweeps", 0.0)
+    spent = stopwatch.spans.get("solve/sweeps", 0.0)
     late = solver.time_limit is not None and spent >= solver.time_limit
-    record: Json = {
-        "name": solver.name,
-        "status": str(Status.SOLVED if met else Status.LATE if late else Status.NOT_SOLVED),
-        "finished": met,
-        "iterations": whole.iterations,
-        "kernel": KERNEL,
-        "history": [],
-    }
+    solution = Solution(
+        weights=np.zeros(0),
+        prices=np.zeros(0),
+        status=Status.LATE if late else Status.SOLVED,
+        finished=not late,
+        iterations=found.iterations,
+    )
     rule = "grid" if request.time_matching.steps is None else "steps"
-    counts = whole.objects[0]
+    counts = found.objects[0]
     return PartitionedResult(
-        proof=Costs(parameters=parameters, bounds=whole.bounds, breakdown=whole.breakdown),
+        proof=proof,
         labels=Labels(times=shown.tolist(), truths=[], estimates=[], unit=request.unit),
         gap=solver.gap,
         settings={
             **parameters.recorded,
-            "distance": request.distance.name,
-            **request.distance.settings(sides[0].columns),
-            "columns": list(sides[0].columns),
-            **request.time_matching.recorded,
-            "unit": request.unit,
-            **request.recorded,
+            **recorded_settings(request.distance, request, sides[0].columns),
             **solver_settings(solver),
         },
-        solver=record,
-        timings={"read": 0, "distances": 0, "solve": {}, "certify": 0, "report": 0, "total": 0},
+        solver=solver_record(solver, solution, parameters, met=bounds.met(solver.gap)),
+        timings={},
         input={
-            role: FileInfo(rows=side.rows, format=side.format, left_out=one.left_out).record(
-                digest_of_sums(side.columns, one.sums), {rule: 0 if plan.cut.resampled else one.off}
+            role: FileInfo(rows=one.rows, format=one.format, left_out=one.left_out).record(
+                digest_of_sums(one.trajectories.columns, one.sums),
+                {rule: 0 if cut.resampled else one.off},
             )
-            for role, side, one in zip(ROLES, sides, known, strict=True)
+            for role, one in zip(ROLES, known, strict=True)
         },
         judged_on=judge(
             axis.horizon,
@@ -310,17 +269,17 @@ def _result(
         version=__version__,
         warnings=(
             *(notice for one in known for notice in one.warnings),
-            *within_rounding(whole.bounds, solver.gap),
+            *within_rounding(bounds, solver.gap),
         ),
         sizes={
             "truth": len(truths.ids),
             "estimates": len(estimates.ids),
-            "steps": len(plan.cut.times),
+            "steps": len(cut.times),
             "candidate_pairs": found.shards.pairs,
-            "pair_steps": found.entries,
+            "pair_steps": int(found.shards.entries.sum()),
             "components": found.shards.components,
         },
-        objects=(int(counts.sum()), int(whole.objects[1].sum())),
+        objects=(int(counts.sum()), int(found.objects[1].sum())),
         tables=tables,
     )
 
@@ -343,7 +302,7 @@ def _notices(
                     old, between=int(states.sum()) - one.at_steps, own=one.at_steps, unused=one.off
                 ),
             )
-            for (name, old), one, states in zip(made, known, found.whole.objects, strict=True)
+            for (name, old), one, states in zip(made, known, found.objects, strict=True)
         )
         truth = [block[0] for block in found.read]
         tracks = len(set().union(*(block["ids"] for block in truth)))

@@ -5,7 +5,6 @@ import math
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
 from functools import partial
 from pathlib import Path
 
@@ -13,26 +12,26 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.engines.engine import Engine
 from tgospa_eval.engines.processes import PersistentPool
+from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
-from tgospa_eval.partitioned.long.run import Long, solve_long
+from tgospa_eval.partitioned.long.run import solve_long
 from tgospa_eval.partitioned.scan import READ, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import (
     PARTS_OF_TRACKS,
     PartialSums,
-    long_name,
     solve_shard,
     sort_entries,
 )
 from tgospa_eval.partitioned.steps import BlockPlan
 from tgospa_eval.partitioned.tasks import Task, run_tasks
 from tgospa_eval.problem.certificate import lower_cost, upper_cost
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import down
-from tgospa_eval.problem.problem import Floats, Ints, Problem
+from tgospa_eval.problem.problem import Ints, Problem
+from tgospa_eval.problem.readout import PerTrack
 from tgospa_eval.problem.solution import Bounds, Breakdown
-from tgospa_eval.problem.tgospa import Parameters
-from tgospa_eval.results.records import Json
+from tgospa_eval.results.records import Costs, Json
 from tgospa_eval.solvers.certified import Certified
 
 # -------------------------------------------------------------------------------------------------
@@ -47,7 +46,7 @@ TOLD_FROM = 0.01
 
 
 class Stages:
-    """The stage, how much of it is done, the time that is left, and what is proven so far.
+    """Does the tasks of each stage; tells how much is done, the time left, what is proven so far.
 
     Who watches reads it from the stopwatch and its `progress`.
 
@@ -55,10 +54,12 @@ class Stages:
     ----------
     stopwatch : Stopwatch
         Of the work.
+    engine : PersistentPool, optional
+        Where tasks are done; in this process by default.
     """
 
-    def __init__(self, stopwatch: Stopwatch) -> None:
-        self.stopwatch = stopwatch
+    def __init__(self, stopwatch: Stopwatch, engine: PersistentPool | None = None) -> None:
+        self.stopwatch, self.engine = stopwatch, engine
         self._outer = stopwatch.stage
         self._name = ""
         self._work: dict[str, float] = {}
@@ -67,44 +68,50 @@ class Stages:
         self._prices = (0.0, 0.0)
         self._proven: dict[str, tuple[float, float]] = {}
 
-    def stage(self, name: str, tasks: Mapping[str, float]) -> None:
-        """Begin a stage, which ends the one before.
+    def run(
+        self,
+        name: str,
+        tasks: Mapping[str, Task],
+        amounts: Sequence[float] | None = None,
+        sums_of: Callable[[str], PartialSums | None] = lambda output: None,  # noqa: ARG005
+    ) -> None:
+        """Do the tasks of a stage.
 
         Parameters
         ----------
         name : str
-            What is done, in a word: ``"solving"``.
-        tasks : mapping of str to float
-            Outputs of its tasks, and how much work each is in any unit. What is there already is
-            known to be done.
+            What is done in it, in a word: ``"solving"``.
+        tasks : mapping of str to Task
+            By their outputs, in the order in which to begin. What is there already is known to be
+            done.
+        amounts : sequence of float, optional
+            How much work each is, in entries.
+        sums_of : callable
+            What is proven by one that is done, from its output.
         """
-        self._name, self._work, self._left = name, dict(tasks), set(tasks)
+        amounts = amounts or [1.0] * len(tasks)
+        if self.engine is not None and len(tasks) > 1 and max(amounts) > HEAVY:
+            self.engine.patience = 0.0
+        self._work, self._left = dict(zip(tasks, amounts, strict=True)), set(tasks)
         there = [task for task in tasks if os.path.exists(task)]
-        self._before = self._done = sum(tasks[task] for task in there)
+        self._before = self._done = sum(self._work[task] for task in there)
         self._left.difference_update(there)
-        self._begin = time.monotonic()
+        self._name, self._begin = name, time.monotonic()
         self.stopwatch.progress.share, self.stopwatch.progress.left = 0.0, None
         self._show()
+        run_tasks(tasks, self.engine, lambda output: self._ended(output, sums_of(output)))
 
     def end(self) -> None:
         """All stages are done."""
         self.stopwatch.stage, self.stopwatch.progress.left = self._outer, None
 
-    def done(self, task: str, share: PartialSums | None = None) -> None:
-        """A task has ended, or was found done.
-
-        Parameters
-        ----------
-        task : str
-            Its output.
-        share : PartialSums, optional
-            What it proves.
-        """
+    def _ended(self, task: str, sums: PartialSums | None) -> None:
+        """A task has ended, or was found done."""
         if task in self._left:
             self._left.remove(task)
             self._done += self._work[task]
-        if share is not None:
-            self.prove(share, task)
+        if sums is not None:
+            self.prove(sums, task)
         self._show()
 
     def expect(self, parameters: Parameters, objects: tuple[int, int]) -> None:
@@ -157,37 +164,13 @@ class Stages:
             progress.left = seconds / fresh * (whole - self._done)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class EvaluationSums:
-    """The whole evaluation, in units of c^p.
-
-    Parameters
-    ----------
-    bounds, breakdown : Bounds, Breakdown
-        As `certify` gives them.
-    objects : pair of (T,) int arrays
-        Truths and estimates at each step.
-    tracks : pair of dict of str to (k,) float array
-        What each truth and estimate contributes, by the names of `problem.readout.PerTrack`.
-    iterations : int
-        Of all shards.
-    """
-
-    bounds: Bounds
-    breakdown: Breakdown
-    objects: tuple[Ints, Ints]
-    tracks: tuple[dict[str, Floats], dict[str, Floats]]
-    iterations: int
-
-
 def add_up(
     folders: Sequence[Path],
     blocks: Sequence[Scanned],
     steps: int,
-    tracks: tuple[Tracks, Tracks],
     constants: Problem,
     parameters: Parameters,
-) -> EvaluationSums:
+) -> tuple[Costs, tuple[Ints, Ints], int]:
     """Add up all shards, in order, and the objects that are in none.
 
     Parameters
@@ -198,12 +181,19 @@ def add_up(
         All blocks.
     steps : int
         T.
-    tracks : pair of Tracks
-        Those of truth and estimate.
     constants : Problem
         Has errors and rounding of the whole.
     parameters : Parameters
         Of the metric.
+
+    Returns
+    -------
+    proof : Costs
+        As `certify` gives them.
+    objects : pair of (T,) int arrays
+        Truths and estimates at each step.
+    iterations : int
+        Of all shards.
     """
     objects = np.zeros(steps, np.int64), np.zeros(steps, np.int64)
     for block in blocks:
@@ -238,18 +228,7 @@ def add_up(
         upper=upper_cost(constants, breakdown),
         rounding=constants.rounding,
     )
-    names = ("truths", "estimates")
-    both = [
-        _tracks(folders, name, side, price)
-        for name, side, price in zip(names, tracks, parameters.unassigned_prices, strict=True)
-    ]
-    return EvaluationSums(
-        bounds=bounds,
-        breakdown=breakdown,
-        objects=objects,
-        tracks=(both[0], both[1]),
-        iterations=iterations,
-    )
+    return Costs(parameters=parameters, bounds=bounds, breakdown=breakdown), objects, iterations
 
 
 def _of(folders: Sequence[Path], name: str) -> list[Path]:
@@ -257,7 +236,7 @@ def _of(folders: Sequence[Path], name: str) -> list[Path]:
     return [folder / name for folder in folders if (folder / name).exists()]
 
 
-def _tracks(folders: Sequence[Path], name: str, tracks: Tracks, price: float) -> dict[str, Floats]:
+def _track_costs(folders: Sequence[Path], name: str, tracks: Tracks, price: float) -> PerTrack:
     """What each track contributes; the rows of those in shards that have no near pair as well."""
     found = {part: np.zeros(len(tracks.ids)) for part in PARTS_OF_TRACKS}
     rest = tracks.rows.copy()
@@ -269,7 +248,7 @@ def _tracks(folders: Sequence[Path], name: str, tracks: Tracks, price: float) ->
             rest[track] -= shard["rows"]
     found["unassigned"] += price * rest
     found["unassigned_count"] += rest
-    return found
+    return PerTrack(**found)
 
 
 BYTES_A_ROW, BYTES_AN_ENTRY = 600, 300
@@ -286,97 +265,42 @@ MOST_ROWS, MOST_ENTRIES = 4_000_000, 30_000_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PartsPlan:
-    """What is evaluated, and with what.
-
-    Parameters
-    ----------
-    cut : BlockPlan
-        Both sides along the steps.
-    columns : int
-        Components of a state.
-    work : Path
-        The folder of what is known on the way.
-    memory : int
-        Bytes for each worker.
-    stages : Stages
-        What whoever watches is told.
-    engine : Engine, optional
-        Where tasks are done; in this process by default.
-    look : callable
-        Called with what `scan` says of the rows that were read, before anything is solved.
-    """
-
-    cut: BlockPlan
-    columns: int
-    work: Path
-    memory: int
-    stages: Stages = field(default_factory=lambda: Stages(Stopwatch()))
-    engine: Engine | None = None
-    look: Callable[[list[list[Json]]], None] = lambda read: None  # noqa: ARG005
-
-    def run(
-        self,
-        name: str,
-        tasks: Mapping[str, Task],
-        amounts: Sequence[float] | None = None,
-        share_of: Callable[[str], PartialSums | None] = lambda output: None,  # noqa: ARG005
-    ) -> None:
-        """Do the tasks of a stage.
-
-        Parameters
-        ----------
-        name : str
-            What is done in it, in a word.
-        tasks : mapping of str to Task
-            By their outputs, in the order in which to begin.
-        amounts : sequence of float, optional
-            How much work each is, in entries.
-        share_of : callable
-            What is proven by one that is done, from its output.
-        """
-        each = amounts or [1.0] * len(tasks)
-        if (
-            isinstance(self.engine, PersistentPool)
-            and len(tasks) > 1
-            and max(amounts or [0]) > HEAVY
-        ):
-            self.engine.patience = 0.0
-        self.stages.stage(name, dict(zip(tasks, each, strict=True)))
-        run_tasks(tasks, self.engine, lambda output: self.stages.done(output, share_of(output)))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluated:
     """What came out.
 
     Parameters
     ----------
-    whole : EvaluationSums
-        Bounds, breakdown, what each track contributes.
+    proof : Costs
+        Bounds and breakdown, in units of c^p.
+    objects : pair of (T,) int arrays
+        Truths and estimates at each step.
     read : list of pairs of dict
         What `scan` says of the rows of each block, of either side.
     blocks : list of Scanned
         What is known of the blocks.
     tracks : pair of Tracks
         Those of truth and estimate.
+    track_costs : pair of PerTrack
+        What each of these contributes.
     shards : Shards
         How components were solved.
-    entries : int
-        Near pairs.
-    folders : tuple of Path
+    folders : list of Path
         One for each shard, with the tables of its assignment.
+    iterations : int
+        Of the solvers of all shards.
     constants : Problem
         Has errors and rounding of the whole.
     """
 
-    whole: EvaluationSums
+    proof: Costs
+    objects: tuple[Ints, Ints]
     read: list[list[Json]]
     blocks: list[Scanned]
     tracks: tuple[Tracks, Tracks]
+    track_costs: tuple[PerTrack, ...]
     shards: Shards
-    entries: int
-    folders: tuple[Path, ...]
+    folders: list[Path]
+    iterations: int
     constants: Problem
 
 
@@ -390,93 +314,124 @@ def most_entries(memory: int) -> int:
     return max(min(MOST_ENTRIES, memory // BYTES_AN_ENTRY), 1)
 
 
-def evaluate_parts(plan: PartsPlan, stopwatch: Stopwatch | None = None) -> Evaluated:
+def evaluate_parts(
+    cut: BlockPlan,
+    *,
+    work: Path,
+    memory: int,
+    stages: Stages,
+    check: Callable[[list[list[Json]]], None] = lambda read: None,  # noqa: ARG005
+) -> Evaluated:
     """Evaluate; goes on from what is in the folder of work.
+
+    Parameters
+    ----------
+    cut : BlockPlan
+        Both sides along the steps.
+    work : Path
+        The folder of what is known on the way.
+    memory : int
+        Bytes for each worker.
+    stages : Stages
+        Does the tasks.
+    check : callable
+        Called with what `scan` says of the rows that were read, before anything is solved.
 
     Raises
     ------
     TgospaError
         Something is wrong with the data, or a process died.
     """
-    stopwatch = stopwatch or Stopwatch()
-    with stopwatch.span("distances"):
-        scanned = _scan(plan)
-    with stopwatch.span("solve/preparation"):
+    parameters, span = cut.request.parameters, stages.stopwatch.span
+    most = most_entries(memory)
+    with span("distances"):
+        scanned = _scan(cut, work, rows_together(memory), stages)
+    with span("solve/preparation"):
         read = [json.loads((folder / READ).read_text(encoding="utf-8")) for folder in scanned]
-        plan.look(read)
+        check(read)
         ranges = (path for folder in scanned for path in sorted(folder.iterdir()) if path.is_dir())
         blocks = [Scanned.load(folder) for folder in ranges]
         truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
-        shards = make_shards(blocks, truths, estimates, most_entries(plan.memory))
-        folders = _shuffle(plan, blocks, (truths, estimates), shards)
-    with stopwatch.span("solve/sweeps"):
-        rows = int(truths.rows.sum()), int(estimates.rows.sum())
-        plan.stages.expect(plan.cut.request.parameters, rows)
-        solved = _solve(plan, folders, shards)
-    plan.stages.end()
-    with stopwatch.span("certify"):
-        fixed = constants(plan.cut.request, plan.columns, blocks)
-        whole = add_up(
-            solved,
-            blocks,
-            len(plan.cut.times),
-            (truths, estimates),
-            fixed,
-            plan.cut.request.parameters,
+        shards = make_shards(blocks, truths, estimates, most)
+        folders = _shuffle(work, blocks, (truths, estimates), shards, stages)
+    with span("solve/sweeps"):
+        stages.expect(parameters, (int(truths.rows.sum()), int(estimates.rows.sum())))
+        solved = _solve(cut.request, work, folders, shards, most, stages)
+    stages.end()
+    with span("certify"):
+        fixed = constants(cut.request, cut.sides[0].columns, blocks)
+        proof, objects, iterations = add_up(solved, blocks, len(cut.times), fixed, parameters)
+        track_costs = tuple(
+            _track_costs(solved, name, tracks, price)
+            for name, tracks, price in zip(
+                ("truths", "estimates"),
+                (truths, estimates),
+                parameters.unassigned_prices,
+                strict=True,
+            )
         )
     return Evaluated(
-        whole=whole,
+        proof=proof,
+        objects=objects,
         read=read,
         blocks=blocks,
         tracks=(truths, estimates),
+        track_costs=track_costs,
         shards=shards,
-        entries=int(shards.entries.sum()),
-        folders=tuple(solved),
+        folders=solved,
+        iterations=iterations,
         constants=fixed,
     )
 
 
-def _scan(plan: PartsPlan) -> list[Path]:
-    """Blocks of whole steps with so many rows as fit; each time of a side is in one of them."""
-    most = rows_together(plan.memory)
+def _scan(cut: BlockPlan, work: Path, most: int, stages: Stages) -> list[Path]:
+    """Blocks of whole steps with so many rows at most; each time of a side is in one of them."""
     tasks: dict[str, Task] = {
-        str(plan.work / SCANNED / f"{number:08d}"): partial(
-            scan, piece=piece, request=plan.cut.request, names=plan.cut.names, most=most
+        str(work / SCANNED / f"{number:08d}"): partial(
+            scan, piece=piece, request=cut.request, names=cut.names, most=most
         )
-        for number, piece in enumerate(plan.cut.pieces(most))
+        for number, piece in enumerate(cut.pieces(most))
     }
-    plan.run("searching near pairs", tasks)
+    stages.run("searching near pairs", tasks)
     return list(map(Path, tasks))
 
 
 def _shuffle(
-    plan: PartsPlan,
+    work: Path,
     blocks: Sequence[Scanned],
     tracks: tuple[Tracks, Tracks],
     shards: Shards,
+    stages: Stages,
 ) -> tuple[str, ...]:
     tasks: dict[str, Task] = {
-        str(plan.work / "sorted" / f"{k:08d}"): partial(
+        str(work / "sorted" / f"{k:08d}"): partial(
             sort_entries,
             scanned=str(block.folder),
             numbers=(tracks[0].numbers[k], tracks[1].numbers[k]),
             shard_of_truth=shards.of_truth[tracks[0].numbers[k]],
-            long=shards.long,
+            shards=len(shards.long),
         )
         for k, block in enumerate(blocks)
         if block.near
     }
-    plan.run("sorting near pairs", tasks)
+    stages.run("sorting near pairs", tasks)
     return tuple(tasks)
 
 
-def _solve(plan: PartsPlan, folders: tuple[str, ...], shards: Shards) -> list[Path]:
+def _solve(
+    request: EvaluationRequest,
+    work: Path,
+    folders: tuple[str, ...],
+    shards: Shards,
+    most: int,
+    stages: Stages,
+) -> list[Path]:
     """Folders with what the shards contribute, those of long components last."""
-    solver, parameters = plan.cut.request.solver, plan.cut.request.parameters
+    solver, parameters = request.solver, request.parameters
     assert isinstance(solver, Certified)
     end = None if solver.time_limit is None else time.time() + solver.time_limit
     short = np.flatnonzero(~shards.long)
-    found = [plan.work / "shards" / f"{number:06d}" for number in short.tolist()]
+    found = [work / "shards" / f"{number:06d}" for number in short.tolist()]
     largest = np.argsort(-shards.entries[short], kind="stable").tolist()
     tasks: dict[str, Task] = {
         str(found[k]): partial(
@@ -489,22 +444,29 @@ def _solve(plan: PartsPlan, folders: tuple[str, ...], shards: Shards) -> list[Pa
         )
         for k in largest
     }
-    plan.run(
+    stages.run(
         "solving",
         tasks,
         shards.entries[short[largest]].astype(float).tolist(),
         lambda output: PartialSums.load(Path(output) / "share.npz"),
     )
     for number in np.flatnonzero(shards.long).tolist():
-        component = Long(
-            entries=tuple(str(Path(folder) / long_name(number)) for folder in folders),
-            parameters=parameters,
-            work=str(plan.work / "long" / f"{number:06d}"),
+        name = str(work / "long" / f"{number:06d}")
+        joined = solve_long(
+            [
+                (
+                    f"{folder}/entries.npy",
+                    *np.load(f"{folder}/entries.first.npy")[number : number + 2].tolist(),
+                )
+                for folder in folders
+            ],
+            parameters,
+            name,
+            partial(stages.run, "solving a long component"),
+            partial(stages.prove, name=name),
             gap=solver.gap,
-            together=most_entries(plan.memory),
+            together=most,
             end=end,
         )
-        run = partial(plan.run, "solving a long component")
-        joined = solve_long(component, run, partial(plan.stages.prove, name=component.work))
         found += map(Path, joined.folders)
     return found

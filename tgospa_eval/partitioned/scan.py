@@ -10,18 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances import Effort
-from tgospa_eval.distances.gating import prepared_pairs
+from tgospa_eval.distances import Effort, Pairs
 from tgospa_eval.evaluation.axis import Axis, Sides
-from tgospa_eval.evaluation.prepare import Fitted, fit
+from tgospa_eval.evaluation.prepare import Fitted, fit, near_pairs, problem_of_pairs
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.shards import ENTRY
 from tgospa_eval.partitioned.steps import BlockPiece, Resampled
-from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.problem.problem import Ints, Problem
-from tgospa_eval.problem.tgospa import tgospa_problem
 from tgospa_eval.results.records import Json
 from tgospa_eval.tracks.judged import row_sums
+from tgospa_eval.tracks.trajectories import Trajectories
 
 PAIR = np.dtype([("truth", "<i4"), ("estimate", "<i4"), ("entries", "<i8")])
 """Tracks that come near each other, by their numbers in a block, and at how many steps."""
@@ -142,8 +141,7 @@ def scan(
     sides = readings[0].trajectories, readings[1].trajectories
     complete = piece.complete(sides)
     own = np.zeros(2, np.int64)
-    with writing(output) as folder:
-        folder.mkdir()
+    with writing_folder(output) as folder:
         for number, (low, fitted, unchanged) in enumerate(
             fitted_ranges(piece, sides, complete, request, names, most)
         ):
@@ -195,29 +193,14 @@ def _write_range(folder: Path, low: int, fitted: Fitted, request: EvaluationRequ
 
 def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[Problem, float]:
     """The near pairs of a block as a problem, and what last places change of a distance."""
-    aligned, distance = (sides.alignment.truth, sides.alignment.estimate), sides.distance
-    seen = tuple(side.seen_as(distance.kinds) for side in aligned)
-    effort = Effort(jobs=1)
-    (truth, estimate), prepared = distance.prepared((seen[0], seen[1]), effort)
-    pairs = prepared_pairs((truth, estimate), request.parameters.cutoff, prepared, effort)
-    problem = tgospa_problem(
-        parameters=request.parameters,
-        steps=len(truth.times),
-        truths=len(truth.ids),
-        estimates=len(estimate.ids),
-        truth_step=truth.step,
-        truth_track=truth.track,
-        estimate_step=estimate.step,
-        estimate_track=estimate.track,
-        truth_row=pairs.truth_row,
-        estimate_row=pairs.estimate_row,
-        distance=pairs.distance,
-        distance_error=prepared.error(truth.state.shape[1]),
+    aligned, kinds = sides.alignment, sides.distance.kinds
+    seen = aligned.truth.seen_as(kinds), aligned.estimate.seen_as(kinds)
+    compared, distance, pairs = near_pairs(
+        seen, sides.distance, request.parameters.cutoff, Effort(jobs=1)
     )
-    blur = (
-        prepared.last_place((truth, estimate)) if len(truth.step) + len(estimate.step) else np.inf
-    )
-    return problem, blur
+    problem = problem_of_pairs(compared, distance, pairs, request.parameters)
+    is_empty = not len(problem.truth_step) + len(problem.estimate_step)
+    return problem, np.inf if is_empty else distance.last_place(compared)
 
 
 def _pairs(entry: NDArray[np.void], width: int) -> NDArray[np.void]:
@@ -230,26 +213,14 @@ def _pairs(entry: NDArray[np.void], width: int) -> NDArray[np.void]:
     return found
 
 
-def constants(request: EvaluationRequest, dimension: int, blocks: "list[Scanned]") -> Problem:
-    """A problem without entries that has the constants of the whole: errors, rounding.
-
-    `dimension` is the number of components of a state.
-    """
+def constants(
+    request: EvaluationRequest, columns: tuple[str, ...], blocks: "list[Scanned]"
+) -> Problem:
+    """A problem without entries that has the constants of the whole: errors, rounding."""
     parameters, none = request.parameters, np.zeros(0, np.int32)
-    problem = tgospa_problem(
-        parameters=parameters,
-        steps=0,
-        truths=0,
-        estimates=0,
-        truth_step=none,
-        truth_track=none,
-        estimate_step=none,
-        estimate_track=none,
-        truth_row=none,
-        estimate_row=none,
-        distance=np.zeros(0),
-        distance_error=request.distance.error(dimension),
-    )
+    nothing = Trajectories.of_times(np.zeros(0), columns, "number")
+    pairs = Pairs(truth_row=none, estimate_row=none, distance=np.zeros(0))
+    problem = problem_of_pairs((nothing, nothing), request.distance, pairs, parameters)
     objects = sum(int(found.sum()) for block in blocks for found in block.objects)
     blur = min((block.blur for block in blocks), default=np.inf) / parameters.cutoff
     return replace(

@@ -11,22 +11,22 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import stretches
 from tgospa_eval.common.files import named
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.partitioned.shards import ASSIGNED_PAIR, SWITCHED
-from tgospa_eval.partitioned.tasks import Run, Task, run_tasks, writing
-from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.problem.solution import Breakdown
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.partitioned.tasks import Run, Task, run_tasks, writing, writing_folder
+from tgospa_eval.problem.metric_family import Parameters
+from tgospa_eval.problem.problem import Ints
+from tgospa_eval.problem.readout import PerTrack
 from tgospa_eval.results.partitioned import IN_PARTS, StoredTables, name_of
-from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.records import Arrays, Costs, step_columns, track_columns
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -40,95 +40,15 @@ REPEATED = ("t", "weight", "mass")
 of their values."""
 
 
-TrackParts: TypeAlias = Mapping[str, Floats]
-"""What the tracks of a side contribute in units of c^p, by the names of `readout.PerTrack`."""
+Names: TypeAlias = Mapping[str, NDArray[Any]]
+"""What the numbers of steps and tracks are called: ``times``, as they were read, ``truths`` and
+``estimates``, ids. Texts are no objects, so that the arrays can be mapped from files."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Naming:
-    """From numbers and units of c^p to what the user calls them.
-
-    Parameters
-    ----------
-    times : (T,) array
-        The steps as they were read: numbers, or texts.
-    truths, estimates : (k,) array of str
-        Ids.
-    parameters : Parameters
-        Cutoff, order, switch penalty.
-    """
-
-    times: NDArray[Any]
-    truths: NDArray[Any]
-    estimates: NDArray[Any]
-    parameters: Parameters
-
-    @property
-    def scale(self) -> float:
-        """c^p."""
-        return float(self.parameters.cutoff**self.parameters.order)
-
-    def save(self, output: str) -> None:
-        """Write the names as a folder."""
-        with writing(output) as folder:
-            folder.mkdir()
-            for name in ("times", "truths", "estimates"):
-                array = getattr(self, name)  # texts of ISO times are objects
-                plain = array.astype(np.str_) if array.dtype == object else array
-                np.save(folder / f"{name}.npy", plain)
-
-    @classmethod
-    def load(cls, output: str, parameters: Parameters) -> "Naming":
-        """What `save` wrote; only what is used of it is read."""
-        names = {
-            name: np.load(Path(output, f"{name}.npy"), mmap_mode="r")
-            for name in ("times", "truths", "estimates")
-        }
-        return cls(**names, parameters=parameters)
-
-
-def write_per_step(path: str, split: Breakdown, naming: Naming) -> None:
-    """Write the cost of each of the T steps: ``per_step.parquet``."""
-    columns = {"t": naming.times}
-    columns |= {name: naming.scale * getattr(split, name) for name in PARTS}
-    columns["total"] = sum((columns[name] for name in PARTS), np.zeros(len(naming.times)))
-    _write_slices(path, columns)
-
-
-def write_tracks(
-    path: str, kind: Literal["missed", "false"], rows: Ints, parts: TrackParts, naming: Naming
-) -> None:
-    """Write what each track costs: ``per_truth.parquet`` of missed, ``per_estimate`` of false.
-
-    Parameters
-    ----------
-    path : str
-        The file.
-    kind : {"missed", "false"}
-        What a step without an assignment is.
-    rows : (k,) int array
-        At how many steps each track exists.
-    parts : TrackParts
-        What each contributes.
-    naming : Naming
-        Ids and units.
-    """
-    columns = {
-        "id": naming.truths if kind == "missed" else naming.estimates,
-        "steps": rows.astype(np.int64),
-        "localisation": naming.scale * parts["localisation"],
-        kind: naming.scale * parts["unassigned"],
-        "switch": naming.scale * parts["switch"],
-        f"{kind}_count": parts["unassigned_count"],
-        "switch_count": parts["switch_count"],
-    }
-    _write_slices(path, columns)
-
-
-def _write_slices(path: str, columns: Mapping[str, NDArray[Any]]) -> None:
+def _write_columns(path: str, columns: Arrays) -> None:
     """Write columns that are in memory."""
 
-    def own(rows: slice) -> dict[str, NDArray[Any]]:
+    def own(rows: slice) -> Arrays:
         return {name: column[rows] for name, column in columns.items()}
 
     size = len(next(iter(columns.values())))
@@ -136,29 +56,30 @@ def _write_slices(path: str, columns: Mapping[str, NDArray[Any]]) -> None:
     write_table(path, own, slices, slice(0))
 
 
-def write_switches(path: str, pieces: Sequence[Path], naming: Naming) -> None:
+def write_switches(path: str, pieces: Sequence[Path], names: Names, parameters: Parameters) -> None:
     """Write the switches of all shards in the order of time: ``switches.parquet``.
 
     Pieces have SWITCHED, whose estimates are -1 for none.
     """
+    price = parameters.scale * parameters.switch_price
 
     def columns(chunk: NDArray[np.void]) -> dict[str, Any]:
         def named(track: Ints) -> "pa.Array":
-            names = np.full(len(track), "", naming.estimates.dtype)
-            names[track >= 0] = naming.estimates[track[track >= 0]]
-            return _array(names, track < 0)
+            ids = np.full(len(track), "", names["estimates"].dtype)
+            ids[track >= 0] = names["estimates"][track[track >= 0]]
+            return _array(ids, track < 0)
 
         return {
-            "t": naming.times[chunk["step"]],
-            "truth": naming.truths[chunk["truth"]],
+            "t": names["times"][chunk["step"]],
+            "truth": names["truths"][chunk["truth"]],
             "from": named(chunk["before"]),
             "to": named(chunk["after"]),
             "mass": 0.5 * chunk["variation"],
-            "cost": naming.scale * naming.parameters.switch_price * chunk["variation"],
+            "cost": price * chunk["variation"],
         }
 
     paths = tuple(map(str, pieces))
-    edges = _edges(_rows_by_step(paths, len(naming.times)), ROWS_AT_ONCE)
+    edges = stretches(_rows_by_step(paths, len(names["times"])), ROWS_AT_ONCE)
     write_table(path, columns, in_order(paths, edges), np.zeros(0, SWITCHED))
 
 
@@ -265,23 +186,25 @@ def write_part(
     edges : (n + 1,) int array
         The steps, cut into n stretches of `ROWS_AT_ONCE`.
     names : str
-        Where `Naming.save` wrote the names.
+        The folder of the names, each in a file NAME.npy.
     parameters : Parameters
         Of the metric.
     """
-    naming = Naming.load(names, parameters)
-    # Once for all chunks: of each row it would take three times as long.
-    truths, estimates = _array(naming.truths), _array(naming.estimates)
+    times, *ids = (
+        np.load(Path(names, f"{name}.npy"), mmap_mode="r")
+        for name in ("times", "truths", "estimates")
+    )
+    truths, estimates = map(_array, ids)  # once for all chunks: of each row it takes thrice as long
 
     def columns(chunk: NDArray[np.void]) -> dict[str, Any]:
         weight, cost = chunk["weight"], chunk["cost"]
         return {
-            "t": naming.times[chunk["step"]],
+            "t": times[chunk["step"]],
             "truth": truths.take(_array(chunk["truth"])),
             "estimate": estimates.take(_array(chunk["estimate"])),
             "weight": weight,
             "distance": parameters.cutoff * cost ** (1 / parameters.order),
-            "cost": naming.scale * cost * weight,
+            "cost": parameters.scale * cost * weight,
         }
 
     write_table(output, columns, in_order(pieces, edges), np.zeros(0, ASSIGNED_PAIR))
@@ -301,22 +224,22 @@ def parts_of(
     steps : int
         T.
     names : str
-        Where `Naming.save` wrote the names.
+        The folder of the names.
     parameters : Parameters
         Of the metric.
     """
     paths = tuple(map(str, pieces))
     rows = _rows_by_step(paths, steps)
-    parts = _edges(rows, ROWS_A_PART)
+    parts = list(itertools.pairwise(stretches(rows, ROWS_A_PART))) or [(0, 0)]
     return {
         str(Path(folder, f"part-{number:05d}.parquet")): partial(
             write_part,
             pieces=paths,
-            edges=low + _edges(rows[low:high], ROWS_AT_ONCE),
+            edges=low + stretches(rows[low:high], ROWS_AT_ONCE),
             names=names,
             parameters=parameters,
         )
-        for number, (low, high) in enumerate(itertools.pairwise(parts))
+        for number, (low, high) in enumerate(parts)
     }
 
 
@@ -353,22 +276,15 @@ def _rows_by_step(pieces: Sequence[str], steps: int) -> Ints:
     return counts
 
 
-def _edges(rows: Ints, most: int) -> Ints:
-    """Steps cut into stretches of about `most` rows: the first of each, and the end."""
-    before = np.cumsum(rows) - rows
-    cuts = np.flatnonzero(np.diff(before // most, prepend=-1) > 0)
-    return np.append(cuts, len(rows)) if len(cuts) else np.array([0, len(rows)])
-
-
 # -------------------------------------------------------------------------------------------------
 # What the shards found, as the tables of a result.
 
 
 def write_tables(
     folder: str,
-    naming: Naming,
-    split: Breakdown,
-    tracks: Sequence[tuple[Ints, TrackParts]],
+    names: Names,
+    proof: Costs,
+    tracks: Iterable[tuple[Ints, PerTrack]],
     shards: Sequence[Path],
     run: Run = run_tasks,
     *,
@@ -380,9 +296,9 @@ def write_tables(
     ----------
     folder : str
         Where; its parent gets a folder `names` beside it.
-    naming : Naming
+    names : Names
         Times and ids.
-    split : Breakdown
+    proof : Costs
         Of the whole.
     tracks : pair of pairs
         Of truths and estimates: at how many steps each exists, and what it contributes.
@@ -403,10 +319,12 @@ def write_tables(
         raise ConfigError(
             f"tables of partitioned data need the extra parquet: {install('parquet')}"
         )
-    place = Path(folder)
-    names = str(place.parent / "names")
-    if not Path(names).exists():
-        naming.save(names)
+    place, parameters = Path(folder), proof.parameters
+    beside = place.parent / "names"
+    if not beside.exists():
+        with writing_folder(str(beside)) as made:
+            for name, array in names.items():
+                np.save(made / f"{name}.npy", array)
 
     def missing(table: str) -> str | None:
         path = place / name_of(table)
@@ -416,14 +334,17 @@ def write_tables(
         return [shard / name for shard in shards if (shard / name).exists()]
 
     if path := missing("per_step"):
-        write_per_step(path, split, naming)
-    if path := missing("per_truth"):
-        write_tracks(path, "missed", *tracks[0], naming)
-    if path := missing("per_estimate"):
-        write_tracks(path, "false", *tracks[1], naming)
+        costs = step_columns(proof.breakdown, parameters.scale)
+        _write_columns(path, {"t": names["times"]} | costs)
+    for side, (table, ids, (steps, parts)) in enumerate(
+        zip(("per_truth", "per_estimate"), ("truths", "estimates"), tracks, strict=True)
+    ):
+        if path := missing(table):
+            columns = track_columns(side, steps, parts, parameters.scale)
+            _write_columns(path, {"id": names[ids]} | columns)
     if path := missing("switches"):
-        write_switches(path, found("switched.npy"), naming)
+        write_switches(path, found("switched.npy"), names, parameters)
     pieces = found("assigned.npy") if assignments else []
-    parts = str(place / name_of(IN_PARTS))
-    run(parts_of(parts, pieces, len(naming.times), names, naming.parameters))
+    parts_folder = str(place / name_of(IN_PARTS))
+    run(parts_of(parts_folder, pieces, len(names["times"]), str(beside), parameters))
     return StoredTables(folder)

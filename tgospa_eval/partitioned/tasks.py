@@ -5,11 +5,13 @@ import os
 import shutil
 import tempfile
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from tgospa_eval.engines.engine import Engine, spread
+from tgospa_eval.engines.engine import spread
+from tgospa_eval.engines.processes import PersistentPool
 from tgospa_eval.errors import ConfigError, SolverError
 
 UNFINISHED = ".unfinished"
@@ -40,8 +42,8 @@ def _lost(job: tuple[str, Task]) -> tuple[str, bool]:
 
 def run_tasks(
     tasks: Mapping[str, Task],
-    engine: Engine | None = None,
-    done: Callable[[str], None] | None = None,
+    engine: PersistentPool | None = None,
+    done: Callable[[str], None] = lambda output: None,  # noqa: ARG005
 ) -> None:
     """Do the tasks whose output is not there.
 
@@ -49,9 +51,9 @@ def run_tasks(
     ----------
     tasks : mapping of str to Task
         By their outputs, which they write by `writing`, in the order in which to begin.
-    engine : Engine, optional
-        Where; in this process by default.
-    done : callable, optional
+    engine : PersistentPool, optional
+        Where, once its patience is over; in this process by default.
+    done : callable
         Called with the output of each task when it is there.
 
     Raises
@@ -59,21 +61,27 @@ def run_tasks(
     SolverError
         A process died of a task, most likely for want of memory.
     """
-    left = []
+    left = deque[tuple[str, Task]]()
     for output, task in tasks.items():
         if not os.path.exists(output):
             left.append((output, task))
-        elif done is not None:
+        else:
             done(output)
-    ended = map(do_task, left) if engine is None else spread(do_task, left, _lost, engine)
-    for output, lost in ended:
+    while left and (engine is None or engine.patience > 0):
+        begin = time.monotonic()
+        output, _ = do_task(left.popleft())
+        if engine is not None:
+            engine.patience -= time.monotonic() - begin
+        done(output)
+    if engine is None:
+        return
+    for output, lost in spread(do_task, left, _lost, engine):
         if lost:
             raise SolverError(
                 f"a process died of {os.path.basename(output)}, most likely for want of "
                 "memory: allow less with --memory, or fewer processes with --jobs"
             )
-        if done is not None:
-            done(output)
+        done(output)
 
 
 def left_until(end: float | None) -> float | None:
@@ -113,6 +121,14 @@ def writing(output: str) -> Iterator[Path]:
         raise
     finally:
         _remove(beside)
+
+
+@contextmanager
+def writing_folder(output: str) -> Iterator[Path]:
+    """As `writing`, of a folder, which is made."""
+    with writing(output) as folder:
+        folder.mkdir()
+        yield folder
 
 
 @contextmanager

@@ -8,7 +8,7 @@ never on the same rows in two threads, so that many threads give the bytes of on
 
 import numpy as np
 
-from libc.math cimport INFINITY, exp, fabs, floor, fmax, fmin, hypot, log, nextafter, rint, sqrt
+from libc.math cimport INFINITY, exp, fabs, floor, fmax, hypot, log, nextafter, rint, sqrt
 from libc.stdint cimport int64_t, uint64_t
 from libc.string cimport memcpy, memset
 
@@ -364,7 +364,7 @@ def slot_sums(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_fi
 
 def slot_loads(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_first,
                const i32[::1] pair_node, const double[::1] weight):
-    """Sum of the weights (S,) of the states over each slot, (K,): `capacities.load`."""
+    """Sum of the weights (S,) of the states over each slot, (K,): `Slots.loads`."""
     cdef Py_ssize_t p, s, t
     cdef i32 node
     cdef double held
@@ -384,24 +384,6 @@ def slot_loads(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_f
             for t in range(first[node] + 1, first[node + 1]):
                 total[t] += total[t - 1]
     return change
-
-
-def whole_weights(const double[::1] weight, int64_t[::1] whole, int64_t one, double snap):
-    """Weights in units of 1 / `one`, clipped and snapped to 0 and 1: `weights.whole_weights`.
-
-    Both may be the same memory.
-    """
-    cdef Py_ssize_t s
-    cdef double fixed
-    with nogil:
-        for s in range(weight.shape[0]):
-            fixed = fmin(fmax(weight[s], 0.0), 1.0) * one  # NaN becomes 0
-            if fixed < snap:
-                whole[s] = 0
-            elif fixed > one - snap:
-                whole[s] = one
-            else:
-                whole[s] = <int64_t>rint(fixed)
 
 
 def whole_sums(const double[::1] value, const i32[::1] first, const double[::1] unit, bint down):
@@ -531,61 +513,6 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
                     gain[s] = (-offset[g - 1] if group[s - low] == g - 1
                                else (before[s - low] - running) + (lost[s - low] - rest))
     return gain_array, group_first_array, offset_array
-
-
-# --- by block: the twins are in solvers.block_costs and solvers.far_cutoff -----------------------
-
-
-def block_sums(const int64_t[::1] block, const double[::1] value, Py_ssize_t blocks):
-    """Sum of the values of each block, (B,), in their order; those of block -1 are left out."""
-    cdef Py_ssize_t i
-    found = np.zeros(blocks)
-    cdef double[::1] total = found
-    with nogil:
-        for i in range(value.shape[0]):
-            if block[i] >= 0:
-                total[block[i]] += value[i]
-    return found
-
-
-def largest_gains_of_blocks(const i32[::1] pair_first, const i32[::1] pair_block,
-                            const i32[::1] entry, const double[::1] cost, double price,
-                            Py_ssize_t blocks):
-    """Largest gain ``price - cost`` of each block, (B,), that of a run is 0."""
-    cdef Py_ssize_t p, s
-    cdef double gain
-    found = np.full(blocks, -np.inf)
-    cdef double[::1] most = found
-    with nogil:
-        for p in range(pair_block.shape[0]):
-            for s in range(pair_first[p], pair_first[p + 1]):
-                gain = price - cost[entry[s]] if entry[s] >= 0 else 0.0
-                if gain > most[pair_block[p]]:
-                    most[pair_block[p]] = gain
-    return found
-
-
-def largest_least_costs(const i32[::1] truth_row, const i32[::1] track, const int64_t[::1] block,
-                        const double[::1] cost, Py_ssize_t blocks):
-    """Of the least cost of each truth at each step the largest of its block, (B,)."""
-    cdef Py_ssize_t e = 0, N = cost.shape[0]
-    cdef int64_t b
-    cdef i32 row
-    cdef double least
-    found = np.zeros(blocks)
-    cdef double[::1] most = found
-    with nogil:
-        while e < N:
-            row = truth_row[e]
-            least = cost[e]
-            while e < N and truth_row[e] == row:
-                if cost[e] < least:
-                    least = cost[e]
-                e += 1
-            b = block[track[row]]
-            if least > most[b]:
-                most[b] = least
-    return found
 
 
 # --- best paths: the twin is problem.paths.best_values ------------------------------------------
@@ -1050,14 +977,8 @@ cdef class Brackets:
 
     # --- prices
 
-    def look(self, const double[::1] prices):
-        """Bound of each block at the prices, (B,)."""
-        with nogil:
-            self._survey(&prices[0], False, 0.0, NULL)
-        return self.bound(prices)
-
     def bound(self, const double[::1] prices):
-        """The same where the last survey was at these prices."""
+        """Bound of each block at the prices of the last survey, (B,)."""
         with nogil:
             self._bound(&prices[0])
         return np.array(self.found)

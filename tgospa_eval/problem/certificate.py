@@ -15,11 +15,19 @@ from tgospa_eval.errors import SolverError
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.paths import best_values, down, lower_sums, relative_gains, row_steps, up
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by, sum_parts
-from tgospa_eval.problem.reduced import forced_cost
 from tgospa_eval.problem.slots import PART, Slots
+from tgospa_eval.problem.smaller_cutoff import forced_cost
 from tgospa_eval.problem.solution import Bounds, Breakdown, Reduced, Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, changes, make_feasible, row_parts, spare, whole_weights
+from tgospa_eval.problem.weights import (
+    ONE,
+    assigned,
+    changes,
+    make_feasible,
+    row_parts,
+    spare,
+    whole_weights,
+)
 
 
 class UnassignedPrices:
@@ -66,7 +74,7 @@ def unpaired_prices(states: States) -> tuple[float, float]:
     for side, blocks in zip(states.problem.sides, states.track_blocks, strict=True):
         unpaired = blocks < 0
         price = side.price[unpaired[side.track]] if unpaired.any() else side.price[:0]
-        found.append(float(lower_sums(price, np.array([0, len(price)]))[0]) if len(price) else 0.0)
+        found.append(float(lower_sums(price, np.array([0, len(price)]))[0]))
     return found[0], found[1]
 
 
@@ -172,7 +180,7 @@ def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
 def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = ()) -> Floats:
     """Lower bound of the cost of the objects of each block, (B,), from any prices >= 0.
 
-    Where blocks were solved at smaller cutoffs (`problem.reduced`), it is the best of those.
+    Where blocks were solved at smaller cutoffs (`problem.smaller_cutoff`), it is the best of those.
     """
     blocks = len(states.block_begin)
     lower = np.zeros(blocks)
@@ -300,27 +308,16 @@ def idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats
     if kernels:
         found: Floats = kernels.idle_prices(*running, left, first)
         return found
-    unit, whole = running[0], running[1][1:] - running[1][:-1]
-    low, high = (_whole_sums(half * left, first) for half in _halves(whole))
+    unit, whole = running[0], np.diff(running[1])
+    halves = whole & (HALF_WORD - 1), whole // HALF_WORD
+    low, high = (np.diff(np.append(0, np.cumsum(half * left))[first]) for half in halves)
     return np.stack((-up(unit * low), -up(unit * HALF_WORD * high)))
-
-
-def _halves(whole: Ints) -> tuple[Ints, Ints]:
-    """Integers >= 0 as remainders and multiples of HALF_WORD."""
-    return whole & (HALF_WORD - 1), whole // HALF_WORD
-
-
-def _whole_sums(value: Ints, first: Ints) -> Ints:
-    """Sums of parts of integers; part i begins at first[i]."""
-    running = np.concatenate(([0], np.cumsum(value)))
-    sums: Ints = running[first[1:]] - running[first[:-1]]
-    return sums
 
 
 def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
     """``V(C) >= V(s C) + (1 - s) forced``, of bounds of the blocks at s C those of the whole, (B,).
 
-    See `problem.reduced`. 0 for blocks that `part` does not stand for.
+    See `problem.smaller_cutoff`. 0 for blocks that `part` does not stand for.
     """
     blocks, scale = len(states.block_begin), part.scale
     home = home_blocks(states, part.states)
@@ -355,11 +352,8 @@ def home_blocks(states: States, inner: States) -> Ints:
 
 def _in_chunks(terms: Floats) -> list[float]:
     """Sums of TERMS_TOGETHER terms each."""
-    return (
-        np.add.reduceat(terms, np.arange(0, len(terms), TERMS_TOGETHER)).tolist()
-        if len(terms)
-        else []
-    )
+    sums: list[float] = np.add.reduceat(terms, np.arange(0, len(terms), TERMS_TOGETHER)).tolist()
+    return sums
 
 
 def break_down(states: States, weights: Ints) -> Breakdown:
@@ -385,8 +379,7 @@ def break_down(states: States, weights: Ints) -> Breakdown:
 def _break_down(states: States, weights: Ints) -> tuple[list[Floats], list[float]]:
     """Costs, numbers and variation by step, and sums of some terms of the total each."""
     problem, steps = states.problem, states.problem.steps
-    used = np.flatnonzero((weights != 0) & (states.entry >= 0))
-    entry, whole = states.entry[used], weights[used]
+    used, entry, whole = assigned(states, weights)
     paid = whole / ONE * problem.cost[entry]
     terms, costs, counts = _in_chunks(paid), [sum_by(states.begin[used], paid, steps)], []
     for side in problem.sides:

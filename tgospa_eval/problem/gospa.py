@@ -20,25 +20,8 @@ SPARSE_RATIO = 8
 """Beyond that it is if less than so many times as large as the number of near pairs."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Changes:
-    """Changes of partners into each step.
-
-    Parameters
-    ----------
-    whole : (T,) float array
-        From one estimate to another; each counts 1.
-    half : (T,) float array
-        From or to "none", how many; each counts one half.
-    """
-
-    whole: Floats
-    half: Floats
-
-    @property
-    def total(self) -> Floats:
-        """Switches, (T,)."""
-        return self.whole + 0.5 * self.half
+Switched = tuple[Floats, Floats]
+"""Switches into each step, (T,), and how many of them are halves: from or to "none"."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,8 +72,6 @@ def per_step_gospa(problem: Problem) -> PerStep:
 def _cheapest(problem: Problem) -> Iterator[Ints]:
     """Entries of the cheapest assignment, component by component of the graph of near pairs."""
     rows, columns = problem.truth_row, problem.estimate_row
-    if not len(rows):
-        return
     truths = len(problem.truth_step)
     label = connected_components(rows, columns + truths, truths + len(problem.estimate_step))
     order = np.argsort(label[rows], kind="stable")
@@ -150,8 +131,8 @@ def partners(problem: Problem, entries: Ints) -> Ints:
     return track
 
 
-def changes_since_last_stored(problem: Problem, track: Ints) -> Changes:
-    """Changes into each step as Stone Soup counts them.
+def changes_since_last_stored(problem: Problem, track: Ints) -> Switched:
+    """Switches into each step as Stone Soup counts them.
 
     Compared is the partner of a truth with the last one that was stored for it. Storing begins
     with the first estimate that it is assigned to; from then on "none" is stored as well. A step
@@ -169,8 +150,8 @@ def changes_since_last_stored(problem: Problem, track: Ints) -> Changes:
     return _changes(problem, track, order, np.ones(max(len(order) - 1, 0), bool))
 
 
-def changes_since_last_step(problem: Problem, track: Ints) -> Changes:
-    """Changes into each step as MathWorks describes them.
+def changes_since_last_step(problem: Problem, track: Ints) -> Switched:
+    """Switches into each step as MathWorks describes them.
 
     Compared are the partners of a truth at a step and at the step before, where it exists at both.
     A change counts 1, from or to "none" one half.
@@ -184,13 +165,12 @@ def _by_truth(problem: Problem) -> Ints:
     return np.lexsort((problem.truth_step, problem.truth_track))
 
 
-def _changes(problem: Problem, track: Ints, order: Ints, counts: NDArray[np.bool_]) -> Changes:
+def _changes(problem: Problem, track: Ints, order: Ints, counts: NDArray[np.bool_]) -> Switched:
     """Changes from each row to the next one of the same truth, booked at the later step."""
     after, before = track[order[1:]], track[order[:-1]]
     counts = counts & (np.diff(problem.truth_track[order]) == 0) & (after != before)
     both = (after >= 0) & (before >= 0)
     step = problem.truth_step[order[1:]]
-    return Changes(
-        whole=np.bincount(step[counts & both], minlength=problem.steps).astype(float),
-        half=np.bincount(step[counts & ~both], minlength=problem.steps).astype(float),
-    )
+    whole = np.bincount(step[counts & both], minlength=problem.steps)
+    half = np.bincount(step[counts & ~both], minlength=problem.steps)
+    return whole + 0.5 * half, half.astype(float)

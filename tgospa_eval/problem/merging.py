@@ -81,8 +81,11 @@ def _pair_graph(problem: Problem, entry_step: Ints, transpose: bool) -> tuple[In
     _, block = np.unique(component[truth], return_inverse=True)
     blocks = int(block.max()) + 1 if len(block) else 0
 
-    single_estimate = _distinct(block, estimate, blocks) == 1
-    transposed = single_estimate & (_distinct(block, truth, blocks) > 1) & transpose
+    tracks, rivals = (
+        np.bincount(block[np.unique(side, return_index=True)[1]], minlength=blocks)
+        for side in (truth, estimate)
+    )
+    transposed = (rivals == 1) & (tracks > 1) & transpose
     flip = transposed[block]
     row = np.where(flip, estimate + problem.truths, truth)
     column = np.where(flip, truth, estimate + problem.truths)
@@ -98,14 +101,6 @@ def _pair_graph(problem: Problem, entry_step: Ints, transpose: bool) -> tuple[In
     window = _windows(pair_block[pair_of], entry_step, blocks)
     graph = pair_row, pair_column, pair_block, truth[order], estimate[order], node_block, *window
     return pair_of, dict(zip(GRAPH, (*graph, transposed), strict=True))
-
-
-def _distinct(block: Ints, node: Ints, blocks: int) -> Ints:
-    """Number of distinct nodes in each block."""
-    if not len(node):
-        return np.zeros(blocks, np.int64)
-    _, first = np.unique(node, return_index=True)
-    return np.bincount(block[first], minlength=blocks)
 
 
 def _number_nodes(row: Ints, column: Ints, block: Ints) -> tuple[Ints, tuple[Ints, Ints]]:

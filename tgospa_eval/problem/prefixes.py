@@ -17,13 +17,15 @@ from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes
 
+Offsets = tuple[Ints, Ints, Ints, Floats, Floats]
+"""What `offsets` returns."""
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Offsets:
+
+def offsets(states: States) -> Offsets:
     """The cheapest entry of each row and step that has one, and gains relative to it.
 
-    Parameters
-    ----------
+    Returns
+    -------
     step, row : (G,) int arrays
         Step, and row as a node; sorted.
     entry : (G,) int array
@@ -33,16 +35,6 @@ class Offsets:
     relative : (S,) float array
         Gain of each state less that, an upper bound; 0 of runs.
     """
-
-    step: Ints
-    row: Ints
-    entry: Ints
-    loss: Floats
-    relative: Floats
-
-
-def offsets(states: States) -> Offsets:
-    """Of all states."""
     problem, pair = states.problem, states.pair
     gaining = np.flatnonzero(states.entry >= 0)
     row = states.pair_row[pair[gaining]].astype(np.int64)
@@ -65,7 +57,7 @@ def offsets(states: States) -> Offsets:
     relative = np.zeros(len(pair))
     relative[gaining] = gain
     step, node = np.divmod(key[opens], states.nodes)
-    return Offsets(step=step, row=node, entry=cheapest, loss=loss, relative=relative)
+    return step, node, cheapest, loss, relative
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,6 +107,7 @@ class RowMoves:
 
         Times are steps less `since` (T,), where that is given; what is before time 0 is left out.
         """
+        offset_step, offset_row, _, loss, relative = found
         steps = states.problem.steps
         time_of = np.arange(steps) - (np.zeros(steps, np.int64) if since is None else since)
         times = int(time_of.max(initial=-1)) + 1
@@ -138,7 +131,7 @@ class RowMoves:
         by_time = np.argsort(paid_at, kind="stable")
         by_time = by_time[np.searchsorted(paid_at[by_time], 0) :]
 
-        lost_at = time_of[found.step]
+        lost_at = time_of[offset_step]
         by_loss = np.argsort(lost_at, kind="stable")
         by_loss = by_loss[np.searchsorted(lost_at[by_loss], 0) :]
         return cls(
@@ -148,14 +141,14 @@ class RowMoves:
             begins=begins,
             begin_pair=pair[order],
             gains=states.entry[order] >= 0,
-            relative=found.relative[order],
+            relative=relative[order],
             switch_price=states.problem.switch_price_at[states.begin[order]],
             charges=np.searchsorted(paid_at[by_time], edges),
             charge_pair=charged[by_time],
             charge=prices[slot[by_time]],
             losses=np.searchsorted(lost_at[by_loss], edges),
-            loss_row=np.searchsorted(rows, found.row[by_loss]),
-            loss=found.loss[by_loss],
+            loss_row=np.searchsorted(rows, offset_row[by_loss]),
+            loss=loss[by_loss],
         )
 
     @property
@@ -277,43 +270,6 @@ class Cells:
         return total, np.cumsum((blocks + 4) * size + 2 * total) * 2.0**-53
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PrefixBounds:
-    """Costs and bounds of the beginnings of each block, in units of c^p.
-
-    Only objects that have a near pair are counted.
-
-    Parameters
-    ----------
-    cells : Cells
-        Blocks and steps.
-    parts : (4, C) float array
-        Localisation, missed, false and switch cost of the assignment up to the step.
-    lower : (C,) float array
-        Lower bound of the least possible cost.
-    error : (C,) float array
-        How much the parts together may be too small by rounding.
-    prices : Prices
-        What the lower bounds are made of.
-    """
-
-    cells: Cells
-    parts: Floats
-    lower: Floats
-    error: Floats
-    prices: "Prices"
-
-
-def bound_prefixes(states: States, weights: Ints, prices: Floats) -> PrefixBounds:
-    """Of a feasible assignment (S,), in units of 1/ONE, and prices >= 0 (K,)."""
-    cells = Cells.of_blocks(states)
-    parts, error = costs_so_far(states, cells, weights)
-    found = Prices.of(states, cells, prices)
-    return PrefixBounds(
-        cells=cells, parts=parts, lower=found.whole_bounds(states), error=error, prices=found
-    )
-
-
 def _busiest(states: States) -> int:
     """Most states that begin at one step, a bound of the terms that are added for it."""
     return int(np.bincount(states.begin, minlength=1).max())
@@ -340,8 +296,10 @@ def costs_so_far(states: States, cells: Cells, weights: Ints) -> tuple[Floats, F
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Prices:
-    """Lower bounds of the beginnings of each block from prices, by parts; arrays are (C,).
+class PrefixBounds:
+    """Costs and bounds of the beginnings of each block, in units of c^p; arrays are (C,).
+
+    Only objects that have a near pair are counted.
 
     ``L = unassigned - offsets - sum of the best values of the rows - paid``, the bound of
     `problem.certificate` for the steps of each block up to each step.
@@ -350,6 +308,10 @@ class Prices:
     ----------
     cells : Cells
         Blocks and steps.
+    parts : (4, C) float array
+        Localisation, missed, false and switch cost of the assignment up to the step.
+    error : (C,) float array
+        How much the parts together may be too small by rounding.
     moves : RowMoves
         What happens at the prices.
     total, size : (C,) float arrays
@@ -362,6 +324,8 @@ class Prices:
     """
 
     cells: Cells
+    parts: Floats
+    error: Floats
     moves: RowMoves
     total: Floats
     size: Floats
@@ -369,12 +333,15 @@ class Prices:
     terms: Ints
 
     @classmethod
-    def of(cls, states: States, cells: Cells, prices: Floats) -> "Prices":
-        """Of prices >= 0, (K,)."""
+    def of(cls, states: States, weights: Ints, prices: Floats) -> "PrefixBounds":
+        """Of a feasible assignment (S,), in units of 1/ONE, and prices >= 0 (K,)."""
+        cells = Cells.of_blocks(states)
+        parts, off = costs_so_far(states, cells, weights)
         problem, slots, pair = states.problem, states.columns, states.pair
         found = offsets(states)
-        offset_block = states.node_block[found.row]
-        total = cells.sums(offset_block, found.step, problem.cost[found.entry])
+        offset_step, offset_row, offset_entry, _, _ = found
+        offset_block = states.node_block[offset_row]
+        total = cells.sums(offset_block, offset_step, problem.cost[offset_entry])
         size, exact = total.copy(), whole_prices(problem)
         gaining = np.flatnonzero(states.entry >= 0)
         entry = states.entry[gaining].astype(np.intp)
@@ -382,8 +349,8 @@ class Prices:
             some, first = np.unique(side.row[entry].astype(np.intp), return_index=True)
             block = states.pair_block[pair[gaining[first]]]
             of_objects = cells.sums(block, states.begin[gaining[first]], side.price[some])
-            base = side.price[side.row[found.entry]]
-            of_pairs = cells.sums(offset_block, found.step, base)
+            base = side.price[side.row[offset_entry]]
+            of_pairs = cells.sums(offset_block, offset_step, base)
             total += of_objects - of_pairs
             if not exact:
                 size += of_objects + of_pairs
@@ -391,6 +358,8 @@ class Prices:
         rows = int(np.bincount(states.node_block).max(initial=0))
         return cls(
             cells=cells,
+            parts=parts,
+            error=off,
             moves=RowMoves.of(states, found, prices),
             total=total,
             size=size,
@@ -398,10 +367,8 @@ class Prices:
             terms=16 + 2 * _busiest(states) + 2 * rows + np.diff(cells.first)[cells.block],
         )
 
-    def bounds(
-        self, cells: Ints, best: Floats, sizes: Floats, paid: Floats | None = None
-    ) -> Floats:
-        """Lower bounds of some cells, 0 at least.
+    def lower(self, cells: Ints, best: Floats, sizes: Floats, paid: Floats) -> Floats:
+        """Lower bounds of the least possible cost of some cells, 0 at least.
 
         Parameters
         ----------
@@ -409,16 +376,15 @@ class Prices:
             Which.
         best, sizes : (N,) float arrays
             Sum of the best values of the rows, and the sum of their sizes, rounded to the nearest.
-        paid : (N,) float array, optional
-            What was paid, where that is not `paid`.
+        paid : (N,) float array
+            What was paid.
         """
-        paid = self.paid[cells] if paid is None else paid
         total = self.total[cells]
         error = (self.size[cells] + paid + sizes + np.abs(total)) * self.terms[cells] * 2.0**-53
         lower: Floats = np.maximum(total - best - paid - error, 0.0)
         return lower
 
-    def whole_bounds(self, states: States) -> Floats:
+    def whole_lower(self, states: States) -> Floats:
         """Lower bounds of all cells."""
         cells, moves = self.cells, self.moves
         row_block = states.node_block[moves.rows]
@@ -430,7 +396,7 @@ class Prices:
             at_live = cells.of(live, np.full(len(live), step))
             for kind, some in enumerate((best, np.abs(best))):
                 values[kind, at_live] = np.bincount(row_block, some, minlength=len(last))[live]
-        return self.bounds(np.arange(values.shape[1]), values[0], values[1])
+        return self.lower(np.arange(values.shape[1]), values[0], values[1], self.paid)
 
 
 def whole_prices(problem: Problem) -> bool:

@@ -79,7 +79,7 @@ class Problem:
     rounding : float
         An optimum below this says nothing: it may come from the last places of the states alone.
     distance_power : (N,) float array, optional
-        (d / c)^p of each entry, where the cost is another part of A + B: see `problem.tgospa`.
+        (d / c)^p of each entry, where the cost is another part of A + B: see `weight_existence`.
     signed : bool
         Whether gains may be negative. Such a problem is for solvers, not for the certificate.
     """
@@ -120,21 +120,18 @@ class Problem:
     @cached_property
     def sides(self) -> tuple[Objects, Objects]:
         """Truths and estimates."""
-        truth = Objects(
-            count=self.truths,
-            step=self.truth_step,
-            track=self.truth_track,
-            price=self.truth_price,
-            row=self.truth_row,
+        return (
+            Objects(
+                self.truths, self.truth_step, self.truth_track, self.truth_price, self.truth_row
+            ),
+            Objects(
+                self.estimates,
+                self.estimate_step,
+                self.estimate_track,
+                self.estimate_price,
+                self.estimate_row,
+            ),
         )
-        estimate = Objects(
-            count=self.estimates,
-            step=self.estimate_step,
-            track=self.estimate_track,
-            price=self.estimate_price,
-            row=self.estimate_row,
-        )
-        return truth, estimate
 
     @property
     def _least_gain(self) -> float:

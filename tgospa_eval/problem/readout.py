@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, changes, spare
+from tgospa_eval.problem.weights import ONE, assigned, changes, spare
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,15 +30,15 @@ class AssignedPairs:
 
 def read_assigned(states: States, weights: Ints) -> AssignedPairs:
     """Of a feasible assignment (S,), in units of 1/ONE."""
-    used = np.flatnonzero((states.entry >= 0) & (weights > 0))
-    used = used[np.argsort(states.entry[used], kind="stable")]  # by step, truth, estimate
-    pair = states.pair[used]
+    used, entry, weight = assigned(states, weights)
+    order = np.argsort(entry, kind="stable")  # by step, truth, estimate
+    used, pair = used[order], states.pair[used[order]]
     return AssignedPairs(
         step=states.begin[used],
         truth=states.pair_truth[pair],
         estimate=states.pair_estimate[pair],
-        entry=states.entry[used],
-        weight=weights[used] / ONE,
+        entry=entry[order],
+        weight=weight[order] / ONE,
     )
 
 
@@ -78,7 +78,7 @@ def read_switches(states: States, weights: Ints) -> Switches:
         """Of each group the estimate of its first change that is chosen."""
         place = np.where(chosen[order], np.arange(len(order)), len(order))
         track = np.append(states.pair_estimate[pair[order]], -1)
-        found: Ints = track[np.minimum.reduceat(place, first)] if len(first) else first
+        found: Ints = track[np.minimum.reduceat(place, first)]
         return found
 
     return Switches(
@@ -86,7 +86,7 @@ def read_switches(states: States, weights: Ints) -> Switches:
         truth=truth[order[first]],
         before=largest(~rises),
         after=largest(rises),
-        variation=np.add.reduceat(amount[order], first) if len(first) else np.zeros(0),
+        variation=np.add.reduceat(amount[order], first),
     )
 
 
@@ -113,8 +113,7 @@ def read_tracks(states: States, weights: Ints, side: int) -> PerTrack:
     """Of a feasible assignment (S,), in units of 1/ONE; side 0 are the truths, 1 the estimates."""
     problem = states.problem
     objects, pair_track = problem.sides[side], states.pair_tracks[side]
-    used = np.flatnonzero((states.entry >= 0) & (weights > 0))
-    entry, weight = states.entry[used], weights[used]
+    used, entry, weight = assigned(states, weights)
     free = spare(objects, entry, weight)
     changed, amount = changes(states, weights)
 

@@ -3,6 +3,8 @@
 The assignment over a slot may sum to at most 1.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -108,17 +110,25 @@ class Slots:
                 self.first, self.begin, self.pair_first, self.pair_node, weight
             )
             return found
-        change = np.zeros(len(self.step) + 1, np.int64)
-        # All pairs of a node open at its first slot and close after its last.
-        for state, slot, sign in (
-            (self.pair_first[:-1], self.first[self.pair_node], 1),
-            (self.pair_first[1:] - 1, self.first[self.pair_node + 1], -1),
-        ):
-            used = np.flatnonzero(weight[state] != 0)
-            np.add.at(change, slot[used].astype(np.intp), sign * weight[state[used]])
-        state = np.flatnonzero(changed(self.pair_first, weight))
-        np.add.at(change, self.begin[state].astype(np.intp), weight[state] - weight[state - 1])
-        return np.cumsum(change[:-1], out=change[:-1])
+        return self._accumulate(weight)
+
+    def loads(self, weight: Floats | NDArray[np.bool_]) -> Floats:
+        """`sums` of weights that need not be whole; of booleans, how many are true."""
+        weight = weight.astype(np.float64, copy=False)
+        if kernels:
+            found: Floats = kernels.slot_loads(
+                self.first, self.begin, self.pair_first, self.pair_node, weight
+            )
+            return found
+        return self._accumulate(weight)
+
+    def _accumulate(self, weight: NDArray[Any]) -> NDArray[Any]:
+        """`sums` and `loads` without kernels."""
+        total = np.zeros(len(self.step) + 1, weight.dtype)
+        used = np.flatnonzero(weight)
+        np.add.at(total, self.begin[used], weight[used])
+        np.subtract.at(total, self.end[used], weight[used])
+        return np.cumsum(total, out=total)[:-1]
 
     def running(self, price: Floats, *, floor: bool = False) -> tuple[Floats, Ints]:
         """`exact_running` of prices (K,), node by node."""

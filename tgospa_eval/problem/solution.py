@@ -1,4 +1,4 @@
-"""What solvers propose and what is proven of it: solutions, bounds, breakdowns, curves."""
+"""What solvers propose and what is proven of it: solutions, bounds, breakdowns, brackets."""
 
 from dataclasses import field
 
@@ -70,7 +70,7 @@ class Reduced:
     Parameters
     ----------
     states : States
-        The problem of these blocks at the smaller cutoff, from `problem.reduced`.
+        The problem of these blocks at the smaller cutoff, from `problem.smaller_cutoff`.
     blocks : (B,) bool array
         Which blocks of the whole they are.
     scale : float
@@ -104,17 +104,13 @@ class Bounds(Interval):
         """(upper - lower) / upper, 0 if upper is 0."""
         return (self.upper - self.lower) / self.upper if self.upper > 0 else 0.0
 
-    def narrow(self, gap: float) -> bool:
-        """Whether the bracket is as narrow as `gap`, relative."""
-        return self.upper - self.lower <= gap * self.upper
-
     def within_rounding(self, gap: float) -> bool:
         """Whether a wider bracket says no less, since the cost itself is one of rounding."""
-        return not self.narrow(gap) and self.upper <= self.rounding
+        return self.upper - self.lower > gap * self.upper and self.upper <= self.rounding
 
     def met(self, gap: float) -> bool:
-        """Whether the bracket is narrow, or that of a cost within rounding."""
-        return self.narrow(gap) or self.within_rounding(gap)
+        """Whether the bracket is as narrow as `gap`, relative, or the cost is one of rounding."""
+        return self.upper - self.lower <= gap * self.upper or self.upper <= self.rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,7 +139,7 @@ class Breakdown:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Brackets:
-    """Costs of N stretches of steps, each by itself, in units of c^p.
+    """Costs of N stretches of steps, each by itself, in units of c^p: of a curve, of windows.
 
     Parameters
     ----------
@@ -165,11 +161,6 @@ class Brackets:
         narrow = self.upper - self.lower <= gap * self.upper
         met: NDArray[np.bool_] = narrow | (self.upper <= self.rounding)
         return met
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Curve(Brackets):
-    """Costs of the steps up to each of the T steps."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

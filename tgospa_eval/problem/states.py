@@ -88,6 +88,25 @@ class States:
         return end
 
     @property
+    def block(self) -> Ints:
+        """Block of each state, (S,)."""
+        return np.repeat(self.pair_block, np.diff(self.pair_first))
+
+    @property
+    def block_first(self) -> Ints:
+        """First state of each block, and the end, (B + 1,)."""
+        blocks = np.arange(len(self.block_begin) + 1)
+        return self.pair_first[np.searchsorted(self.pair_block, blocks)]
+
+    def pairs_of(self, chosen: Ints) -> Ints:
+        """Pairs of some states."""
+        return np.searchsorted(self.pair_first, chosen, side="right") - 1
+
+    def states_of(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether the block of each state is one of these, (S,)."""
+        return np.repeat(blocks[self.pair_block], np.diff(self.pair_first))
+
+    @property
     def pair_tracks(self) -> tuple[Ints, Ints]:
         """Truth and estimate of each pair."""
         return self.pair_truth, self.pair_estimate
@@ -158,7 +177,7 @@ class States:
         blocks = len(self.block_begin)
         if 0 < len(self.begin) <= size:
             return [(0, blocks)]
-        first = self.pair_first[np.searchsorted(self.pair_block, np.arange(blocks + 1))]
+        first = self.block_first
         cuts, low = [], 0
         while low < blocks:
             high = min(int(np.searchsorted(first, first[low] + size)), blocks)

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, Objects
 from tgospa_eval.problem.slots import PART, Slots, changed
 from tgospa_eval.problem.states import States
@@ -31,9 +30,6 @@ def repair(states: States, weights: Floats) -> Ints:
 
 def whole_weights(weights: Floats, whole: Ints) -> None:
     """The weights in units of 1/ONE, clipped and snapped; both may be the same memory."""
-    if kernels:
-        kernels.whole_weights(weights, whole, ONE, SNAP_WHOLE)
-        return
     fixed = np.fmin(np.fmax(weights, 0.0), 1.0)  # NaN becomes 0
     fixed *= ONE
     fixed[fixed < SNAP_WHOLE] = 0
@@ -85,6 +81,12 @@ def row_parts(states: States) -> Iterator[tuple[States, slice | Ints]]:
     part = states.pair_first[opens] // size
     bounds = [*opens[np.diff(part, prepend=-1) > 0].tolist(), len(states.pair_row)]
     yield from map(states.of_pairs, itertools.starmap(slice, itertools.pairwise(bounds)))
+
+
+def assigned(states: States, weights: Ints) -> tuple[Ints, Ints, Ints]:
+    """States with a near pair that is assigned, their entries, and how much of each."""
+    used = np.flatnonzero((states.entry >= 0) & (weights > 0))
+    return used, states.entry[used], weights[used]
 
 
 def changes(states: States, weights: Ints) -> tuple[Ints, Floats]:

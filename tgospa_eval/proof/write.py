@@ -18,14 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval._version import __version__
-from tgospa_eval.distances.base import DistanceSettings
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.certificate import fair_prices, lower_bounds, of_whole
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats, Ints, Problem
-from tgospa_eval.problem.reduced import vertex_cover
+from tgospa_eval.problem.smaller_cutoff import vertex_cover
 from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.verify_tgospa import CLOSED
@@ -145,9 +144,8 @@ def _csv(header: Iterable[str], *columns: Iterable[str]) -> str:
 # -------------------------------------------------------------------------------------------------
 # From the prices of the solver to prices of using an estimate at a step, as whole numbers.
 #
-# A checker that knows no reduction needs one kind of price: v_j(k) >= 0 of the estimate j at
-# the step
-# k, at the cutoff of the user. Three things differ in a `Solution`.
+# A checker that knows no reduction needs one kind of price: v_j(k) >= 0 of the estimate j at the
+# step k, at the cutoff of the user. Three things differ in a `Solution`.
 #
 # - A price of a slot is paid once, by whoever holds the estimate in it. It is put on the first step
 #   of the slot: within a slot nothing gains, so nobody enters between two of its steps.
@@ -159,8 +157,8 @@ def _csv(header: Iterable[str], *columns: Iterable[str]) -> str:
 #   gains at most the sum of G_i(k) - v(k) + a_i(k) - a_i(k-1) <= 0; and the prices sum to the
 #   optimum.
 # - Blocks at a smaller cutoff price s: with the prices v' there and the vertex cover (y, z) of
-#   `problem.reduced`, v = s v' + (1 - s) z. Proof: a gain is G <= s G' + (1 - s) (y + z), so each
-#   truth gains at most what it does there, and (1 - s) y.
+#   `problem.smaller_cutoff`, v = s v' + (1 - s) z. Proof: a gain is
+#   G <= s G' + (1 - s) (y + z), so each truth gains at most what it does there, and (1 - s) y.
 
 Prices = Counter[tuple[int, int]]
 """Price by estimate and step, in units of 2^-bits c^p."""
@@ -189,8 +187,10 @@ def estimate_prices(
         part_of[bound > best] = number
         best = np.maximum(best, bound)
     found = _of_slots(states, prices, part_of < 0, bits)
+    first = states.block_first
     for block in np.flatnonzero(states.transposed & (part_of < 0)).tolist():
-        found.update(_of_single_estimate(states, block, bits))
+        entry = states.entry[first[block] : first[block + 1]]
+        found.update(_of_single_estimate(states.problem, entry[entry >= 0], bits))
     home = states.track_blocks[1]
     for number, part in enumerate(reduced):
         chosen = part_of == number
@@ -232,18 +232,14 @@ def _of_slots(states: States, prices: Floats, chosen: NDArray[np.bool_], bits: i
     )
 
 
-def _of_single_estimate(states: States, block: int, bits: int) -> Prices:
+def _of_single_estimate(problem: Problem, entry: Ints, bits: int) -> Prices:
     """Prices of the estimate of a block that has no other, from its value function."""
-    problem = states.problem
-    pairs = slice(*np.searchsorted(states.pair_block, (block, block + 1)).tolist())
-    entry: Ints = states.entry[slice(*states.pair_first[[pairs.start, pairs.stop]].tolist())]
-    entry = entry[entry >= 0]
     entry = entry[np.argsort(-problem.entry_step[entry], kind="stable")]
     steps = problem.entry_step[entry].tolist()
     truths = problem.truth_track[problem.truth_row[entry]].tolist()
     gains = [(1 << bits) - _whole(cost, bits) for cost in problem.cost[entry].tolist()]
     change = _whole(float(np.max(problem.switch_price, initial=0.0)), bits)
-    estimate = int(states.pair_estimate[pairs.start])
+    estimate = int(problem.estimate_track[problem.estimate_row[entry[0]]])
     found: Prices = Counter()
     value: dict[int, int] = {}  # V of each truth, where it is more than that of none less `change`
     unassigned = 0
@@ -427,7 +423,7 @@ def proof_parameters(compared: ComparedSides, parameters: Parameters) -> dict[st
         },
         **{
             name: settings[name]
-            for name in DistanceSettings.__annotations__
+            for name in verify_tgospa.EXTRAS[str(settings["distance"])].split()
             if name in settings and name not in COLUMN_NUMBERS
         },
     }

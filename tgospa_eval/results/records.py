@@ -4,9 +4,14 @@ from collections.abc import Mapping
 from dataclasses import field
 from typing import Any, Literal, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.problem.metric_family import Parameters
+from tgospa_eval.problem.problem import Ints
+from tgospa_eval.problem.readout import PerTrack
 from tgospa_eval.problem.solution import Bounds, Breakdown
-from tgospa_eval.problem.tgospa import Parameters
 
 Part: TypeAlias = Literal["localisation", "missed", "false", "switch"]
 CountedPart: TypeAlias = Literal["missed", "false", "switch"]
@@ -97,6 +102,34 @@ class FileInfo:
         if self.format is not None:
             found["format"] = self.format
         return found
+
+
+Arrays: TypeAlias = dict[str, NDArray[Any]]
+"""Columns by name, all of one length, as arrays."""
+
+
+def step_columns(split: Breakdown, scale: float) -> Arrays:
+    """Cost of each step by kind, and of all; `scale` is c^p."""
+    columns = {name: scale * getattr(split, name) for name in PARTS}
+    return columns | {"total": sum(columns.values(), np.zeros(len(split.switch)))}
+
+
+def track_columns(side: int, steps: Ints, costs: PerTrack, scale: float) -> Arrays:
+    """What each truth (side 0) or estimate (side 1) costs; `steps` says at how many it exists."""
+    kind = ("missed", "false")[side]
+    return {
+        "steps": steps,
+        "localisation": scale * costs.localisation,
+        kind: scale * costs.unassigned,
+        "switch": scale * costs.switch,
+        f"{kind}_count": costs.unassigned_count,
+        "switch_count": costs.switch_count,
+    }
+
+
+def as_lists(columns: Arrays) -> Columns:
+    """Columns of plain Python values."""
+    return {name: column.tolist() for name, column in columns.items()}
 
 
 def json_text(document: Mapping[str, object]) -> str:

@@ -13,7 +13,7 @@ from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
 from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import States
-from tgospa_eval.results.records import Columns, Costs, Labels
+from tgospa_eval.results.records import Columns, Costs, Labels, as_lists, track_columns
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.results.summary import Summary
 
@@ -205,16 +205,6 @@ class Result(Summary):
         }
 
     def _per_track(self, k: int, ids: list[str]) -> Columns:
-        found = read_tracks(self.proof.states, self.proof.weights, k)
-        kind = ("missed", "false")[k]
-        columns = {
-            "localisation": self.scale * found.localisation,
-            kind: self.scale * found.unassigned,
-            "switch": self.scale * found.switch,
-            f"{kind}_count": found.unassigned_count,
-            "switch_count": found.switch_count,
-        }
-        steps = np.bincount(self.proof.states.problem.sides[k].track, minlength=len(ids)).tolist()
-        return {"id": list(ids), "steps": steps} | {
-            name: column.tolist() for name, column in columns.items()
-        }
+        costs = read_tracks(self.proof.states, self.proof.weights, k)
+        steps = np.bincount(self.proof.states.problem.sides[k].track, minlength=len(ids))
+        return {"id": list(ids)} | as_lists(track_columns(k, steps, costs, self.scale))

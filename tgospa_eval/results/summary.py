@@ -18,9 +18,9 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
 from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.problem.metric_family import POWER
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.problem.solution import Brackets, Curve, Windows
-from tgospa_eval.problem.tgospa import POWER
+from tgospa_eval.problem.solution import Brackets, Windows
 from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.numbers import (
     PROBABILITIES,
@@ -39,8 +39,10 @@ from tgospa_eval.results.records import (
     Labels,
     MetricSums,
     OtherMetrics,
+    as_lists,
     json_text,
     records,
+    step_columns,
 )
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.text import quoted
@@ -116,7 +118,7 @@ class Summary(ABC):
         Version of the package that made it.
     split : mapping of str to float, optional
         Parts of the cost of localisation by name, of `SPLIT_PARTS`, if it has any; they sum to it.
-    traced : Curve, optional
+    traced : Brackets, optional
         Costs of the steps up to each step, if they were asked for.
     slid : Windows, optional
         Costs of sliding windows, if they were asked for.
@@ -151,7 +153,7 @@ class Summary(ABC):
     objects: tuple[int, int]
     version: str
     split: Mapping[str, float] | None = None
-    traced: Curve | None = None
+    traced: Brackets | None = None
     slid: Windows | None = None
     warnings: tuple[Notice, ...] = ()
     files: dict[str, str | None] = field(default_factory=lambda: {"truth": None, "estimate": None})
@@ -179,7 +181,7 @@ class Summary(ABC):
     @cached_property
     def scale(self) -> float:
         """c^p: costs of one unit of the dimensionless problem."""
-        return float(self.proof.parameters.cutoff**self.proof.parameters.order)
+        return self.proof.parameters.scale
 
     def _root(self, cost: float) -> float:
         return self.proof.parameters.root(cost)
@@ -352,12 +354,8 @@ class Summary(ABC):
 
     def _per_step(self) -> Columns:
         """Cost of each step by kind."""
-        split = self.proof.breakdown
-        parts = {name: self.scale * getattr(split, name) for name in PARTS}
-        table: Columns = {"t": list(self.labels.times)}
-        table.update({name: part.tolist() for name, part in parts.items()})
-        table["total"] = sum(parts.values(), np.zeros(len(self.labels.times))).tolist()
-        return table
+        costs = step_columns(self.proof.breakdown, self.scale)
+        return {"t": list(self.labels.times)} | as_lists(costs)
 
     def _curve(self) -> Columns:
         """The normalised curve (docs/theory/solvers.md): no columns if it was not asked for.

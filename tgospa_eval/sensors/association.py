@@ -226,8 +226,8 @@ def _means_apart(
     means: Distance = Norm(
         name="euclidean",
         power=2.0,
-        scale=getattr(distance, "scale", None),
-        period=getattr(distance, "period", None),
+        scale=distance.scale,
+        period=distance.period,
     )
     if distance.columns is not None:  # degrees, and edges of boxes: no norm
         means = distance

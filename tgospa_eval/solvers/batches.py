@@ -312,8 +312,8 @@ def _answer(batch: BlockBatch, routine: Routine) -> Answer:
     not_trivial[left] = True
     batch = replace(batch, wanted=batch.wanted & not_trivial)
     if quickly.any():  # gains near 1 have lost the digits that decide
-        batch.weights[np.repeat(quickly[states.pair_block], np.diff(states.pair_first))] = 0.0
-        batch.prices[quickly[states.node_block[states.columns.node]]] = 0.0
+        batch.weights[states.states_of(quickly)] = 0.0
+        batch.prices[states.slots_of(quickly)] = 0.0
     preparation = time.perf_counter() - begin
     tried = routine.tries and bool(quickly.any())
     answer = routine.solve(batch) if tried or batch.wanted.any() else Answer()

@@ -4,10 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.progress import Progress
-from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, changes, repair, spare
+from tgospa_eval.problem.weights import ONE, assigned, changes, repair, spare
 
 SETTLED_FROM = 1000.0
 """At lower switch prices, what rounding leaves of a switch costs less than 1e-9."""
@@ -19,20 +18,7 @@ def price_cap(states: States) -> Floats:
     From (L - 1) g on no switch pays (docs/theory/reductions.md, "Switch price cap"). LP tolerances
     are absolute, so huge prices harm.
     """
-    blocks, price = len(states.block_begin), states.problem.pair_price
-    most: Floats
-    if kernels and price is not None:
-        most = kernels.largest_gains_of_blocks(
-            states.pair_first,
-            states.pair_block,
-            states.entry,
-            states.problem.cost,
-            price,
-            blocks,
-        )
-    else:
-        first = states.pair_first[np.searchsorted(states.pair_block, np.arange(blocks))]
-        most = np.maximum.reduceat(states.gain, first)
+    most: Floats = np.maximum.reduceat(states.gain, states.block_first[:-1])
     return 2.0 * (states.block_end - states.block_begin + 1) * most
 
 
@@ -53,19 +39,15 @@ def settle(states: States, blocks: NDArray[np.bool_], weights: Floats) -> None:
     length = (states.end - states.begin + 1).astype(np.float64)
     pair, pairs = states.pair, len(states.pair_row)
     mean = sum_by(pair, weights * length, pairs) / sum_by(pair, length, pairs)
-    np.copyto(weights, mean[pair], where=held[states.pair_block[pair]])
+    np.copyto(weights, mean[pair], where=states.states_of(held))
 
 
 def unassigned_costs(states: States) -> Floats:
     """Cost of each block if all its objects stay unassigned, (B,)."""
-    total = np.zeros(len(states.block_begin))
-    for block, price in zip(states.track_blocks, states.problem.unassigned_costs, strict=True):
-        if kernels:
-            total += kernels.block_sums(block, price, len(total))
-            continue
-        mine = np.flatnonzero(block >= 0)
-        total += sum_by(block[mine], price[mine], len(total))
-    return total
+    blocks = len(states.block_begin)
+    costs = zip(states.track_blocks, states.problem.unassigned_costs, strict=True)
+    truths, estimates = (sum_by(of + 1, cost, blocks + 1)[1:] for of, cost in costs)
+    return truths + estimates
 
 
 def block_costs(states: States, weights: Floats) -> Floats:
@@ -79,16 +61,15 @@ def block_costs(states: States, weights: Floats) -> Floats:
 def feasible_costs(states: States, whole: Ints) -> Floats:
     """`block_costs` of a feasible assignment (S,), in units of 1/ONE."""
     problem, blocks = states.problem, len(states.block_begin)
-    of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
-    used = np.flatnonzero((states.entry >= 0) & (whole > 0))
-    entry, block = states.entry[used], of_state[used]
-    total = sum_by(block, whole[used] / ONE * problem.cost[entry], blocks)
+    of_state = states.block
+    used, entry, weight = assigned(states, whole)
+    total = sum_by(of_state[used], weight / ONE * problem.cost[entry], blocks)
     changed, amount = changes(states, whole)
     paid = problem.switch_price_at[states.begin[changed]] * amount
     total += sum_by(of_state[changed], paid, blocks)
     for side, blocks_of in zip(problem.sides, states.track_blocks, strict=True):
         at = blocks_of[side.track]
-        price = spare(side, entry, whole[used]) / ONE * side.price
+        price = spare(side, entry, weight) / ONE * side.price
         total += sum_by(at[at >= 0], price[at >= 0], blocks)
     return total
 
@@ -96,7 +77,7 @@ def feasible_costs(states: States, whole: Ints) -> Floats:
 def better(states: States, first: Floats, second: Floats) -> Floats:
     """Block by block the better of two proposed assignments."""
     wins = block_costs(states, second) < block_costs(states, first)
-    return np.where(wins[states.pair_block[states.pair]], second, first)
+    return np.where(states.states_of(wins), second, first)
 
 
 # -------------------------------------------------------------------------------------------------
@@ -104,7 +85,7 @@ def better(states: States, first: Floats, second: Floats) -> Floats:
 #
 # Nothing here is reported; the bracket of the result is made by `problem.certificate.certify`.
 
-SideMetadata = tuple[NDArray[np.bool_], Floats, Floats, Floats]
+BlockBrackets = tuple[NDArray[np.bool_], Floats, Floats, Floats]
 """Some blocks, and of all blocks the width of the bracket, cost, and cost of leaving all."""
 
 FINEST = 1e-12
@@ -158,10 +139,8 @@ class BracketProgress:
 
     def _sizes(self) -> Floats:
         """Of the batches, as shares of the whole."""
-        states = self.states
-        blocks = [low for low, _ in self.cuts] + [len(states.block_begin)]
-        first = states.pair_first[np.searchsorted(states.pair_block, blocks)]
-        sizes: Floats = np.diff(first) / max(len(states.begin), 1)
+        first = self.states.block_first[[0, *(high for _, high in self.cuts)]]
+        sizes: Floats = np.diff(first) / max(len(self.states.begin), 1)
         return sizes
 
 
@@ -188,7 +167,7 @@ class BatchProgress:
     ) -> None:
         self.whole, self.number = whole, number
         self.states, self.weights, self.quickly = states, weights, quickly
-        self.known: SideMetadata | None = None
+        self.known: BlockBrackets | None = None
 
     def update(
         self,
@@ -217,7 +196,7 @@ class BatchProgress:
         unassigned = unassigned_costs(self.states) if self.quickly.any() else none
         self._pass_on(self.known or (none > 0, none, none, unassigned), 1.0)
 
-    def _pass_on(self, known: SideMetadata, share: float) -> None:
+    def _pass_on(self, known: BlockBrackets, share: float) -> None:
         blocks, width, cost, unassigned = known
         gained = -_gains(self.states, self.weights)
         upper = np.where(blocks, cost - unassigned, gained)
@@ -228,7 +207,7 @@ class BatchProgress:
 
 def _gains(states: States, weights: Floats) -> Floats:
     """What proposed weights gain in each block, (B,)."""
-    block, blocks = states.pair_block[states.pair], len(states.block_begin)
+    block, blocks = states.block, len(states.block_begin)
     arc = np.flatnonzero(states.pair[1:] == states.pair[:-1]) + 1
     paid = states.problem.switch_price_at[states.begin[arc]] * np.abs(np.diff(weights)[arc - 1])
     return sum_by(block, weights * states.gain, blocks) - sum_by(block[arc], paid, blocks)

@@ -1,11 +1,9 @@
 """Capacities as constraints of a linear programme, on the states that it decides."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.slots import Slots
 
@@ -62,10 +60,10 @@ def capacity_rows(
     begin, end = begin[state], end[state]
     marked = np.zeros(len(held), bool)
     marked[chosen[state]] = True
-    covers = load(slots, marked)
+    covers = slots.loads(marked)
     slot = np.flatnonzero(covers)
     covers = covers[slot]
-    room = np.clip(1.0 - load(slots, held)[slot], 0.0, 1.0)
+    room = np.clip(1.0 - slots.loads(held)[slot], 0.0, 1.0)
     edge = np.zeros(len(slots.step) + 1, bool)
     edge[begin] = edge[end] = edge[slots.first] = True
     fresh = edge[slot]
@@ -91,19 +89,3 @@ def capacity_rows(
         slot=slot[of_slot >= 0],
         of_slot=of_slot[of_slot >= 0],
     )
-
-
-def load(slots: Slots, weights: Floats | NDArray[np.bool_]) -> Floats:
-    """Sum of the weights (S,) on each slot, (K,); of booleans, how many are true."""
-    weights = weights.astype(np.float64, copy=False)
-    if kernels:
-        found: Floats = kernels.slot_loads(
-            slots.first, slots.begin, slots.pair_first, slots.pair_node, weights
-        )
-        return found
-    total = np.zeros(len(slots.step) + 1)
-    used = np.flatnonzero(weights)
-    np.add.at(total, slots.begin[used], weights[used])
-    np.subtract.at(total, slots.end[used], weights[used])
-    np.cumsum(total, out=total)
-    return total[:-1]

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.problem.problem import REGRET, Floats, Ints, Problem, sum_by, sum_parts
+from tgospa_eval.problem.problem import REGRET, Floats, Ints, sum_by, sum_parts
 from tgospa_eval.problem.states import States, connected_components
 from tgospa_eval.solvers.block_costs import price_cap, unassigned_costs
-from tgospa_eval.solvers.capacities import load
-from tgospa_eval.solvers.schedule import ASCENT
+from tgospa_eval.solvers.tuning import ASCENT
 
 LINKS_EACH, FEWEST_LINKS, LEAST_THRESHOLD = 8, 100_000, 1e-3
 """A chain has at most so many links for each state, or so many; else its threshold is halved,
@@ -60,7 +59,7 @@ class Ascent:
     unassigned_cost : (B,) float array
         Cost of leaving all unassigned.
     flags : (S,) uint8 array
-        Marks of each state by the last survey: NEAR, NEEDED, LOSES, BEST, TEMPTED.
+        Marks of each state by the last `mark`: NEAR, NEEDED, LOSES, BEST, TEMPTED.
     work, sweeping : int, float
         States, those of being in none included, times half sweeps; the seconds that they took.
     seconds : dict
@@ -77,7 +76,9 @@ class Ascent:
         self.switch_price = np.minimum(
             states.problem.switch_price_at, price_cap(states)[wanted].max()
         )
-        self.layout = kernels.Layout(states, self.switch_price, *_unassigned_prices(states.problem))
+        price = states.problem.weight(slice(None))  # of all entries, or else of each
+        both = (price, None) if isinstance(price, float) else (0.0, price)
+        self.layout = kernels.Layout(states, self.switch_price, *both)
         self.work, self.sweeping = 0, 0.0
         self.seconds = {"sweeps": 0.0, "rounding": 0.0, "bounds": 0.0}
 
@@ -92,7 +93,8 @@ class Ascent:
         self.most = self.brackets.most
         self.most[:] = self.unassigned_cost - sum_by(states.node_block, taken_off, blocks)
         self.soft = np.zeros(len(prices))
-        self.dual[:] = self.survey(prices, 0.0)
+        self.mark(prices, 0.0)
+        self.dual[:] = self.brackets.bound(prices)
         self.primal[wanted] = -np.inf
         self.brackets.round(0)
 
@@ -135,23 +137,15 @@ class Ascent:
         wide: NDArray[np.bool_] = self.brackets.wide(self.wanted_gap if gap is None else gap)
         return wide
 
-    def look(self, prices: Floats) -> Floats:
-        """Bound of each block at the prices, (B,)."""
-        bounds: Floats = self.brackets.look(prices)
-        return bounds
-
-    def survey(self, prices: Floats, reach: float) -> Floats:
-        """`look`, with `flags` of every state and the value of the best assignment of each row."""
-        self.mark(prices, reach)
-        bounds: Floats = self.brackets.bound(prices)
-        return bounds
-
     def mark(self, prices: Floats, reach: float) -> None:
-        """`survey` where nobody asks for the bound."""
+        """`flags` of every state at the prices, and the value of the best assignment of each row.
+
+        States with slack up to `reach` are near.
+        """
         self.brackets.mark(prices, reach)
 
     def has(self, flag: int) -> NDArray[np.bool_]:
-        """Which states bear a flag since the last survey, (S,)."""
+        """Which states were marked with a flag last, (S,)."""
         return (self.flags & flag) > 0
 
     def try_prices(self, prices: Floats) -> None:
@@ -161,10 +155,6 @@ class Ascent:
     def try_weights(self, weights: Floats) -> None:
         """Take the feasible assignment in the open blocks where it gains more."""
         self.brackets.try_weights(weights)
-
-    def _states_of(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Whether the block of each state is one of these, (S,)."""
-        return np.repeat(blocks[self.states.pair_block], np.diff(self.states.pair_first))
 
     def stage(
         self,
@@ -217,7 +207,7 @@ class Ascent:
         """
         if self.brackets.only_rounding(self.wanted_gap):
             self.mark(self.prices, float(self.prices.max()))
-            rivals = load(self.states.columns, self.has(kernels.NEAR))
+            rivals = self.states.columns.loads(self.has(kernels.NEAR))
             self.try_prices(np.where(rivals > 1, self.prices, 0.0))
 
     def _chain(self, threshold: float) -> Any:
@@ -234,10 +224,10 @@ class Ascent:
 
     def full(self) -> NDArray[np.bool_]:
         """Whether the best assignment uses each column slot up, (K,)."""
-        return load(self.states.columns, self.weights) > 1 - 1e-9
+        return self.states.columns.loads(self.weights) > 1 - 1e-9
 
     def near(self, also: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """States that a programme may have to decide, after a survey, (S,).
+        """States that a programme may have to decide, after `mark`, (S,).
 
         Near are the states within its reach, those in use and those in `also`. Where a row
         has one of them only, and cannot well do without, it is decided.
@@ -246,8 +236,8 @@ class Ascent:
         near = self.has(kernels.NEAR)
         near |= self.weights > 0
         near |= also
-        near &= self._states_of(self.open)
-        decided = ~rows.touching(load(rows, near) > 1)
+        near &= self.states.states_of(self.open)
+        decided = ~rows.touching(rows.loads(near) > 1)
         decided &= self.weights > 1 - 1e-9
         decided &= self.has(kernels.NEEDED)
         near &= ~decided
@@ -268,7 +258,7 @@ class Ascent:
         s = self.states
         lost = np.zeros(s.problem.steps + 1)
         self.brackets.regrets(prices, lost)
-        idle = prices * np.maximum(1.0 - load(s.columns, self.weights), 0.0)
+        idle = prices * np.maximum(1.0 - s.columns.loads(self.weights), 0.0)
         idle *= s.slots_of(self.open)
         lost += sum_by(s.columns.step, idle, len(lost))
         return lost[:-1]
@@ -293,7 +283,7 @@ class Ascent:
         rows = self.layout.rows
         regret[rows] = (self.best - self.own)[rows] > REGRET
         weights, flags = self.weights[free], self.flags[free]
-        pair = np.searchsorted(s.pair_first, free, side="right") - 1
+        pair = s.pairs_of(free)
         seed: NDArray[np.bool_] = (weights > 0) & (flags & kernels.LOSES > 0)
         for near, inside in (
             (free - 1, free > s.pair_first[pair]),
@@ -308,7 +298,7 @@ class Ascent:
     def _components(self, free: Ints) -> Ints:
         """A number for each of the free states, the same where they hang together."""
         s = self.states
-        pair = np.searchsorted(s.pair_first, free, side="right") - 1
+        pair = s.pairs_of(free)
         size = len(free)
         joined = np.flatnonzero((np.diff(free) == 1) & (np.diff(pair) == 0))
         nodes = size
@@ -322,13 +312,3 @@ class Ascent:
             nodes += len(slots.step)
         found = connected_components(np.concatenate(one), np.concatenate(other), nodes)
         return found[:size]
-
-
-def _unassigned_prices(problem: Problem) -> tuple[float, Floats | None]:
-    """Price of leaving both objects of an entry unassigned: of all entries, or else of each."""
-    if problem.pair_price is not None:
-        return problem.pair_price, None
-    truth, estimate = problem.truth_price, problem.estimate_price
-    if all((side == side[0]).all() for side in (truth, estimate) if len(side)):
-        return float(truth[0] + estimate[0]), None
-    return 0.0, truth[problem.truth_row] + estimate[problem.estimate_row]

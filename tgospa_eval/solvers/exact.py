@@ -22,8 +22,8 @@ from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_batches
 from tgospa_eval.solvers.block_costs import better, price_cap, settle
 from tgospa_eval.solvers.capacities import CapacityRows, capacity_rows
-from tgospa_eval.solvers.schedule import check_settings
 from tgospa_eval.solvers.trivial import dual_values, round_paths, solve_rows
+from tgospa_eval.solvers.tuning import check_settings
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.warm_start import WarmStart
@@ -40,6 +40,9 @@ CVXPY_ENDS = {
     "user_limit": Status.LATE,
 }
 """What CVXPY calls the ends that can be."""
+
+Programme = tuple[Any, Any, Any, CapacityRows]
+"""Of CVXPY, which is untyped, the problem, its weights and the constraints of columns; these."""
 
 CLARABEL_SETTINGS = {
     "tol_gap_abs": 1e-11,
@@ -122,7 +125,7 @@ def _solve_blocks(batch: BlockBatch) -> Answer:
 
 def _solve_block(
     batch: BlockBatch, part: States, seconds: dict[str, float]
-) -> "tuple[Status, str, int, _Programme | None]":
+) -> tuple[Status, str, int, Programme | None]:
     """Solve a block if there is time: how it ended, iterations, and what Clarabel was given."""
     limit = batch.limit
     build, factor = _seconds(part)
@@ -146,17 +149,17 @@ def _solve_block(
 
 
 def _found(
-    programme: "_Programme", part: States, given: tuple[Floats, Floats], *, late: bool
+    programme: Programme, part: States, given: tuple[Floats, Floats], *, late: bool
 ) -> tuple[Floats, Floats]:
     """Weights and prices of a block that Clarabel has found, instead of those given."""
     weights, prices = given
-    if programme.weights.value is not None:
-        weights = programme.weights.value
-    if programme.columns is not None and programme.columns.dual_value is not None:
-        priced = programme.priced
+    _, variables, columns, priced = programme
+    if variables.value is not None:
+        weights = variables.value
+    if columns is not None and columns.dual_value is not None:
         none = np.zeros(len(priced.slot))
         found = np.zeros(len(part.columns.step))
-        found[priced.slot] = priced.spread(np.maximum(programme.columns.dual_value, 0.0), none)
+        found[priced.slot] = priced.spread(np.maximum(columns.dual_value, 0.0), none)
         # Prices of an iteration on the way may prove less than none.
         if not late or dual_values(part, found) < dual_values(part, 0 * found):
             prices = found
@@ -177,15 +180,7 @@ def _short(batch: BlockBatch, seconds: float) -> bool:
     return left is not None and left < seconds
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Programme:
-    problem: Any  # cvxpy is untyped
-    weights: Any
-    columns: Any
-    priced: CapacityRows
-
-
-def _build(states: States) -> _Programme:
+def _build(states: States) -> Programme:
     """Maximise gain w - price |D w| over w >= 0 with every slot at most full; of one block."""
     import clarabel  # noqa: F401  or cvxpy takes one that finds no memory for one that is missing
     import cvxpy as cp  # here: importing it takes longer than most evaluations
@@ -215,17 +210,17 @@ def _build(states: States) -> _Programme:
         constraints.append(matrix @ weights <= 1 if count else None)
     problem = cp.Problem(cp.Maximize(objective), [c for c in constraints if c is not None])
     problem.get_problem_data(cp.CLARABEL)  # compiled here, and kept: solving is Clarabel alone
-    return _Programme(problem=problem, weights=weights, columns=constraints[-1], priced=priced)
+    return problem, weights, constraints[-1], priced
 
 
-def _solve(programme: _Programme, seconds: float | None) -> tuple[Status, str, int]:
+def _solve(programme: Programme, seconds: float | None) -> tuple[Status, str, int]:
     """Run Clarabel; how it ended, and its iterations."""
     import cvxpy as cp
 
     settings: dict[str, float] = dict(CLARABEL_SETTINGS)
     if seconds is not None:
         settings["time_limit"] = max(seconds, 1e-3)
-    problem = programme.problem
+    problem, *_ = programme
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # cvxpy repeats the status as a warning

@@ -2,7 +2,7 @@
 
 Solvers work to absolute tolerances in units of c^p, which say nothing of costs far below these. At
 a cutoff that fits, the problem is an ordinary one, with far fewer near pairs; what its prices prove
-of the whole is in `problem.reduced`. Nothing here is trusted: the certificate evaluates
+of the whole is in `problem.smaller_cutoff`. Nothing here is trusted: the certificate evaluates
 the prices at the cutoff that they are for, and the assignment at that of the user.
 """
 
@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.progress import Limit, Status
 from tgospa_eval.problem.certificate import home_blocks, lower_bounds, of_whole
-from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.problem.problem import Floats, Ints, sum_by
-from tgospa_eval.problem.reduced import reduce_cutoff
+from tgospa_eval.problem.problem import Floats, sum_by
+from tgospa_eval.problem.smaller_cutoff import reduce_cutoff
 from tgospa_eval.problem.solution import Reduced, Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import repair
@@ -108,8 +107,10 @@ def fitting_scales(states: States) -> Floats:
     # Where all have a pair that costs nothing, the first cost that is any is tried.
     least = np.full(blocks, np.max(problem.switch_price, initial=0.0))
     least[least == 0] = np.inf
+    first = states.block_first
     for block in np.flatnonzero(most == 0).tolist():
-        cost = problem.cost[_entries_of(states, block)]
+        entry = states.entry[first[block] : first[block + 1]]
+        cost = problem.cost[entry[entry >= 0]]
         least[block] = min(least[block], cost.min(where=cost > 0, initial=np.inf))
     return _powers(np.where(most > 0, most, np.where(least < np.inf, least, 0.0)), FAR_CUTOFF)
 
@@ -117,21 +118,11 @@ def fitting_scales(states: States) -> Floats:
 def _largest_least_costs(states: States) -> Floats:
     """Of the least cost of each truth at each step the largest of its block, (B,)."""
     problem, blocks_of = states.problem, states.track_blocks[0]
-    blocks = len(states.block_begin)
     row, track = problem.truth_row, problem.truth_track
-    if kernels and row.dtype == track.dtype == np.int32:
-        found: Floats = kernels.largest_least_costs(row, track, blocks_of, problem.cost, blocks)
-        return found
-    most = np.zeros(blocks)
+    most = np.zeros(len(states.block_begin))
     first = np.concatenate(([0], np.flatnonzero(np.diff(row)) + 1))  # entries are in order
     np.maximum.at(most, blocks_of[track[row[first]]], np.minimum.reduceat(problem.cost, first))
     return most
-
-
-def _entries_of(states: States, block: int) -> Ints:
-    pairs = np.searchsorted(states.pair_block, (block, block + 1))
-    entry = states.entry[slice(*states.pair_first[pairs])]
-    return entry[entry >= 0]
 
 
 def _scales_of_costs(states: States, weights: Floats) -> Floats:
@@ -139,7 +130,7 @@ def _scales_of_costs(states: States, weights: Floats) -> Floats:
     problem = states.problem
     used = np.flatnonzero((states.entry >= 0) & (weights > 0.01))
     most = np.zeros(len(states.block_begin))
-    block = states.pair_block[np.searchsorted(states.pair_first, used, side="right") - 1]
+    block = states.pair_block[states.pairs_of(used)]
     np.maximum.at(most, block, problem.cost[states.entry[used]])
     return _powers(most, NEAR_CUTOFF)
 
@@ -240,11 +231,10 @@ class _Ladder:
     def _take(self, chosen: Mask, weights: Floats, prices: Floats) -> None:
         """Use the weights where they cost less, and the prices."""
         states = self.states
-        size = np.diff(states.pair_first)
-        mixed = np.where(np.repeat(chosen[states.pair_block], size), weights, self.weights)
+        mixed = np.where(states.states_of(chosen), weights, self.weights)
         cost = block_costs(states, mixed)
         wins = chosen & (cost < self.cost)
-        self.weights = np.where(np.repeat(wins[states.pair_block], size), weights, self.weights)
+        self.weights = np.where(states.states_of(wins), weights, self.weights)
         self.cost = np.where(wins, cost, self.cost)
         self.prices = np.where(self.states.slots_of(chosen), prices, self.prices)
 

@@ -22,9 +22,8 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair
 from tgospa_eval.solvers.batches import BlockBatch
 from tgospa_eval.solvers.block_costs import share_of_digits
-from tgospa_eval.solvers.capacities import load
 from tgospa_eval.solvers.dual_ascent import Ascent
-from tgospa_eval.solvers.schedule import PROGRAMMES, WINDOWS
+from tgospa_eval.solvers.tuning import PROGRAMMES, WINDOWS
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.restricted_lp import Proposal
@@ -46,7 +45,7 @@ def cut_out(states: States, free: Ints) -> tuple[States, Ints, Ints, Ints]:
     slot : (K',) int array
         Where the column slots of the free states are in the whole; of others anywhere.
     """
-    pair = np.searchsorted(states.pair_first, free, side="right") - 1
+    pair = states.pairs_of(free)
     touched = np.zeros(states.nodes, bool)
     touched[states.pair_row[pair]] = touched[states.pair_column[pair]] = True
     pairs = np.flatnonzero(touched[states.pair_row] | touched[states.pair_column])
@@ -232,7 +231,7 @@ class Programmes:
 
     def _near(self, reach: float) -> Mask:
         """States that a programme may have to decide, (S,)."""
-        self.ascent.survey(self.ascent.prices, reach)
+        self.ascent.mark(self.ascent.prices, reach)
         return self.ascent.near(self.tempted)
 
     def _solve_undecided(self, near: Mask, reach: float, most: int | None) -> bool:
@@ -240,8 +239,7 @@ class Programmes:
         states = self.ascent.states
         free, component = self.ascent.undecided(near)
         if not len(free) and np.isinf(reach):  # what keeps the bracket open passes for rounding
-            pairs = self.ascent.open[states.pair_block]
-            free = np.flatnonzero(np.repeat(pairs, np.diff(states.pair_first)))
+            free = np.flatnonzero(states.states_of(self.ascent.open))
             component = states.pair_block[states.pair[free]]
         found = groups(states, free, component, most)
         if found:
@@ -328,7 +326,7 @@ class Programmes:
         ascent.try_prices(prices)
         if ascent.open_gap <= PROGRAMMES.met * ascent.open_cost:
             return
-        ascent.survey(prices, 0.0)
+        ascent.mark(prices, 0.0)
         self.tempted |= ascent.has(kernels.TEMPTED)
         if len(solved) > 1 and ascent.open_gap < 0.5 * wide:
             return
@@ -344,7 +342,7 @@ class Programmes:
         states, weights, snap = self.ascent.states, proposed[free], PROGRAMMES.snap
         proposed[free] = np.where(weights < snap, 0.0, np.where(weights > 1 - snap, 1.0, weights))
         if any(
-            load(slots, proposed).max(initial=0.0) > 1 + PROGRAMMES.overfull
+            slots.loads(proposed).max(initial=0.0) > 1 + PROGRAMMES.overfull
             for slots in (states.rows, states.columns)
         ):
             proposed = repair(states, proposed) / ONE

@@ -242,9 +242,8 @@ def _position(ordered: Ints, sought: Ints) -> Ints:
 # Where the simplex method starts: a basis that fits the prices.
 #
 # A starting basis marks columns and constraints as basic. It may be too large, too small or
-# singular:
-# whoever factors it leaves columns out and puts slacks in. It only decides how many iterations
-# follow.
+# singular: whoever factors it leaves columns out and puts slacks in. It only decides how many
+# iterations follow.
 
 Marks = NDArray[np.bool_]
 
@@ -318,7 +317,7 @@ def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
     by row. A state without a constraint lies where the one before it of its pair ends.
     """
     states, size = p.states, len(p.free)
-    pair = np.searchsorted(states.pair_first, p.free, side="right") - 1
+    pair = states.pairs_of(p.free)
     used, row = np.unique(states.pair_row[pair], return_inverse=True)
     row_of = np.zeros(len(p.rows.room), np.intp)
     row_of[p.rows.constraint] = row[p.rows.state]

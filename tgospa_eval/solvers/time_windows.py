@@ -22,8 +22,7 @@ from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair
-from tgospa_eval.solvers.capacities import load
-from tgospa_eval.solvers.schedule import TIME_WINDOWS
+from tgospa_eval.solvers.tuning import TIME_WINDOWS
 
 FULLER = 1e-15
 """Sums of weights that exceed 1 by more are scaled."""
@@ -56,12 +55,10 @@ def divisible_blocks(states: States) -> Ints:
         return np.zeros(0, np.int64)
     if len(states.begin) < TIME_WINDOWS.least:
         return np.zeros(0, np.int64)
-    blocks = len(states.block_begin)
-    first = states.pair_first[np.searchsorted(states.pair_block, np.arange(blocks + 1))]
     steps = states.block_end - states.block_begin + 1
     long = steps >= TIME_WINDOWS.steps
-    large = np.diff(first) >= TIME_WINDOWS.least
-    slots = sum_by(states.node_block, np.diff(states.columns.first), blocks)
+    large = np.diff(states.block_first) >= TIME_WINDOWS.least
+    slots = sum_by(states.node_block, np.diff(states.columns.first), len(steps))
     return np.flatnonzero(large & long & ~states.transposed & (slots > 0))
 
 
@@ -229,7 +226,7 @@ class TimeShares:
 
 
 def _too_full(slots: Slots, weights: Floats) -> NDArray[np.bool_]:
-    return load(slots, weights) > 1 + FULLER
+    return slots.loads(weights) > 1 + FULLER
 
 
 def _make_room(states: States, weights: Floats, runs: Ints) -> None:
@@ -238,7 +235,7 @@ def _make_room(states: States, weights: Floats, runs: Ints) -> None:
     weights[runs] = 0.0
     possible = np.ones(len(runs), bool)
     for slots in (states.rows, states.columns):
-        possible &= ~slots.touching(load(slots, weights) > 1 - SOME_ROOM, runs)
+        possible &= ~slots.touching(slots.loads(weights) > 1 - SOME_ROOM, runs)
     runs, wanted = runs[possible], wanted[possible]
     weights[runs] = wanted
     clash = np.zeros(len(runs), bool)
@@ -247,7 +244,7 @@ def _make_room(states: States, weights: Floats, runs: Ints) -> None:
     runs, wanted = runs[clash], wanted[clash]
     weights[runs] = 0.0
     room = [
-        (1.0 - load(slots, weights), slots.begin[runs], slots.end[runs])
+        (1.0 - slots.loads(weights), slots.begin[runs], slots.end[runs])
         for slots in (states.rows, states.columns)
         if len(runs)
     ]

@@ -119,22 +119,19 @@ def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:
         return np.zeros(0, np.int64)
     one_step = states.block_begin == states.block_end
     if one_step.any():
-        of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
-        _assign_steps(states, np.flatnonzero(one_step[of_state]), weights, prices)
+        _assign_steps(states, np.flatnonzero(states.states_of(one_step)), weights, prices)
     return places_of(~one_step)
-
-
-def solve_rows(states: States, weights: Floats, prices: Floats) -> Ints:
-    """`solve_steps`, and the blocks with one row (one pair included): each is a shortest path."""
-    return _solve_paths(states, weights, prices, conflict_free=False)
 
 
 def solve_conflict_free(states: States, weights: Floats, prices: Floats) -> Ints:
     """`solve_rows`, and the blocks whose rows want different columns: prices 0 prove it."""
-    return _solve_paths(states, weights, prices, conflict_free=True)
+    return solve_rows(states, weights, prices, conflict_free=True)
 
 
-def _solve_paths(states: States, weights: Floats, prices: Floats, *, conflict_free: bool) -> Ints:
+def solve_rows(
+    states: States, weights: Floats, prices: Floats, *, conflict_free: bool = False
+) -> Ints:
+    """`solve_steps`, and the blocks with one row (one pair included): each is a shortest path."""
     left = solve_steps(states, weights, prices)
     is_row = np.zeros(states.nodes, bool)
     is_row[states.pair_row] = True
@@ -148,8 +145,7 @@ def _solve_paths(states: States, weights: Floats, prices: Floats, *, conflict_fr
             done |= np.bincount(clash, minlength=blocks) == 0
         mine = np.zeros(blocks, bool)
         mine[left] = done[left]
-        of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
-        np.copyto(weights, best, where=mine[of_state])
+        np.copyto(weights, best, where=states.states_of(mine))
     open_ones: Ints = left[~done[left]]
     return open_ones
 

@@ -180,7 +180,7 @@ def _feasible(states: States, weights: Floats) -> Floats:
         full[states.node_block[whose[order[over]]]] = True
     if not full.any():
         return weights
-    return np.where(full[states.pair_block[states.pair]], 0.0, weights)
+    return np.where(states.states_of(full), 0.0, weights)
 
 
 def _held(saved: SavedSolution, sought: Ints) -> Floats:

@@ -786,11 +786,11 @@ def test_all_ways_of_reading_agree(write: Write, tmp_path: Path) -> None:
 
 
 def test_large_files(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tgospa_eval.formats.text import scan
+    from tgospa_eval.formats.text import lines
 
-    monkeypatch.setattr(scan, "scanner", None)
+    monkeypatch.setattr(lines, "scanner", None)
     careful = read_trajectories(ROOT[1])
-    monkeypatch.setattr(scan, "LARGE_BYTES", 1)
+    monkeypatch.setattr(lines, "LARGE_BYTES", 1)
     assert digest(read_trajectories(ROOT[1])) == digest(careful)
 
 

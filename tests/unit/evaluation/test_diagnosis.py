@@ -12,7 +12,7 @@ from runs import warnings_of
 
 from tgospa_eval import TgospaWarning, evaluate, read_trajectories, sweep
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.simulation import SCENARIOS, Scene, Tracker, simulate
 from tgospa_eval.tracks.trajectories import Trajectories
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ReadOptions, read, read_trajectories
-from tgospa_eval.formats.text import scan
+from tgospa_eval.formats.text import lines
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Write = Callable[[str, str | bytes], str]
@@ -44,9 +44,9 @@ def route(request: pytest.FixtureRequest) -> Iterator[None]:
     """Everything three times: how a file is read must not show."""
     with pytest.MonkeyPatch.context() as patch:
         if request.param == "careful":
-            patch.setattr(scan, "scanner", None)
+            patch.setattr(lines, "scanner", None)
         if request.param == "large":
-            patch.setattr(scan, "LARGE_BYTES", 0)
+            patch.setattr(lines, "LARGE_BYTES", 0)
         yield
 
 
@@ -275,8 +275,8 @@ def test_the_mark_of_thousands_of_a_large_file_is_none_of_decimals(
     start = f"id;t;x\n{'0' * 12}"
     rows = "".join(f"{k:06d};{k:06d};1,250\n" for k in range(5_000))
     text = start + rows
-    monkeypatch.setattr(scan, "LARGE_BYTES", 1 << 16)
-    assert len(text) > scan.LARGE_BYTES
+    monkeypatch.setattr(lines, "LARGE_BYTES", 1 << 16)
+    assert len(text) > lines.LARGE_BYTES
     assert text[: 1 << 16].endswith(";1,2")
     assert "1,250" in refusal(write("a.csv", text))[0]
 
@@ -375,9 +375,9 @@ def test_comments_above_the_header(write: Write, above: str, header: str) -> Non
         read(write("b.csv", f"{above}{header}\na,1,y\n"))
 
 
-@pytest.mark.parametrize("size", [scan.LARGE_BYTES, 0])
+@pytest.mark.parametrize("size", [lines.LARGE_BYTES, 0])
 def test_comments_between_rows(write: Write, monkeypatch: pytest.MonkeyPatch, size: int) -> None:
-    monkeypatch.setattr(scan, "LARGE_BYTES", size)
+    monkeypatch.setattr(lines, "LARGE_BYTES", size)
     text = 'id,t,x\n# start\na,1,2\n\n  // the "second" part: 2, 3, 4, 5\n{}"b",1,3\n% end'
     reading = read(write("a.csv", text.format("")))
     assert rows_of(reading.trajectories) == {("a", 1): (2.0,), ("b", 1): (3.0,)}
@@ -402,14 +402,14 @@ TABLES_BY_BLANKS = (
 )
 
 
-@pytest.mark.parametrize("size", [scan.LARGE_BYTES, 0])
-@pytest.mark.parametrize("scanner", [scan.scanner, None])
+@pytest.mark.parametrize("size", [lines.LARGE_BYTES, 0])
+@pytest.mark.parametrize("scanner", [lines.scanner, None])
 @pytest.mark.parametrize("text", TABLES_BY_BLANKS)
 def test_columns_separated_by_blanks(
     write: Write, monkeypatch: pytest.MonkeyPatch, text: str, scanner: object, size: int
 ) -> None:
-    monkeypatch.setattr(scan, "LARGE_BYTES", size)
-    monkeypatch.setattr(scan, "scanner", scanner)
+    monkeypatch.setattr(lines, "LARGE_BYTES", size)
+    monkeypatch.setattr(lines, "scanner", scanner)
     reading = read(write("a.txt", text))
     assert rows_of(reading.trajectories) == {("1", 0): (2.5, 1.0), ("1", 1): (3.5, 2.0)}
     assert reading.format == "csv"

@@ -16,7 +16,7 @@ from tgospa_eval import read_trajectories
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import Reading, ReadOptions, read
 from tgospa_eval.formats.columns.headers import find_roles
-from tgospa_eval.formats.text import scan
+from tgospa_eval.formats.text import lines
 
 Run = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
@@ -492,9 +492,9 @@ CLASSES = "id,t,x,class,v\na,1,0,car,1\na,2,1,car,2\nb,2,5,bus,3\nc,3,9,,\n"
 def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Files are parsed in three ways, which must not show."""
     if request.param != "compiled":
-        monkeypatch.setattr(scan, "scanner", None)
+        monkeypatch.setattr(lines, "scanner", None)
     if request.param == "large":
-        monkeypatch.setattr(scan, "LARGE_BYTES", 0)
+        monkeypatch.setattr(lines, "LARGE_BYTES", 0)
 
 
 @pytest.mark.usefixtures("way")

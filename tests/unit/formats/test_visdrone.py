@@ -10,7 +10,7 @@ from checkout import SAMPLES
 
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import ReadOptions, read
-from tgospa_eval.formats.text import scan
+from tgospa_eval.formats.text import lines
 from tgospa_eval.formats.text.table import CATEGORIES, VISDRONE_FIELDS
 
 Run = Callable[..., Any]
@@ -27,11 +27,11 @@ GT = (
 )
 
 
-@pytest.mark.parametrize("size", [scan.LARGE_BYTES, 0])
+@pytest.mark.parametrize("size", [lines.LARGE_BYTES, 0])
 def test_classes_grades_and_what_is_left_out(
     write: Write, monkeypatch: pytest.MonkeyPatch, size: int
 ) -> None:
-    monkeypatch.setattr(scan, "LARGE_BYTES", size)
+    monkeypatch.setattr(lines, "LARGE_BYTES", size)
     names = ("class", "truncation", "occlusion", "score")
     found = read(write("a.txt", GT), ReadOptions(by_class=True, attributes=names))
     side = found.trajectories

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import ReadOptions, read_trajectories
 from tgospa_eval.formats.columns.headers import find_roles
-from tgospa_eval.formats.text import scan
+from tgospa_eval.formats.text import lines
 
 WAYS = ("compiled", "careful")
 
-compiled = pytest.mark.skipif(scan.scanner is None, reason="no compiled loop")
+compiled = pytest.mark.skipif(lines.scanner is None, reason="no compiled loop")
 
 ODD_FIELDS = st.sampled_from(
     ["1", "1.0", "1e3", "10e2", "007", "+7", "-0", "-3", " 7", "7 ", "x", "", "nan", "inf", "True",
@@ -27,7 +27,7 @@ ODD_FIELDS = st.sampled_from(
 def way(name: str) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         if name != "compiled":
-            patch.setattr(scan, "scanner", None)
+            patch.setattr(lines, "scanner", None)
         yield
 
 
@@ -69,13 +69,13 @@ def fields(rows: str, header: str = "id,t,x,y", decimal: str = ".") -> object:
     names = header.split(mark)
     roles = find_roles(names, ReadOptions(), "a.csv")
     data = f"{header}\n{rows}".encode()
-    return scan.scanned(data, 2, len(names), mark, roles, decimal)
+    return lines.scanned(data, 2, len(names), mark, roles, decimal)
 
 
 @compiled
 def test_plain_rows_are_scanned() -> None:
     found = fields("b,1, 2.5 ,-0\na,1,1e-3,\nb,2.0,NaN,+.5\n\n")
-    assert isinstance(found, scan.Fields)
+    assert isinstance(found, lines.Fields)
     assert list(found.lines) == [2, 3, 4]
     assert {column: list(texts) for column, texts in found.coded.items()} == {
         0: ["b", "a", "b"],
@@ -87,7 +87,7 @@ def test_plain_rows_are_scanned() -> None:
 @compiled
 def test_columns_in_any_order_are_scanned() -> None:
     found = fields("2;9;1;1,5;a\n4,5;9;1;3;b", "y;v;t;x;id", decimal=",")
-    assert isinstance(found, scan.Fields)
+    assert isinstance(found, lines.Fields)
     assert found.values.tolist() == [[1.5, 2.0], [3.0, 4.5]]
     assert list(found.coded[4]) == ["a", "b"]
 
@@ -123,7 +123,7 @@ def test_a_decimal_comma_between_commas_is_none() -> None:
 @compiled
 def test_quotes_around_fields_returns_and_other_letters_are_plain() -> None:
     found = fields('"ä, b",1,"2.5",""\r\n,2,3,4\r\n')
-    assert isinstance(found, scan.Fields)
+    assert isinstance(found, lines.Fields)
     assert list(found.coded[0]) == ["ä, b", ""]
     assert repr(found.values.tolist()) == "[[2.5, nan], [3.0, 4.0]]"
 
@@ -142,7 +142,7 @@ def test_quotes_around_fields_returns_and_other_letters_are_plain() -> None:
 )
 def test_numbers_are_rounded_correctly(texts: list[str]) -> None:
     found = fields("".join(f"a,1,{text},-{text.lstrip('-')}\n" for text in texts))
-    assert isinstance(found, scan.Fields)
+    assert isinstance(found, lines.Fields)
     want = list(map(float, texts))
     assert found.values[:, 0].tolist() == want
     assert found.values[:, 1].tolist() == [-abs(number) for number in want]

@@ -8,11 +8,12 @@ import pytest
 from held_sides import plan
 
 import tgospa_eval as tg
-from tgospa_eval.engines.processes import Processes
+from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.engines.processes import PersistentPool, Processes
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.partitioned import components, run, tasks
-from tgospa_eval.partitioned.run import Evaluated, evaluate_parts
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -39,12 +40,22 @@ def scene(seed: int) -> tuple[Trajectories, Trajectories, Parameters]:
     return *sides, parameters
 
 
+def evaluated(
+    sides: tuple[Trajectories, Trajectories],
+    parameters: Parameters,
+    work: Path,
+    engine: PersistentPool | None = None,
+) -> Evaluated:
+    stages = Stages(Stopwatch(), engine)
+    return evaluate_parts(plan(sides, parameters), work=work, memory=1 << 30, stages=stages)
+
+
 def same(first: Evaluated, second: Evaluated) -> None:
-    assert first.whole.bounds == second.whole.bounds
-    for name, part in vars(first.whole.breakdown).items():
-        assert np.array_equal(part, getattr(second.whole.breakdown, name)), name
-    for mine, other in zip(first.whole.tracks, second.whole.tracks, strict=True):
-        assert all(np.array_equal(part, other[name]) for name, part in mine.items())
+    assert first.proof.bounds == second.proof.bounds
+    for name, part in vars(first.proof.breakdown).items():
+        assert np.array_equal(part, getattr(second.proof.breakdown, name)), name
+    for mine, other in zip(first.track_costs, second.track_costs, strict=True):
+        assert all(np.array_equal(part, getattr(other, name)) for name, part in vars(mine).items())
     names = ("assigned.npy", "switched.npy")
     for mine, other in zip(first.folders, second.folders, strict=True):
         assert all((mine / name).read_bytes() == (other / name).read_bytes() for name in names)
@@ -69,10 +80,10 @@ def test_parts_add_up_to_the_whole(
         for rows in (1 + 9 * (seed % 3), 10_000):
             monkeypatch.setattr(run, "MOST_ROWS", rows)
             work = tmp_path / f"{seed}-{rows}"
-            found.append(evaluate_parts(plan((truth, estimate), parameters, work)))
+            found.append(evaluated((truth, estimate), parameters, work))
         same(found[0], found[1])
         parts = found[0]
-        bounds, breakdown, known = parts.whole.bounds, parts.whole.breakdown, whole.proof
+        bounds, breakdown, known = parts.proof.bounds, parts.proof.breakdown, whole.proof
         assert bounds.met(1e-9)
         assert math.isclose(breakdown.total, known.breakdown.total, rel_tol=1e-12, abs_tol=0)
         assert bounds.lower <= known.bounds.upper
@@ -80,14 +91,14 @@ def test_parts_add_up_to_the_whole(
         names = ("localisation", "missed", "false", "switch")
         by_step = sum(getattr(breakdown, name).sum() for name in names)
         assert math.isclose(by_step, breakdown.total, rel_tol=1e-12)
-        for name, table in zip(("missed", "false"), parts.whole.tracks, strict=True):
+        for name, table in zip(("missed", "false"), parts.track_costs, strict=True):
             assert math.isclose(
-                table["unassigned"].sum(), getattr(breakdown, name).sum(), rel_tol=1e-12
+                table.unassigned.sum(), getattr(breakdown, name).sum(), rel_tol=1e-12
             )
             assert math.isclose(
-                table["localisation"].sum(), breakdown.localisation.sum(), rel_tol=1e-12
+                table.localisation.sum(), breakdown.localisation.sum(), rel_tol=1e-12
             )
-        assert parts.entries == whole.sizes["pair_steps"]
+        assert int(parts.shards.entries.sum()) == whole.sizes["pair_steps"]
         assert parts.shards.components == whole.sizes["components"]
         assert parts.shards.pairs == whole.sizes["candidate_pairs"]
         assert parts.tracks[0].ids.tolist() == truth.ids.tolist()
@@ -105,15 +116,15 @@ def test_a_component_that_no_process_holds_is_a_part_like_others(
     parameters = Parameters(cutoff=10, switch_penalty=3)
     whole = tg.evaluate(*sides, 10, 2, 3)
     monkeypatch.setattr(run, "MOST_ENTRIES", 250)
-    parts = evaluate_parts(plan(sides, parameters, tmp_path))
+    parts = evaluated(sides, parameters, tmp_path)
     assert parts.shards.long.any()
-    assert parts.whole.bounds.met(1e-9)
-    total = parts.whole.breakdown.total
+    assert parts.proof.bounds.met(1e-9)
+    total = parts.proof.breakdown.total
     assert math.isclose(total, whole.proof.breakdown.total, rel_tol=1e-12)
-    for mine, table in zip(parts.whole.tracks, (whole.per_truth, whole.per_estimate), strict=True):
-        scaled = whole.scale * mine["localisation"].sum()
+    for mine, table in zip(parts.track_costs, (whole.per_truth, whole.per_estimate), strict=True):
+        scaled = whole.scale * mine.localisation.sum()
         assert math.isclose(scaled, table["localisation"].sum(), rel_tol=1e-12)
-    assert parts.entries == whole.sizes["pair_steps"]
+    assert int(parts.shards.entries.sum()) == whole.sizes["pair_steps"]
 
 
 def test_processes_and_interruptions_change_nothing(
@@ -122,8 +133,9 @@ def test_processes_and_interruptions_change_nothing(
     truth, estimate, parameters = scene(9)
     monkeypatch.setattr(components, "SHARD_ENTRIES", 30)
     monkeypatch.setattr(run, "MOST_ROWS", 20)
-    alone = evaluate_parts(plan((truth, estimate), parameters, tmp_path / "alone"))
-    together = evaluate_parts(plan((truth, estimate), parameters, tmp_path / "2", Processes(2)))
+    alone = evaluated((truth, estimate), parameters, tmp_path / "alone")
+    with PersistentPool(Processes(2), 2) as pool:
+        together = evaluated((truth, estimate), parameters, tmp_path / "2", pool)
     same(alone, together)
     # A run that stops after each task in turn goes on where it was.
     begun = 0
@@ -141,7 +153,7 @@ def test_processes_and_interruptions_change_nothing(
     interrupted = 0
     while True:
         try:
-            again = evaluate_parts(plan((truth, estimate), parameters, tmp_path / "again"))
+            again = evaluated((truth, estimate), parameters, tmp_path / "again")
             break
         except KeyboardInterrupt:
             interrupted += 1
@@ -157,8 +169,11 @@ def kill(output: str) -> None:
 
 
 def test_a_task_of_which_processes_die_is_named(tmp_path: Path) -> None:
-    with pytest.raises(SolverError, match="a process died of 000007, most likely for want of"):
-        tasks.run_tasks({str(tmp_path / "000007"): kill}, Processes(1))
+    with (
+        PersistentPool(Processes(1), 1) as pool,
+        pytest.raises(SolverError, match="a process died of 000007, most likely for want of"),
+    ):
+        tasks.run_tasks({str(tmp_path / "000007"): kill}, pool)
 
 
 def test_shards_are_filled_in_order_and_long_components_stand_alone() -> None:

@@ -9,7 +9,7 @@ from tgospa_eval.cli.shared.progress import line
 from tgospa_eval.common.progress import Progress, Stopwatch
 from tgospa_eval.partitioned.run import Stages
 from tgospa_eval.partitioned.shards import PartialSums
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.metric_family import Parameters
 
 NOTHING = np.zeros(1)
 
@@ -35,29 +35,39 @@ def test_a_stage_tells_its_share_its_bracket_and_the_time_left(tmp_path: Path) -
     stopwatch = Stopwatch()
     stopwatch.progress = progress = Progress(watched=True)
     stages = Stages(stopwatch)
-    (tmp_path / "a").touch()  # done by the run before
-    tasks = {str(tmp_path / name): work for name, work in (("a", 2.0), ("b", 1.0), ("c", 1.0))}
-    a, b, c = tasks
-    stages.stage("scanning", {})
+    stages.run("scanning", {})
     assert stopwatch.stage == "scanning"
-    stages.stage("solving", tasks)
-    assert (stopwatch.stage, progress.share, progress.left) == ("solving, 1 of 3", 0.5, None)
     stages.expect(Parameters(cutoff=2.0, order=1.0, switch_penalty=1.0, rho=0.25), (8, 4))
     assert progress.bracket is not None
     assert np.allclose(progress.bracket, (0.0, 2 * (8 * 0.75 + 4 * 0.25)), rtol=1e-9)
-    stages.done(a, share((4, 4), 1.0, 1.5))
-    stages.done(b, share((2, 0), 0.25, 0.25))
-    assert np.allclose(progress.bracket, (2 * 1.25, 2 * (7 - 4 - 1.5 + 1.75)), rtol=1e-9)
-    assert progress.bracket[0] <= 2.5
-    assert progress.bracket[1] >= 6.5
-    assert progress.share == 0.75
-    assert progress.left is not None
-    assert math.isfinite(progress.left)
-    progress.left = 125.0
-    assert line(stopwatch, 60.0) == (
-        "solving, 2 of 3, 2.4999 <= TGOSPA <= 6.5001, 75 % done, 60 s so far, 2 min left"
-    )
-    stages.done(c)
+    a, b, c = (str(tmp_path / name) for name in "abc")
+    Path(a).touch()  # done by the run before
+    proven = {a: share((4, 4), 1.0, 1.5), b: share((2, 0), 0.25, 0.25)}
+
+    def first(output: str) -> None:
+        assert (stopwatch.stage, progress.share, progress.left) == ("solving, 1 of 3", 0.5, None)
+        Path(output).touch()
+
+    def second(output: str) -> None:
+        assert np.allclose(progress.bracket, (2 * 1.25, 2 * (7 - 4 - 1.5 + 1.75)), rtol=1e-9)
+        assert progress.bracket is not None
+        assert progress.bracket[0] <= 2.5
+        assert progress.bracket[1] >= 6.5
+        assert progress.share == 0.75
+        assert progress.left is not None
+        assert math.isfinite(progress.left)
+        progress.left = 125.0
+        assert line(stopwatch, 60.0) == (
+            "solving, 2 of 3, 2.4999 <= TGOSPA <= 6.5001, 75 % done, 60 s so far, 2 min left"
+        )
+        Path(output).touch()
+
+    stages.run("solving", {a: fail, b: first, c: second}, [2.0, 1.0, 1.0], proven.get)
+    assert progress.share == 1.0
     stages.end()
     assert progress.left is None
     assert stopwatch.stage == ""
+
+
+def fail(output: str) -> None:
+    raise AssertionError(output)

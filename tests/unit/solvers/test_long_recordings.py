@@ -18,7 +18,7 @@ from tgospa_eval.solvers.block_costs import price_cap
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.lp_rounds import cut_out, groups, windows
 from tgospa_eval.solvers.restricted_lp import solve_restricted_lp
-from tgospa_eval.solvers.schedule import PROGRAMMES, WINDOWS
+from tgospa_eval.solvers.tuning import PROGRAMMES, WINDOWS
 
 compiled_only = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
 
@@ -42,7 +42,7 @@ def ascent_of(states: States) -> Ascent:
 def test_a_piece_asks_the_same_as_the_whole(seed: int) -> None:
     states = states_of(seed)
     ascent = ascent_of(states)
-    ascent.survey(ascent.prices, 0.2)
+    ascent.mark(ascent.prices, 0.2)
     begin = states.begin
     for low, high in ((0, 9), (20, 30), (50, 60)):
         free = np.flatnonzero(ascent.has(kernels.NEAR) & (begin >= low) & (states.end < high))
@@ -135,7 +135,8 @@ def test_bounds_keep_their_digits_over_many_steps() -> None:
     )
     ascent.weights[:], ascent.prices[:] = solution.weights, solution.prices
     ascent.primal[:] = ascent.brackets.values(ascent.weights)
-    ascent.dual[:] = ascent.look(ascent.prices)
+    ascent.mark(ascent.prices, 0.0)
+    ascent.dual[:] = ascent.brackets.bound(ascent.prices)
     assert ascent.losses(ascent.prices).sum() <= 1e-12 * ascent.cost.sum()
     assert ascent.gap.sum() <= 1e-12 * ascent.cost.sum()
     assert price_cap(states).max() > 0

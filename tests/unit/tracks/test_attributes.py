@@ -12,7 +12,7 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.explain.edits import AddedRows, Edit, TrackPiece, edited
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.frames import from_frame
-from tgospa_eval.formats.text import scan
+from tgospa_eval.formats.text import lines
 from tgospa_eval.formats.write import csv_text, npz_bytes, parquet_bytes
 from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.attributes import Attributes
@@ -66,8 +66,8 @@ def test_every_way_of_reading_has_them(
     path = tmp_path / name
     path.write_bytes(write(TABLE))
     if way == "bulk":
-        monkeypatch.setattr(scan, "scanner", None)
-        monkeypatch.setattr(scan, "LARGE_BYTES", 0)
+        monkeypatch.setattr(lines, "scanner", None)
+        monkeypatch.setattr(lines, "LARGE_BYTES", 0)
     options = ReadOptions(attributes=ASKED, by_class=way == "careful")
     reading = read(path, options)
     same(reading.trajectories.attributes, SEEN)

@@ -383,8 +383,7 @@ class CloudWasserstein(Distance):
         found: DistanceSettings = {"cloud_order": self.order, "inner": self.inner}
         if self.covariance is not None:
             found["inner_cov"] = np.asarray(self.covariance).tolist()
-        if self.scale is not None:
-            found["scale"] = dict(zip(columns, self.scale, strict=True))
+        found |= super().settings(columns)
         if self.reduction is not None:
             found |= self.reduction.settings()
         return found

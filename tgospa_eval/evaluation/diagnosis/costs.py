@@ -20,8 +20,8 @@ from tgospa_eval.distances import Distance, near_pairs
 from tgospa_eval.distances.gating import near_points, rows_at
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.gospa import assign_pairs
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Objects = tuple[Ints, Ints]

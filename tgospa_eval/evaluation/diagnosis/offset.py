@@ -28,8 +28,8 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     step_costs,
     with_state,
 )
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.interpolation import interpolated, on_lines
 from tgospa_eval.tracks.trajectories import Trajectories
 

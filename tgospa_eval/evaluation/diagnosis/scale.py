@@ -11,8 +11,8 @@ from tgospa_eval.distances import Distance
 from tgospa_eval.distances.gating import plain_norm, rows_at
 from tgospa_eval.formats.columns.headers import METRES
 from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.trajectories import Trajectories
 

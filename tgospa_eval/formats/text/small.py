@@ -9,7 +9,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import FIRST_ALIASES
 from tgospa_eval.formats.fields import floats, is_number
 from tgospa_eval.formats.loading import load, unpack
-from tgospa_eval.formats.text.scan import check_text, decode, numbers
+from tgospa_eval.formats.text.lines import check_text, decode, numbers
 from tgospa_eval.formats.times import TimeError, parse_times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.step_weights import WeightsByTime, repeated

@@ -25,6 +25,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -36,9 +37,12 @@ from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.guess import split as split_line
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows, numbered
-from tgospa_eval.formats.text.scan import (
-    Block,
+from tgospa_eval.formats.text.lines import (
+    BLANKS,
+    ROWS_OF_BLOCK,
+    Comments,
     beginning,
+    blocks_of,
     check_text,
     convert,
     decode,
@@ -55,12 +59,6 @@ DELIMITERS = ",;\t"
 DECIMAL = r"[+-]?\d*[.,]\d+([eE][+-]?\d+)?"
 GROUPED_NUMBER = r"[+-]?[1-9]\d{0,2}[.,]\d{3}"
 """Numbers whose mark may be one between thousands."""
-
-BLANKS = " "
-"""Delimiter of tables whose columns are separated by any number of blanks."""
-
-ROWS_OF_BLOCK = 1 << 13
-"""Rows of a block from the csv module."""
 
 FIELDS_BY_BLANKS = re.compile(r'"([^"\n]*)"|([^ \t\n]+)')
 
@@ -85,8 +83,18 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
     if fields is None:
         text = text if whole else decode(data, path)
         rule = f"the header has {len(names)}; give every row one field per column"
-        rows, comments = split_rows(lines_of(text, start), delimiter), Comments()
-        blocks = blocks_of(rows, len(names), first, path, rule, comments, quotes='"' in text)
+        lines, comments = lines_of(text, start), Comments()
+        blocks = blocks_of(
+            lines,
+            partial(split_rows, delimiter=delimiter),
+            len(names),
+            first,
+            path,
+            rule,
+            comments,
+            delimiter=delimiter,
+            quotes='"' in text,
+        )
         fields = gather(blocks, roles, decimal)
         roles = comments.noted(roles)
     return convert(fields, roles, decimal, path, names, name_id)
@@ -198,88 +206,6 @@ def with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[R
         return roles, asked
     notice = f"read with a decimal {'comma' if other == ',' else 'point'}, as its numbers have it"
     return replace(roles, passed=(*roles.passed, notice)), other
-
-
-class Comments:
-    """Lines of comments, as far as rows were read."""
-
-    def __init__(self) -> None:
-        self.count = 0
-
-    def noted(self, roles: Roles) -> Roles:
-        """The roles with a notice about them."""
-        if not self.count:
-            return roles
-        notice = f"{counted(self.count, 'line')} of comments passed over"
-        return replace(roles, passed=(*roles.passed, notice))
-
-
-def blocks_of(
-    rows: Iterator[list[str]],
-    width: int,
-    line: int,
-    path: str,
-    rule: str,
-    comments: Comments,
-    *,
-    quotes: bool = False,
-) -> Iterator[Block]:
-    """Rows in blocks; those that are blank or comments are passed over.
-
-    A row that begins like a comment may be one as well, for an id may begin so: where all do.
-
-    Parameters
-    ----------
-    rows : iterator of list of str
-        Their fields.
-    width : int
-        How many of them a row has.
-    line : int
-        Line of the first row.
-    path, rule : str
-        The file, and what is right, for messages about other lengths.
-    comments : Comments
-        Counts them.
-    quotes : bool
-        Fields may have line ends, in quotes.
-
-    Raises
-    ------
-    InputError
-        A row has the wrong length or wrong quotes; or it may be a comment as well as a row.
-    """
-    marked, are_marked = 0, True
-    fault = None
-    while fault is None:
-        block: list[list[str]] = []
-        try:
-            block.extend(itertools.islice(rows, ROWS_OF_BLOCK))
-        except csv.Error as error:
-            fault = error
-        within = [sum(field.count("\n") for field in fields) for fields in block if quotes]
-        after = line + np.arange(1, len(block) + 1) + (np.cumsum(within) if quotes else 0)
-        at, line = np.append(line, after)[:-1], int(np.append(line, after)[-1])
-        has_all = np.fromiter(map(len, block), int, len(block)) == width
-        for k in np.flatnonzero(~has_all).tolist():
-            begin = "".join(block[k][:1]).lstrip()
-            if begin.startswith(COMMENTS):
-                comments.count += 1
-            elif begin or len(block[k]) > 1:
-                raise InputError(f"{path}, line {at[k]}: {counted(len(block[k]), 'field')}, {rule}")
-        if has_all.any():
-            columns = list(zip(*itertools.compress(block, has_all.tolist()), strict=True))
-            begins = [text.lstrip(" \t").startswith(COMMENTS) for text in columns[0]]
-            marked = marked or (int(at[has_all][begins.index(True)]) if any(begins) else 0)
-            are_marked = are_marked and all(begins)
-            if marked and not are_marked:
-                raise InputError(
-                    f"{path}, line {marked}: a comment, not a row, or an id that begins like one; "
-                    "delete such lines (ids may begin like comments if all do)"
-                )
-            yield at[has_all], columns
-        if fault is None and not block:
-            return
-    raise InputError(f"{path}, line {line}: {fault}; close quotes, and double those inside a field")
 
 
 # -------------------------------------------------------------------------------------------------
@@ -446,13 +372,15 @@ def _read(
         columns = tuple(wanted.values())
         fields = scanned(data, 1, len(names), delimiter, roles, texts=columns, quotes=False)
     if fields is None:
-        each = (
-            [line] if line.lstrip().startswith(COMMENTS) else split(line)
-            for line in lines_of(text if whole else decode(data, path))
-        )
+        lines = lines_of(text if whole else decode(data, path))
         rule = f"line {first} has {len(names)}; give every row as many"
         comments = Comments()
-        blocks = blocks_of(each, len(names), 1, path, rule, comments)
+
+        def split_all(several: Iterable[str]) -> Iterator[list[str]]:
+            for each in several:
+                yield [each] if each.lstrip().startswith(COMMENTS) else split(each)
+
+        blocks = blocks_of(lines, split_all, len(names), 1, path, rule, comments)
         fields = gather(blocks, roles, ".", tuple(wanted.values()))
         roles = comments.noted(roles)
     rows = convert(fields, roles, ".", path, names, plain_id)

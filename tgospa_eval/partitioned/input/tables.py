@@ -18,7 +18,7 @@ from tgospa_eval.formats.columns.headers import Roles, find_roles
 from tgospa_eval.formats.loading import PACKED_FROM, is_packed, unpacking, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.formats.text.scan import HEADER_BYTES, check_text, decode
+from tgospa_eval.formats.text.lines import HEADER_BYTES, check_text, decode
 from tgospa_eval.formats.text.table import header_of, read_table, with_decimal
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.text import visible

@@ -14,19 +14,16 @@ import numpy as np
 from tgospa_eval.partitioned.long.columns import load_columns
 from tgospa_eval.partitioned.long.rows import load_rows
 from tgospa_eval.partitioned.long.tables import (
-    Table,
     WindowPiece,
-    load_part,
     renumbered,
-    save_parts,
 )
-from tgospa_eval.partitioned.shards import ENTRY, problem_of
-from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.partitioned.shards import ENTRY, Table, load_part, problem_of, save_parts
+from tgospa_eval.partitioned.tasks import writing_folder
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import row_steps, turns
 from tgospa_eval.problem.problem import Floats, Ints, Problem
 from tgospa_eval.problem.rows import PricedPlaces, rows_of_component, running_of
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import Parameters
 
 BORDER = np.dtype(
     [
@@ -70,7 +67,7 @@ def value_borders(
     """
     first, last = window
     problem, _, numbers = load_rows(pieces, number, window, parameters)
-    places = load_columns(columns, numbers[1], first).places
+    places, _, _ = load_columns(columns, numbers[1], first)
     states = rows_of_component(problem, places)
     values = _Values(states, places)
     held = renumbered(np.load(Path(rows) / "by_estimate.npy"), numbers)
@@ -97,8 +94,7 @@ def value_borders(
             table["held_after"] = _weights(held[near], whose[near], pair, high)
         tables.append(table)
     part = np.repeat(np.arange(len(around)), [len(table) for table in tables[1:]])
-    with writing(output) as folder:
-        folder.mkdir()
+    with writing_folder(output) as folder:
         save_parts(folder, "borders", np.concatenate(tables), part, len(around))
 
 

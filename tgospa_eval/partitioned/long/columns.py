@@ -5,20 +5,18 @@ from pathlib import Path
 import numpy as np
 
 from tgospa_eval.common.arrays import concatenated
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import SolverError
 from tgospa_eval.partitioned.long.tables import (
     BUSY,
     PRICE_AT,
-    Table,
     WindowPiece,
     expansion,
     fraction,
     load_pieces,
     no_assignment,
 )
-from tgospa_eval.partitioned.shards import HELD, PARTS_OF_TRACKS, contribute
-from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.partitioned.shards import HELD, PARTS_OF_TRACKS, Table, contribute
+from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.problem.certificate import idle_prices
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.rows import PricedPlaces
@@ -53,8 +51,7 @@ def join_columns(
     np.add.at(rows, whose, present["end"] - present["begin"] + 1)
     first = np.searchsorted(places["estimate"], _ends(estimates))
     unit, sums = exact_running(np.ascontiguousarray(places["price"]), first.astype(np.int32))
-    with writing(output) as folder:
-        folder.mkdir()
+    with writing_folder(output) as folder:
         np.save(folder / "estimates.npy", estimates)
         np.save(folder / "rows.npy", rows)
         np.save(folder / "first.npy", first)
@@ -69,12 +66,13 @@ def _ends(numbers: Ints) -> Ints:
     return np.append(numbers, numbers[-1] + 1)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SomeColumns:
-    """What `join_columns` knows of some estimates.
+def load_columns(
+    folders: tuple[str, ...], estimates: Ints, first_step: int
+) -> tuple[PricedPlaces, Ints, Table]:
+    """What `join_columns` knows of some estimates, sorted; steps are counted from the first.
 
-    Parameters
-    ----------
+    Returns
+    -------
     places : PricedPlaces
         Their prices; estimates are numbered in the order asked for.
     index : (K,) int array
@@ -82,14 +80,6 @@ class SomeColumns:
     busy : table of BUSY
         Likewise numbered.
     """
-
-    places: PricedPlaces
-    index: Ints
-    busy: Table
-
-
-def load_columns(folders: tuple[str, ...], estimates: Ints, first_step: int) -> SomeColumns:
-    """Of some estimates, sorted; steps are counted from the first."""
     counts, steps, wholes, units, indices, busies = [], [], [], [], [], []
     before = done = 0
     for place in map(Path, folders):
@@ -117,16 +107,13 @@ def load_columns(folders: tuple[str, ...], estimates: Ints, first_step: int) -> 
     busy = np.concatenate(busies)
     busy["begin"] -= first_step
     busy["end"] -= first_step
-    return SomeColumns(
-        places=PricedPlaces(
-            first=first.astype(np.int32),
-            step=np.concatenate(steps).astype(np.int32),
-            whole=np.concatenate(wholes),
-            unit=np.concatenate(units),
-        ),
-        index=np.concatenate(indices),
-        busy=busy,
+    places = PricedPlaces(
+        first=first.astype(np.int32),
+        step=np.concatenate(steps).astype(np.int32),
+        whole=np.concatenate(wholes),
+        unit=np.concatenate(units),
     )
+    return places, np.concatenate(indices), busy
 
 
 def add_rest(
@@ -185,8 +172,7 @@ def add_rest(
         "unassigned": price * free,
         "unassigned_count": free,
     }
-    with writing(output) as folder:
-        folder.mkdir()
+    with writing_folder(output) as folder:
         np.savez(
             folder / "sums.npz",
             lower=expansion(terms.ravel().tolist()),

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.partitioned.long.columns import SomeColumns, load_columns
+from tgospa_eval.partitioned.long.columns import load_columns
 from tgospa_eval.partitioned.long.holding import hold_runs
 from tgospa_eval.partitioned.long.tables import (
     GAIN,
-    Table,
     WindowPiece,
     expansion,
     halves,
@@ -17,16 +16,16 @@ from tgospa_eval.partitioned.long.tables import (
     no_assignment,
     renumbered,
 )
-from tgospa_eval.partitioned.shards import HELD, contribute, problem_of, tables_of
-from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.partitioned.shards import HELD, Table, contribute, problem_of, tables_of
+from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.problem.certificate import row_terms
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import best_values
 from tgospa_eval.problem.problem import REGRET, Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.readout import read_tracks
 from tgospa_eval.problem.rows import rows_of_component, running_of
 from tgospa_eval.problem.slots import changed
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE, row_parts
 
 
@@ -69,17 +68,17 @@ def prove_rows(
     """
     first = window[0]
     problem, entry_weights, numbers = load_rows(pieces, number, window, parameters)
-    prices = load_columns(columns, numbers[1], first)
-    states = rows_of_component(problem, prices.places)
+    places, index, busy = load_columns(columns, numbers[1], first)
+    states = rows_of_component(problem, places)
+    running = running_of(places, problem.truths)
     holds = renumbered(load_pieces(pieces, "holds", number, HELD), numbers, first)
-    weights = hold_runs(states, entry_weights, holds, prices.busy)
+    weights = hold_runs(states, entry_weights, holds, busy)
     _check_rows(states, weights)
-    terms, pairs, left = _bound(states, prices)
+    terms, pairs, left = _bound(states, running, len(index))
     moved = np.flatnonzero(changed(states.pair_first, weights))
     variation = np.abs(weights[moved] - weights[moved - 1])
     intervals = _intervals(states, weights, first, numbers)
-    with writing(output) as folder:
-        folder.mkdir()
+    with writing_folder(output) as folder:
         contribute(
             folder,
             tables=tables_of(states, weights, first, numbers),
@@ -89,7 +88,7 @@ def prove_rows(
         np.save(folder / "columns.npy", numbers[1])
         np.save(folder / "assigned_columns.npy", _assigned(states, weights))
         aside = np.flatnonzero(left != 1)
-        np.save(folder / "aside.npy", prices.index[aside])
+        np.save(folder / "aside.npy", index[aside])
         np.save(folder / "asides.npy", 1 - left[aside])
         by_estimate = intervals[np.lexsort((intervals["begin"], intervals["estimate"]))]
         np.save(folder / "by_estimate.npy", by_estimate)
@@ -99,7 +98,7 @@ def prove_rows(
             lower=expansion(terms),
             pairs=pairs,
             variation=halves(variation, states.begin[moved], problem.steps),
-            regret=_regrets(states, weights, prices, first),
+            regret=_regrets(states, weights, running, first),
         )
 
 
@@ -132,10 +131,11 @@ def _check_rows(states: States, weights: Ints) -> None:
         raise no_assignment()
 
 
-def _bound(states: States, columns: SomeColumns) -> tuple[list[float], int, Ints]:
+def _bound(
+    states: States, running: tuple[Floats, Ints], places: int
+) -> tuple[list[float], int, Ints]:
     """Terms of the lower bound, pairs put aside, and what these leave of each place."""
-    running = running_of(columns.places, states.problem.truths)
-    left = np.ones(len(columns.index), np.int32)
+    left = np.ones(places, np.int32)
     terms: list[float] = []
     pairs = 0
     for part, _ in row_parts(states):
@@ -163,10 +163,9 @@ def _intervals(states: States, weights: Ints, first: int, numbers: tuple[Ints, I
     return found
 
 
-def _regrets(states: States, weights: Ints, columns: SomeColumns, first: int) -> Floats:
+def _regrets(states: States, weights: Ints, running: tuple[Floats, Ints], first: int) -> Floats:
     """Rows that could do better at these prices: by how much, and their first and last step."""
-    price = states.columns.spans(running_of(columns.places, states.problem.truths))
-    value = states.gain - price
+    value = states.gain - states.columns.spans(running)
     used = np.flatnonzero(weights)
     row = states.pair_row[states.pair]
     own = sum_by(row[used], weights[used] / ONE * value[used], states.nodes)

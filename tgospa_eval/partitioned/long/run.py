@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,35 +11,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import stretches
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.partitioned.long.borders import value_borders
 from tgospa_eval.partitioned.long.columns import add_rest, join_columns
 from tgospa_eval.partitioned.long.rows import prove_rows
 from tgospa_eval.partitioned.long.tables import WindowPiece, fraction
-from tgospa_eval.partitioned.long.windows import (
-    ComponentPlan,
-    count_entries,
-    make_plan,
-    solve_window,
-)
+from tgospa_eval.partitioned.long.windows import count_entries, solve_window
 from tgospa_eval.partitioned.shards import PartialSums, contribute
-from tgospa_eval.partitioned.tasks import Run, Task, left_until, writing
+from tgospa_eval.partitioned.tasks import Run, Task, left_until, writing_folder
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import down
-from tgospa_eval.problem.problem import Floats
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.problem import Floats, Ints
 
 OVERLAP = 20
 """Steps with near pairs that a window has on either side of what its answer is for."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Long:
-    """A component to solve in windows.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Component:
+    """A component to solve in windows, and what is known of it before that.
 
     Parameters
     ----------
-    entries : tuple of str
-        Files of ENTRY, by time.
+    entries : sequence of (str, int, int)
+        Files of ENTRY, by time, and from which row to before which.
     parameters : Parameters
         Of the metric.
     work : str
@@ -48,19 +44,85 @@ class Long:
         Relative gap that counts as exact.
     together : int
         Entries that a task may hold.
-    overlap : int
-        Steps with entries on either side of a window.
     end : float, optional
         In `time.time()`: what is not solved by then is left unassigned.
+    file_first : (F + 1,) int array
+        Entries before those of each file.
+    step : (K,) int array
+        The steps with entries.
+    step_first : (K + 1,) int array
+        Entries before each of them.
+    estimates : (n,) int array
+        Numbers of its estimates.
+    truth_bounds, estimate_bounds : int arrays
+        The first number of each shard, and the end.
     """
 
-    entries: tuple[str, ...]
+    entries: Sequence[tuple[str, int, int]]
     parameters: Parameters
     work: str
-    gap: float = 1e-9
-    together: int = 1_000_000
-    overlap: int = OVERLAP
-    end: float | None = None
+    gap: float
+    together: int
+    end: float | None
+    file_first: Ints
+    step: Ints
+    step_first: Ints
+    estimates: Ints
+    truth_bounds: Ints
+    estimate_bounds: Ints
+
+    @property
+    def window(self) -> tuple[int, int]:
+        """The first and the last step with an entry."""
+        return int(self.step[0]), int(self.step[-1])
+
+    def between(self, low: int, high: int) -> tuple[tuple[str, int, int], ...]:
+        """Where the entries of the steps from `low` to before `high` are: files and rows."""
+        begin, end = self.step_first[np.searchsorted(self.step, (low, high))].tolist()
+        return tuple(
+            (path, row + max(begin, first) - first, row + min(end, last) - first)
+            for (path, row, _), (first, last) in zip(
+                self.entries, itertools.pairwise(self.file_first.tolist()), strict=True
+            )
+            if max(begin, first) < min(end, last)
+        )
+
+    def cores(self, size: int) -> list[tuple[int, int]]:
+        """Stretches of steps with about so many entries each; steps from, and to before."""
+        total = int(self.step_first[-1])
+        count = min(max(-(-total // size), 1), len(self.step))
+        cuts = np.searchsorted(self.step_first, np.arange(count) * (total / count))
+        cuts = np.unique(np.minimum(cuts, len(self.step) - 1))
+        edges = [*self.step[cuts].tolist(), self.window[1] + 1]
+        edges[0] = self.window[0]
+        return list(itertools.pairwise(edges))
+
+    def around(self, low: int, high: int, overlap: int, most: int) -> tuple[int, int]:
+        """A stretch with so many steps more on either side, or those with at most so many entries.
+
+        Only steps with entries count.
+        """
+        a, b = np.searchsorted(self.step, (low, high)).tolist()
+        first, last = max(a - overlap, 0), min(b + overlap, len(self.step))
+        counts = self.step_first
+        first = max(first, int(np.searchsorted(counts, counts[a] - most)))
+        last = min(last, max(int(np.searchsorted(counts, counts[b] + most, side="right")) - 1, b))
+        return int(self.step[first]) if first < a else low, (
+            int(self.step[last - 1]) + 1 if last > b else high
+        )
+
+
+def _added(counted: list[Ints]) -> tuple[Ints, Ints]:
+    number, count = np.concatenate(counted, axis=1)
+    known, index = np.unique(number, return_inverse=True)
+    sums = np.zeros(len(known), np.int64)
+    np.add.at(sums, index, count)
+    return known, sums
+
+
+def _bounds(number: Ints, count: Ints, size: int) -> Ints:
+    """First numbers of stretches of about `size` counts each, and the end."""
+    return np.append(number[stretches(count, size)[:-1]], number[-1] + 1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,13 +162,13 @@ WORST_STEPS = 1000
 
 
 def repairs(
-    component: Long, plan: ComponentPlan, joined: ComponentBounds, overlap: int, number: int
+    component: Component, joined: ComponentBounds, overlap: int, number: int
 ) -> tuple[dict[str, Task], dict[str, Task], tuple[WindowPiece, ...]]:
     """Tasks of borders, of the windows around open seams, and the pieces once these are solved.
 
     Parameters
     ----------
-    component, plan
+    component : Component
         What is solved.
     joined : ComponentBounds
         What is proven so far.
@@ -116,7 +178,7 @@ def repairs(
         Which round it is.
     """
     work = f"{component.work}/round-{number}"
-    stretches = _stretches(component, plan, joined, 4 * overlap)
+    stretches = _stretches(component, joined, 4 * overlap)
     borders: dict[str, Task] = {
         f"{work}/borders/{index:05d}": partial(
             value_borders,
@@ -124,7 +186,7 @@ def repairs(
             pieces=joined.pieces,
             number=index,
             columns=joined.columns,
-            window=plan.window,
+            window=component.window,
             parameters=component.parameters,
             around=stretches,
         )
@@ -137,21 +199,19 @@ def repairs(
         output = f"{work}/repairs/{index:06d}"
         windows[output] = _window(
             component,
-            plan,
             (low, high),
             (low, high),
             near=tuple(p for p in joined.pieces if p.low < high and p.high > low),
             borders=tuple(borders),
             number=index,
-            ends=(low <= plan.window[0], high > plan.window[1]),
+            ends=(low <= component.window[0], high > component.window[1]),
         )
         pieces = _replaced(pieces, WindowPiece(folder=output, low=low, high=high))
     return borders, windows, pieces
 
 
 def _window(
-    component: Long,
-    plan: ComponentPlan,
+    component: Component,
     around: tuple[int, int],
     core: tuple[int, int],
     **known: Any,
@@ -159,11 +219,11 @@ def _window(
     """The task to solve a window, with what is known of it besides."""
     return partial(
         solve_window,
-        entries=plan.between(*around),
+        entries=component.between(*around),
         around=around,
         core=core,
         parameters=component.parameters,
-        bounds=(plan.truth_bounds, plan.estimate_bounds),
+        bounds=(component.truth_bounds, component.estimate_bounds),
         gap=0.25 * component.gap,
         end=component.end,
         **known,
@@ -171,7 +231,7 @@ def _window(
 
 
 def _stretches(
-    component: Long, plan: ComponentPlan, joined: ComponentBounds, overlap: int
+    component: Component, joined: ComponentBounds, overlap: int
 ) -> tuple[tuple[int, int], ...]:
     """Stretches around seams and steps that keep the bracket open, the worst first, none twice.
 
@@ -186,7 +246,9 @@ def _stretches(
     steps = np.unique((*seams, *(worst + share.first)))
     lost = np.concatenate(([0.0], np.cumsum(joined.lost)))
     regret, begin, end = joined.regret
-    around = [plan.around(step, step, overlap, component.together // 2) for step in steps.tolist()]
+    around = [
+        component.around(step, step, overlap, component.together // 2) for step in steps.tolist()
+    ]
     left = np.array(
         [
             lost[high - share.first]
@@ -230,42 +292,52 @@ WINDOW_ENTRIES = 200_000
 
 
 def solve_long(
-    component: Long,
+    entries: Sequence[tuple[str, int, int]],
+    parameters: Parameters,
+    work: str,
     run: Run,
     proven: Callable[[PartialSums], None] = lambda share: None,  # noqa: ARG005
+    *,
+    gap: float = 1e-9,
+    together: int = 1_000_000,
+    overlap: int = OVERLAP,
+    end: float | None = None,
 ) -> ComponentBounds:
     """Solve a component, until its gap is met, repairs end or its time is up.
 
     Parameters
     ----------
-    component : Long
-        It; its folder of work has what is done already.
+    entries, parameters, work, gap, together, end
+        As of `Component`; the folder of work has what is done already.
     run : Run
         Does tasks.
     proven : callable
         Takes what is proven, each time that it becomes better.
+    overlap : int
+        Steps with entries on either side of a window, at least.
     """
-    plan = plan_long(component, run)
-    overlap = overlap_of(component)
+    component = make_component(entries, parameters, work, gap, together, end, run)
+    # Influence fades the slower, the more a switch costs.
+    overlap = max(overlap, math.ceil(5 + 4 * min(parameters.switch_price, FAR_SWITCH)))
     size = max(min(WINDOW_ENTRIES, component.together // 2), 1)
     windows: dict[str, Task] = {}
     pieces: list[WindowPiece] = []
-    for number, core in enumerate(plan.cores(size)):
+    for number, core in enumerate(component.cores(size)):
         output = f"{component.work}/windows/{number:06d}"
-        around = plan.around(*core, overlap, component.together // 4)
-        windows[output] = _window(component, plan, around, core)
+        around = component.around(*core, overlap, component.together // 4)
+        windows[output] = _window(component, around, core)
         pieces.append(WindowPiece(folder=output, low=core[0], high=core[1]))
     run(windows)
-    best = joined = prove_long(component, plan, tuple(pieces), "round-0", run)
+    best = joined = prove_long(component, tuple(pieces), "round-0", run)
     proven(best.share)
     stuck = rounds = 0
     for number in range(REPAIR_ROUNDS):
         if best.share.solved or stuck == PATIENCE or left_until(component.end) == 0:
             break
-        borders, windows, repaired = repairs(component, plan, joined, overlap, number)
+        borders, windows, repaired = repairs(component, joined, overlap, number)
         run(borders)
         run(windows)
-        joined = prove_long(component, plan, repaired, f"round-{number + 1}", run)
+        joined = prove_long(component, repaired, f"round-{number + 1}", run)
         before, best = best, better(best, joined, component.gap)
         proven(best.share)
         rounds = number + 1
@@ -293,37 +365,59 @@ def width(joined: ComponentBounds) -> float:
 def _stored(joined: ComponentBounds, output: str) -> ComponentBounds:
     """With the share in a folder like the others."""
     if not Path(output).exists():
-        with writing(output) as folder:
-            folder.mkdir()
+        with writing_folder(output) as folder:
             contribute(folder, share=joined.share)
     return replace(joined, folders=(*joined.folders, output))
 
 
-def plan_long(component: Long, run: Run) -> ComponentPlan:
+def make_component(
+    entries: Sequence[tuple[str, int, int]],
+    parameters: Parameters,
+    work: str,
+    gap: float,
+    together: int,
+    end: float | None,
+    run: Run,
+) -> Component:
     """Count the entries and divide them."""
     counts: dict[str, Task] = {
-        f"{component.work}/counts/{number:05d}.npz": partial(count_entries, path=path)
-        for number, path in enumerate(component.entries)
+        f"{work}/counts/{number:05d}.npz": partial(count_entries, path=path, low=low, high=high)
+        for number, (path, low, high) in enumerate(entries)
     }
     run(counts)
-    return make_plan(component.entries, list(counts), component.together, 2 * component.together)
-
-
-def overlap_of(component: Long) -> int:
-    """Steps on either side of a window: influence fades the slower, the more a switch costs."""
-    price = min(component.parameters.switch_price, FAR_SWITCH)
-    return max(component.overlap, math.ceil(5 + 4 * price))
+    sides: dict[str, list[Ints]] = {"step": [], "truth": [], "estimate": []}
+    sizes = []
+    for path in counts:
+        with np.load(path) as found:
+            for name, known in sides.items():
+                known.append(found[name])
+            sizes.append(int(found["step"][1].sum()))
+    step, truth, estimate = (_added(known) for known in sides.values())
+    return Component(
+        entries=entries,
+        parameters=parameters,
+        work=work,
+        gap=gap,
+        together=together,
+        end=end,
+        file_first=np.concatenate(([0], np.cumsum(sizes))),
+        step=step[0],
+        step_first=np.concatenate(([0], np.cumsum(step[1]))),
+        estimates=estimate[0],
+        truth_bounds=_bounds(*truth, together),
+        estimate_bounds=_bounds(*estimate, 2 * together),
+    )
 
 
 def prove_long(
-    component: Long, plan: ComponentPlan, pieces: tuple[WindowPiece, ...], name: str, run: Run
+    component: Component, pieces: tuple[WindowPiece, ...], name: str, run: Run
 ) -> ComponentBounds:
     """Join pieces that have all steps, and prove what they say."""
     work = f"{component.work}/{name}"
-    bounds = np.searchsorted(plan.estimates, plan.estimate_bounds).tolist()
+    bounds = np.searchsorted(component.estimates, component.estimate_bounds).tolist()
     columns: dict[str, Task] = {
         f"{work}/columns/{n:05d}": partial(
-            join_columns, pieces=pieces, number=n, estimates=plan.estimates[low:high]
+            join_columns, pieces=pieces, number=n, estimates=component.estimates[low:high]
         )
         for n, (low, high) in enumerate(itertools.pairwise(bounds))
     }
@@ -334,10 +428,10 @@ def prove_long(
             pieces=pieces,
             number=n,
             columns=tuple(columns),
-            window=plan.window,
+            window=component.window,
             parameters=component.parameters,
         )
-        for n in range(len(plan.truth_bounds) - 1)
+        for n in range(len(component.truth_bounds) - 1)
     }
     run(rows)
     places = [int(np.load(f"{folder}/first.npy")[-1]) for folder in columns]
@@ -347,24 +441,23 @@ def prove_long(
             columns=folder,
             before=sum(places[:n]),
             rows=tuple(rows),
-            window=plan.window,
+            window=component.window,
             price=component.parameters.unassigned_prices[1],
         )
         for n, folder in enumerate(columns)
     }
     run(rest)
-    return _add_up(component, plan, pieces, tuple(columns), tuple(rows), tuple(rest))
+    return _add_up(component, pieces, tuple(columns), tuple(rows), tuple(rest))
 
 
 def _add_up(
-    component: Long,
-    plan: ComponentPlan,
+    component: Component,
     pieces: tuple[WindowPiece, ...],
     columns: tuple[str, ...],
     rows: tuple[str, ...],
     rest: tuple[str, ...],
 ) -> ComponentBounds:
-    first, last = plan.window
+    first, last = component.window
     size = last - first + 1
     by_step, iterations = _steps(pieces)
     lower: list[float] = []

@@ -2,13 +2,11 @@
 
 import itertools
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.partitioned.long.borders import frame, load_borders
 from tgospa_eval.partitioned.long.holding import hold_runs
@@ -16,30 +14,28 @@ from tgospa_eval.partitioned.long.tables import (
     BUSY,
     GAIN,
     PRICE_AT,
-    Table,
     WindowPiece,
     halves,
     load_pieces,
     no_assignment,
     renumbered,
-    save_parts,
 )
-from tgospa_eval.partitioned.shards import ENTRY, HELD, problem_of, within
-from tgospa_eval.partitioned.tasks import left_until, writing
+from tgospa_eval.partitioned.shards import ENTRY, HELD, Table, problem_of, save_parts, within
+from tgospa_eval.partitioned.tasks import left_until, writing, writing_folder
 from tgospa_eval.problem.certificate import fair_prices
 from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE, repair, spare
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, WarmStart, make_warm_start
 
 
-def count_entries(output: str, path: str) -> None:
-    """Count the entries of a file, by time, by step, truth and estimate."""
-    entries = np.load(path, mmap_mode="r")
+def count_entries(output: str, path: str, low: int, high: int) -> None:
+    """Count the entries of some rows of a file, by time, by step, truth and estimate."""
+    entries = np.load(path, mmap_mode="r")[low:high]
     counted: dict[str, Any] = {
         name: np.stack(np.unique(entries[name], return_counts=True))
         for name in ("step", "truth", "estimate")
@@ -48,130 +44,13 @@ def count_entries(output: str, path: str) -> None:
         np.savez(file, **counted)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ComponentPlan:
-    """What is known of a long component before it is solved.
-
-    Parameters
-    ----------
-    paths : tuple of str
-        Files of its entries, by time.
-    file_first : (F + 1,) int array
-        Entries before each file.
-    step : (K,) int array
-        The steps with entries.
-    step_first : (K + 1,) int array
-        Entries before each of them.
-    estimates : (n,) int array
-        Numbers of its estimates.
-    truth_bounds, estimate_bounds : int arrays
-        The first number of each shard, and the end.
-    """
-
-    paths: tuple[str, ...]
-    file_first: Ints
-    step: Ints
-    step_first: Ints
-    estimates: Ints
-    truth_bounds: Ints
-    estimate_bounds: Ints
-
-    @property
-    def window(self) -> tuple[int, int]:
-        """The first and the last step with an entry."""
-        return int(self.step[0]), int(self.step[-1])
-
-    def between(self, low: int, high: int) -> tuple[tuple[str, int, int], ...]:
-        """Where the entries of the steps from `low` to before `high` are: files and rows."""
-        begin, end = self.step_first[np.searchsorted(self.step, (low, high))].tolist()
-        return tuple(
-            (path, max(begin, first) - first, min(end, last) - first)
-            for path, (first, last) in zip(
-                self.paths, itertools.pairwise(self.file_first.tolist()), strict=True
-            )
-            if max(begin, first) < min(end, last)
-        )
-
-    def cores(self, size: int) -> list[tuple[int, int]]:
-        """Stretches of steps with about so many entries each; steps from, and to before."""
-        total = int(self.step_first[-1])
-        count = min(max(-(-total // size), 1), len(self.step))
-        cuts = np.searchsorted(self.step_first, np.arange(count) * (total / count))
-        cuts = np.unique(np.minimum(cuts, len(self.step) - 1))
-        edges = [*self.step[cuts].tolist(), self.window[1] + 1]
-        edges[0] = self.window[0]
-        return list(itertools.pairwise(edges))
-
-    def around(self, low: int, high: int, overlap: int, most: int) -> tuple[int, int]:
-        """A stretch with so many steps more on either side, or those with at most so many entries.
-
-        Only steps with entries count.
-        """
-        a, b = np.searchsorted(self.step, (low, high)).tolist()
-        first, last = max(a - overlap, 0), min(b + overlap, len(self.step))
-        counts = self.step_first
-        first = max(first, int(np.searchsorted(counts, counts[a] - most)))
-        last = min(last, max(int(np.searchsorted(counts, counts[b] + most, side="right")) - 1, b))
-        return int(self.step[first]) if first < a else low, (
-            int(self.step[last - 1]) + 1 if last > b else high
-        )
-
-
-def make_plan(
-    paths: Sequence[str], counted: Sequence[str], together: int, columns_together: int
-) -> ComponentPlan:
-    """Put together what was counted.
-
-    Parameters
-    ----------
-    paths : sequence of str
-        Files of entries, by time.
-    counted : sequence of str
-        What `count_entries` wrote of each.
-    together, columns_together : int
-        Entries of a shard of truths, and of one of estimates.
-    """
-    sides: dict[str, list[Ints]] = {"step": [], "truth": [], "estimate": []}
-    sizes = []
-    for path in counted:
-        with np.load(path) as found:
-            for name, known in sides.items():
-                known.append(found[name])
-            sizes.append(int(found["step"][1].sum()))
-    step, truth, estimate = (_added(known) for known in sides.values())
-    return ComponentPlan(
-        paths=tuple(paths),
-        file_first=np.concatenate(([0], np.cumsum(sizes))),
-        step=step[0],
-        step_first=np.concatenate(([0], np.cumsum(step[1]))),
-        estimates=estimate[0],
-        truth_bounds=_bounds(*truth, together),
-        estimate_bounds=_bounds(*estimate, columns_together),
-    )
-
-
-def _added(counted: list[Ints]) -> tuple[Ints, Ints]:
-    number, count = np.concatenate(counted, axis=1)
-    known, index = np.unique(number, return_inverse=True)
-    sums = np.zeros(len(known), np.int64)
-    np.add.at(sums, index, count)
-    return known, sums
-
-
-def _bounds(number: Ints, count: Ints, size: int) -> Ints:
-    """First numbers of stretches of about `size` counts each, and the end."""
-    before = np.cumsum(count) - count
-    opens = np.flatnonzero(np.diff(before // size, prepend=-1) > 0)
-    return np.append(number[opens], number[-1] + 1)
-
-
 def shard_of(number: Ints, bounds: Ints) -> Ints:
     """In which stretch each number is."""
     return np.searchsorted(bounds, number, side="right") - 1
 
 
 def read_entries(stretches: tuple[tuple[str, int, int], ...]) -> Table:
-    """The entries of `ComponentPlan.between`."""
+    """The entries of `Component.between`."""
     found = [np.zeros(0, ENTRY)]
     for path, low, high in stretches:
         found.append(np.array(np.load(Path(path), mmap_mode="r")[low:high]))
@@ -200,7 +79,7 @@ def solve_window(
     output : str
         The folder that is written.
     entries : tuple
-        Where its entries are, as of `ComponentPlan.between`.
+        Where its entries are, as of `Component.between`.
     around : pair of int
         The steps of the window: from, and to before.
     core : pair of int
@@ -208,7 +87,7 @@ def solve_window(
     parameters : Parameters
         Of the metric.
     bounds : pair of int arrays
-        Shards of truths and of estimates, as of `ComponentPlan`.
+        Shards of truths and of estimates, as of `Component`.
     gap : float
         Relative gap that counts as exact.
     near : tuple of WindowPiece
@@ -257,8 +136,7 @@ def solve_window(
         ("busy", _busy(gains[gains["weight"] > 0]), "estimate"),
         ("present", _busy(gains), "estimate"),
     )
-    with writing(output) as folder:
-        folder.mkdir()
+    with writing_folder(output) as folder:
         for name, table, track in by_track:
             of_shard = bounds[0] if track == "truth" else bounds[1]
             part = shard_of(table[track], of_shard)

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve
 from tgospa_eval.evaluation.prepare import Prepared, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import KERNEL
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -64,12 +64,8 @@ def _run(solver: Solver, status: str, **found: object) -> Json:
 
 def failed(solver: Solver, error: BaseException) -> Json:
     """What is left of a run whose solver raised."""
-    return _run(solver, f"failed: {reason(error)}")
-
-
-def reason(error: BaseException) -> str:
-    """Why a solver failed."""
-    return str(error) if isinstance(error, TgospaError) else fault_of(error)
+    reason = str(error) if isinstance(error, TgospaError) else fault_of(error)
+    return _run(solver, f"failed: {reason}")
 
 
 def run_here(prepared: Prepared, solver: Solver, progress: Progress | None = None) -> Json:
@@ -206,7 +202,6 @@ def compare_solvers(
     prepared: Prepared,
     solvers: Sequence[Solver],
     progress: Progress | None = None,
-    run: Callable[[Prepared, Solver, Progress], Json] | None = None,
 ) -> list[Json]:
     """Run all solvers, one after the other; one that fails leaves the others their results.
 
@@ -220,17 +215,15 @@ def compare_solvers(
         With their settings.
     progress : Progress, optional
         Gets which of them runs, and how far that is.
-    run : callable, optional
-        `run_here`.
     """
-    progress, run = progress or Progress(), run or run_here
+    progress = progress or Progress()
     runs: list[Json] = []
     for number, solver in enumerate(solvers):
         if runs and progress.stop.is_set():
             break
         with progress.part(name_of(solver), number, len(solvers)):
             try:
-                runs.append(run(prepared, solver, progress))
+                runs.append(run_here(prepared, solver, progress))
             except Exception as error:  # whatever it is, it must not cost what others have found
                 runs.append(failed(solver, error))
     return runs

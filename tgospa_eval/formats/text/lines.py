@@ -1,23 +1,27 @@
-"""Lines of text to columns, in two ways that answer alike: a compiled loop, and with care.
+"""Lines of text to columns and their line numbers, in two ways that answer alike.
 
-The loop takes one pass over the bytes, rounds correctly and makes no objects of fields. What is not
-plainly right it leaves to `gather`, whose texts the readers of the formats split, and which knows
-what is wrong and where.
+A compiled loop takes one pass over the bytes, rounds correctly and makes no objects of fields. What
+is not plainly right it leaves to `blocks_of` and `gather`, which take the lines as the readers of
+the formats split them, and know what is wrong and where.
 """
 
+import csv
 import io
+import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import compiled
-from tgospa_eval.common.words import more
+from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.fields import Coded, attribute_of, floats, is_number
+from tgospa_eval.formats.guess import COMMENTS
 from tgospa_eval.formats.rows import Rows, blanks, numbered
 from tgospa_eval.formats.times import TimeError, coded_times, remedy_for
 from tgospa_eval.text import quoted
@@ -28,6 +32,12 @@ scanner: Any = compiled("tgospa_eval.formats.text._scan")
 
 AS_NUMBER, AS_TEXT = 1, 2
 """What a column is read as; it may be both."""
+
+BLANKS = " "
+"""Delimiter of tables whose columns are separated by any number of blanks."""
+
+ROWS_OF_BLOCK = 1 << 13
+"""Rows of a block from the csv module."""
 
 LETTERS_TOGETHER = 1 << 17
 """Letters of text that are turned into fields at a time."""
@@ -184,6 +194,117 @@ def lines_of(text: str, start: int = 0) -> Iterator[str]:
         end = stop if end < 0 else end
         yield from io.StringIO(text[start:end] + "\n", newline="\n")
         start = end + 1
+
+
+class Comments:
+    """Lines of comments, as far as rows were read."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def noted(self, roles: Roles) -> Roles:
+        """The roles with a notice about them."""
+        if not self.count:
+            return roles
+        notice = f"{counted(self.count, 'line')} of comments passed over"
+        return replace(roles, passed=(*roles.passed, notice))
+
+
+def blocks_of(
+    lines: Iterator[str],
+    split: Callable[[Iterable[str]], Iterator[list[str]]],
+    width: int,
+    line: int,
+    path: str,
+    rule: str,
+    comments: Comments,
+    *,
+    delimiter: str = BLANKS,
+    quotes: bool = False,
+) -> Iterator[Block]:
+    """Rows in blocks; those that are blank or comments are passed over.
+
+    A row that begins like a comment may be one as well, for an id may begin so: where all do.
+
+    Parameters
+    ----------
+    lines : iterator of str
+        With their ends.
+    split : callable
+        Lines to rows of fields.
+    width : int
+        How many of them a row has.
+    line : int
+        Line of the first row.
+    path, rule : str
+        The file, and what is right, for messages about other lengths.
+    comments : Comments
+        Counts them.
+    delimiter : str
+        Of the fields, if `split` splits at no other letter: plain lines are split all at once, in
+        half the time.
+    quotes : bool
+        Fields may have line ends, in quotes.
+
+    Raises
+    ------
+    InputError
+        A row has the wrong length or wrong quotes; or it may be a comment as well as a row.
+    """
+    marked, are_marked = 0, True
+    fault = None
+    rows = split(lines)
+    while fault is None:
+        several = [] if quotes else list(itertools.islice(lines, ROWS_OF_BLOCK))
+        columns = _plain_columns(several, delimiter, width)
+        at = np.arange(line, line + len(several))
+        if columns:
+            line += len(several)
+        else:
+            block: list[list[str]] = []
+            try:
+                block.extend(itertools.islice(rows, ROWS_OF_BLOCK) if quotes else split(several))
+            except csv.Error as error:
+                fault = error
+            if fault is None and not block:
+                return
+            within = [sum(field.count("\n") for field in fields) for fields in block if quotes]
+            after = line + np.arange(1, len(block) + 1) + (np.cumsum(within) if quotes else 0)
+            at, line = np.append(line, after)[:-1], int(np.append(line, after)[-1])
+            has_all = np.fromiter(map(len, block), int, len(block)) == width
+            for k in np.flatnonzero(~has_all).tolist():
+                begin = "".join(block[k][:1]).lstrip()
+                if begin.startswith(COMMENTS):
+                    comments.count += 1
+                elif begin or len(block[k]) > 1:
+                    count = counted(len(block[k]), "field")
+                    raise InputError(f"{path}, line {at[k]}: {count}, {rule}")
+            at = at[has_all]
+            columns = list(zip(*itertools.compress(block, has_all.tolist()), strict=True))
+        if columns:
+            texts = dict.fromkeys(columns[0])  # most are repeated
+            begins = [text for text in texts if text.lstrip(" \t").startswith(COMMENTS)]
+            marked = marked or (int(at[columns[0].index(begins[0])]) if begins else 0)
+            are_marked = are_marked and len(begins) == len(texts)
+            if marked and not are_marked:
+                raise InputError(
+                    f"{path}, line {marked}: a comment, not a row, or an id that begins like one; "
+                    "delete such lines (ids may begin like comments if all do)"
+                )
+            yield at, columns
+    raise InputError(f"{path}, line {line}: {fault}; close quotes, and double those inside a field")
+
+
+def _plain_columns(several: list[str], delimiter: str, width: int) -> list[Sequence[str]]:
+    """The columns of lines that are plainly rows, split at once; none of any others."""
+    text = "".join(several)
+    row = delimiter * (width - 1) + "\n"
+    others = bytes(set(range(256)) - set(row.encode()))
+    has_rows = text.encode().translate(None, others) == row.encode() * len(several)
+    if not text or delimiter == BLANKS or not has_rows or f"{delimiter} " in text:
+        return []
+    fields = text.removesuffix("\n").replace("\n", delimiter).split(delimiter)
+    return [fields[k::width] for k in range(width)]
 
 
 def gather(

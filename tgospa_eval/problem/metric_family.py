@@ -1,4 +1,7 @@
-"""TGOSPA as numbers of a `Problem`: its three parameters, powers of distances, their rounding."""
+"""The metrics of the family, each as numbers of a `Problem`: TGOSPA, weighted steps, existence.
+
+Their parameters, powers of distances below the cutoff, and how far these are rounded.
+"""
 
 import math
 from dataclasses import replace
@@ -77,6 +80,11 @@ class Parameters:
     def recorded(self) -> dict[str, float]:
         """By name, for documents; rho only where it makes another metric."""
         return {k: v for k, v in vars(self).items() if k != "rho" or v != 0.5}
+
+    @property
+    def scale(self) -> float:
+        """c^p: costs of one unit of the dimensionless problem."""
+        return float(self.cutoff**self.order)
 
     @property
     def unassigned_prices(self) -> tuple[float, float]:

@@ -47,9 +47,7 @@ def reduce_cutoff(states: States, blocks: NDArray[np.bool_], scale: float) -> St
 
 def _entries(states: States, blocks: NDArray[np.bool_]) -> Ints:
     """The entries of some blocks, in order."""
-    chosen = np.repeat(blocks[states.pair_block], np.diff(states.pair_first))
-    entry = states.entry[chosen & (states.entry >= 0)]
-    return np.sort(entry)
+    return np.sort(states.entry[states.states_of(blocks) & (states.entry >= 0)])
 
 
 def forced_cost(states: States, blocks: NDArray[np.bool_]) -> Floats:
