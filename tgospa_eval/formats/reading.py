@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import field
+from typing import Any
 
 import numpy as np
 
@@ -60,6 +61,12 @@ class Reading:
     headers: dict[str, str] = field(default_factory=dict)
     centres: bool = False
     pixels: bool = False
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """What a result records of the file."""
+        found = {"rows": self.rows, "left_out": self.left_out}
+        return found | ({"format": self.format} if self.format else {})
 
     @property
     def taken(self) -> int:

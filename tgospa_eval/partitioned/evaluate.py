@@ -36,7 +36,7 @@ from tgospa_eval.problem.metric_family import check_underflow
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import FileInfo, Json, Labels
+from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.judged import digest_of_sums, judge
@@ -253,7 +253,8 @@ def _result(
         solver=solver_record(solver, solution, parameters, met=bounds.met(solver.gap)),
         timings={},
         input={
-            role: FileInfo(rows=one.rows, format=one.format, left_out=one.left_out).record(
+            role: input_record(
+                one.record,
                 digest_of_sums(one.trajectories.columns, one.sums),
                 {rule: 0 if cut.resampled else one.off},
             )

@@ -236,7 +236,7 @@ class Fit:
     @property
     def is_close(self) -> bool:
         """Whether a good part of what could be near is."""
-        most = int(np.minimum(*self.costs.counts).sum())
+        most = self.costs.possible
         steps = np.count_nonzero(self.pairs)
         return int(self.pairs.sum()) >= max(PAIRED, ENOUGH_NEAR * most) and bool(
             steps >= FEWEST_STEPS
