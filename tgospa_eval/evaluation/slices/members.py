@@ -165,22 +165,15 @@ def _weighted(
                     f"{wrong[0]:g}; a weight must be from 0 to 1"
                 )
     names = [attribute.name, f"1 - {attribute.name}"]
-    first, second = (
-        _numbered(names, [_all_in(k, side) for side in values], rows) for k in range(2)
+    whole = _numbered(
+        names, [None if side is None else np.where(np.isnan(side), -1, 0) for side in values], rows
     )
-    weights = [
-        np.ones(size) if side is None else np.where(np.isnan(side), 1.0, side)
-        for side, size in zip(values, rows, strict=True)
+    first = [
+        (place, np.ones(len(place)) if side is None else np.where(np.isnan(side), 1.0, side))
+        for (place, _), side in zip(whole.shares[0], values, strict=True)
     ]
-    shares = tuple(
-        tuple((rows_in, own) for (rows_in, _), own in zip(part.shares[0], share, strict=True))
-        for part, share in ((first, weights), (second, [1 - weight for weight in weights]))
-    )
-    return Members(names=first.names, shares=shares, kept=first.kept)
-
-
-def _all_in(k: int, values: Floats | None) -> Ints | None:
-    return None if values is None else np.where(np.isnan(values), -1, k)
+    second = [(np.where(place == 0, 1, place), 1 - share) for place, share in first]
+    return Members(names=whole.names, shares=(tuple(first), tuple(second)), kept=whole.kept)
 
 
 def _ranged(
