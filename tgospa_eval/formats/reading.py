@@ -47,7 +47,7 @@ def check_classes(
 
     Parameters
     ----------
-    sides : sequence of Known
+    sides : sequence of SideMetadata
         Truth and estimate.
     paths : sequence of str
         Where they are.
