@@ -1,6 +1,7 @@
 """What was read, in numbers: counts, extents, overlaps. Prints nothing."""
 
 from collections.abc import Iterator
+from dataclasses import asdict
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.clock import find_clock
-from tgospa_eval.evaluation.diagnosis.costs import SAMPLE, Sampler
+from tgospa_eval.evaluation.diagnosis.costs import SAMPLE
 from tgospa_eval.evaluation.diagnosis.scale import explained, suggest_cutoff, unit_notices
 from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -172,8 +173,7 @@ def compare(sides: Fitted, request: EvaluationRequest) -> Json:
     """What both files have in common: steps, time, another clock, space, nearest estimates."""
     aligned, parameters = sides.alignment, request.parameters
     distance = sides.distance.lower_bound
-    sampler = Sampler((aligned.truth, aligned.estimate), parameters, distance)
-    clock = find_clock(sides.given, sampler, request.recorded)
+    clock = find_clock(sides.given, parameters, distance, request.recorded)
     truth, estimate = sides.read
     return {
         "steps": {
@@ -186,13 +186,7 @@ def compare(sides: Fitted, request: EvaluationRequest) -> Json:
         "time": _overlap(aligned),
         "clock": None
         if clock is None
-        else {
-            "time_scale": clock.time_scale,
-            "time_offset": clock.time_offset,
-            "uncertainty": clock.uncertainty,
-            "saving": clock.saving,
-            "steps": clock.steps,
-        },
+        else {name: value for name, value in asdict(clock).items() if name != "ahead"},
         "extent": {
             name: _common_range(a, b)
             for name, a, b in zip(truth.columns, truth.state.T, estimate.state.T, strict=True)

@@ -26,7 +26,7 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.plots.result_pictures import DRAWN
 from tgospa_eval.problem.compiled import KERNEL
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.solvers import Solver, batches, certified
 from tgospa_eval.solvers.block_costs import share_of_digits
 from tgospa_eval.solvers.certified import Certified
@@ -410,11 +410,11 @@ def test_an_interrupted_sweep_has_the_points_so_far(interrupted: Run, crowd: Pai
 def test_an_interrupted_comparison(interrupted: Run, crowd: Pair) -> None:
     """The solver stops with what it has; those after it are left out."""
     lines = (
-        "from tgospa_eval.campaign import solvers; run_here = solvers.run_here\n"
+        "from tgospa_eval.campaign import solver_runs; run_here = solver_runs.run_here\n"
         "def stopped(prepared, solver, progress):\n"
         "    interrupt(); progress.stop.wait()\n"
         "    return run_here(prepared, solver, progress)\n"
-        "solvers.run_here = stopped"
+        "solver_runs.run_here = stopped"
     )
     given = ("compare", *crowd, *HARD, "--solvers", "certified,exact")
     status, out, err = interrupted(lines, *given, "--format", "json")

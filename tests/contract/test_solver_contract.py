@@ -11,10 +11,10 @@ from tgospa_eval import Certified, ConfigError, Exact, Sinkhorn, evaluate
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.problem.metric_family import Parameters, tgospa_problem
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import Parameters, tgospa_problem
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.result import Result
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class

@@ -8,7 +8,7 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.steps import BlockPlan
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 

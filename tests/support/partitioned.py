@@ -6,8 +6,8 @@ import numpy as np
 
 from tgospa_eval import Result
 from tgospa_eval.partitioned.tables import write_tables
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.readout import PerTrack
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Columns, Costs, Labels
 

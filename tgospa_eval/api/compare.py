@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
-from tgospa_eval.api.resolve import Settings, called, infos, make_settings
+from tgospa_eval.api.resolve import Settings, called, make_settings
 from tgospa_eval.api.sweep import ONE_EVALUATION
 from tgospa_eval.campaign.pairs import expand, first_file, is_pattern, short_names
 from tgospa_eval.campaign.ranking import (
@@ -20,7 +20,7 @@ from tgospa_eval.campaign.ranking import (
     saved_outcomes,
     shared_metrics,
 )
-from tgospa_eval.campaign.solvers import (
+from tgospa_eval.campaign.solver_runs import (
     ONCE,
     check_solvers,
     compare_solvers,
@@ -259,7 +259,7 @@ class PairReader:
         )
         for notice in sides.warnings if self.in_python else ():
             tell(notice)
-        files = infos(sides.read)
+        files = sides.records
         return prepare(sides.fitted, sides.request, files=files, stopwatch=self.stopwatch)
 
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.notices import about, pair_notices, slow_notice
-from tgospa_eval.api.resolve import Settings, called, infos, make_settings
+from tgospa_eval.api.resolve import Settings, called, make_settings
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, as_argument, as_option, in_python, warn_user
+from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.evaluation.evaluate import evaluate_fitted
 from tgospa_eval.evaluation.prepare import Fitted, fit
@@ -50,6 +50,11 @@ class SidesRead:
     files: dict[str, str | None]
     warnings: tuple[Notice, ...]
 
+    @property
+    def records(self) -> list[dict[str, Any]]:
+        """What a result records of both files."""
+        return [side.record for side in self.read]
+
 
 def read_sides(
     settings: Settings,
@@ -88,10 +93,9 @@ def read_sides(
         sides = settings.read(*given, mapping=mapping, advise=notify is not None, known=known)
     names = called(given)
     fitted, request = settings.fit(sides, names)
-    spell = as_argument if notify is None else as_option
     notices = [
         *(notice for name, side in zip(names, sides, strict=True) for notice in about(name, side)),
-        *pair_notices(fitted, request, sides, spell),
+        *pair_notices(fitted, request, sides),
         *(() if request.solver.referee else slow_notice()),
     ]
     if notify is None:
@@ -122,7 +126,7 @@ def evaluate_sides(
         result = _evaluate_classes(sides, stopwatch)
     else:
         result = evaluate_fitted(
-            sides.fitted, sides.request, files=infos(sides.read), stopwatch=stopwatch
+            sides.fitted, sides.request, files=sides.records, stopwatch=stopwatch
         )
     for notice in result.warnings if notify else ():
         notify(notice)  # type: ignore[misc]
@@ -151,7 +155,7 @@ def _evaluate_classes(sides: SidesRead, stopwatch: Stopwatch) -> Summary:
             fitted = fit(truth.of_class(name), estimate.of_class(name), request)
             results[name] = evaluate_fitted(fitted, request, stopwatch=part)
         stopwatch.absorb(part)
-    return add_up(results, infos(sides.read), read_s)
+    return add_up(results, sides.records, read_s)
 
 
 @with_options()

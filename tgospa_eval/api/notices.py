@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from tgospa_eval.api.distance import notices
 from tgospa_eval.api.options import Request
-from tgospa_eval.common.notices import Notice, Spelling, as_option
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.evaluation.diagnosis import (
     alignment_notices,
     axis_notices,
@@ -37,12 +37,8 @@ def pair_notices(
     sides: Fitted,
     request: EvaluationRequest,
     files: Sequence[Reading],
-    spell: Spelling = as_option,
 ) -> Iterator[Notice]:
-    """What the user should know of the choice of the distance, and of the two files together.
-
-    `spell` says how settings are written in remedies.
-    """
+    """What the user should know of the choice of the distance, and of the two files together."""
     aligned, distance, parameters = sides.alignment, sides.distance, request.parameters
     yield from notices(distance, aligned.truth.columns, parameters.cutoff)
     truth, estimate = sides.read
@@ -52,9 +48,9 @@ def pair_notices(
     if any(side.pixels for side in files):
         yield from unit_notices(request.unit)
     yield from axis_notices(sides.axis, request.time_matching)
-    for text in alignment_notices(aligned, request.time_matching, spell):
+    for text in alignment_notices(aligned, request.time_matching):
         yield Notice(text=text)
-    found = diagnose(sides, request, spell)
+    found = diagnose(sides, request)
     yield from found
     if request.defaults:
         yield default_notice(
@@ -62,7 +58,6 @@ def pair_notices(
             distance,
             parameters,
             request.defaults,
-            spell,
             others=explained(found),
             boxes=any(side.centres for side in files),
         )

@@ -37,9 +37,8 @@ from tgospa_eval.evaluation.sides import (
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.headers import columns_of_each
 from tgospa_eval.formats.options import parse_moments, parse_steps
-from tgospa_eval.formats.reading import SideMetadata, check_classes
+from tgospa_eval.formats.reading import check_classes
 from tgospa_eval.results.numbers import Calibration
-from tgospa_eval.results.records import FileInfo
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.conversion import Conversion
@@ -264,7 +263,7 @@ class Settings:
         )
         return replace(sides[0], warnings=(*sides[0].warnings, *found)), *sides[1:]
 
-    def check(self, sides: tuple[SideMetadata, ...], paths: tuple[str, ...]) -> None:
+    def check(self, sides: tuple[Reading, ...], paths: tuple[str, ...]) -> None:
         """Whether some file has what was asked of all.
 
         Raises
@@ -325,15 +324,6 @@ def called(given: Sequence[object], roles: Sequence[str] = ROLES) -> tuple[str, 
         os.fsdecode(side) if is_path(side) else role
         for side, role in zip(given, roles, strict=False)
     )
-
-
-def infos(sides: tuple[Reading, ...]) -> tuple[FileInfo, FileInfo]:
-    """What the result records of both files."""
-    truth, estimate = (
-        FileInfo(rows=side.rows, format=side.format or None, left_out=side.left_out)
-        for side in sides
-    )
-    return truth, estimate
 
 
 def make_settings(options: Request) -> Settings:

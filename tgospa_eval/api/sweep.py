@@ -9,13 +9,13 @@ import numpy as np
 from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.options import Request
-from tgospa_eval.api.resolve import Settings, infos, make_settings
+from tgospa_eval.api.resolve import Settings, make_settings
 from tgospa_eval.common.notices import warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.sweep import in_order, sweep_fitted
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.sweep import Sweep
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def sweep_sides(
     """Read both sides once, and evaluate them at each point; arguments as of `read_sides`."""
     read = read_sides(settings, *sides, stopwatch, notify, mapping=mapping)
     found = sweep_fitted(
-        read.fitted, read.request, name, parameters, files=infos(read.read), stopwatch=stopwatch
+        read.fitted, read.request, name, parameters, files=read.records, stopwatch=stopwatch
     )
     return replace(found, warnings=read.warnings)
 

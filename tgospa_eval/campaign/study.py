@@ -21,7 +21,7 @@ import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.campaign import SCHEMA
-from tgospa_eval.campaign.solvers import (
+from tgospa_eval.campaign.solver_runs import (
     RUN,
     compare_solvers,
     contradictions,
@@ -42,7 +42,7 @@ from tgospa_eval.evaluation.evaluate import solver_settings
 from tgospa_eval.evaluation.prepare import fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import KERNEL
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver

@@ -112,7 +112,6 @@ def _check_tables(folder: str, files: Files, stopwatch: "Stopwatch") -> str:
     Wrong
         They do not.
     """
-    from tgospa_eval.distances.base import DistanceSettings
     from tgospa_eval.proof import verify_tgospa
     from tgospa_eval.proof.write import check_provable, difference, proof_parameters, proof_tables
 
@@ -141,10 +140,11 @@ def _check_tables(folder: str, files: Files, stopwatch: "Stopwatch") -> str:
                 f"{name} does not follow from {files[0]} and {files[1]} with the recorded "
                 f"options: {problem}"
             )
+    known = {*NOT_OF_THE_TABLES, *" ".join(verify_tgospa.EXTRAS.values()).split()}
     chosen = [
         f"--{name.strip('_').replace('_', '-')} {value!r}"
         for name, value in proof["options"].items()
-        if name not in (*NOT_OF_THE_TABLES, *DistanceSettings.__annotations__)
+        if name not in known
     ]
     only = [f"class {proof['class']!r}"] if "class" in proof else []
     return "".join(f", {part}" for part in (*only, *chosen))

@@ -1,8 +1,12 @@
-"""Helpers for arrays: ranges of numbers, a median, records whose arrays cannot be written to."""
+"""Helpers for arrays: ranges, batches, a median, records whose arrays cannot be written to."""
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+T = TypeVar("T")
 Ints = NDArray[np.integer]
 
 
@@ -11,6 +15,31 @@ def concatenated(begin: Ints, count: Ints) -> Ints:
     first = np.cumsum(count) - count
     numbers: Ints = np.arange(int(count.sum())) + np.repeat(begin - first, count)
     return numbers
+
+
+def stretches(count: Ints, most: int) -> Ints:
+    """Where to cut a list of so many things each into stretches of about `most`, and its end."""
+    before = np.cumsum(count) - count
+    begins: Ints = np.append(np.flatnonzero(np.diff(before // most, prepend=-1)), len(count))
+    return begins
+
+
+def in_batches(items: Iterable[T], size: Callable[[T], int], most: int) -> Iterator[list[T]]:
+    """The items in lists that each have at least `most` together, but for the last.
+
+    It is one list, emptied before more is put in: no two batches are in memory together.
+    """
+    batch: list[T] = []
+    total = 0
+    for item in items:
+        batch.append(item)
+        total += size(item)
+        if total >= most:
+            yield batch
+            batch.clear()
+            total = 0
+    if batch:
+        yield batch
 
 
 def places_of(flags: NDArray[np.generic]) -> NDArray[np.intp]:

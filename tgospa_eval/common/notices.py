@@ -7,14 +7,11 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import PLAIN_DECIMAL
 from tgospa_eval.errors import TgospaError, TgospaWarning
 from tgospa_eval.text import visible
 
-Spelling = Callable[[str, object], str]
-"""How a setting is written to whoever reads the remedy: name and value."""
-
-
-SHORT = {"cutoff": "-c", "switch_penalty": "-g"}
+SHORT_OPTIONS = {"cutoff": "-c", "switch_penalty": "-g"}
 """Options that are known by a letter."""
 
 
@@ -64,17 +61,6 @@ def told(settings_file: object | None, warnings: Iterable[Notice]) -> list[str]:
     return [str(one) for one in (settings_file, *warnings) if one is not None]
 
 
-def as_option(name: str, value: object = "") -> str:
-    """A setting as the command line takes it."""
-    option = SHORT.get(name) or f"--{name.replace('_', '-')}"
-    return f"{option} {value}".rstrip()
-
-
-def as_argument(name: str, value: object = "") -> str:
-    """A setting as Python takes it."""
-    return f"{name}={value!r}" if value != "" else name
-
-
 NOT_OF_THE_USER = ("tgospa_eval", "contextlib")
 """Packages whose frames are between a warning and the line of the user."""
 
@@ -104,7 +90,7 @@ OF_READING = {
 }
 """What `read_trajectories` calls options."""
 
-WORD_OPTIONS = ("distance", "grid", "missing-cov", "on-duplicate", "on-invalid")
+WORD_OPTIONS = ("distance", "grid", "missing-cov", "on-duplicate", "on-invalid", "outage")
 """Options whose value in messages is a word."""
 
 NO_VALUE = r"(?!(?:is|for|of)\b)"
@@ -114,6 +100,7 @@ _OPTION = (
     rf"--(?:(?P<columns>(?:truth-|estimate-)?columns) {NO_VALUE}(?P<names>[\w=]+(?:,[\w=]+)*)"
     r"|(?P<decimal>decimal) (?P<mark>,)"
     rf"|(?P<named>{'|'.join(WORD_OPTIONS)}) {NO_VALUE}(?P<word>[\w-]+)"
+    rf"|(?P<sized>[a-z][a-z-]*) (?P<number>{PLAIN_DECIMAL})(?=[;:,)]?(?:\s|$))"
     r"|(?P<alone>[a-z][a-z-]*)(?: (?:FILE|NAME|N)\b)?)"
 )
 
@@ -125,16 +112,21 @@ def in_python(text: str, *, reads: bool = True) -> str:
     """
 
     def keyword(found: re.Match[str]) -> str:
-        option = found["columns"] or found["decimal"] or found["named"] or found["alone"]
+        kinds = ("columns", "decimal", "named", "sized", "alone")
+        option: str = next(filter(None, map(found.group, kinds)))
         name = (OF_READING if reads else {}).get(option) or RENAMED.get(option)
         name = name or option.replace("-", "_")
         if found["columns"]:
             return f"{name}={tuple(found['names'].split(','))}"
+        if found["number"]:
+            return f"{name}={found['number']}"
         value = found["mark"] or found["word"]
         return name if value is None else f'{name}="{value}"'
 
     spelt = re.sub(_OPTION, keyword, text.replace("--covariance FILE, or ", ""))
-    return re.sub(r"(?<!\S)-o(?= )", "output", spelt)
+    for name, option in (*SHORT_OPTIONS.items(), ("output", "-o")):
+        spelt = re.sub(rf"(?<!\S){option}(?= |$)", name, spelt)
+    return spelt
 
 
 @contextmanager

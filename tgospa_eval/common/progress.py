@@ -187,6 +187,12 @@ class Limit:
     deadline: float | None = None
     progress: Progress = field(default_factory=Progress)
 
+    @classmethod
+    def of(cls, seconds: float | None, progress: Progress) -> "Limit":
+        """So many seconds from now on; None is no limit."""
+        deadline = None if seconds is None else time.monotonic() + seconds
+        return cls(deadline=deadline, progress=progress)
+
     def left(self) -> float | None:
         """Seconds left, 0 at least; None is no limit."""
         if self.progress.stop.is_set():

@@ -5,7 +5,6 @@ open are solved again, from as few steps before their end as will do, many side 
 problem that starts from the solution of the whole.
 """
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -149,10 +148,7 @@ def _narrow(
 
     Blocks that are marked in `from_begin` (B,) are solved from their first step on at once.
     """
-    limit = Limit(
-        deadline=None if solver.time_limit is None else time.monotonic() + solver.time_limit,
-        progress=progress,
-    )
+    limit = Limit.of(solver.time_limit, progress)
     cells, span, most = brackets.cells, SPAN, np.count_nonzero(brackets.open)
     while brackets.open.any():
         cell = np.flatnonzero(brackets.open)
@@ -168,23 +164,28 @@ def _narrow(
                 if limit.late():
                     return
                 progress.again("the curve", 1 - np.count_nonzero(brackets.open) / most)
-                own, stopwatch = at[group], Stopwatch()
+                own = at[group]
                 own = own[brackets.open[cell[own]]]  # others may have shown it
                 if not len(own):
                     continue
-                stopwatch.progress = progress.silent()
-                left = limit.left()
-                timed = replace(solver, time_limit=None if left is None else max(left, 1e-9))
+                timed = _for_the_rest(solver, limit)
                 asked = block[own], begin[own], end[own]
                 if whole:
-                    alone = Alone(endings, saved, *asked).solve(timed, stopwatch)
+                    alone = Alone(endings, saved, *asked).solve(*timed)
                     brackets.take(cell[own], *alone)
                 else:
-                    brackets.take(*continued.solve(*asked, timed, stopwatch))
+                    brackets.take(*continued.solve(*asked, *timed))
                 brackets.open &= brackets.wide
             if whole:
                 brackets.open[cell[at]] = False
         span *= 2
+
+
+def _for_the_rest(solver: Certified, limit: Limit) -> tuple[Certified, Stopwatch]:
+    """The solver for the time that is left, and a clock of its own that shows nothing."""
+    stopwatch, left = Stopwatch(), limit.left()
+    stopwatch.progress = limit.progress.silent()
+    return replace(solver, time_limit=None if left is None else max(left, 1e-9)), stopwatch
 
 
 # -------------------------------------------------------------------------------------------------
@@ -236,10 +237,7 @@ def slide(
     rest = np.setdiff1d(np.arange(len(stretches.block)), complete)
     if len(rest):
         endings, saved = Endings(states, weights), save_solution(states, weights, prices)
-        limit = Limit(
-            deadline=None if solver.time_limit is None else time.monotonic() + solver.time_limit,
-            progress=progress or Progress(),
-        )
+        limit = Limit.of(solver.time_limit, progress or Progress())
         done = 0
         for group in endings.groups(*stretches.some(rest)):
             limit.progress.again("the windows", done / len(rest))
@@ -319,10 +317,7 @@ def _solved(alone: Alone, solver: Certified, limit: Limit) -> tuple[Floats, Floa
     cost = parts.sum(axis=0)
     if limit.late() or not (cost + error - lower > solver.gap * cost).any():
         return held
-    stopwatch, left = Stopwatch(), limit.left()
-    stopwatch.progress = limit.progress.silent()
-    timed = replace(solver, time_limit=None if left is None else max(left, 1e-9))
-    solved = alone.solve(timed, stopwatch)
+    solved = alone.solve(*_for_the_rest(solver, limit))
     cheaper = solved[0].sum(axis=0) < cost
     return (
         np.where(cheaper, solved[0], parts),

@@ -1,5 +1,6 @@
 """The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
@@ -11,13 +12,13 @@ from tgospa_eval.evaluation.localisation import (
     split_localisation,
     within_rounding,
 )
-from tgospa_eval.evaluation.prepare import Fitted, Prepared, Source, prepare
-from tgospa_eval.evaluation.request import EvaluationRequest, Sliding, in_words
+from tgospa_eval.evaluation.prepare import Fitted, Prepared, prepare
+from tgospa_eval.evaluation.request import EvaluationRequest, in_words
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.problem.metric_family import Parameters, check_underflow
 from tgospa_eval.problem.solution import Solution
-from tgospa_eval.problem.tgospa import Parameters, check_underflow
-from tgospa_eval.results.records import FileInfo, Json, MetricSums, OtherMetrics
+from tgospa_eval.results.records import Json, MetricSums, OtherMetrics
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers import Solver
 
@@ -32,7 +33,7 @@ def evaluate_fitted(
     sides: Fitted,
     request: EvaluationRequest,
     *,
-    files: tuple[FileInfo, FileInfo] | None = None,
+    files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> Result:
     """`evaluate` with everything resolved.
@@ -43,8 +44,8 @@ def evaluate_fitted(
         Truth and estimate, aligned, and their distance.
     request : EvaluationRequest
         Everything else.
-    files : pair of FileInfo, optional
-        The two files, for the result.
+    files : pair of dict, optional
+        The two files, as of `input_record`.
     stopwatch : Stopwatch
         Running clock with the time of reading.
     """
@@ -63,14 +64,12 @@ def evaluate_fitted(
 
         with stopwatch.span("slices"):
             cut = split.cut(sides, request.slices, request.parameters.cutoff)
-    result = solve(
-        prepared, request.solver, stopwatch, curve=request.curve, sliding=request.sliding
-    )
-    result = replace(result, with_=others, sums=sums, source=Source(sides=sides, request=request))
+    result = solve(prepared, request.solver, stopwatch, request)
+    result = replace(result, with_=others, sums=sums, source=(sides, request))
     if cut is None:
         return result
     with stopwatch.span("slices"):
-        sliced = cut.of(result)
+        sliced = split.slicings(cut, result)
     return replace(result, sliced=sliced, timings=nested_timings(stopwatch))
 
 
@@ -78,14 +77,11 @@ def solve(
     prepared: Prepared,
     solver: Solver,
     stopwatch: Stopwatch,
-    *,
-    curve: bool = False,
-    sliding: Sliding | None = None,
+    request: EvaluationRequest | None = None,
 ) -> Result:
     """The second half: solution, proof, result; the problem can be solved again."""
     stopwatch.progress.begin(prepared.parameters.root)
-    solution = solver(prepared.states, stopwatch)
-    return prove(prepared, solver, solution, stopwatch, curve=curve, sliding=sliding)
+    return prove(prepared, solver, solver(prepared.states, stopwatch), stopwatch, request)
 
 
 def prove(
@@ -93,11 +89,12 @@ def prove(
     solver: Solver,
     solution: Solution,
     stopwatch: Stopwatch,
-    *,
-    curve: bool = False,
-    sliding: Sliding | None = None,
+    request: EvaluationRequest | None = None,
 ) -> Result:
-    """What a solution proves of a problem; a disposable one loses its weights."""
+    """What a solution proves of a problem; a disposable one loses its weights.
+
+    The curve and windows are those that the request asks for, if there is one.
+    """
     with stopwatch.span("certify"):
         bounds, weights, breakdown = certify(prepared.states, solution, consume=solution.disposable)
     check_underflow(prepared.states.problem, prepared.parameters, bounds.upper)
@@ -114,12 +111,13 @@ def prove(
     traced = slid = None
     whole = (prepared.states, weights, solution.prices, cast("Certified", solver))
     known = solution.reduced, stopwatch.progress
-    if curve:
+    if request and request.curve:
         from tgospa_eval.evaluation.curve import trace  # here: only when it is asked for
 
         with stopwatch.span("curve"):
             traced = trace(*whole, *known)
-    if sliding is not None:
+    if request and request.sliding is not None:
+        sliding = request.sliding
         from tgospa_eval.evaluation.curve import slide  # here: only when it is asked for
 
         with stopwatch.span("windows"):

@@ -11,9 +11,9 @@ from functools import partial
 import numpy as np
 
 from tgospa_eval.common.arrays import concatenated
-from tgospa_eval.distances import CloudWasserstein, Effort, Pairs
+from tgospa_eval.distances import CloudWasserstein, Distance, Effort, Pairs
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.prepare import Source
+from tgospa_eval.evaluation.prepare import Fitted, source_of
 from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.weights import ONE
@@ -23,9 +23,7 @@ from tgospa_eval.results.result import Result
 
 def gradient(result: Result) -> Gradient:
     """Derivatives of the total by estimate states, cutoff and switch penalty."""
-    source = result.source
-    if not isinstance(source, Source):
-        raise ConfigError("this result was not made by evaluate: evaluate again")
+    sides, request = source_of(result)
     proof = result.proof
     states, problem, parameters = proof.states, proof.states.problem, proof.parameters
     cutoff, p, gamma = parameters.cutoff, parameters.order, parameters.switch_penalty
@@ -39,7 +37,7 @@ def gradient(result: Result) -> Gradient:
     )
     change = share * (proof.weights[used] / ONE) * p * pairs.distance ** (p - 1)
     mismatch = result.scale * float(np.sum(problem.mismatch(entry) * (proof.weights[used] / ONE)))
-    total, particles, first = _moved(source, pairs, change)
+    total, particles, first = _moved(sides, request.distance, pairs, change)
     at_zero = math.nan if p == 1 else 0.0  # where switches are free, any number of them is best
     return Gradient(
         total=total,
@@ -51,20 +49,20 @@ def gradient(result: Result) -> Gradient:
         shown_unique=partial(is_unique, proof, result.gap),
         step=problem.estimate_step,
         track=problem.estimate_track,
-        columns=source.sides.alignment.estimate.columns,
+        columns=sides.alignment.estimate.columns,
         labels=result.labels,
     )
 
 
 def _moved(
-    source: Source, pairs: Pairs, change: Floats
+    fitted: Fitted, given: Distance, pairs: Pairs, change: Floats
 ) -> tuple[Floats, Floats | None, Ints | None]:
     """Derivative by each state of the estimate (R, d), of clouds by each particle (P, d).
 
-    `change` (N,) is that of the total by the distance of each pair; clouds also have the place of
-    their first particles (R + 1,).
+    `given` is the distance without what it takes from the data, `change` (N,) that of the total by
+    the distance of each pair; clouds also have the place of their first particles (R + 1,).
     """
-    aligned, distance = source.sides.alignment, source.sides.distance
+    aligned, distance = fitted.alignment, fitted.distance
     sides = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
     clouds = sides[1].clouds
     by_particle = distance.particle_slopes(pairs, sides)
@@ -72,7 +70,7 @@ def _moved(
         prepared, measure = distance.prepared(sides, Effort())
         slopes = (change * measure.slopes(pairs, prepared)).T
         return _sums(pairs.estimate_row, slopes, len(sides[1].step)), None, None
-    if isinstance(distance, CloudWasserstein) and distance != source.request.distance:
+    if isinstance(distance, CloudWasserstein) and distance != given:
         raise ConfigError(
             "no derivative is known where the covariance of the particles is taken from the data: "
             "name one with --inner-cov FILE"

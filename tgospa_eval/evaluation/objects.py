@@ -203,20 +203,6 @@ def from_rows(
     return _timed(made, times)
 
 
-def empty_like(other: Trajectories) -> Trajectories:
-    """No track, with the columns and the kind of time of the other side."""
-    none = np.zeros(0, np.int64)
-    return Trajectories(
-        step=none,
-        track=none,
-        state=np.zeros((0, len(other.columns))),
-        ids=none.astype(object),
-        times=other.times[:0],
-        columns=other.columns,
-        clock=other.clock,
-    )
-
-
 def _timed(made: Trajectories, times: "Times") -> Trajectories:
     """The same steps at these times, which may repeat."""
     labels = None

@@ -12,7 +12,7 @@ costs, and nothing of them is proven.
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import redirect_stdout
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 
@@ -186,7 +186,7 @@ def _metric(name: str) -> Any:
     return make({"THRESHOLD": THRESHOLD, "PRINT_CONFIG": False})
 
 
-class _Similarities(Sequence[Floats]):
+class _Similarities:
     """The matrix of each step, made when it is asked for: all of them together may be large."""
 
     def __init__(self, prepared: Prepared, zero: float, effort: Effort) -> None:
@@ -200,13 +200,7 @@ class _Similarities(Sequence[Floats]):
     def __len__(self) -> int:
         return len(self.starts[0]) - 1
 
-    @overload
-    def __getitem__(self, step: int) -> Floats: ...
-    @overload
-    def __getitem__(self, step: slice) -> "Sequence[Floats]": ...
-    def __getitem__(self, step: int | slice) -> "Floats | Sequence[Floats]":
-        if isinstance(step, slice):
-            return [self[k] for k in range(len(self))[step]]
+    def __getitem__(self, step: int) -> Floats:
         rows, columns = (slice(start[step], start[step + 1]) for start in self.starts)
         if self.pairs is None:
             return overlaps(self.sides[0].state[rows], self.sides[1].state[columns])

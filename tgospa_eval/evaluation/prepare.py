@@ -1,7 +1,7 @@
 """Before any solver: from what a user gives to two sides on one grid, near pairs, the problem."""
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -16,17 +16,17 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import Axis, Sides, on_axis
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.problem import Floats, Problem
-from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import (
+from tgospa_eval.problem.metric_family import (
     Parameters,
     StepWeights,
     tgospa_problem,
     weight_existence,
     weight_steps,
 )
-from tgospa_eval.results.records import FileInfo, Json, Labels
-from tgospa_eval.results.result import ComparedSides
+from tgospa_eval.problem.problem import Floats, Problem
+from tgospa_eval.problem.states import States
+from tgospa_eval.results.records import Json, Labels, input_record
+from tgospa_eval.results.result import ComparedSides, Result
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
 from tgospa_eval.tracks.judged import Judged, digest, judge, whole
@@ -61,20 +61,17 @@ class Fitted:
     axis: Axis
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Source:
+def source_of(result: Result) -> tuple[Fitted, EvaluationRequest]:
     """What was evaluated, and how: enough to evaluate something like it.
 
-    Parameters
-    ----------
-    sides : Fitted
-        Truth and estimate.
-    request : EvaluationRequest
-        Everything else.
+    Raises
+    ------
+    ConfigError
+        The result was not made by `evaluate`.
     """
-
-    sides: Fitted
-    request: EvaluationRequest
+    if result.source is None:
+        raise ConfigError("this result was not made by evaluate: evaluate again")
+    return result.source
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -166,7 +163,7 @@ def prepare(
     sides: Fitted,
     request: EvaluationRequest,
     *,
-    files: tuple[FileInfo, FileInfo] | None = None,
+    files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> Prepared:
     """The problem of two sides, all before the solver."""
@@ -231,17 +228,17 @@ def measure(
     request: EvaluationRequest,
     *,
     cutoff: float,
-    files: tuple[FileInfo, FileInfo] | None = None,
+    files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> tuple[MeasuredSides, Pairs]:
     """Both sides as they are compared, and all pairs nearer than the cutoff.
 
-    `files` are the records of the two sides beside their digests; by default their rows.
+    `files` are those of the two sides, as of `input_record`; by default their rows.
     """
     distance, aligned = sides.distance, sides.alignment
     # What is digested is what counts.
     with stopwatch.span("report"):
-        infos = files or [FileInfo(rows=len(side.step)) for side in sides.given]
+        files = files or [{"rows": len(side.step), "left_out": {}} for side in sides.given]
         digests = [
             digest(side.seen_as(distance.kinds), existence=request.probabilistic)
             for side in sides.given
@@ -256,9 +253,20 @@ def measure(
         )
     with stopwatch.span("distances"):
         seen = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
-        scene = _scene(*seen)
+        truth, estimate = seen
+        scene: dict[str, Any] = {  # as they were read, not as a distance scales or whitens them
+            "columns": truth.columns,
+            "truth": truth.state,
+            "estimate": estimate.state,
+            "truth_covariance": _second_moments(truth),
+            "estimate_covariance": _second_moments(estimate),
+        }
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
         (truth, estimate), prepared, pairs = near_pairs(seen, distance, cutoff, effort)
+    weights = None
+    if request.step_weights is not None:
+        cost, switch = request.step_weights.on(truth)
+        weights = StepWeights(cost=cost, switch=switch)
     measured = MeasuredSides(
         sides=(truth, estimate),
         distance=prepared,
@@ -271,10 +279,10 @@ def measure(
         moments=truth.times,
         settings=recorded_settings(distance, request, truth.columns),
         input={
-            role: info.record(sha256, {"grid": off_grid, "steps": off_steps})
-            for role, info, sha256, off_grid, off_steps in zip(
+            role: input_record(file, sha256, {"grid": off_grid, "steps": off_steps})
+            for role, file, sha256, off_grid, off_steps in zip(
                 ("truth", "estimate"),
-                infos,
+                files,
                 digests,
                 aligned.left_out,
                 sides.axis.left_out,
@@ -283,7 +291,7 @@ def measure(
         },
         judged=judged,
         **scene,
-        step_weights=_weights_of_steps(request.step_weights, truth),
+        step_weights=weights,
         existence=(
             (existence_of(aligned.truth), existence_of(aligned.estimate))
             if request.probabilistic
@@ -291,14 +299,6 @@ def measure(
         ),
     )
     return measured, pairs
-
-
-def _weights_of_steps(given: "WeightsByTime | None", side: Trajectories) -> StepWeights | None:
-    """The weights that are asked for on the steps of an aligned side."""
-    if given is None:
-        return None
-    cost, switch = given.on(side)
-    return StepWeights(cost=cost, switch=switch)
 
 
 def fit(
@@ -347,17 +347,6 @@ def fit(
         distance=fitted,
         axis=axis,
     )
-
-
-def _scene(truth: Trajectories, estimate: Trajectories) -> dict[str, Any]:
-    """Of `ComparedSides` the states as they were read, not as a distance scales or whitens them."""
-    return {
-        "columns": truth.columns,
-        "truth": truth.state,
-        "estimate": estimate.state,
-        "truth_covariance": _second_moments(truth),
-        "estimate_covariance": _second_moments(estimate),
-    }
 
 
 def _second_moments(side: Trajectories) -> Floats | None:

@@ -12,8 +12,8 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted, install
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.problem.metric_family import NEEDS_SYMMETRY, Parameters
 from tgospa_eval.problem.problem import Ints
-from tgospa_eval.problem.tgospa import NEEDS_SYMMETRY, Parameters
 from tgospa_eval.solvers import Solver
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching

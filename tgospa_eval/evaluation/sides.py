@@ -13,7 +13,6 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.objects import (
     ArrayLike,
     TimedArray,
-    empty_like,
     from_rows,
     is_timed_array,
     numbers_of,
@@ -198,7 +197,8 @@ def filled(sides: Sequence[Reading | None], distance: Distance) -> tuple[Reading
     there = next((side.trajectories for side in sides if side is not None), None)
     if there is None:
         there = Trajectories.from_array(np.zeros((0, 0, len(distance.columns or "xy"))))
-    empty = Reading(trajectories=empty_like(there), rows=0, format="")
+    nothing = Trajectories.of_times(there.times[:0], there.columns, there.clock)
+    empty = Reading(trajectories=nothing, rows=0, format="")
     return tuple(empty if side is None else side for side in sides)
 
 

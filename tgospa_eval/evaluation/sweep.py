@@ -21,10 +21,10 @@ from tgospa_eval.evaluation.prepare import Fitted, MeasuredSides, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import Parameters
-from tgospa_eval.results.records import PARTS, FileInfo
+from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.sweep import Point, Sweep
 from tgospa_eval.solvers import Solver
@@ -83,7 +83,7 @@ def sweep_fitted(
     parameter: str,
     parameters: Sequence[Parameters],
     *,
-    files: tuple[FileInfo, FileInfo] | None = None,
+    files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
 ) -> Sweep:
     """`sweep` with everything resolved.

@@ -5,7 +5,7 @@ Costs are in units of c^p. What is said here only decides what is tried: `explai
 
 from bisect import bisect_left
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -20,12 +20,11 @@ from tgospa_eval.explain.edits import (
     Assigned,
     AssignedStretch,
     Edit,
-    TrackPiece,
     exchange,
     split,
 )
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.attributes import chosen
 from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -60,20 +59,8 @@ class Candidate:
     end: int | None = None
 
 
-def best(candidates: Iterable[Candidate], most: int) -> list[Candidate]:
-    """Those that save most, in order; what saves nothing is left out."""
-    able = (candidate for candidate in candidates if candidate.saving > 0)
-    return sorted(able, key=lambda candidate: -candidate.saving)[:most]
-
-
-def of_names(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
-    """Tracks to merge, to exchange from a step on, and to split; `names` are ids not to repeat."""
-    yield from _exchanged(assigned)
-    yield from _split(assigned, names)
-
-
-def _exchanged(assigned: Assigned) -> Iterator[Candidate]:
-    """Of each change of a truth from one estimate to another the exchange of the two."""
+def exchanged(assigned: Assigned) -> Iterator[Candidate]:
+    """Of each change of a truth from one estimate to another the exchange, or merge, of the two."""
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     by_truth: dict[int, list[AssignedStretch]] = defaultdict(list)
     truths: dict[int, set[int]] = defaultdict(set)
@@ -116,7 +103,7 @@ def _together(assigned: Assigned, a: int, b: int) -> Candidate | None:
     return Candidate(
         kind="merge",
         saving=0.0,
-        edit=Edit(pieces={k: (TrackPiece(0, assigned.problem.steps - 1, into),) for k in (a, b)}),
+        edit=Edit(pieces=dict.fromkeys((a, b), ((0, assigned.problem.steps - 1, into),))),
         tracks=(into, track),
         begin=int(later[0]),
         end=int(later[-1]),
@@ -151,8 +138,8 @@ def _exchange_saves(stretches: list[AssignedStretch], a: int, b: int, step: int)
     return int(one != other) - int(one != named)
 
 
-def _split(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
-    """Of each change of an estimate from one truth to another its split."""
+def split_up(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
+    """Of each change of an estimate from one truth to another its split; `names` are all ids."""
     steps, prices = assigned.problem.steps, assigned.problem.switch_price_at
     tracks, taken = assigned.problem.estimates, set(names)
     truths: dict[int, list[AssignedStretch]] = defaultdict(list)
@@ -231,7 +218,7 @@ def _cut(assigned: Assigned, track: int, rows: Ints) -> Candidate:
     return Candidate(
         kind="trim",
         saving=float(side.price[rows].sum()),
-        edit=Edit(pieces={track: (TrackPiece(*kept, track),)}),
+        edit=Edit(pieces={track: ((*kept, track),)}),
         tracks=(track,),
         begin=begin,
         end=end,

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import field
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,13 +118,8 @@ class Assigned:
         return found
 
 
-@dataclass(frozen=True)
-class TrackPiece:
-    """The rows of a track from one step to another, inclusive, as rows of track `to`."""
-
-    begin: int
-    end: int
-    to: int
+TrackPiece: TypeAlias = tuple[int, int, int]
+"""The rows of a track from one step to another, inclusive, and the track that they become of."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -184,8 +180,8 @@ class Edit:
         for own, pieces in self.pieces.items():
             rows = np.flatnonzero(track == own)
             at, became = step[rows], np.full(len(rows), -1)
-            for piece in pieces:
-                became[(piece.begin <= at) & (at <= piece.end)] = piece.to
+            for begin, end, to in pieces:
+                became[(begin <= at) & (at <= end)] = to
             found[rows] = became
         return found
 
@@ -196,11 +192,10 @@ def renamed(held: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
     found = [(still, held.estimate[still], held.begin[still], held.end[still])]
     for track, pieces in edit.pieces.items():
         own = np.flatnonzero(held.estimate == track)
-        for piece in pieces:
-            begin = np.maximum(held.begin[own], piece.begin)
-            end = np.minimum(held.end[own], piece.end)
+        for first, last, to in pieces:
+            begin, end = np.maximum(held.begin[own], first), np.minimum(held.end[own], last)
             some = np.flatnonzero(begin <= end)
-            found.append((own[some], np.full(len(some), piece.to), begin[some], end[some]))
+            found.append((own[some], np.full(len(some), to), begin[some], end[some]))
     which, estimate, begin, end = (np.concatenate(part) for part in zip(*found, strict=True))
     return which, estimate, begin, end
 
@@ -220,8 +215,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
         state = np.concatenate((state, added.state))
         if covariance is not None and added.covariance is not None:
             covariance = np.concatenate((covariance, added.covariance))
-        parts = ((attributes, len(kept)), (added.attributes, len(added.step)))
-        attributes = stacked(estimate.attributes, parts)
+        attributes = stacked(attributes, added.attributes, len(added.step))
     order = np.lexsort((track, step))
     clouds = estimate.clouds  # of which no row is ever added
     if edit.offset is not None:
@@ -267,15 +261,14 @@ def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np
 
 def split(track: int, step: int, steps: int, tracks: int, name: str) -> Edit:
     """What a track has from a step on as a track of its own, with a new name."""
-    pieces = (TrackPiece(0, step - 1, track), TrackPiece(step, steps - 1, tracks))
-    return Edit(pieces={track: pieces}, fresh=(name,))
+    return Edit(pieces={track: ((0, step - 1, track), (step, steps - 1, tracks))}, fresh=(name,))
 
 
 def exchange(first: int, second: int, step: int, steps: int) -> Edit:
     """The tracks of two names exchanged from a step on."""
     return Edit(
         pieces={
-            a: (TrackPiece(0, step - 1, a), TrackPiece(step, steps - 1, b))
+            a: ((0, step - 1, a), (step, steps - 1, b))
             for a, b in ((first, second), (second, first))
         }
     )

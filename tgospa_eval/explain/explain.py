@@ -5,20 +5,21 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.common.words import number
-from tgospa_eval.errors import ConfigError, whole_number
+from tgospa_eval.common.words import counted, number
+from tgospa_eval.errors import whole_number
 from tgospa_eval.evaluation.axis import on_own_times, periods_of
-from tgospa_eval.evaluation.prepare import Source
+from tgospa_eval.evaluation.prepare import Fitted, source_of
+from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.explain.candidates import (
     Candidate,
     StatePlaces,
-    best,
+    exchanged,
     extended,
     filled,
     moved,
-    of_names,
     of_rows,
     shifted,
+    split_up,
 )
 from tgospa_eval.explain.edits import Assigned
 from tgospa_eval.explain.trials import Trials
@@ -62,23 +63,21 @@ def explain(
         `top` is less than 1, or the result knows nothing of its data.
     """
     top = whole_number("top", top)
-    source = result.source
-    if not isinstance(source, Source):
-        raise ConfigError("the result was not made by evaluate, and knows nothing of its data")
+    sides, asked = source_of(result)
+    request = on_own_times(asked)
     stopwatch = stopwatch or Stopwatch()
     begin = stopwatch.elapsed()
     with stopwatch.span("explain"):
-        sides, request = source.sides, on_own_times(source.request)
         proof = result.proof
         assigned = Assigned(proof.states, proof.weights, proof.prices)
         able = [
             candidate
-            for candidate in _candidates(result, source, assigned, TRIED * top)
+            for candidate in _candidates(result, sides, request, assigned, TRIED * top)
             if candidate.kind not in without
         ]
-        tried = best(able, TRIED * top)
+        tried = sorted(able, key=lambda candidate: -candidate.saving)[: TRIED * top]
         trials = Trials(proof, assigned, sides, request).run(tried, stopwatch) if tried else []
-        repairs = [_repair(result, source, *trial) for trial in trials]
+        repairs = [_repair(result, sides.read[0].columns, *trial) for trial in trials]
     worth = [repair for repair in repairs if repair.saving_upper > result.gap * result.total]
     worth.sort(key=lambda repair: -float(f"{repair.saving_lower:.6g}"))  # ties keep their order
     return Explanation(
@@ -92,30 +91,29 @@ def explain(
 
 
 def _candidates(
-    result: Result, source: Source, assigned: Assigned, most: int
+    result: Result, sides: Fitted, request: EvaluationRequest, assigned: Assigned, most: int
 ) -> Iterator[Candidate]:
     """What may save something at the assignment at hand, of each kind `most` or a few more."""
-    estimate = source.sides.alignment.estimate
+    estimate = sides.alignment.estimate
     if not len(estimate.step):
         return
-    places = _places(result, source)
+    places = _places(result, sides, request)
     names = (*result.labels.truths, *result.labels.estimates)
-    makers = [of_names(assigned, names), of_rows(assigned, most)]
-    if len(source.sides.alignment.truth.step):
+    makers = [exchanged(assigned), split_up(assigned, names), of_rows(assigned, most)]
+    if len(sides.alignment.truth.step):
         if estimate.clouds is None:
             makers += [
                 filled(assigned, places, most),
                 extended(assigned, places, most),
             ]
-        if assigned.problem.steps > 1 and source.request.step_weights is None:
+        if assigned.problem.steps > 1 and request.step_weights is None:
             makers.append(shifted(assigned, places))
         makers.append(moved(assigned, places))
     for maker in makers:
         yield from (candidate for candidate in maker if candidate.saving > 0)
 
 
-def _places(result: Result, source: Source) -> StatePlaces:
-    sides = source.sides
+def _places(result: Result, sides: Fitted, request: EvaluationRequest) -> StatePlaces:
     columns = sides.read[0].columns
     periods = periods_of(sides.distance, columns)
     return StatePlaces(
@@ -124,17 +122,20 @@ def _places(result: Result, source: Source) -> StatePlaces:
         moments=sides.alignment.truth.times.astype(np.float64),
         distance=sides.distance.lower_bound,
         parameters=result.proof.parameters,
-        existence=existence_of(sides.alignment.estimate) if source.request.probabilistic else None,
+        existence=existence_of(sides.alignment.estimate) if request.probabilistic else None,
         period=np.array([periods.get(column, np.inf) for column in columns]),
     )
 
 
 def _repair(
-    result: Result, source: Source, candidate: Candidate, after: Bounds, total: float
+    result: Result,
+    columns: tuple[str, ...],
+    candidate: Candidate,
+    after: Bounds,
+    total: float,
 ) -> Repair:
     """A candidate with its names and what is proven of the cost after it."""
     edit, labels, scale = candidate.edit, result.labels, result.scale
-    columns = source.sides.read[0].columns
     before = result.proof.bounds
     begin, end = (None if k is None else labels.times[k] for k in (candidate.begin, candidate.end))
     rows: Columns = {}
@@ -170,36 +171,28 @@ def _outward(value: float, sign: int) -> float:
 def in_words(candidate: Candidate, result: Result, offset: dict[str, float]) -> str:
     """What a repair does."""
     labels, edit = result.labels, candidate.edit
-    ids = [labels.estimates[track] for track in candidate.tracks]
+    first, second = ([labels.estimates[track] for track in candidate.tracks] + 2 * [""])[:2]
     begin, end = (
         "" if k is None else str(labels.times[k]) for k in (candidate.begin, candidate.end)
     )
     span = f"t = {begin}" if begin == end else f"t = {begin} to {end}"
-    if candidate.kind == "merge":
-        return f"join estimate {ids[1]}, {span}, to estimate {ids[0]}"
-    if candidate.kind == "exchange":
-        if _last(candidate, result) < (candidate.begin or 0):
-            return f"join estimate {ids[1]} from t = {begin} on to estimate {ids[0]}"
-        return f"exchange estimates {ids[0]} and {ids[1]} from t = {begin} on"
-    if candidate.kind == "split":
-        return f"split estimate {ids[0]} at t = {begin}"
-    if candidate.kind == "drop":
-        return f"drop estimate {ids[0]}, {span}"
-    if candidate.kind == "trim":
-        return f"cut {span} off estimate {ids[0]}"
-    if candidate.kind == "fill":
-        return f"fill the gap of estimate {ids[0]}, {span}"
-    if candidate.kind == "extend":
-        onward = _last(candidate, result) < (candidate.begin or 0)
-        return f"extend estimate {ids[0]} {f'to t = {end}' if onward else f'back to t = {begin}'}"
-    if candidate.kind == "shift":
-        size, when = abs(edit.shift), "later" if edit.shift > 0 else "earlier"
-        return f"shift the whole estimate {size} {'step' if size == 1 else 'steps'} {when}"
+    kind, size = candidate.kind, abs(edit.shift)
+    if kind in ("exchange", "extend"):
+        problem = result.proof.states.problem
+        own = problem.estimate_step[problem.estimate_track == candidate.tracks[0]]
+        kind += "-after" * bool(own.max() < (candidate.begin or 0))
     parts = ", ".join(f"{name} = {number(value, 4)}" for name, value in offset.items())
-    return f"take the offset {parts} from the whole estimate"
-
-
-def _last(candidate: Candidate, result: Result) -> int:
-    """The last step of the first of its tracks."""
-    problem = result.proof.states.problem
-    return int(problem.estimate_step[problem.estimate_track == candidate.tracks[0]].max())
+    return {
+        "merge": f"join estimate {second}, {span}, to estimate {first}",
+        "exchange": f"exchange estimates {first} and {second} from t = {begin} on",
+        "exchange-after": f"join estimate {second} from t = {begin} on to estimate {first}",
+        "split": f"split estimate {first} at t = {begin}",
+        "drop": f"drop estimate {first}, {span}",
+        "trim": f"cut {span} off estimate {first}",
+        "fill": f"fill the gap of estimate {first}, {span}",
+        "extend": f"extend estimate {first} back to t = {begin}",
+        "extend-after": f"extend estimate {first} to t = {end}",
+        "shift": f"shift the whole estimate {counted(size, 'step')} "
+        f"{'later' if edit.shift > 0 else 'earlier'}",
+        "offset": f"take the offset {parts} from the whole estimate",
+    }[kind]

@@ -1,8 +1,8 @@
 """What a file gave: its trajectories, and what the user should know about how they were read."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import field
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -12,76 +12,6 @@ from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
-
-
-class SideMetadata(Protocol):
-    """What is known of a side when its rows are read, as of `Reading`."""
-
-    @property
-    def missing(self) -> Mapping[str, str]:
-        """What it lacks, and the message if every side does."""
-
-    @property
-    def left_out(self) -> Mapping[str, int]:
-        """How many rows take no part, by rule."""
-
-    def has_class(self, name: str) -> bool:
-        """Whether there are rows of a class that is asked for."""
-
-    @property
-    def named(self) -> Collection[str]:
-        """Classes of all rows, if they were asked for."""
-
-    @property
-    def taken(self) -> int:
-        """Rows that take part."""
-
-
-def check_classes(
-    sides: Sequence[SideMetadata],
-    paths: Sequence[str],
-    classes: Sequence[str] | None,
-    each: Sequence[ReadOptions],
-) -> None:
-    """Whether there are rows of every class that was asked for.
-
-    Parameters
-    ----------
-    sides : sequence of SideMetadata
-        Truth and estimate.
-    paths : sequence of str
-        Where they are.
-    classes : sequence of str, optional
-        Those asked of both.
-    each : sequence of ReadOptions
-        With those of each.
-
-    Raises
-    ------
-    ConfigError
-        There is none of one, or it is not clear which is meant.
-    """
-    asked = [("--class", name, tuple(sides), "") for name in classes or ()]
-    for path, role, side, options in zip(paths, ROLES, sides, each, strict=False):
-        if options.classes != classes:
-            own = options.classes or ()
-            asked += [(f"--{role}-class", name, (side,), f" of {path}") for name in own]
-    for option, name, those, of in asked:
-        alike = [sorted(known for known in side.named if is_alike(name, known)) for side in those]
-        mixed = any(len(found) > 1 for found in alike)
-        for side, found in zip(those, alike, strict=True):
-            if found and name not in found and (mixed or not side.has_class(name)):
-                shown = " and ".join(map(quoted, sorted(set().union(*alike))))
-                raise ConfigError(
-                    f"{option} {quoted(name)}: there is {shown}; write it as in the files, by "
-                    "--truth-class and --estimate-class where they differ"
-                )
-        if not any(side.has_class(name) for side in those):
-            there = sorted({known for side in those for known in side.named})
-            shown = ", ".join(map(quoted, there[:10])) or "none"
-            raise NothingLeftError(
-                f"{option} {quoted(name)}: no row{of} is of that class; there are {shown}"
-            )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -133,6 +63,12 @@ class Reading:
     pixels: bool = False
 
     @property
+    def record(self) -> dict[str, Any]:
+        """What a result records of the file."""
+        found = {"rows": self.rows, "left_out": self.left_out}
+        return found | ({"format": self.format} if self.format else {})
+
+    @property
     def taken(self) -> int:
         """Rows that take part."""
         return len(self.trajectories.step)
@@ -154,3 +90,50 @@ class Reading:
         else:
             rows = np.flatnonzero(self.klass == self.classes.index(name))
         return whole.chosen(rows)
+
+
+def check_classes(
+    sides: Sequence[Reading],
+    paths: Sequence[str],
+    classes: Sequence[str] | None,
+    each: Sequence[ReadOptions],
+) -> None:
+    """Whether there are rows of every class that was asked for.
+
+    Parameters
+    ----------
+    sides : sequence of Reading
+        Truth and estimate.
+    paths : sequence of str
+        Where they are.
+    classes : sequence of str, optional
+        Those asked of both.
+    each : sequence of ReadOptions
+        With those of each.
+
+    Raises
+    ------
+    ConfigError
+        There is none of one, or it is not clear which is meant.
+    """
+    asked = [("--class", name, tuple(sides), "") for name in classes or ()]
+    for path, role, side, options in zip(paths, ROLES, sides, each, strict=False):
+        if options.classes != classes:
+            own = options.classes or ()
+            asked += [(f"--{role}-class", name, (side,), f" of {path}") for name in own]
+    for option, name, those, of in asked:
+        alike = [sorted(known for known in side.named if is_alike(name, known)) for side in those]
+        mixed = any(len(found) > 1 for found in alike)
+        for side, found in zip(those, alike, strict=True):
+            if found and name not in found and (mixed or not side.has_class(name)):
+                shown = " and ".join(map(quoted, sorted(set().union(*alike))))
+                raise ConfigError(
+                    f"{option} {quoted(name)}: there is {shown}; write it as in the files, by "
+                    "--truth-class and --estimate-class where they differ"
+                )
+        if not any(side.has_class(name) for side in those):
+            there = sorted({known for side in those for known in side.named})
+            shown = ", ".join(map(quoted, there[:10])) or "none"
+            raise NothingLeftError(
+                f"{option} {quoted(name)}: no row{of} is of that class; there are {shown}"
+            )

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import in_batches
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
 from tgospa_eval.partitioned.scan import Scanned
@@ -100,7 +101,8 @@ def make_shards(
     root: Ints = np.arange(m + n, dtype=np.int32)
     by_truth = np.zeros(m, np.int64)
     once, often = 0, np.zeros(0, np.int64)
-    for batch in _batches(blocks, truths, estimates):
+    near = _near_tracks(blocks, truths, estimates)
+    for batch in in_batches(near, lambda pairs: len(pairs[0]), FEW_PAIRS):
         truth, estimate, entries = (np.concatenate(column) for column in zip(*batch, strict=True))
         by_truth += np.bincount(truth, entries, minlength=m).astype(np.int64)
         # The root of a component is its least node, also of those made of components.
@@ -109,12 +111,12 @@ def make_shards(
         once += len(again) - int(np.count_nonzero(again))
         key = truth[again].astype(np.int64) * max(n, 1) + estimate[again]
         often = np.unique(np.concatenate((often, key)))
-    near = np.flatnonzero(by_truth)
-    _, component = np.unique(root[near], return_inverse=True)  # roots are the first truths
-    entries = np.bincount(component, by_truth[near]).astype(np.int64)
+    paired = np.flatnonzero(by_truth)
+    _, component = np.unique(root[paired], return_inverse=True)  # roots are the first truths
+    entries = np.bincount(component, by_truth[paired]).astype(np.int64)
     shard, long = _cut(entries, most_entries)
     of_truth = np.full(m, -1, np.int32)
-    of_truth[near] = shard[component]
+    of_truth[paired] = shard[component]
     return Shards(
         of_truth=of_truth,
         entries=np.bincount(shard, entries, minlength=len(long)).astype(np.int64),
@@ -132,21 +134,13 @@ def _in_several(side: Tracks) -> NDArray[np.bool_]:
     return count > 1
 
 
-def _batches(
+def _near_tracks(
     blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks
-) -> Iterator[list[tuple[Ints, Ints, Ints]]]:
-    """Truths, estimates and entries of the pairs of some blocks at a time."""
-    batch: list[tuple[Ints, Ints, Ints]] = []
-    waiting = 0
-    for number, block in enumerate(blocks):
+) -> Iterator[tuple[Ints, Ints, Ints]]:
+    """Truths, estimates and entries of the pairs of each block."""
+    for block, *numbers in zip(blocks, truths.numbers, estimates.numbers, strict=True):
         pairs = block.pairs
-        truth = truths.numbers[number][pairs["truth"]]
-        estimate = estimates.numbers[number][pairs["estimate"]]
-        batch.append((truth, estimate, pairs["entries"]))
-        waiting += len(pairs)
-        if waiting > FEW_PAIRS or number == len(blocks) - 1:
-            yield batch
-            batch, waiting = [], 0
+        yield numbers[0][pairs["truth"]], numbers[1][pairs["estimate"]], pairs["entries"]
 
 
 def _cut(entries: Ints, most: int) -> tuple[Ints, NDArray[np.bool_]]:

@@ -14,18 +14,16 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.common.words import counted, natural
-from tgospa_eval.distances import Distance
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.engines.engine import Engine
 from tgospa_eval.engines.processes import PersistentPool, Processes
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import Axis, check_left
 from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
 from tgospa_eval.evaluation.evaluate import nested_timings, solver_record, solver_settings
 from tgospa_eval.evaluation.localisation import within_rounding
 from tgospa_eval.evaluation.prepare import fit, recorded_settings
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.formats import ROLES
+from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.input.listing import changed_file, stored
 from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, rows_together
@@ -34,61 +32,53 @@ from tgospa_eval.partitioned.sides import PartsSide, open_side
 from tgospa_eval.partitioned.steps import BlockPlan, clock_of, find_steps
 from tgospa_eval.partitioned.tables import write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
+from tgospa_eval.problem.metric_family import check_underflow
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Solution
-from tgospa_eval.problem.tgospa import check_underflow
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import FileInfo, Json, Labels
+from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.judged import digest_of_sums, judge
+from tgospa_eval.tracks.trajectories import Trajectories
 
 SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
 """Of fewer bytes of files, so many seconds of work are done before there are workers: to begin one
 takes a second. Of more it would take memory of this process as well."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SideSummary:
-    """What is known of a side when its rows are read.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SideSummary(Reading):
+    """What is known of a side when its rows are read; its trajectories are its stamps alone.
 
     Parameters
     ----------
-    missing : dict of str to str
-        As `Roles.lacking`.
-    left_out : dict of str to int
-        How many rows take no part, by rule.
-    named : set of str
-        Classes of all rows, if they were asked for.
     at_steps : int
         How many rows that take part have stamps that are steps.
     sums : list of tuple of int
         `row_sums` of these rows in each block.
-    warnings : list of Notice
-        What was repaired.
     """
 
-    missing: dict[str, str]
-    left_out: dict[str, int]
-    named: frozenset[str]
     at_steps: int
     sums: list[tuple[int, ...]]
-    warnings: list[Notice]
 
     @classmethod
     def of(cls, side: PartsSide, blocks: Sequence[Json]) -> "SideSummary":
         """Of what `scan` says of all blocks."""
-        left_out = Counter(side.left_out)
+        left_out = Counter(side.steps.left_out)
         for block in blocks:
             left_out.update(block["left_out"])
         repaired = {tuple(one.items()): one for block in blocks for one in block["warnings"]}
         return cls(
+            trajectories=Trajectories.of_times(side.times, side.columns, side.clock),
+            rows=side.steps.rows,
+            format=side.format,
             missing=side.roles.missing,
             left_out=dict(left_out),
-            named=frozenset(name for block in blocks for name in block["named"]),
+            named=tuple({name for block in blocks for name in block["named"]}),
             at_steps=sum(block["at_steps"] for block in blocks),
             sums=[tuple(block["sums"]) for block in blocks],
-            warnings=[Notice(**one).about(side.path) for one in repaired.values()],
+            warnings=tuple(Notice(**one).about(side.path) for one in repaired.values()),
         )
 
     @property
@@ -173,7 +163,6 @@ def evaluate_partitioned(
             clocks = clock_of(truth), clock_of(estimate)
             check_columns(*clocks, paths)
             request = request_of(truth.columns)
-            _check_request(request)
             axis, grid, cut = find_steps(sides, clocks, request, paths)
 
         def summaries(read: list[list[Json]]) -> tuple[SideSummary, ...]:
@@ -206,26 +195,6 @@ def evaluate_partitioned(
     )
 
 
-def _check_request(request: EvaluationRequest) -> None:
-    """Whether an evaluation in parts has what is asked for.
-
-    Raises
-    ------
-    ConfigError
-        It needs all data at once.
-    """
-    if type(request.distance).fitted is not Distance.fitted:
-        raise ConfigError(
-            f"--distance {request.distance.name} takes settings from all data at once, which are "
-            "not in memory: evaluate a part, or choose a distance without such settings"
-        )
-    if not isinstance(request.solver, Certified):
-        raise ConfigError(
-            f"--solver {request.solver.name} solves what is in memory; data in parts are for the "
-            "solver certified"
-        )
-
-
 def _result(
     known: Sequence[SideSummary],
     axis: Axis,
@@ -241,7 +210,7 @@ def _result(
     """The result, its tables written."""
     request, sides, proof = cut.request, cut.sides, found.proof
     for side, numbered in zip(sides, found.tracks, strict=True):
-        if numbered.rows.sum() == side.rows:  # else filters may have left out the other ids
+        if numbered.rows.sum() == side.steps.rows:  # else filters may have left out the other ids
             side.check_ids(numbered.ids)
     parameters, solver, bounds = request.parameters, request.solver, proof.bounds
     assert isinstance(solver, Certified)
@@ -284,10 +253,12 @@ def _result(
         solver=solver_record(solver, solution, parameters, met=bounds.met(solver.gap)),
         timings={},
         input={
-            role: FileInfo(rows=side.rows, format=side.format, left_out=one.left_out).record(
-                digest_of_sums(side.columns, one.sums), {rule: 0 if cut.resampled else one.off}
+            role: input_record(
+                one.record,
+                digest_of_sums(one.trajectories.columns, one.sums),
+                {rule: 0 if cut.resampled else one.off},
             )
-            for role, side, one in zip(ROLES, sides, known, strict=True)
+            for role, one in zip(ROLES, known, strict=True)
         },
         judged_on=judge(
             axis.horizon,

@@ -20,18 +20,17 @@ from tgospa_eval.partitioned.scan import READ, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import (
     PARTS_OF_TRACKS,
     PartialSums,
-    long_name,
     solve_shard,
     sort_entries,
 )
 from tgospa_eval.partitioned.steps import BlockPlan
 from tgospa_eval.partitioned.tasks import Task, run_tasks
 from tgospa_eval.problem.certificate import lower_cost, upper_cost
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import down
 from tgospa_eval.problem.problem import Ints, Problem
 from tgospa_eval.problem.readout import PerTrack
 from tgospa_eval.problem.solution import Bounds, Breakdown
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.records import Costs, Json
 from tgospa_eval.solvers.certified import Certified
 
@@ -410,7 +409,7 @@ def _shuffle(
             scanned=str(block.folder),
             numbers=(tracks[0].numbers[k], tracks[1].numbers[k]),
             shard_of_truth=shards.of_truth[tracks[0].numbers[k]],
-            long=shards.long,
+            shards=len(shards.long),
         )
         for k, block in enumerate(blocks)
         if block.near
@@ -454,7 +453,13 @@ def _solve(
     for number in np.flatnonzero(shards.long).tolist():
         name = str(work / "long" / f"{number:06d}")
         joined = solve_long(
-            [str(Path(folder) / long_name(number)) for folder in folders],
+            [
+                (
+                    f"{folder}/entries.npy",
+                    *np.load(f"{folder}/entries.first.npy")[number : number + 2].tolist(),
+                )
+                for folder in folders
+            ],
             parameters,
             name,
             partial(stages.run, "solving a long component"),

@@ -14,15 +14,17 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.partitioned.tasks import left_until, writing_folder
 from tgospa_eval.problem.certificate import prove, unpaired_prices
 from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats, Ints, Problem
 from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
 from tgospa_eval.problem.solution import Breakdown
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers.certified import Certified
 
 ENTRY = np.dtype([("step", "<i4"), ("truth", "<i4"), ("estimate", "<i4"), ("cost", "<f8")])
 """A near pair: global numbers of step and tracks, and (d / c)^p."""
+
+Table = NDArray[np.void]
 
 HELD = np.dtype(
     [("truth", "<i4"), ("estimate", "<i4"), ("begin", "<i4"), ("end", "<i4"), ("weight", "<i8")]
@@ -78,13 +80,26 @@ PARTS_OF_TRACKS = ("localisation", "unassigned", "switch", "unassigned_count", "
 """What is known of each track, as `problem.readout.PerTrack` has it."""
 
 
+def save_parts(folder: Path, name: str, table: Table, part: Ints, parts: int) -> None:
+    """Write a table by the part that each of its rows belongs to, in the order they come in."""
+    small = part.astype(np.uint16 if parts <= 1 << 16 else np.int64)  # the first: sorted by radix
+    first = np.zeros(parts + 1, np.int64)
+    np.cumsum(np.bincount(part, minlength=parts), out=first[1:])
+    np.save(folder / f"{name}.first.npy", first)
+    np.save(folder / f"{name}.npy", table[np.argsort(small, kind="stable")])
+
+
+def load_part(folder: Path, name: str, part: int | None = None) -> Table:
+    """One part of a table, or all."""
+    table = np.load(folder / f"{name}.npy", mmap_mode="r")
+    if part is None:
+        return np.array(table)
+    first = np.load(folder / f"{name}.first.npy")
+    return np.array(table[first[part] : first[part + 1]])
+
+
 def sort_entries(
-    output: str,
-    *,
-    scanned: str,
-    numbers: tuple[Ints, Ints],
-    shard_of_truth: Ints,
-    long: NDArray[np.bool_],
+    output: str, *, scanned: str, numbers: tuple[Ints, Ints], shard_of_truth: Ints, shards: int
 ) -> None:
     """Write the entries of a block with global numbers, by shard and then by time.
 
@@ -98,39 +113,16 @@ def sort_entries(
         Global numbers of its truths and estimates.
     shard_of_truth : (k,) int array
         Shard of each of its truths.
-    long : (N,) bool array
-        Which shards are a long component, with a file of its own; these are the first.
+    shards : int
+        How many there are.
     """
     entry = np.load(Path(scanned) / "entries.npy")
     shard = shard_of_truth[entry["truth"]]
+    # Blocks number their tracks in the order of the whole, so entries of a step stay sorted.
     entry["truth"] = numbers[0][entry["truth"]]
     entry["estimate"] = numbers[1][entry["estimate"]]
-    # Blocks number their tracks in the order of the whole, so entries of a step stay sorted.
-    order = np.argsort(shard, kind="stable")
-    first = np.zeros(len(long) + 1, np.int64)
-    np.cumsum(np.bincount(shard, minlength=len(long)), out=first[1:])
-    entry = entry[order]
-    others = int(first[np.count_nonzero(long)])  # long ones are the first
     with writing_folder(output) as folder:
-        np.save(folder / "first.npy", first - others)
-        for number in np.flatnonzero(long).tolist():
-            np.save(folder / long_name(number), entry[first[number] : first[number + 1]])
-        np.save(folder / "entries.npy", entry[others:])
-
-
-def long_name(number: int) -> str:
-    """The file of the entries of a long component in the folder of a block."""
-    return f"long-{number:06d}.npy"
-
-
-def entries_of(folders: tuple[str, ...], shard: int) -> NDArray[np.void]:
-    """All entries of a shard, by time."""
-    parts = [np.zeros(0, ENTRY)]
-    for folder in map(Path, folders):
-        low, high = np.load(folder / "first.npy", mmap_mode="r")[shard : shard + 2].tolist()
-        if low < high:
-            parts.append(np.asarray(np.load(folder / "entries.npy", mmap_mode="r")[low:high]))
-    return np.concatenate(parts)
+        save_parts(folder, "entries", entry, shard, shards)
 
 
 ASSIGNED_PAIR = np.dtype([*ENTRY.descr, ("weight", "<f8")])
@@ -172,7 +164,7 @@ def solve_shard(
     end : float, optional
         In `time.time()`: what is reached by then is written.
     """
-    entry = entries_of(folders, number)
+    entry = np.concatenate([load_part(Path(folder), "entries", number) for folder in folders])
     numbers = np.unique(entry["truth"]), np.unique(entry["estimate"])
     first = int(entry["step"].min())
     problem = problem_of(entry, first, numbers, parameters)
@@ -210,7 +202,7 @@ def solve_shard(
 def contribute(
     folder: Path,
     *,
-    tables: Mapping[str, NDArray[np.void]] | None = None,
+    tables: Mapping[str, Table] | None = None,
     truths: Mapping[str, Any] | None = None,
     estimates: Mapping[str, Any] | None = None,
     share: PartialSums | None = None,
@@ -244,7 +236,7 @@ def within(solver: Certified, end: float | None) -> Certified:
 
 
 def problem_of(
-    entry: NDArray[np.void], first: int, numbers: tuple[Ints, Ints], parameters: Parameters
+    entry: Table, first: int, numbers: tuple[Ints, Ints], parameters: Parameters
 ) -> Problem:
     """Entries as a problem of their own, whose objects are those that have an entry.
 
@@ -293,7 +285,7 @@ def problem_of(
 
 def tables_of(
     states: States, weights: Ints, first: int, numbers: tuple[Ints, Ints]
-) -> dict[str, NDArray[np.void]]:
+) -> dict[str, Table]:
     """The assignment with global numbers, by the names of the files."""
     truths, estimates = numbers
     used = read_assigned(states, weights)

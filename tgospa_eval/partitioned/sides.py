@@ -7,16 +7,17 @@ whatever the files are, in which order and however their times overlap.
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
+from operator import itemgetter
 from pathlib import Path
-from typing import Any, ClassVar, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import freeze
+from tgospa_eval.common.arrays import freeze, in_batches
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.assemble import (
@@ -33,7 +34,7 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import Times
-from tgospa_eval.partitioned.input.listing import File, check_options, files_of, state_of
+from tgospa_eval.partitioned.input.listing import File, files_of, state_of
 from tgospa_eval.partitioned.input.runs import (
     Moments,
     merged_moments,
@@ -105,17 +106,15 @@ def index_side(
         Times cannot be converted, or are of another kind than --time.
     """
     pieces = (text_pieces if format == "csv" else table_pieces)(files, options, rows_together)
-    tasks: dict[str, Task] = {}
-    waiting: list[FilePiece] = []
-    rows = 0
-    for number, (piece, count) in enumerate(pieces, 1):
-        waiting.append(piece)
-        rows += count
-        if rows >= rows_together or number == len(pieces):
-            tasks[str(store / "runs" / f"{len(tasks):06}")] = partial(
-                write_runs, pieces=tuple(waiting), options=options, rows_together=rows_together
-            )
-            waiting, rows = [], 0
+    tasks: dict[str, Task] = {
+        str(store / "runs" / f"{number:06}"): partial(
+            write_runs,
+            pieces=[piece for piece, _ in some],
+            options=options,
+            rows_together=rows_together,
+        )
+        for number, some in enumerate(in_batches(pieces, itemgetter(1), rows_together))
+    }
     run(tasks)
     runs = [
         folder
@@ -225,8 +224,8 @@ class SideSteps:
         What the times are.
     rows : int
         Rows of all files.
-    outside : int
-        How many of them --time leaves out.
+    left_out : dict of str to int
+        How many of them --time leaves out, by its rule.
     runs : list of str
         Folders of the rows.
     ends : (N, 2) array
@@ -241,7 +240,7 @@ class SideSteps:
     converted: bool
     clock: str
     rows: int
-    outside: int
+    left_out: dict[str, int]
     runs: list[str]
     ends: Floats | Ints
 
@@ -259,7 +258,7 @@ def decoded(texts: NDArray[np.bytes_]) -> NDArray[np.object_]:
 
 def _save_steps(
     moments: Moments, options: ReadOptions, folder: Path, name: str
-) -> dict[str, int | bool]:
+) -> dict[str, object]:
     """Write the steps of a side into a folder; what else is to be known of them."""
     labels = None if moments.label is None else decoded(moments.label)
     times, shown = options.conversion.times(moments.value, moments.clock, labels, name)
@@ -276,7 +275,11 @@ def _save_steps(
         kept["texts"] = moments.label[inside]
     for key, array in kept.items():
         np.save(folder / f"{key}.npy", array)
-    return {"outside": int(moments.count[~inside].sum()), "converted": times is not moments.value}
+    outside = int(moments.count[~inside].sum())
+    return {
+        "left_out": {"time": outside} if outside else {},
+        "converted": times is not moments.value,
+    }
 
 
 @lru_cache(maxsize=4)
@@ -343,35 +346,29 @@ class PartsSide:
         return self.roles.names
 
     @property
+    def steps(self) -> SideSteps:
+        """Its steps within the range of time that is asked for."""
+        return steps_of(self.store)
+
+    @property
     def clock(self) -> str:
         """What the times are: "number", "local" or "zoned"."""
-        return steps_of(self.store).clock
-
-    @property
-    def rows(self) -> int:
-        """Rows of all files."""
-        return steps_of(self.store).rows
-
-    @property
-    def left_out(self) -> dict[str, int]:
-        """How many of them are outside the range of time."""
-        outside = steps_of(self.store).outside
-        return {"time": outside} if outside else {}
+        return self.steps.clock
 
     @property
     def times(self) -> TimeArray:
         """(T,) distinct times in order, on the clock of the evaluation."""
-        return steps_of(self.store).times
+        return self.steps.times
 
     @property
     def counts(self) -> Ints:
         """(T,) rows at each time, those included that take no part."""
-        return steps_of(self.store).counts
+        return self.steps.counts
 
     @property
     def labels(self) -> NDArray[np.object_] | None:
         """(T,) times as they are shown, where they are no numbers."""
-        labels = steps_of(self.store).labels
+        labels = self.steps.labels
         return None if labels is None else decoded(labels)
 
     def read(self, first: float, last: float) -> Reading:
@@ -384,7 +381,7 @@ class PartsSide:
         InputError
             A row is wrong, an (id, t) is repeated, or a file is damaged; the message names them.
         """
-        steps = steps_of(self.store)
+        steps = self.steps
         begin = int(np.searchsorted(steps.times, first, side="left"))
         end = int(np.searchsorted(steps.times, last, side="right"))
         if begin >= end:
@@ -398,15 +395,11 @@ class PartsSide:
         ids = rows.ids
         if [*ids[0][:2]] == ["-1"]:  # other blocks may have others: see `check_ids`
             ids = np.array(["-1", ""], dtype=object), ids[1]
-        rows = _BlockRows(
-            name=rows.name,
-            roles=rows.roles,
+        rows = replace(
+            rows,
             ids=ids,
             times=Times(value=value, clock=rows.times.clock, text=None),
-            numbers=rows.numbers,
-            where=rows.where,
-            classes=rows.classes,
-            text=steps.read_as,
+            told=steps.read_as,
         )
         reading = assemble(rows, _settled(self.options), self.format)
         found = reading.trajectories
@@ -451,12 +444,12 @@ class PartsSide:
             The only id is -1, as of detections.
         """
         only = ids[0] if len(ids) == 1 else ""
-        if only == "-1" and self.rows > 1 and self.options.on_duplicate == "error":
+        if only == "-1" and self.steps.rows > 1 and self.options.on_duplicate == "error":
             raise InputError(only_detections(self.path))
 
     def _parts(self, low: int | float, high: int | float) -> Iterator[Rows]:
         """Rows of the runs in a range of time, in the order of the files."""
-        steps = steps_of(self.store)
+        steps = self.steps
         first, last = steps.ends.T
         for k in np.flatnonzero((first <= high) & (last >= low)).tolist():
             rows = run_rows(steps.runs[k], (low, high), self.roles, self.options)
@@ -498,7 +491,6 @@ def open_side(
         Something is asked for that needs all rows at once, or a package is missing.
     """
     name = os.fsdecode(path)
-    check_options(name, options)
     format, files = files_of(name)
     store = work.absolute() / f"{role}-{_key(format, files, options, rows_together)}"
     if not (store / "steps").exists():
@@ -529,24 +521,6 @@ def _settled(options: ReadOptions) -> ReadOptions:
     """Options for rows whose times are settled."""
     conversion = replace(options.conversion, time_offset=0.0, time_scale=1.0)
     return replace(options, time=None, conversion=conversion)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _BlockRows(Rows):
-    """Rows whose times are told as they were read.
-
-    Parameters
-    ----------
-    text : callable
-        Of a time.
-    """
-
-    whole: ClassVar[bool] = False
-    text: Callable[[float], str | float]
-
-    def moment(self, row: int) -> str | float:
-        """Time of a row as read."""
-        return self.text(self.times.value[row].item())
 
 
 def _labelled(block: Trajectories, labels: NDArray[np.object_]) -> Trajectories:

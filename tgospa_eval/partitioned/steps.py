@@ -14,6 +14,7 @@ from typing import TypeAlias, cast
 
 import numpy as np
 
+from tgospa_eval.common.arrays import stretches
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import Axis, Sides, on_axis, periods_of
@@ -148,9 +149,7 @@ class Resampled:
 
     def _neighbours(self, span: slice, *, last: bool) -> Trajectories:
         """The last state of each track at some stamps, or the first."""
-        rows = np.cumsum(self.side.counts[span])
-        cuts = np.flatnonzero(np.diff(rows // self.most)) + 1
-        edges = [span.start, *(span.start + cuts).tolist(), span.stop]
+        edges = (span.start + stretches(self.side.counts[span], self.most)).tolist()
         found = self._seen(read_times(self.side, slice(0)).trajectories)
         for low, high in itertools.pairwise(edges):
             part = self._seen(read_times(self.side, slice(low, high)).trajectories)
@@ -261,9 +260,8 @@ class BlockPiece:
             begin = np.searchsorted(self.times, side.times[first], side="left")
             end = np.searchsorted(self.times, side.times[last], side="right")
             states += np.bincount(begin, minlength=size + 1) - np.bincount(end, minlength=size + 1)
-        before = np.cumsum(np.cumsum(states))[:size]
-        cuts = np.flatnonzero(np.diff(before // max(most // SHARES, 1))) + 1
-        return [slice(*edges) for edges in itertools.pairwise([0, *cuts.tolist(), size])]
+        edges = stretches(np.cumsum(states)[:size], max(most // SHARES, 1))
+        return [slice(*ends) for ends in itertools.pairwise(edges.tolist())]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -322,10 +320,8 @@ class BlockPlan:
         rows = np.zeros(len(moments), np.int64)
         for side, own in zip(self.sides, self.moments, strict=True):
             rows[np.searchsorted(moments, own)] += side.counts
-        before = np.cumsum(rows) - rows
         together = max(most // SHARES, 1) if self.resampled else most
-        cuts = np.flatnonzero(np.diff(before // together, prepend=-1))
-        for begin, end in itertools.pairwise([*cuts.tolist(), len(moments)]):
+        for begin, end in itertools.pairwise(stretches(rows, together).tolist()):
             yield self._between(moments[begin].item(), moments[end - 1].item(), together)
 
     def piece(self, low: int, high: int) -> BlockPiece:

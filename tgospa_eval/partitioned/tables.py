@@ -16,14 +16,15 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import stretches
 from tgospa_eval.common.files import named
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.partitioned.shards import ASSIGNED_PAIR, SWITCHED
 from tgospa_eval.partitioned.tasks import Run, Task, run_tasks, writing, writing_folder
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.readout import PerTrack
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.partitioned import IN_PARTS, StoredTables, name_of
 from tgospa_eval.results.records import Arrays, Costs, step_columns, track_columns
 
@@ -78,7 +79,7 @@ def write_switches(path: str, pieces: Sequence[Path], names: Names, parameters: 
         }
 
     paths = tuple(map(str, pieces))
-    edges = _edges(_rows_by_step(paths, len(names["times"])), ROWS_AT_ONCE)
+    edges = stretches(_rows_by_step(paths, len(names["times"])), ROWS_AT_ONCE)
     write_table(path, columns, in_order(paths, edges), np.zeros(0, SWITCHED))
 
 
@@ -229,16 +230,16 @@ def parts_of(
     """
     paths = tuple(map(str, pieces))
     rows = _rows_by_step(paths, steps)
-    parts = _edges(rows, ROWS_A_PART)
+    parts = list(itertools.pairwise(stretches(rows, ROWS_A_PART))) or [(0, 0)]
     return {
         str(Path(folder, f"part-{number:05d}.parquet")): partial(
             write_part,
             pieces=paths,
-            edges=low + _edges(rows[low:high], ROWS_AT_ONCE),
+            edges=low + stretches(rows[low:high], ROWS_AT_ONCE),
             names=names,
             parameters=parameters,
         )
-        for number, (low, high) in enumerate(itertools.pairwise(parts))
+        for number, (low, high) in enumerate(parts)
     }
 
 
@@ -273,13 +274,6 @@ def _rows_by_step(pieces: Sequence[str], steps: int) -> Ints:
             found = np.bincount(step - step[0])
             counts[step[0] : step[0] + len(found)] += found
     return counts
-
-
-def _edges(rows: Ints, most: int) -> Ints:
-    """Steps cut into stretches of about `most` rows: the first of each, and the end."""
-    before = np.cumsum(rows) - rows
-    cuts = np.flatnonzero(np.diff(before // most, prepend=-1) > 0)
-    return np.append(cuts, len(rows)) if len(cuts) else np.array([0, len(rows)])
 
 
 # -------------------------------------------------------------------------------------------------

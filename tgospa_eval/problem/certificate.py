@@ -15,8 +15,8 @@ from tgospa_eval.errors import SolverError
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.paths import best_values, down, lower_sums, relative_gains, row_steps, up
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by, sum_parts
-from tgospa_eval.problem.reduced import forced_cost
 from tgospa_eval.problem.slots import PART, Slots
+from tgospa_eval.problem.smaller_cutoff import forced_cost
 from tgospa_eval.problem.solution import Bounds, Breakdown, Reduced, Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import (
@@ -180,7 +180,7 @@ def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
 def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = ()) -> Floats:
     """Lower bound of the cost of the objects of each block, (B,), from any prices >= 0.
 
-    Where blocks were solved at smaller cutoffs (`problem.reduced`), it is the best of those.
+    Where blocks were solved at smaller cutoffs (`problem.smaller_cutoff`), it is the best of those.
     """
     blocks = len(states.block_begin)
     lower = np.zeros(blocks)
@@ -317,7 +317,7 @@ def idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats
 def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
     """``V(C) >= V(s C) + (1 - s) forced``, of bounds of the blocks at s C those of the whole, (B,).
 
-    See `problem.reduced`. 0 for blocks that `part` does not stand for.
+    See `problem.smaller_cutoff`. 0 for blocks that `part` does not stand for.
     """
     blocks, scale = len(states.block_begin), part.scale
     home = home_blocks(states, part.states)

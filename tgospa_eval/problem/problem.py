@@ -79,7 +79,7 @@ class Problem:
     rounding : float
         An optimum below this says nothing: it may come from the last places of the states alone.
     distance_power : (N,) float array, optional
-        (d / c)^p of each entry, where the cost is another part of A + B: see `problem.tgospa`.
+        (d / c)^p of each entry, where the cost is another part of A + B: see `weight_existence`.
     signed : bool
         Whether gains may be negative. Such a problem is for solvers, not for the certificate.
     """

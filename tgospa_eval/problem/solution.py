@@ -70,7 +70,7 @@ class Reduced:
     Parameters
     ----------
     states : States
-        The problem of these blocks at the smaller cutoff, from `problem.reduced`.
+        The problem of these blocks at the smaller cutoff, from `problem.smaller_cutoff`.
     blocks : (B,) bool array
         Which blocks of the whole they are.
     scale : float

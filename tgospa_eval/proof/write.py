@@ -18,14 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval._version import __version__
-from tgospa_eval.distances.base import DistanceSettings
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.certificate import fair_prices, lower_bounds, of_whole
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats, Ints, Problem
-from tgospa_eval.problem.reduced import vertex_cover
+from tgospa_eval.problem.smaller_cutoff import vertex_cover
 from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.verify_tgospa import CLOSED
@@ -145,9 +144,8 @@ def _csv(header: Iterable[str], *columns: Iterable[str]) -> str:
 # -------------------------------------------------------------------------------------------------
 # From the prices of the solver to prices of using an estimate at a step, as whole numbers.
 #
-# A checker that knows no reduction needs one kind of price: v_j(k) >= 0 of the estimate j at
-# the step
-# k, at the cutoff of the user. Three things differ in a `Solution`.
+# A checker that knows no reduction needs one kind of price: v_j(k) >= 0 of the estimate j at the
+# step k, at the cutoff of the user. Three things differ in a `Solution`.
 #
 # - A price of a slot is paid once, by whoever holds the estimate in it. It is put on the first step
 #   of the slot: within a slot nothing gains, so nobody enters between two of its steps.
@@ -159,8 +157,8 @@ def _csv(header: Iterable[str], *columns: Iterable[str]) -> str:
 #   gains at most the sum of G_i(k) - v(k) + a_i(k) - a_i(k-1) <= 0; and the prices sum to the
 #   optimum.
 # - Blocks at a smaller cutoff price s: with the prices v' there and the vertex cover (y, z) of
-#   `problem.reduced`, v = s v' + (1 - s) z. Proof: a gain is G <= s G' + (1 - s) (y + z), so each
-#   truth gains at most what it does there, and (1 - s) y.
+#   `problem.smaller_cutoff`, v = s v' + (1 - s) z. Proof: a gain is
+#   G <= s G' + (1 - s) (y + z), so each truth gains at most what it does there, and (1 - s) y.
 
 Prices = Counter[tuple[int, int]]
 """Price by estimate and step, in units of 2^-bits c^p."""
@@ -425,7 +423,7 @@ def proof_parameters(compared: ComparedSides, parameters: Parameters) -> dict[st
         },
         **{
             name: settings[name]
-            for name in DistanceSettings.__annotations__
+            for name in verify_tgospa.EXTRAS[str(settings["distance"])].split()
             if name in settings and name not in COLUMN_NUMBERS
         },
     }

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from tgospa_eval.common.notices import Notice, as_option
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, in_both, number, plain, shortest
 from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines, wrap
 from tgospa_eval.results.records import Json, Time
@@ -155,7 +155,7 @@ def _clock(clock: Json) -> str:
     """The stamps of the estimate that fit better."""
     values = {name: clock[name] for name in ("time_scale", "time_offset")}
     settings = " ".join(
-        as_option(name, plain(value))
+        f"--{name.replace('_', '-')} {plain(value)}"
         for (name, value), neutral in zip(values.items(), (1, 0), strict=True)
         if value != neutral
     )

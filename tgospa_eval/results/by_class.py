@@ -12,7 +12,7 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.problem.solution import Bounds, Brackets, Breakdown
-from tgospa_eval.results.records import PARTS, Columns, Costs, FileInfo, Json
+from tgospa_eval.results.records import PARTS, Columns, Costs, Json, input_record
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.slices import Slicing, added_up
 from tgospa_eval.results.summary import Summary
@@ -67,15 +67,15 @@ class ByClass(Summary):
         }
 
 
-def add_up(results: dict[str, Result], files: tuple[FileInfo, FileInfo], read: float) -> ByClass:
+def add_up(results: dict[str, Result], files: Sequence[Json], read: float) -> ByClass:
     """The sum of the results of all classes.
 
     Parameters
     ----------
     results : dict
         By class, at least one, all on the same steps and with the same settings.
-    files : pair of FileInfo
-        The two files, for the result.
+    files : pair of dict
+        The two files, as of `input_record`.
     read : float
         Seconds that reading took.
     """
@@ -121,8 +121,8 @@ def add_up(results: dict[str, Result], files: tuple[FileInfo, FileInfo], read: f
         },
         timings=_sum_of_times([part.timings for part in parts], read),
         input={
-            side: _joined_input(info, {name: part.input[side] for name, part in results.items()})
-            for side, info in zip(("truth", "estimate"), files, strict=True)
+            side: _joined_input(file, {name: part.input[side] for name, part in results.items()})
+            for side, file in zip(("truth", "estimate"), files, strict=True)
         },
         judged_on=replace(
             first.judged_on,
@@ -158,7 +158,7 @@ def _sum_of_brackets(found: list[B | None]) -> B | None:
     return replace(asked[0], **sums)
 
 
-def _joined_input(info: FileInfo, inputs: dict[str, Json]) -> Json:
+def _joined_input(file: Json, inputs: dict[str, Json]) -> Json:
     """The record of a file, with the rows that the grid left out and a digest of its classes."""
     # Those of the other file are left out: the truth has a digest of its own.
     sha256 = _joined_digest((name, one["sha256"]) for name, one in inputs.items() if one["rows"])
@@ -166,7 +166,7 @@ def _joined_input(info: FileInfo, inputs: dict[str, Json]) -> Json:
         option: sum(one["left_out"].get(option, 0) for one in inputs.values())
         for option in ("grid", "steps")
     }
-    return info.record(sha256, off)
+    return input_record(file, sha256, off)
 
 
 def _joined_digest(digests: Iterable[tuple[str, str]]) -> str:

@@ -1,17 +1,16 @@
 """The plain records of a result: tables, labels, costs, and the parts of its JSON document."""
 
 from collections.abc import Mapping
-from dataclasses import field
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.readout import PerTrack
 from tgospa_eval.problem.solution import Bounds, Breakdown
-from tgospa_eval.problem.tgospa import Parameters
 
 Part: TypeAlias = Literal["localisation", "missed", "false", "switch"]
 CountedPart: TypeAlias = Literal["missed", "false", "switch"]
@@ -74,34 +73,22 @@ MetricSums = Mapping[str, float | list[float]]
 """Numbers of other metrics, by metric and name; with the similarity that they compare."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FileInfo:
-    """The file of a side.
+def input_record(file: Json, sha256: str, off: Mapping[str, int]) -> Json:
+    """The record of the file of a side.
 
     Parameters
     ----------
-    rows : int
-        Rows of the file.
-    format : str, optional
-        How it was read.
-    left_out : mapping of str to int, optional
-        Rows that do not take part, by the rule or option that left them out.
+    file : dict
+        Its ``rows`` and ``format``, and rows that do not take part, ``left_out``, by the rule or
+        option that left them out.
+    sha256 : str
+        Digest of what takes part.
+    off : mapping of str to int
+        Rows at steps that do not count, by option.
     """
-
-    rows: int
-    format: str | None = None
-    left_out: Mapping[str, int] = field(default_factory=dict)
-
-    def record(self, sha256: str, off: Mapping[str, int]) -> Json:
-        """The record of the JSON; `off` has rows at steps that do not count, by option."""
-        found: Json = {
-            "rows": self.rows,
-            "left_out": {**self.left_out, **{name: rows for name, rows in off.items() if rows}},
-            "sha256": sha256,
-        }
-        if self.format is not None:
-            found["format"] = self.format
-        return found
+    left_out = file["left_out"] | {name: rows for name, rows in off.items() if rows}
+    found = {"rows": file["rows"], "left_out": left_out, "sha256": sha256}
+    return found | ({"format": file["format"]} if "format" in file else {})
 
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]

@@ -108,12 +108,12 @@ class Result(Summary):
         Bounds and assignment.
     labels, gap, settings, solver, timings, input, version
         Times and ids, the gap that counts as exact, options, and how it was made.
-    source : object, optional
-        What was evaluated and how, as `evaluation.prepare.Source`, for `explain` and `gradient`.
+    source : tuple, optional
+        What was evaluated and how, as of `evaluation.prepare.source_of`.
     """
 
     proof: Proof
-    source: object | None = None
+    source: tuple[Any, Any] | None = None
 
     def explain(self, top: int = 10) -> "Explanation":
         """Which single repairs of the estimate would save most, each with proven bounds.

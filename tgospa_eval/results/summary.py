@@ -18,9 +18,9 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
 from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.problem.metric_family import POWER
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Brackets, Windows
-from tgospa_eval.problem.tgospa import POWER
 from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.numbers import (
     PROBABILITIES,

@@ -157,9 +157,7 @@ def solve_in_batches(
         What may solve some blocks already.
     """
     progress = stopwatch.progress
-    limit = Limit(
-        deadline=None if time_limit is None else time.monotonic() + time_limit, progress=progress
-    )
+    limit = Limit.of(time_limit, progress)
 
     def base(inner: States, wanted: Mask, quickly: Mask) -> Solution:
         whole = inner is states

@@ -19,7 +19,8 @@ from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_batches
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.lp_rounds import Programmes
-from tgospa_eval.solvers.schedule import (
+from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
+from tgospa_eval.solvers.tuning import (
     ASCENT,
     PROGRAMMES,
     TIME_WINDOWS,
@@ -27,7 +28,6 @@ from tgospa_eval.solvers.schedule import (
     Stage,
     check_settings,
 )
-from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.solvers.whole_lp import solve_whole
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import REGRET, Floats, Ints, sum_by, sum_parts
 from tgospa_eval.problem.states import States, connected_components
 from tgospa_eval.solvers.block_costs import price_cap, unassigned_costs
-from tgospa_eval.solvers.schedule import ASCENT
+from tgospa_eval.solvers.tuning import ASCENT
 
 LINKS_EACH, FEWEST_LINKS, LEAST_THRESHOLD = 8, 100_000, 1e-3
 """A chain has at most so many links for each state, or so many; else its threshold is halved,

@@ -22,8 +22,8 @@ from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_batches
 from tgospa_eval.solvers.block_costs import better, price_cap, settle
 from tgospa_eval.solvers.capacities import CapacityRows, capacity_rows
-from tgospa_eval.solvers.schedule import check_settings
 from tgospa_eval.solvers.trivial import dual_values, round_paths, solve_rows
+from tgospa_eval.solvers.tuning import check_settings
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.warm_start import WarmStart

@@ -2,7 +2,7 @@
 
 Solvers work to absolute tolerances in units of c^p, which say nothing of costs far below these. At
 a cutoff that fits, the problem is an ordinary one, with far fewer near pairs; what its prices prove
-of the whole is in `problem.reduced`. Nothing here is trusted: the certificate evaluates
+of the whole is in `problem.smaller_cutoff`. Nothing here is trusted: the certificate evaluates
 the prices at the cutoff that they are for, and the assignment at that of the user.
 """
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.progress import Limit, Status
 from tgospa_eval.problem.certificate import home_blocks, lower_bounds, of_whole
 from tgospa_eval.problem.problem import Floats, sum_by
-from tgospa_eval.problem.reduced import reduce_cutoff
+from tgospa_eval.problem.smaller_cutoff import reduce_cutoff
 from tgospa_eval.problem.solution import Reduced, Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import repair

@@ -23,7 +23,7 @@ from tgospa_eval.problem.weights import ONE, repair
 from tgospa_eval.solvers.batches import BlockBatch
 from tgospa_eval.solvers.block_costs import share_of_digits
 from tgospa_eval.solvers.dual_ascent import Ascent
-from tgospa_eval.solvers.schedule import PROGRAMMES, WINDOWS
+from tgospa_eval.solvers.tuning import PROGRAMMES, WINDOWS
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.restricted_lp import Proposal

@@ -242,9 +242,8 @@ def _position(ordered: Ints, sought: Ints) -> Ints:
 # Where the simplex method starts: a basis that fits the prices.
 #
 # A starting basis marks columns and constraints as basic. It may be too large, too small or
-# singular:
-# whoever factors it leaves columns out and puts slacks in. It only decides how many iterations
-# follow.
+# singular: whoever factors it leaves columns out and puts slacks in. It only decides how many
+# iterations follow.
 
 Marks = NDArray[np.bool_]
 

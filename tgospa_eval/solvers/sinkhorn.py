@@ -24,8 +24,8 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_batches
 from tgospa_eval.solvers.dual_ascent import Ascent
-from tgospa_eval.solvers.schedule import check_settings
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
+from tgospa_eval.solvers.tuning import check_settings
 from tgospa_eval.solvers.whole_lp import solve_whole
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair
-from tgospa_eval.solvers.schedule import TIME_WINDOWS
+from tgospa_eval.solvers.tuning import TIME_WINDOWS
 
 FULLER = 1e-15
 """Sums of weights that exceed 1 by more are scaled."""

@@ -1,6 +1,6 @@
 """Attributes of states: what a table says of each beside where it is, by the name of its column."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import TypeAlias
 
 import numpy as np
@@ -50,23 +50,10 @@ def chosen(attributes: Attributes, rows: NDArray[np.integer]) -> dict[str, Value
     return {name: values[rows] for name, values in attributes.items()}
 
 
-def stacked(like: Attributes, parts: Iterable[tuple[Attributes, int]]) -> dict[str, Values]:
-    """The attributes that `like` has, of several parts in turn; missing where a part lacks one.
-
-    Parameters
-    ----------
-    like : mapping
-        Names, and whether they are numbers.
-    parts : iterable of mapping and int
-        Attributes of each part, and its rows.
-    """
-    parts = list(parts)
+def stacked(first: Attributes, second: Attributes, rows: int) -> dict[str, Values]:
+    """The attributes of the first, with so many more rows; missing where the second lacks one."""
     found: dict[str, Values] = {}
-    for name, values in like.items():
-        blank: object = np.nan if values.dtype.kind == "f" else ""
-        pieces = [
-            part[name] if name in part else np.full(rows, blank, values.dtype)
-            for part, rows in parts
-        ]
-        found[name] = np.concatenate([values[:0], *pieces])
+    for name, values in first.items():
+        missing = np.full(rows, np.nan if values.dtype.kind == "f" else "", values.dtype)
+        found[name] = np.concatenate((values, second.get(name, missing)))
     return found

@@ -12,8 +12,8 @@ from answer import Answer
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tgospa_eval.campaign import solvers
-from tgospa_eval.campaign.solvers import called, contradictions, errors, referee
+from tgospa_eval.campaign import solver_runs
+from tgospa_eval.campaign.solver_runs import called, contradictions, errors, referee
 from tgospa_eval.common.interval import Interval, equal, excess, less, narrowest, overlap, places
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.evaluation.prepare import Prepared
@@ -88,12 +88,12 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Run solvers in this process, with a change to what they answer."""
 
     def here(change: Callable[[Solver, Json], Json] = lambda _, made: made) -> None:
-        run_here = solvers.run_here
+        run_here = solver_runs.run_here
 
         def run(prepared: Prepared, solver: Solver, progress: Progress) -> Json:
             return change(solver, run_here(prepared, solver, progress))
 
-        monkeypatch.setattr(solvers, "run_here", run)
+        monkeypatch.setattr(solver_runs, "run_here", run)
 
     return here
 

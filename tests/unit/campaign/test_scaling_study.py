@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from answer import Answer
 
-from tgospa_eval.campaign import solvers, study
+from tgospa_eval.campaign import solver_runs, study
 from tgospa_eval.campaign.study import LOG_NAME, Log, opened, spread
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.simulation import Scene, Tracker
@@ -176,7 +176,7 @@ def test_failing_and_contradicting_scenes_are_counted(
     tmp_path: Path, invoke: Invoke, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of four scenes the first cannot be made, a solver fails in the second, the third is wrong."""
-    kept = {"prepare": study.prepare, "run_here": solvers.run_here}
+    kept = {"prepare": study.prepare, "run_here": solver_runs.run_here}
     scenes = iter(range(1, 5))
     at = [0]
 
@@ -195,7 +195,7 @@ def test_failing_and_contradicting_scenes_are_counted(
         return made
 
     monkeypatch.setattr(study, "prepare", prepare)
-    monkeypatch.setattr(solvers, "run_here", run_here)
+    monkeypatch.setattr(solver_runs, "run_here", run_here)
     call = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "4", "--epsilon",
             "0.1", "-q", "-o", str(tmp_path), "--format", "json")  # fmt: skip
     answer = invoke(*call)

@@ -22,8 +22,8 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance, of_object
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution

@@ -7,7 +7,7 @@ from tgospa_eval.partitioned.long.holding import hold_runs
 from tgospa_eval.partitioned.long.tables import BUSY
 from tgospa_eval.partitioned.shards import ENTRY, HELD, problem_of
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.weights import ONE
 
 HALF = ONE // 2

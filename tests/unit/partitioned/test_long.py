@@ -16,10 +16,10 @@ from tgospa_eval.partitioned.shards import ENTRY, PARTS_OF_TRACKS, PartialSums, 
 from tgospa_eval.partitioned.tasks import Run, Task, run_tasks
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.solution import Bounds, Breakdown
 from tgospa_eval.problem.states import connected_components
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.solvers.certified import Certified
 
@@ -68,11 +68,12 @@ def component(
 ) -> Callable[..., ComponentBounds]:
     """Solves it, from files of which none has whole steps only."""
     work.mkdir()
-    paths = [str(work / f"{number}.npy") for number in range(3)]
-    for path, part in zip(paths, np.array_split(entries, 3), strict=True):
-        np.save(path, part)
+    files = []
+    for number, part in enumerate(np.array_split(entries, 3)):
+        files.append((str(work / f"{number}.npy"), number, number + len(part)))
+        np.save(files[-1][0], np.concatenate((part[:number], part, part[:2])))  # beside others
     return partial(
-        solve_long, paths, parameters, str(work / "work"), together=together, overlap=overlap
+        solve_long, files, parameters, str(work / "work"), together=together, overlap=overlap
     )
 
 

@@ -13,7 +13,7 @@ from tgospa_eval.engines.processes import PersistentPool, Processes
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.partitioned import components, run, tasks
 from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.tracks.trajectories import Trajectories
 

@@ -7,7 +7,7 @@ import pytest
 from held_sides import plan
 
 from tgospa_eval.partitioned import evaluate as sample
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.tracks.alignment import align
 

@@ -176,8 +176,8 @@ def test_options(tmp_path: Path, options: dict[str, Any], ending: str) -> None:
     side = opened(parts, tmp_path / "work", 10, **options)
     check_blocks(side, reading.trajectories, cuts=(0, 3))
     blocks = [side.read(*ends[[0, -1]]) for ends in np.array_split(side.times, 3)]
-    assert sum(block.rows for block in blocks) + side.left_out.get("time", 0) == len(frame)
-    left_out = dict(side.left_out)
+    assert sum(block.rows for block in blocks) + side.steps.left_out.get("time", 0) == len(frame)
+    left_out = dict(side.steps.left_out)
     for rule, count in (item for block in blocks for item in block.left_out.items()):
         left_out[rule] = left_out.get(rule, 0) + count
     assert sum(left_out.values()) == sum(reading.left_out.values())

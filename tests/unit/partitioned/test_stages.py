@@ -9,7 +9,7 @@ from tgospa_eval.cli.shared.progress import line
 from tgospa_eval.common.progress import Progress, Stopwatch
 from tgospa_eval.partitioned.run import Stages
 from tgospa_eval.partitioned.shards import PartialSums
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.metric_family import Parameters
 
 NOTHING = np.zeros(1)
 

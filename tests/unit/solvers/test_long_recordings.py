@@ -18,7 +18,7 @@ from tgospa_eval.solvers.block_costs import price_cap
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.lp_rounds import cut_out, groups, windows
 from tgospa_eval.solvers.restricted_lp import solve_restricted_lp
-from tgospa_eval.solvers.schedule import PROGRAMMES, WINDOWS
+from tgospa_eval.solvers.tuning import PROGRAMMES, WINDOWS
 
 compiled_only = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
 

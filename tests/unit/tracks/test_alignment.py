@@ -17,7 +17,7 @@ from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import alignment_notices
 from tgospa_eval.evaluation.diagnosis.costs import StepRows, step_costs
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.tracks.alignment import GRIDS, INTERPOLATED, TimeMatching, align, nearest
 from tgospa_eval.tracks.trajectories import Trajectories
 

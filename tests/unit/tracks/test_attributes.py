@@ -9,7 +9,7 @@ import pytest
 
 from tgospa_eval import Trajectories, read_trajectories
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.explain.edits import AddedRows, Edit, TrackPiece, edited
+from tgospa_eval.explain.edits import AddedRows, Edit, edited
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.frames import from_frame
 from tgospa_eval.formats.text import lines
@@ -108,7 +108,7 @@ def test_rows_that_are_selected_joined_and_edited_keep_theirs() -> None:
             {"seen": seen},
         )
     # Track b becomes a track of its own from step 1 on; rows are added, one with an attribute.
-    edit = Edit(pieces={1: (TrackPiece(0, 0, 1), TrackPiece(1, 1, 2))}, fresh=("d",))
+    edit = Edit(pieces={1: ((0, 0, 1), (1, 1, 2))}, fresh=("d",))
     assert plain(edited(side, edit).attributes)["sensor"] == side.attributes["sensor"].tolist()
     state, at = np.zeros((2, 1)), np.array([2, 0])
     rows = AddedRows(

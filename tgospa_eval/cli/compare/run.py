@@ -13,7 +13,7 @@ from tgospa_eval.api.places import find_place
 from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.campaign.pairs import compared_runs, short_names
 from tgospa_eval.campaign.ranking import steps_columns, steps_costs
-from tgospa_eval.campaign.solvers import check_solvers
+from tgospa_eval.campaign.solver_runs import check_solvers
 from tgospa_eval.campaign.study import Study, carry_out, machine, opened, study_document
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, shielded

@@ -6,7 +6,7 @@ from dataclasses import replace
 from tgospa_eval.api.notices import about_defaults
 from tgospa_eval.api.options import DEFAULTS, FITTING, SETTINGS, Request
 from tgospa_eval.api.resolve import make_settings
-from tgospa_eval.cli.evaluate.run import not_reached, show
+from tgospa_eval.cli.evaluate.run import about_run, show
 from tgospa_eval.cli.evaluate.work import identity_of, work_folder
 from tgospa_eval.cli.shared.in_parts import memory_of
 from tgospa_eval.cli.shared.progress import bracket, shown
@@ -115,12 +115,8 @@ def evaluate_parts(
         notify = notifier(quiet=output.quiet)
         for notice in result.warnings:
             notify(notice)
-        if output.verbose:
-            for name, seconds in stopwatch.spans.items():
-                print_notice(f"{name:<20} {seconds:9.3f} s")
-        if not result.finished:
-            for text in not_reached(result, settings):
-                print_notice(text)
+        for text in about_run(result, settings, stopwatch, verbose=output.verbose):
+            print_notice(text)
         show(result, options, output, paths)
         return result.finished
 

@@ -77,16 +77,22 @@ def evaluate_files(
         return replace(result, settings_file=output.config)
 
     result = run(work, stopwatch, show=not output.quiet)
-    if output.verbose:
-        for text in _progress(result, stopwatch):
-            output_line(text)
-    if not result.finished:
-        for text in not_reached(result, settings):
-            output_line(text)
+    for text in about_run(result, settings, stopwatch, verbose=output.verbose):
+        output_line(text)
     return result, result.finished
 
 
-def not_reached(result: Summary, settings: Settings) -> Iterator[str]:
+def about_run(
+    result: Summary, settings: Settings, stopwatch: Stopwatch, *, verbose: bool
+) -> Iterator[str]:
+    """How it went, if that is asked for, and where the accuracy is not reached."""
+    if verbose:
+        yield from _progress(result, stopwatch)
+    if not result.finished:
+        yield from _not_reached(result, settings)
+
+
+def _not_reached(result: Summary, settings: Settings) -> Iterator[str]:
     """Where the accuracy that was asked for is not reached."""
     if result.certified:
         asked = ((result.traced, "step", " of the curve"), (result.slid, "window", ""))

@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.common.notices import Notice, Spelling, as_option
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, in_both, number
 from tgospa_eval.evaluation.axis import Axis, truth_gaps
 from tgospa_eval.evaluation.diagnosis.clock import clock_warnings
-from tgospa_eval.evaluation.diagnosis.costs import Sampler
+from tgospa_eval.evaluation.diagnosis.costs import FIRST_STEPS, Sample
 from tgospa_eval.evaluation.diagnosis.states import side_warnings, state_warnings
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching
-from tgospa_eval.tracks.durations import Duration
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.prepare import Fitted
@@ -26,9 +25,7 @@ if TYPE_CHECKING:
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of states that nobody has
-def diagnose(
-    sides: "Fitted", request: "EvaluationRequest", spell: Spelling = as_option
-) -> list[Notice]:
+def diagnose(sides: "Fitted", request: "EvaluationRequest") -> list[Notice]:
     """Warnings about two sides, and what is to be told of gaps of the truth.
 
     Parameters
@@ -37,23 +34,23 @@ def diagnose(
         Truth and estimate.
     request : EvaluationRequest
         What is asked of them.
-    spell : callable
-        How settings are written in remedies: `as_option` or `as_argument`.
     """
     aligned, parameters = sides.alignment, request.parameters
-    sampler = Sampler((aligned.truth, aligned.estimate), parameters, sides.distance.lower_bound)
+    pair, distance = (aligned.truth, aligned.estimate), sides.distance.lower_bound
+    sample = Sample(pair, parameters, distance, FIRST_STEPS)
     found = side_warnings(sides.read)
-    clock = clock_warnings(sides, request, sampler, spell)
+    clock = clock_warnings(sides, request, sample)
     found += clock
     if not any(notice.code in ("clock-shift", "stamps-near") for notice in clock):
-        found += state_warnings(sampler, spell)
-    found += silence_warnings(sides.axis, parameters, spell)
-    return found + gap_warnings(sides, request, spell)
+        found += state_warnings(sample)
+    found += silence_warnings(sides.axis, parameters)
+    return found + gap_warnings(sides, request)
 
 
 def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
     """What bringing sides to their steps took: interpolated states, and what was not used."""
-    for (side, made), gap in zip(axis.made, _gaps_of(axis, matching), strict=True):
+    for side, made in axis.made:
+        gap = matching.gaps[("truth", "estimate").index(side)]
         other = "truth" if side == "estimate" else "estimate"
         where = f"the stamps of the {other}"
         if matching.resample is not None:
@@ -72,14 +69,7 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
         )
 
 
-def _gaps_of(axis: "Axis", matching: TimeMatching) -> list[Duration]:
-    """The longest gap of each side that was interpolated."""
-    return [matching.gaps[("truth", "estimate").index(side)] for side, _ in axis.made]
-
-
-def silence_warnings(
-    axis: "Axis", parameters: Parameters, spell: Spelling = as_option
-) -> list[Notice]:
+def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
     """Where the estimate has no stamps: how long, and what it costs."""
     found = axis.silences
     if found is None:
@@ -96,8 +86,7 @@ def silence_warnings(
             Notice(
                 code="silences-not-charged",
                 text=f"{text}: silences are not charged, {states} in them are not judged",
-                remedy=f"leave {spell('outage', 'none')} out where the tracker reports at all "
-                "times",
+                remedy="leave --outage none out where the tracker reports at all times",
             )
         ]
     cost = found.states * (1 - parameters.rho) * parameters.cutoff**parameters.order
@@ -105,14 +94,12 @@ def silence_warnings(
         Notice(
             code="silences",
             text=f"{text}: {states} in them are missed, cost {number(cost)}",
-            remedy=f"{spell('outage', 'none')} if the tracker reports only when it sees something",
+            remedy="--outage none if the tracker reports only when it sees something",
         )
     ]
 
 
-def gap_warnings(
-    sides: "Fitted", request: "EvaluationRequest", spell: Spelling = as_option
-) -> list[Notice]:
+def gap_warnings(sides: "Fitted", request: "EvaluationRequest") -> list[Notice]:
     """Gaps of the truth, and what the estimate reports in them."""
     if not sides.axis.made:
         return []
@@ -134,14 +121,12 @@ def gap_warnings(
             code="truth-gaps",
             text=f"{text}: {counted(states, 'estimate state')} within c of the straight line "
             f"across are false because the truth is silent, cost up to {number(cost)}",
-            remedy=f"a longer {spell('max_gap', '')} if the truth moves straight in them",
+            remedy="a longer --max-gap if the truth moves straight in them",
         )
     ]
 
 
-def alignment_notices(
-    aligned: Alignment, matching: TimeMatching, spell: Spelling = as_option
-) -> list[str]:
+def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
     """What aligning two sides took: steps of both, stamps that were joined, rows left out."""
     others = aligned.union - aligned.common
     at = "what exists at the other is missed or false"
@@ -151,13 +136,11 @@ def alignment_notices(
     notices = [in_both(aligned.common, aligned.union) + (f"; {at}" * bool(costly))]
     if aligned.joined:
         pairs = counted(aligned.joined, "pair of stamps was", "pairs of stamps were")
-        notices.append(
-            f"{pairs} joined, at most {matching.near:.15g} apart ({spell('time_tolerance', '')})"
-        )
+        notices.append(f"{pairs} joined, at most {matching.near:.15g} apart (--time-tolerance)")
     if any(aligned.left_out):
         steps = aligned.union - len(aligned.truth.times)
         notices.append(
-            f"{counted(steps, 'step')} left out ({spell('grid', matching.grid)}), with "
+            f"{counted(steps, 'step')} left out (--grid {matching.grid}), with "
             f"{counted(aligned.left_out[0], 'row')} of the truth and {aligned.left_out[1]} of the "
             "estimate"
         )

@@ -11,19 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.common.arrays import median, places_of
+from tgospa_eval.common.arrays import median
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, Spelling
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, number, plain, shortest
+from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis.costs import (
-    FIRST_STEPS,
-    Sampler,
+    Sample,
     StepRows,
-    evenly,
-    occupied,
     step_costs,
 )
 from tgospa_eval.evaluation.diagnosis.offset import Fit, Search
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, nearest, within
 from tgospa_eval.tracks.durations import SECOND
@@ -63,21 +62,21 @@ RATES = 3.0
 """Rates of two files differ by no more where only the unit of their stamps does."""
 
 
-def clock_warnings(
-    sides: "Fitted", request: "EvaluationRequest", sampler: Sampler, spell: Spelling
-) -> list[Notice]:
+def clock_warnings(sides: "Fitted", request: "EvaluationRequest", sample: Sample) -> list[Notice]:
     """What looks wrong with the times of the two sides; parameters as of `diagnose`."""
-    found = [_few_common(sides, request.time_matching, spell)]
-    clock = None if _looks_sound(sampler) else find_clock(sides.given, sampler, request.recorded)
+    found = [_few_common(sides, request.time_matching)]
+    clock = None
+    if not _looks_sound(sample):
+        clock = find_clock(sides.given, sample.parameters, sample.distance, request.recorded)
     if clock is not None and clock.saving >= WORTH:
-        found.append(_clock_warning(clock, sides.given[0].clock, spell))
+        found.append(_clock_warning(clock, sides.given[0].clock))
     else:
         times = sides.read[0].times, sides.read[1].times
-        found.append(_near_misses(times, sides.alignment, request.time_matching, spell))
+        found.append(_near_misses(times, sides.alignment, request.time_matching))
     return [notice for notice in found if notice]
 
 
-def _few_common(sides: "Fitted", matching: TimeMatching, spell: Spelling) -> Notice | None:
+def _few_common(sides: "Fitted", matching: TimeMatching) -> Notice | None:
     aligned, silences = sides.alignment, sides.axis.silences
     steps, meaning = len(aligned.truth.times), "what exists at another is missed or false"
     if matching.grid == "common":  # of two rates the lower one may be wholly in the other
@@ -90,13 +89,12 @@ def _few_common(sides: "Fitted", matching: TimeMatching, spell: Spelling) -> Not
     return Notice(
         code="steps-unmatched",
         text=f"only {share} of the steps are in both files, and {meaning}",
-        remedy=f"if the clocks differ, see {spell('time_tolerance', '')}, "
-        f"{spell('time_offset', '')} and {spell('resample', '')}",
+        remedy="if the clocks differ, see --time-tolerance, --time-offset and --resample",
     )
 
 
 def _near_misses(
-    times: tuple[Times, Times], aligned: Alignment, matching: TimeMatching, spell: Spelling
+    times: tuple[Times, Times], aligned: Alignment, matching: TimeMatching
 ) -> Notice | None:
     """Stamps that are not the same, and closer than 1 % of the median step."""
     if aligned.common == aligned.union or not all(map(len, times)):
@@ -121,7 +119,7 @@ def _near_misses(
         code="stamps-near",
         text=f"{pairs} nearly the same, of {counted(others, 'stamp')} that one file only has, at "
         f"most {named} apart where the median step is {_step_text(min(steps), clock, *times)}",
-        remedy=f"{spell('time_tolerance', float(named))} makes each pair one step",
+        remedy=f"--time-tolerance {float(named)} makes each pair one step",
     )
 
 
@@ -174,17 +172,16 @@ class ClockError:
     steps: int
 
 
-def _looks_sound(sampler: Sampler) -> bool:
+def _looks_sound(sample: Sample) -> bool:
     """Whether a few steps that both sides have fit, and no better one step earlier or later."""
-    sides = sampler.sides
-    steps = evenly(places_of(occupied(sides[0]) & occupied(sides[1])), sides, FIRST_STEPS)
-    here = Fit(0.0, sampler.costs(steps, keep=True))
-    if not here.is_close:
+    found = [Fit(0.0, sample.here)]
+    if not found[0].is_close:
         return False
-    truth, found = StepRows.of(sides[0], steps), [here]
+    estimate = sample.sides[1]
     for move in (1, -1):
-        moved = StepRows.of(sides[1], (steps + move).clip(0, len(sides[1].times) - 1))
-        costs = step_costs(truth, moved, sampler.parameters, sampler.distance)
+        steps = (sample.steps + move).clip(0, len(estimate.times) - 1)
+        moved = StepRows.of(estimate, steps)
+        costs = step_costs(sample.rows[0], moved, sample.parameters, sample.distance)
         found.append(Fit(float(move), costs))
     sharp = max(fit.sharpest for fit in found)
     here, *others = (replace(fit, sharp=sharp) for fit in found)
@@ -192,7 +189,10 @@ def _looks_sound(sampler: Sampler) -> bool:
 
 
 def find_clock(
-    sides: tuple[Trajectories, Trajectories], sampler: Sampler, given: Mapping[str, object]
+    sides: tuple[Trajectories, Trajectories],
+    parameters: Parameters,
+    distance: Distance,
+    given: Mapping[str, object],
 ) -> ClockError | None:
     """Another clock of the estimate, where that fits better than all others; else None.
 
@@ -200,8 +200,8 @@ def find_clock(
     ----------
     sides : pair of Trajectories
         Truth and estimate as read.
-    sampler : Sampler
-        Cutoff, order and distance.
+    parameters, distance
+        Cutoff and order; base distance of states without covariances.
     given : mapping of str to object
         A `time_scale` and a `time_offset` with which the estimate was read.
     """
@@ -218,7 +218,7 @@ def find_clock(
         if power and not 1 / RATES <= steps[1] * float(factor) / steps[0] <= RATES:
             continue
         theirs = _since(estimate.times, factor, Fraction(truth.times[0].item()))
-        search = Search(sides, (own, theirs), sampler.parameters, sampler.distance)
+        search = Search(sides, (own, theirs), parameters, distance)
         if not search.is_possible:
             return None
         unit = 1 if truth.clock == "number" else SECOND
@@ -305,10 +305,10 @@ def _rounded(value: float, noise: float) -> float:
     return round(value, digits)
 
 
-def _clock_warning(clock: ClockError, kind: str, spell: Spelling) -> Notice:
-    cures = [] if clock.time_scale == 1 else [spell("time_scale", plain(clock.time_scale))]
+def _clock_warning(clock: ClockError, kind: str) -> Notice:
+    cures = [] if clock.time_scale == 1 else [f"--time-scale {plain(clock.time_scale)}"]
     if clock.time_offset:
-        cures.append(spell("time_offset", plain(clock.time_offset)))
+        cures.append(f"--time-offset {plain(clock.time_offset)}")
     return Notice(
         code="clock-shift",
         text=f"the clock of the estimate seems to {_clock_text(clock, kind)}: without that the "

@@ -20,8 +20,8 @@ from tgospa_eval.distances import Distance, near_pairs
 from tgospa_eval.distances.gating import near_points, rows_at
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.gospa import assign_pairs
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Objects = tuple[Ints, Ints]
@@ -225,6 +225,11 @@ class StepCosts:
         """How many."""
         return len(self.counts[0])
 
+    @property
+    def possible(self) -> int:
+        """Pairs that there could be at once."""
+        return int(np.minimum(*self.counts).sum())
+
     @cached_property
     def step(self) -> Ints:
         """Of each pair."""
@@ -288,8 +293,8 @@ def step_costs(
     )
 
 
-class Sampler:
-    """What two sides cost at steps that are asked for.
+class Sample:
+    """Some steps that two sides have both, and what they cost.
 
     Parameters
     ----------
@@ -299,25 +304,47 @@ class Sampler:
         Cutoff and order.
     distance : Distance
         Base distance of states without covariances.
+    most : int
+        Steps.
     """
 
     def __init__(
-        self, sides: tuple[Trajectories, Trajectories], parameters: Parameters, distance: Distance
+        self,
+        sides: tuple[Trajectories, Trajectories],
+        parameters: Parameters,
+        distance: Distance,
+        most: int = SAMPLE,
     ) -> None:
         self.sides, self.parameters, self.distance = sides, parameters, distance
-        self._last: tuple[bytes, StepCosts] | None = None
+        self.columns = sides[0].columns
+        self.steps = evenly(places_of(occupied(sides[0]) & occupied(sides[1])), sides, most)
+        self.rows = StepRows.of(sides[0], self.steps), StepRows.of(sides[1], self.steps)
+        self.here = step_costs(*self.rows, parameters, distance)
 
-    def costs(self, steps: Ints, *, keep: bool = False) -> StepCosts:
-        """At these steps; what is kept is for who asks for the same steps next, and not changed."""
-        key, last = steps.tobytes(), self._last
-        self._last = None
-        if last is not None and last[0] == key:
-            return last[1]
-        truth, estimate = (StepRows.of(side, steps) for side in self.sides)
-        found = step_costs(truth, estimate, self.parameters, self.distance)
-        if keep:
-            self._last = key, found
-        return found
+    @property
+    def larger(self) -> "Sample":
+        """As many steps as may be looked at."""
+        return Sample(self.sides, self.parameters, self.distance)
+
+    @property
+    def truth(self) -> Trajectories:
+        """At these steps, as points."""
+        return self.rows[0].table
+
+    @property
+    def estimate(self) -> Trajectories:
+        """The same."""
+        return self.rows[1].table
+
+    def costs(self, estimate: Trajectories) -> StepCosts:
+        """With another estimate."""
+        truth = StepRows.of(self.truth)
+        return step_costs(truth, StepRows.of(estimate), self.parameters, self.distance)
+
+    @property
+    def is_bad(self) -> bool:
+        """Whether most truths and estimates have no counterpart."""
+        return bool(2 * self.here.upper.sum() > self.here.unassigned.sum())
 
 
 def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> float:

@@ -28,8 +28,8 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     step_costs,
     with_state,
 )
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.interpolation import interpolated, on_lines
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -236,7 +236,7 @@ class Fit:
     @property
     def is_close(self) -> bool:
         """Whether a good part of what could be near is."""
-        most = int(np.minimum(*self.costs.counts).sum())
+        most = self.costs.possible
         steps = np.count_nonzero(self.pairs)
         return int(self.pairs.sum()) >= max(PAIRED, ENOUGH_NEAR * most) and bool(
             steps >= FEWEST_STEPS

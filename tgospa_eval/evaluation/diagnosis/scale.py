@@ -6,13 +6,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from tgospa_eval.common.arrays import median
-from tgospa_eval.common.notices import Notice, Spelling, as_option
+from tgospa_eval.common.notices import SHORT_OPTIONS, Notice
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.gating import plain_norm, rows_at
 from tgospa_eval.formats.columns.headers import METRES
 from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -109,7 +109,6 @@ def default_notice(
     distance: Distance,
     parameters: Parameters,
     defaults: Sequence[str],
-    spell: Spelling = as_option,
     *,
     others: bool = False,
     boxes: bool = False,
@@ -128,8 +127,6 @@ def default_notice(
         In use.
     defaults : sequence of str
         Which of cutoff and switch_penalty nobody chose.
-    spell : callable
-        How settings are written.
     others : bool
         Whether another warning explains the distances.
     boxes : bool
@@ -150,7 +147,7 @@ def default_notice(
     return Notice(
         code="default-parameters" if far and not others else "",
         text=f"default {used}{scale}",
-        remedy=f"{first}choose with " + " and ".join(spell(name, "") for name in defaults),
+        remedy=f"{first}choose with " + " and ".join(SHORT_OPTIONS[name] for name in defaults),
     )
 
 

@@ -4,30 +4,23 @@ Each suspicion is tried on some steps that both sides have: there is a warning o
 would at least halve the per-step GOSPA cost.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import cached_property
 from itertools import combinations, permutations, product
 
 import numpy as np
 
-from tgospa_eval.common.arrays import places_of
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, Spelling, as_option
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, plain
 from tgospa_eval.evaluation.diagnosis.costs import (
     FEWEST_TRACKS,
     FIRST_STEPS,
     NOTABLE_COST,
-    SAMPLE,
-    Sampler,
+    Sample,
     StepCosts,
-    StepRows,
-    evenly,
     falls,
-    occupied,
     saving,
-    step_costs,
     with_state,
 )
 from tgospa_eval.formats.columns.headers import BOX
@@ -109,10 +102,10 @@ def few_are_near(here: StepCosts) -> bool:
     if not len(here.taken):
         return True
     rows = sorted(map(len, here.objects))
-    return len(here.taken) < SOME * _most(here) and rows[1] <= UNLIKE * rows[0]
+    return len(here.taken) < SOME * here.possible and rows[1] <= UNLIKE * rows[0]
 
 
-def nearness_warnings(sample: "_Sample") -> list[Notice]:
+def nearness_warnings(sample: Sample) -> list[Notice]:
     """That no truth has an estimate within the cutoff, or some by chance alone."""
     here = sample.here
     within = f"within c = {sample.parameters.cutoff:g}"
@@ -138,7 +131,7 @@ def nearness_warnings(sample: "_Sample") -> list[Notice]:
     ]
 
 
-def _is_chance(sample: "_Sample") -> bool:
+def _is_chance(sample: Sample) -> bool:
     """Whether pairs save hardly more of the cost than they would by chance.
 
     That is what they save where all estimates are displaced by a few cutoffs: whatever belongs
@@ -146,7 +139,7 @@ def _is_chance(sample: "_Sample") -> bool:
     what is displaced across it is near nothing. Exchanged steps would not do, for what is at rest
     is where it was at any other step.
     """
-    most, estimate = _most(sample.here), sample.estimate
+    most, estimate = sample.here.possible, sample.estimate
     if most < ENOUGH:
         return False
     saved = _saved(sample.here) - LITTLE * most
@@ -158,17 +151,12 @@ def _is_chance(sample: "_Sample") -> bool:
     return False
 
 
-def _most(here: StepCosts) -> int:
-    """Pairs that there could be."""
-    return int(np.minimum(*here.counts).sum())
-
-
 def _saved(costs: StepCosts) -> float:
     """Of the cost of leaving all unassigned."""
     return float((costs.unassigned - costs.upper).sum())
 
 
-def _lines(sample: "_Sample") -> Iterator[Floats]:
+def _lines(sample: Sample) -> Iterator[Floats]:
     """Vectors (R or 1, d) as long as the cutoff on both or one of the first two axes of position.
 
     They are the diagonals, the axes, and the direction in which the truths are spread most.
@@ -230,8 +218,8 @@ class _Change:
         Of the warning.
     text : str
         What seems wrong, and what undoes it.
-    remedy : Callable
-        What to do about it, of a spelling.
+    remedy : str
+        What to do about it.
     order : tuple of int
         Column of the estimate that becomes each column.
     factor, offset : (d,) float arrays
@@ -240,7 +228,7 @@ class _Change:
 
     code: str
     text: str
-    remedy: Callable[[Spelling], str]
+    remedy: str
     order: tuple[int, ...]
     factor: Floats
     offset: Floats
@@ -251,71 +239,28 @@ class _Change:
         return with_state(estimate, state)
 
 
-class _Sample:
-    """Some steps that both sides have, and what they cost.
-
-    Parameters
-    ----------
-    sampler : Sampler
-        Of both sides.
-    most : int
-        Steps.
-    """
-
-    def __init__(self, sampler: Sampler, most: int = SAMPLE) -> None:
-        truth, estimate = sampler.sides
-        common = places_of(occupied(truth) & occupied(estimate))
-        self.steps = evenly(common, sampler.sides, most)
-        self.parameters, self.distance = sampler.parameters, sampler.distance
-        self.columns = truth.columns
-        self.rows = StepRows.of(truth, self.steps), StepRows.of(estimate, self.steps)
-        self.here = sampler.costs(self.steps)
-
-    @cached_property
-    def truth(self) -> Trajectories:
-        """At these steps, as points."""
-        return self.rows[0].table
-
-    @cached_property
-    def estimate(self) -> Trajectories:
-        """The same."""
-        return self.rows[1].table
-
-    def costs(self, estimate: Trajectories) -> StepCosts:
-        """With another estimate."""
-        truth = StepRows.of(self.truth)
-        return step_costs(truth, StepRows.of(estimate), self.parameters, self.distance)
-
-    @property
-    def is_bad(self) -> bool:
-        """Whether most truths and estimates have no counterpart."""
-        return bool(2 * self.here.upper.sum() > self.here.unassigned.sum())
-
-    def saving(self, change: _Change, fewest: int = FEWEST_PAIRS) -> float:
-        """Share of the cost that a change saves; 0 where that is not convincing."""
-        there = self.costs(change(self.estimate))
-        saved = saving(self.here, there, min(len(self.steps), 2))
-        if not saved or len(there.taken) < fewest:
+def _saved_by(change: _Change, sample: Sample, fewest: int = FEWEST_PAIRS) -> float:
+    """Share of the cost that a change saves; 0 where that is not convincing."""
+    there = sample.costs(change(sample.estimate))
+    saved = saving(sample.here, there, min(len(sample.steps), 2))
+    if not saved or len(there.taken) < fewest:
+        return 0.0
+    if change.code == "unit-scale" and np.abs(change.factor).min() < 1:
+        # Whatever shrinks comes near to truths at the origin.
+        origin = sample.costs(replace(change, factor=0 * change.factor)(sample.estimate))
+        if origin.upper.sum() < 2 * there.upper.sum():
             return 0.0
-        if change.code == "unit-scale" and np.abs(change.factor).min() < 1:
-            # Whatever shrinks comes near to truths at the origin.
-            origin = self.costs(replace(change, factor=0 * change.factor)(self.estimate))
-            if origin.upper.sum() < 2 * there.upper.sum():
-                return 0.0
-        return saved
+    return saved
 
 
-def state_warnings(sampler: Sampler, spell: Spelling) -> list[Notice]:
+def state_warnings(sample: Sample) -> list[Notice]:
     """What looks wrong with units, axes and origin of the two sides; at most one warning.
 
     Parameters
     ----------
-    sampler : Sampler
-        Truth and estimate on the same steps.
-    spell : callable
-        How settings are written in remedies.
+    sample : Sample
+        Of few steps.
     """
-    sample = _Sample(sampler, FIRST_STEPS)
     if (
         not len(sample.steps)
         or sample.here.upper.sum() < NOTABLE_COST * sample.here.unassigned.sum()
@@ -325,8 +270,8 @@ def state_warnings(sampler: Sampler, spell: Spelling) -> list[Notice]:
     found = found or _best(sample, _displaced(sample), FITTED)
     suspicious = found is not None or few_are_near(sample.here)
     if suspicious and len(sample.steps) >= FIRST_STEPS:  # what few steps suggest, more must confirm
-        sample = _Sample(sampler)
-        saved = sample.saving(found[1]) if found else 0.0
+        sample = sample.larger
+        saved = _saved_by(found[1], sample) if found else 0.0
         found = (saved, found[1]) if found and saved else None
     if found is not None:
         saved, change = found
@@ -334,25 +279,25 @@ def state_warnings(sampler: Sampler, spell: Spelling) -> list[Notice]:
             Notice(
                 code=change.code,
                 text=f"{change.text} {falls(saved, len(sample.steps))}",
-                remedy=change.remedy(spell),
+                remedy=change.remedy,
             )
         ]
     return nearness_warnings(sample)
 
 
 def _best(
-    sample: _Sample, changes: Iterator[_Change], fewest: int = FEWEST_PAIRS
+    sample: Sample, changes: Iterator[_Change], fewest: int = FEWEST_PAIRS
 ) -> tuple[float, _Change] | None:
     """The change that saves the most, the first one of equals; None if none convinces."""
     best: tuple[float, _Change] | None = None
     for change in changes:
-        saved = sample.saving(change, fewest)
+        saved = _saved_by(change, sample, fewest)
         if saved > (best[0] + 1e-9 if best else 0.0):
             best = saved, change
     return best
 
 
-def _linear(sample: _Sample) -> Iterator[_Change]:
+def _linear(sample: Sample) -> Iterator[_Change]:
     """Other units, columns in another order, negated columns."""
     columns = sample.columns
     size = len(columns)
@@ -364,26 +309,19 @@ def _linear(sample: _Sample) -> Iterator[_Change]:
         if ("degrees" in units) != (sample.distance.name == "haversine"):
             continue
         for by, far, (own, other) in ((factor, "small", units[::-1]), (1 / factor, "large", units)):
+            option = f", or use --unit-scale {plain(float(f'{by:.15g}'))}"  # which angles have not
             yield _Change(
                 code="unit-scale",
                 text=f"coordinates of the estimate seem {factor:.6g} times too {far} for those "
                 f"of the truth, like {own} beside {other}: with {named} of the estimate times "
                 f"{by:.6g}",
-                remedy=_one_unit(by, degrees="degrees" in units),
+                remedy="write both files in one unit" + option * ("degrees" not in units),
                 order=same,
                 factor=np.where(straight, by, 1.0),
                 offset=none,
             )
     for order, signs in _turns(columns):
         yield _turned(columns, order, signs)
-
-
-def _one_unit(by: float, *, degrees: bool) -> Callable[[Spelling], str]:
-    """What to do about another unit, which an option multiplies; angles have none."""
-    written = "write both files in one unit"
-    if degrees:
-        return lambda _: written
-    return lambda spell: f"{written}, or use {spell('unit_scale', plain(float(f'{by:.15g}')))}"
 
 
 def _turns(columns: tuple[str, ...]) -> Iterator[tuple[tuple[int, ...], Floats]]:
@@ -432,26 +370,19 @@ def _turned(
     else:
         text = f"{' and '.join(negated)} of the estimate {'seem' if len(negated) > 1 else 'seems'}"
         text += " negated"
-
-    def remedy(spell: Spelling) -> str:
-        if moved and not negated and spell is as_option:
-            return (
-                "write both files in the same axes, or name the headers in the other order with "
-                f"{spell('estimate_columns', mapping)}"
-            )
-        return "write both files in the same axes"
+    named = f", or name the headers in the other order with --estimate-columns {mapping}"
 
     return _Change(
         code="axis-swap" if moved else "axis-sign",
         text=f"{text}: with that undone",
-        remedy=remedy,
+        remedy="write both files in the same axes" + named * (bool(moved) and not negated),
         order=order,
         factor=signs,
         offset=np.zeros(len(columns)) if offset is None else offset,
     )
 
 
-def _displaced(sample: _Sample) -> Iterator[_Change]:
+def _displaced(sample: Sample) -> Iterator[_Change]:
     """Another origin, also of axes that are negated or exchanged."""
     columns = sample.columns
     size = len(columns)
@@ -482,7 +413,7 @@ def _displaced(sample: _Sample) -> Iterator[_Change]:
                 plain,
                 text=f"{text}, about another origin: with that undone",
                 offset=offset,
-                remedy=lambda _: "write both files in the same axes, from the same origin",
+                remedy="write both files in the same axes, from the same origin",
             )
 
 
@@ -494,17 +425,15 @@ def _moved(columns: tuple[str, ...], offset: Floats) -> _Change:
     return _Change(
         code="offset",
         text=f"the estimate seems displaced by ({vector}) in {','.join(columns)}: without that",
-        remedy=lambda _: (
-            "bring both files to one origin; if it is a bias or a latency of the "
-            "tracker, it is rightly an error"
-        ),
+        remedy="bring both files to one origin; if it is a bias or a latency of the tracker, it is "
+        "rightly an error",
         order=tuple(range(size)),
         factor=np.ones(size),
         offset=offset,
     )
 
 
-def _mean_difference(sample: _Sample) -> Floats | None:
+def _mean_difference(sample: Sample) -> Floats | None:
     """What pairs that are near have in common, if it is most of their distance."""
     here = sample.here
     if len(here.taken) < FITTED:

@@ -10,7 +10,6 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.slicing import Attribute
-from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.times import EXACT_BELOW
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.results.slices import (
@@ -223,8 +222,8 @@ def _by_text(
     summed: bool,
 ) -> Members:
     """A slice for each text, or for those that are named and one for all others."""
-    sides = [None if side is None else _coded(_as_texts(side).tolist()) for side in values]
-    there = {text for side in sides if side is not None for text in side.distinct} - {""}
+    sides = [None if side is None else _as_texts(side).tolist() for side in values]
+    there = {text for side in sides for text in side or ()} - {""}
     names = list(attribute.values) or sorted(there, key=natural)
     if there and not summed and attribute.values and not there & set(names):
         raise ConfigError(
@@ -243,17 +242,10 @@ def _by_text(
     inside = [
         None
         if side is None
-        else np.array([number_of.get(text, last) for text in side.distinct], np.int64)[side.code]
+        else np.fromiter((number_of.get(text, last) for text in side), np.int64, len(side))
         for side in sides
     ]
     return _numbered(names, inside, rows)
-
-
-def _coded(texts: list[str]) -> Coded:
-    """Distinct texts, and which each row has."""
-    number_of = {text: k for k, text in enumerate(dict.fromkeys(texts))}
-    code = np.fromiter(map(number_of.__getitem__, texts), np.int64, len(texts))
-    return Coded(list(number_of), code)
 
 
 def _as_texts(values: Values) -> Values:

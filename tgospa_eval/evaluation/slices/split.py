@@ -10,9 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.prepare import Fitted, Source
+from tgospa_eval.evaluation.prepare import Fitted, source_of
 from tgospa_eval.evaluation.slices.members import MOST_CROSSINGS, Members, members
 from tgospa_eval.evaluation.slices.values import values_of
 from tgospa_eval.evaluation.slicing import SliceBy, parse_slices
@@ -30,37 +29,25 @@ RowCosts = tuple[dict[str, Floats], dict[str, Floats]]
 and switches of truths, false targets of estimates."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SlicePlan:
-    """Where the costs of two sides will go, known before anything is solved.
-
-    Parameters
-    ----------
-    members : dict of str to Members
-        By what was asked for.
-    """
-
-    members: dict[str, Members]
-
-    def of(self, result: Result) -> tuple[Slicing, ...]:
-        """The costs of a result of these two sides."""
-        costs = row_costs(result.proof.states, result.proof.weights)
-        unique = is_unique(result.proof, result.gap, everywhere=True)
-        return tuple(
-            Slicing(by=by, slices=tuple(_slices(costs, found, result.scale)), unique=unique)
-            for by, found in self.members.items()
-        )
-
-
-def cut(fitted: Fitted, asked: Sequence[SliceBy], cutoff: float) -> SlicePlan:
-    """What each row of two sides belongs to, for each of what is asked for.
+def cut(fitted: Fitted, asked: Sequence[SliceBy], cutoff: float) -> dict[str, Members]:
+    """What each row of two sides belongs to, by what is asked for; known before a solution.
 
     Raises
     ------
     ConfigError
         There is no such attribute, or its values do not fit.
     """
-    return SlicePlan(members={by.text: _members(by, fitted, cutoff) for by in asked})
+    return {by.text: _members(by, fitted, cutoff) for by in asked}
+
+
+def slicings(members: dict[str, Members], result: Result) -> tuple[Slicing, ...]:
+    """The costs of a result of these two sides."""
+    costs = row_costs(result.proof.states, result.proof.weights)
+    unique = is_unique(result.proof, result.gap, everywhere=True)
+    return tuple(
+        Slicing(by=by, slices=tuple(_slices(costs, found, result.scale)), unique=unique)
+        for by, found in members.items()
+    )
 
 
 def slices_of(result: Result, texts: Sequence[str], *, summed: bool = False) -> tuple[Slicing, ...]:
@@ -71,11 +58,9 @@ def slices_of(result: Result, texts: Sequence[str], *, summed: bool = False) -> 
     ConfigError
         As of `cut`, or the result was not made by `evaluate`.
     """
-    source = result.source
-    if not isinstance(source, Source):
-        raise ConfigError("this result was not made by evaluate: evaluate again")
-    found = cut(source.sides, parse_slices(texts, summed=summed), result.proof.parameters.cutoff)
-    return found.of(result)
+    sides, _ = source_of(result)
+    members = cut(sides, parse_slices(texts, summed=summed), result.proof.parameters.cutoff)
+    return slicings(members, result)
 
 
 def _members(by: SliceBy, fitted: Fitted, cutoff: float) -> Members:

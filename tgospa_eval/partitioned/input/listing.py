@@ -12,15 +12,15 @@ from functools import partial
 from pathlib import Path
 from urllib.parse import unquote
 
+from tgospa_eval.common.arrays import in_batches
 from tgospa_eval.common.files import CHUNK, STDIN, named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.guess import GUESSED_FROM, guess, is_table_folder
 from tgospa_eval.formats.loading import is_packed, plain_name
-from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.tasks import Run, removing, writing
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.text import listed
 
 PARQUET_ENDINGS, CSV_ENDINGS = (".parquet", ".pq"), (".csv", ".tsv")
 """Of names, without those of compressed files."""
@@ -50,36 +50,6 @@ class File:
     keys: tuple[tuple[str, str], ...] = ()
 
 
-def check_options(path: str, options: ReadOptions) -> None:
-    """Whether a side can be read in parts with these options.
-
-    Raises
-    ------
-    ConfigError
-        It is the standard input, or something is asked for that needs all rows at once.
-    """
-    if path == STDIN:
-        raise ConfigError(f"{path}: the standard input is not read in parts; name a file or folder")
-    for asked, what in (
-        (
-            options.by_class,
-            f"{options.class_for} is not for data in parts; --class takes one class",
-        ),
-        (
-            options.attributes,
-            f"column {quoted(next(iter(options.attributes), ''))} is not read of data in parts; "
-            "leave out the option that asks for it, or give one file that fits into memory",
-        ),
-        (
-            options.clouds,
-            "clouds of particles are not read in parts; give one file that fits into memory, or "
-            "compare means",
-        ),
-    ):
-        if asked:
-            raise ConfigError(f"{path}: {what}")
-
-
 def files_of(path: str) -> tuple[str, tuple[File, ...]]:
     """Format and files of a side, in natural order of their paths (part-2 before part-10).
 
@@ -87,7 +57,11 @@ def files_of(path: str) -> tuple[str, tuple[File, ...]]:
     ------
     InputError
         There is none, or there are some of a format that is not read in parts, or of two.
+    ConfigError
+        It is the standard input.
     """
+    if path == STDIN:
+        raise ConfigError(f"{path}: the standard input is not read in parts; name a file or folder")
     with named(path, InputError):
         if not os.path.exists(path):
             raise InputError(f"{path}: no such file or folder")
@@ -212,8 +186,9 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     kept = work / CONTENT / "digests.json"
     kept.parent.mkdir(parents=True, exist_ok=True)
     fresh = tempfile.mkdtemp(dir=kept.parent)  # what was found before says nothing of now
+    batches = in_batches(_stretches(files), lambda stretch: stretch[2] - stretch[1], TOGETHER)
     stretches = {
-        os.path.join(fresh, str(number)): some for number, some in enumerate(_stretches(files))
+        os.path.join(fresh, str(number)): tuple(some) for number, some in enumerate(batches)
     }
     run({output: partial(write_digests, stretches=some) for output, some in stretches.items()})
     now: dict[str, list[str]] = {}
@@ -238,7 +213,7 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     return next(iter(changed), None)
 
 
-def write_digests(output: str, stretches: tuple[Stretch, ...]) -> None:
+def write_digests(output: str, stretches: Sequence[Stretch]) -> None:
     """Write the digests of stretches of files.
 
     Raises
@@ -259,17 +234,8 @@ def write_digests(output: str, stretches: tuple[Stretch, ...]) -> None:
         beside.write_text(json.dumps(digests), encoding="utf-8")
 
 
-def _stretches(files: Iterable[tuple[File, os.stat_result]]) -> Iterator[tuple[Stretch, ...]]:
-    """The bytes of all files in order, so many together."""
-    waiting: list[Stretch] = []
-    size = 0
+def _stretches(files: Iterable[tuple[File, os.stat_result]]) -> Iterator[Stretch]:
+    """The bytes of all files in order, no more than so many together."""
     for file, found in files:
         for begin in range(0, max(found.st_size, 1), TOGETHER):
-            end = min(begin + TOGETHER, found.st_size)
-            waiting.append((file, begin, end))
-            size += end - begin
-            if size >= TOGETHER:
-                yield tuple(waiting)
-                waiting, size = [], 0
-    if waiting:
-        yield tuple(waiting)
+            yield file, begin, min(begin + TOGETHER, found.st_size)

@@ -16,6 +16,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import in_batches
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import Roles
@@ -91,15 +92,9 @@ def merged_moments(parts: Iterable[Moments]) -> Moments:
         They are of several kinds.
     """
     whole = NO_MOMENTS
-    waiting: list[Moments] = []
-    size = 0
-    for part in parts:
-        waiting.append(part)
-        size += len(part.value)
-        if size > PENDING:
-            whole, waiting = _merged([whole, *waiting]), []
-            size = 0
-    return _merged([whole, *waiting])
+    for some in in_batches(parts, lambda part: len(part.value), PENDING):
+        whole = _merged([whole, *some])
+    return whole
 
 
 def _merged(given: Sequence[Moments]) -> Moments:
@@ -197,33 +192,30 @@ def write_runs(
     output: str, pieces: Sequence[FilePiece], options: ReadOptions, rows_together: int
 ) -> None:
     """Write the rows of pieces, in the order of the files, as runs of at least so many rows."""
+    read = (
+        (rows, first, piece)
+        for piece in pieces
+        for rows, first in piece.rows(options)
+        if len(rows.times.value)
+    )
     with writing_folder(output) as folder:
-        parts: list[Rows] = []
-        origins: list[tuple[int, int, FilePiece]] = []
-        count = runs = 0
-        for piece in pieces:
-            for rows, first in piece.rows(options):
-                size = len(rows.times.value)
-                if not size:
-                    continue
-                origins.append((count, first, piece))
-                parts.append(rows)
-                count += size
-                if count >= rows_together:
-                    _write(folder / str(runs), parts, origins)
-                    parts, origins, count, runs = [], [], 0, runs + 1
-        if parts:
-            _write(folder / str(runs), parts, origins)
+        runs = in_batches(read, lambda found: len(found[0].times.value), rows_together)
+        for number, run in enumerate(runs):
+            _write(folder / str(number), run)
 
 
-def _write(
-    folder: Path, parts: Sequence[Rows], origins: Sequence[tuple[int, int, FilePiece]]
-) -> None:
+def _write(folder: Path, run: Sequence[tuple[Rows, int, FilePiece]]) -> None:
     """Write a run and which times it has.
 
-    Consecutive rows, as the run was before it was sorted, have an origin: the number of the first,
-    its place in a piece, and the piece.
+    Parameters
+    ----------
+    folder : Path
+        That is made.
+    run : sequence of tuple
+        Consecutive rows, the number of the first among those of its piece, and the piece.
     """
+    parts = [rows for rows, _, _ in run]
+    begins = accumulate((len(rows.times.value) for rows in parts), initial=0)
     folder.mkdir()
     found = merged_moments(moments_of(part.times, part.name) for part in parts)
     rows = merged_rows(parts[0].name, parts)
@@ -240,7 +232,7 @@ def _write(
         "clock": found.clock,
         "origins": [
             (begin, first, [vars(piece.file), piece.begin, piece.end, piece.text])
-            for begin, first, piece in origins
+            for begin, (_, first, piece) in zip(begins, run, strict=False)
         ],
     }
     (folder / "run.json").write_text(json.dumps(known), encoding="utf-8")

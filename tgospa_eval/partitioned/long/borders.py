@@ -14,19 +14,16 @@ import numpy as np
 from tgospa_eval.partitioned.long.columns import load_columns
 from tgospa_eval.partitioned.long.rows import load_rows
 from tgospa_eval.partitioned.long.tables import (
-    Table,
     WindowPiece,
-    load_part,
     renumbered,
-    save_parts,
 )
-from tgospa_eval.partitioned.shards import ENTRY, problem_of
+from tgospa_eval.partitioned.shards import ENTRY, Table, load_part, problem_of, save_parts
 from tgospa_eval.partitioned.tasks import writing_folder
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import row_steps, turns
 from tgospa_eval.problem.problem import Floats, Ints, Problem
 from tgospa_eval.problem.rows import PricedPlaces, rows_of_component, running_of
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import Parameters
 
 BORDER = np.dtype(
     [

@@ -9,14 +9,13 @@ from tgospa_eval.errors import SolverError
 from tgospa_eval.partitioned.long.tables import (
     BUSY,
     PRICE_AT,
-    Table,
     WindowPiece,
     expansion,
     fraction,
     load_pieces,
     no_assignment,
 )
-from tgospa_eval.partitioned.shards import HELD, PARTS_OF_TRACKS, contribute
+from tgospa_eval.partitioned.shards import HELD, PARTS_OF_TRACKS, Table, contribute
 from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.problem.certificate import idle_prices
 from tgospa_eval.problem.problem import Floats, Ints

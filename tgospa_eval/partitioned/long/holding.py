@@ -10,7 +10,8 @@ No sum exceeds 1 then (docs/theory/windows-in-time.md, "Components larger than m
 
 import numpy as np
 
-from tgospa_eval.partitioned.long.tables import BUSY, Table
+from tgospa_eval.partitioned.long.tables import BUSY
+from tgospa_eval.partitioned.shards import Table
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.states import States
 

@@ -9,7 +9,6 @@ from tgospa_eval.partitioned.long.columns import load_columns
 from tgospa_eval.partitioned.long.holding import hold_runs
 from tgospa_eval.partitioned.long.tables import (
     GAIN,
-    Table,
     WindowPiece,
     expansion,
     halves,
@@ -17,16 +16,16 @@ from tgospa_eval.partitioned.long.tables import (
     no_assignment,
     renumbered,
 )
-from tgospa_eval.partitioned.shards import HELD, contribute, problem_of, tables_of
+from tgospa_eval.partitioned.shards import HELD, Table, contribute, problem_of, tables_of
 from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.problem.certificate import row_terms
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import best_values
 from tgospa_eval.problem.problem import REGRET, Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.readout import read_tracks
 from tgospa_eval.problem.rows import rows_of_component, running_of
 from tgospa_eval.problem.slots import changed
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE, row_parts
 
 

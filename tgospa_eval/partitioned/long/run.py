@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import stretches
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.partitioned.long.borders import value_borders
 from tgospa_eval.partitioned.long.columns import add_rest, join_columns
@@ -19,9 +20,9 @@ from tgospa_eval.partitioned.long.tables import WindowPiece, fraction
 from tgospa_eval.partitioned.long.windows import count_entries, solve_window
 from tgospa_eval.partitioned.shards import PartialSums, contribute
 from tgospa_eval.partitioned.tasks import Run, Task, left_until, writing_folder
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import down
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.problem.tgospa import Parameters
 
 OVERLAP = 20
 """Steps with near pairs that a window has on either side of what its answer is for."""
@@ -33,8 +34,8 @@ class Component:
 
     Parameters
     ----------
-    entries : sequence of str
-        Files of ENTRY, by time.
+    entries : sequence of (str, int, int)
+        Files of ENTRY, by time, and from which row to before which.
     parameters : Parameters
         Of the metric.
     work : str
@@ -46,7 +47,7 @@ class Component:
     end : float, optional
         In `time.time()`: what is not solved by then is left unassigned.
     file_first : (F + 1,) int array
-        Entries before each file.
+        Entries before those of each file.
     step : (K,) int array
         The steps with entries.
     step_first : (K + 1,) int array
@@ -57,7 +58,7 @@ class Component:
         The first number of each shard, and the end.
     """
 
-    entries: Sequence[str]
+    entries: Sequence[tuple[str, int, int]]
     parameters: Parameters
     work: str
     gap: float
@@ -79,8 +80,8 @@ class Component:
         """Where the entries of the steps from `low` to before `high` are: files and rows."""
         begin, end = self.step_first[np.searchsorted(self.step, (low, high))].tolist()
         return tuple(
-            (path, max(begin, first) - first, min(end, last) - first)
-            for path, (first, last) in zip(
+            (path, row + max(begin, first) - first, row + min(end, last) - first)
+            for (path, row, _), (first, last) in zip(
                 self.entries, itertools.pairwise(self.file_first.tolist()), strict=True
             )
             if max(begin, first) < min(end, last)
@@ -121,9 +122,7 @@ def _added(counted: list[Ints]) -> tuple[Ints, Ints]:
 
 def _bounds(number: Ints, count: Ints, size: int) -> Ints:
     """First numbers of stretches of about `size` counts each, and the end."""
-    before = np.cumsum(count) - count
-    opens = np.flatnonzero(np.diff(before // size, prepend=-1) > 0)
-    return np.append(number[opens], number[-1] + 1)
+    return np.append(number[stretches(count, size)[:-1]], number[-1] + 1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -293,7 +292,7 @@ WINDOW_ENTRIES = 200_000
 
 
 def solve_long(
-    entries: Sequence[str],
+    entries: Sequence[tuple[str, int, int]],
     parameters: Parameters,
     work: str,
     run: Run,
@@ -372,7 +371,7 @@ def _stored(joined: ComponentBounds, output: str) -> ComponentBounds:
 
 
 def make_component(
-    entries: Sequence[str],
+    entries: Sequence[tuple[str, int, int]],
     parameters: Parameters,
     work: str,
     gap: float,
@@ -382,8 +381,8 @@ def make_component(
 ) -> Component:
     """Count the entries and divide them."""
     counts: dict[str, Task] = {
-        f"{work}/counts/{number:05d}.npz": partial(count_entries, path=path)
-        for number, path in enumerate(entries)
+        f"{work}/counts/{number:05d}.npz": partial(count_entries, path=path, low=low, high=high)
+        for number, (path, low, high) in enumerate(entries)
     }
     run(counts)
     sides: dict[str, list[Ints]] = {"step": [], "truth": [], "estimate": []}

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import SolverError
-from tgospa_eval.partitioned.shards import ENTRY
+from tgospa_eval.partitioned.shards import ENTRY, Table, load_part
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.weights import ONE
 
@@ -22,8 +22,6 @@ def expansion(terms: list[float]) -> Floats:
     rest = math.fsum((*terms, *(-part for part in parts)))
     return np.array([*parts, math.nextafter(rest, -math.inf)])
 
-
-Table = NDArray[np.void]
 
 GAIN = np.dtype([*ENTRY.descr, ("weight", "<i8")])
 """A near pair and how much of it is assigned, in units of `weights.ONE`."""
@@ -57,24 +55,6 @@ class WindowPiece:
     def inside(self, begin: Ints, end: Ints) -> NDArray[np.bool_]:
         """Whether stretches of steps have one in common with it."""
         return (begin < self.high) & (end >= self.low)
-
-
-def save_parts(folder: Path, name: str, table: Table, part: Ints, parts: int) -> None:
-    """Write a table by the part that each of its rows belongs to, in the order they come in."""
-    small = part.astype(np.uint16 if parts <= 1 << 16 else np.int64)  # the first: sorted by radix
-    first = np.zeros(parts + 1, np.int64)
-    np.cumsum(np.bincount(part, minlength=parts), out=first[1:])
-    np.save(folder / f"{name}.first.npy", first)
-    np.save(folder / f"{name}.npy", table[np.argsort(small, kind="stable")])
-
-
-def load_part(folder: Path, name: str, part: int | None = None) -> Table:
-    """One part of a table, or all."""
-    table = np.load(folder / f"{name}.npy", mmap_mode="r")
-    if part is None:
-        return np.array(table)
-    first = np.load(folder / f"{name}.first.npy")
-    return np.array(table[first[part] : first[part + 1]])
 
 
 def load_pieces(

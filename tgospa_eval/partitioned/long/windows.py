@@ -14,30 +14,28 @@ from tgospa_eval.partitioned.long.tables import (
     BUSY,
     GAIN,
     PRICE_AT,
-    Table,
     WindowPiece,
     halves,
     load_pieces,
     no_assignment,
     renumbered,
-    save_parts,
 )
-from tgospa_eval.partitioned.shards import ENTRY, HELD, problem_of, within
+from tgospa_eval.partitioned.shards import ENTRY, HELD, Table, problem_of, save_parts, within
 from tgospa_eval.partitioned.tasks import left_until, writing, writing_folder
 from tgospa_eval.problem.certificate import fair_prices
 from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE, repair, spare
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, WarmStart, make_warm_start
 
 
-def count_entries(output: str, path: str) -> None:
-    """Count the entries of a file, by time, by step, truth and estimate."""
-    entries = np.load(path, mmap_mode="r")
+def count_entries(output: str, path: str, low: int, high: int) -> None:
+    """Count the entries of some rows of a file, by time, by step, truth and estimate."""
+    entries = np.load(path, mmap_mode="r")[low:high]
     counted: dict[str, Any] = {
         name: np.stack(np.unique(entries[name], return_counts=True))
         for name in ("step", "truth", "estimate")

@@ -19,7 +19,7 @@ from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve
 from tgospa_eval.evaluation.prepare import Prepared, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import KERNEL
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.trajectories import Trajectories

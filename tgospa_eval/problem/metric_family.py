@@ -1,4 +1,7 @@
-"""TGOSPA as numbers of a `Problem`: its three parameters, powers of distances, their rounding."""
+"""The metrics of the family, each as numbers of a `Problem`: TGOSPA, weighted steps, existence.
+
+Their parameters, powers of distances below the cutoff, and how far these are rounded.
+"""
 
 import math
 from dataclasses import replace
