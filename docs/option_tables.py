@@ -7,7 +7,7 @@ import re
 
 import click
 
-from tgospa_eval.cli.shared.help import SECTIONS
+from tgospa_eval.cli.shared.command import SECTIONS
 from tgospa_eval.cli.verbs import load
 
 BLOCK = re.compile(r"^```\{options\} (\w+)(?: (.+))?\n```$", re.M)

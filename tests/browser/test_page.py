@@ -13,7 +13,7 @@ from pages import NASTY, address, detail, ink, labels, texts
 from tests.support.partitioned import partitioned
 from tgospa_eval import Sinkhorn, evaluate
 from tgospa_eval.common import palette
-from tgospa_eval.reports import page_data
+from tgospa_eval.reports import plot_data
 from tgospa_eval.results.result import Result
 
 
@@ -39,7 +39,7 @@ def test_of_data_in_parts_there_are_costs_over_time_and_the_costliest(
     shown: Callable, sample: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("pyarrow")
-    monkeypatch.setattr(page_data, "MOST_STRETCHES", 7)
+    monkeypatch.setattr(plot_data, "MOST_STRETCHES", 7)
     tab = shown(partitioned(sample, tmp_path))
     assert ink(tab, "#costs") > 10
     assert ink(tab, "#curve") > 10

@@ -11,8 +11,7 @@ from pages import embedded, note, pick, picture, texts
 
 from tgospa_eval import Trajectories, evaluate
 from tgospa_eval.distances import CloudWasserstein
-from tgospa_eval.reports import page_data as spreads
-from tgospa_eval.reports.page_data import document
+from tgospa_eval.reports import plot_data as spreads
 from tgospa_eval.results.result import Result
 from tgospa_eval.tracks.clouds import Clouds
 
@@ -46,7 +45,8 @@ def read(levels: dict[str, np.ndarray], how: dict, size: int) -> np.ndarray:
 
 
 def told(result: Result, side: str = "estimate") -> tuple[dict, dict[str, np.ndarray]]:
-    data, arrays, _ = document(result)
+    made = spreads.plot_data(result)
+    data, arrays = made.document, made.arrays
     mark = f"{side}/spread/"
     return data, {key.removeprefix(mark): v for key, v in arrays.items() if key.startswith(mark)}
 
@@ -102,7 +102,8 @@ def test_points_and_what_is_nearly_singular() -> None:
     flat = np.array([[[[4.0, 2.0], [2.0, 1.0]]], [[[0.0, 0.0], [0.0, 9.0]]], [np.zeros((2, 2))]])
     data, levels = told(laws(flat, 3))
     assert read(levels, data["spread"], 2) == pytest.approx(flat[:, 0], rel=0.05, abs=1e-12)
-    data, arrays, _ = document(evaluate(np.zeros((3, 1, 2)), np.zeros((3, 1, 2)), cutoff=1.0))
+    made = spreads.plot_data(evaluate(np.zeros((3, 1, 2)), np.zeros((3, 1, 2)), cutoff=1.0))
+    data, arrays = made.document, made.arrays
     assert data["spread"] == {}
     assert not any("spread" in name for name in arrays)
 
@@ -204,7 +205,8 @@ def test_boxes_are_drawn_around_their_centres(shown: Callable) -> None:
 def test_one_column_has_no_ellipses() -> None:
     truth = np.zeros((3, 1, 1))
     side = Trajectories.from_array(truth, covariance=np.ones((3, 1, 1, 1)))
-    data, arrays, _ = document(evaluate(side, side, distance="gaussian-wasserstein"))
+    made = spreads.plot_data(evaluate(side, side, distance="gaussian-wasserstein"))
+    data, arrays = made.document, made.arrays
     assert data["spread"] == {}
     assert not any("spread" in name for name in arrays)
 

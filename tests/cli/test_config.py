@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tgospa_eval.cli.shared.option import TRUSTED_KEYS, Option
+from tgospa_eval.cli.shared.command import TRUSTED_KEYS, Option
 from tgospa_eval.cli.verbs import VERBS, load
 
 Invoke = Callable[..., Any]

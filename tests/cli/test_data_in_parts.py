@@ -23,8 +23,7 @@ from tgospa_eval.campaign.store import locked
 from tgospa_eval.cli.evaluate import partitioned, work
 from tgospa_eval.cli.evaluate.work import work_folder
 from tgospa_eval.cli.shared import in_parts
-from tgospa_eval.cli.shared.click_options import Size
-from tgospa_eval.cli.shared.values import OutputOptions
+from tgospa_eval.cli.shared.click_options import OutputOptions, Size
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.partitioned import run, sides
 from tgospa_eval.simulation import Scene, Tracker, simulate

@@ -40,7 +40,7 @@ from tgospa_eval.campaign.store import (
     Store,
     locked,
 )
-from tgospa_eval.campaign.tables import check_labels, tabulated
+from tgospa_eval.campaign.sums import check_labels, tabulated
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.manifest import read_manifest, unchanged
@@ -55,13 +55,12 @@ from tgospa_eval.evaluation.slicing import parse_slices
 from tgospa_eval.formats import runs_inside
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.formats.options import parse_moments
-from tgospa_eval.reports.batch import BATCH_REPORTS, slices_of_groups
-from tgospa_eval.reports.batch_records import BatchTables
-from tgospa_eval.reports.batch_view import BatchView
+from tgospa_eval.reports.batch import BatchTables
+from tgospa_eval.reports.batch_text import batch_report, slices_of_groups
 from tgospa_eval.reports.curves import BANDS, curves_csv
 from tgospa_eval.reports.files import BATCH, Files, write_texts
 from tgospa_eval.reports.proofs import folder_name
-from tgospa_eval.reports.tables import csv_text
+from tgospa_eval.reports.rendering import csv_text
 from tgospa_eval.text import as_unicode, quoted
 
 if TYPE_CHECKING:
@@ -133,7 +132,7 @@ class Batch:
         return self.tables.groups
 
     def __str__(self) -> str:
-        return BATCH_REPORTS["table"](self.tables).rstrip("\n")
+        return batch_report(self.tables, "table").rstrip("\n")
 
     __repr__ = __str__
 
@@ -648,9 +647,9 @@ def batch_files(
             return ""
         return quote(os.fsencode(Path(os.path.relpath(found, target)).as_posix()))
 
-    view = BatchView(tables=tables, settings=store.settings(), link=link)
+    tables = replace(tables, settings=store.settings(), link=link)
     notify("report.html", 0.0)
-    files: dict[str, str | bytes] = {"report.html": batch_page(view)}
+    files: dict[str, str | bytes] = {"report.html": batch_page(tables)}
     if tables.curves:
         files["curve.csv"] = curves_csv(tables.curves)
     if tables.slices:
@@ -659,4 +658,4 @@ def batch_files(
         return files
     from tgospa_eval.plots.batch import batch_pictures  # here: it draws
 
-    return files | batch_pictures(view, wanted, notify)
+    return files | batch_pictures(tables, wanted, notify)

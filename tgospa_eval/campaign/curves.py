@@ -23,10 +23,10 @@ from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.curves import (
     KIND_COLUMN,
     POINT_COLUMNS,
+    Band,
     BandKind,
     CurveKind,
     RmsCurve,
-    RmsLine,
 )
 from tgospa_eval.results.records import Time
 from tgospa_eval.text import listed
@@ -46,7 +46,8 @@ BAND_TAIL = round(BAND_RESAMPLES * BAND_LEVELS[0])
 MOST_BANDED = 20_000
 """Times with bands, of runs that have few in common."""
 
-Bounds = tuple[Sequence[float], Sequence[float]]
+Line = tuple[list[float], Band | None]
+"""Root mean squares, and what is around them; None where there are too few runs."""
 
 LEAST_RUNS: Mapping[BandKind, int] = {
     "interval": LEAST_PAIRS,
@@ -99,16 +100,17 @@ def rms_curves(
         counts = group.index.isin(parts[k]["job"]) | (group["sizes.steps"] == 0).to_numpy()
         try:
             jobs = group.index[counts].to_numpy()
-            for kind, runs, lines, bounds in _curves(
-                parts[k], jobs, float(first["order"]), band, about
-            ):
+            made = _curves(parts[k], jobs, float(first["order"]), band, about)
+            for kind, runs, found_lines, bounds in made:
+                lines = dict(zip(COST_COLUMNS, found_lines, strict=False))
                 found.append(
                     RmsCurve(
                         group=labels,
                         kind=kind,
                         times=runs.times,
                         runs=runs.count,
-                        lines=dict(zip(COST_COLUMNS, lines, strict=False)),
+                        rms={name: rms for name, (rms, _) in lines.items()},
+                        bands={name: band for name, (_, band) in lines.items() if band},
                         bounds=bounds,
                         band=band,
                     )
@@ -125,7 +127,7 @@ def rms_curves(
 
 def _curves(
     steps: "pd.DataFrame", jobs: Ints, order: float, band: BandKind, notes: list[str]
-) -> Iterator[tuple[CurveKind, "_Runs", list[RmsLine], Bounds | None]]:
+) -> Iterator[tuple[CurveKind, "_Runs", list[Line], Band | None]]:
     """The curves of these jobs, whose steps these are; what is to be told of them is noted."""
     runs = _Runs(steps, jobs, order, band)
     if runs.apart:
@@ -263,8 +265,8 @@ class _Runs:
 
     def line(
         self, costs: Floats, bounds: tuple[Floats, Floats] | None = None, *, carried: bool
-    ) -> RmsLine:
-        """The line of the costs (R,) at rows, with the band of costs between bounds."""
+    ) -> Line:
+        """Root mean squares of the costs (R,) at rows, with the band of costs between bounds."""
         band = None
         if self.count >= LEAST_RUNS[self.band] and not self.many:
             ends = []
@@ -273,7 +275,7 @@ class _Runs:
                 ends.append(_band(self.band, cells[0], cells[-1], self.order))
             low, high = np.concatenate(ends, axis=1).tolist()
             band = low, high
-        return RmsLine(rms=self.rms(costs, carried=carried), band=band)
+        return self.rms(costs, carried=carried), band
 
     def cells(self, *, carried: bool) -> Iterator[tuple[Ints, NDArray[np.bool_]]]:
         """Of some times after the others the steps (N, K) of all runs, and whether there are such.

@@ -14,8 +14,8 @@ from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.files import is_missing, named, patience
 from tgospa_eval.common.words import counted, number
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.reports import tables as escape
-from tgospa_eval.reports.tables import (
+from tgospa_eval.reports import rendering as escape
+from tgospa_eval.reports.rendering import (
     WIDTH,
     Row,
     Table,

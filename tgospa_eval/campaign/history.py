@@ -17,7 +17,7 @@ from tgospa_eval.common.files import is_missing, named, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.reports.tables import Table, text_lines
+from tgospa_eval.reports.rendering import Table, text_lines
 from tgospa_eval.results.records import Json
 from tgospa_eval.text import visible
 

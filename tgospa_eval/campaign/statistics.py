@@ -18,7 +18,7 @@ from tgospa_eval.campaign.row import LABEL
 from tgospa_eval.common.interval import EQUAL, Interval, places, second_less_first, verdict
 from tgospa_eval.common.words import counted, natural
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.reports.batch_records import Places, Ranking
+from tgospa_eval.reports.batch import Places, Ranking
 from tgospa_eval.results.records import Json
 from tgospa_eval.tracks.judged import DIGESTS, JUDGE_ALIKE, incomparable, judged_of
 

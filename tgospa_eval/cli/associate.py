@@ -8,10 +8,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.options import FILE_FORMATS
-from tgospa_eval.cli.shared.click_options import EVALUATION, chosen_options, format_option
-from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
+from tgospa_eval.api.options import FILE_FORMATS, Request
+from tgospa_eval.cli.shared.click_options import (
+    EVALUATION,
+    OutputOptions,
+    chosen_options,
+    format_option,
+)
+from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, option
 from tgospa_eval.errors import InputError
 
 if TYPE_CHECKING:
@@ -102,15 +106,12 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
-    from tgospa_eval.api.options import Request
     from tgospa_eval.api.resolve import make_settings
     from tgospa_eval.cli.shared.streams import emit
-    from tgospa_eval.cli.shared.values import OutputOptions
-    from tgospa_eval.cli.shared.writing import check_apart
     from tgospa_eval.common.config import settings_field
-    from tgospa_eval.reports.clouds import association_text
     from tgospa_eval.reports.files import check_file, write_file
-    from tgospa_eval.reports.tables import csv_text
+    from tgospa_eval.reports.rendering import csv_text
+    from tgospa_eval.reports.sensors import association_text
     from tgospa_eval.results.records import json_text
     from tgospa_eval.sensors.association import associate
 
@@ -119,8 +120,7 @@ def command(
     asked = {"--cost-matrix": cost_matrix, "--cross-cov": cross_cov}
     files = {name: path for name, path in asked.items() if path}
     for name, path in files.items():
-        check_file(path, force=force, option=name)
-        check_apart(path, taken, name)
+        check_file(path, name, force=force, others=taken)
         taken.append(path)
     settings = make_settings(request)
 
@@ -201,13 +201,9 @@ def read_states(
 
 def run_with_effort(work: "Callable[[Effort], T]", jobs: int | None, *, quiet: bool) -> T:
     """Do work that takes so many threads, and show how far it is."""
-    from tgospa_eval.cli.shared.progress import run
-    from tgospa_eval.cli.shared.streams import print_notice
-    from tgospa_eval.common.progress import Stopwatch
+    from tgospa_eval.cli.shared.progress import new_stopwatch, run
     from tgospa_eval.distances import Effort
 
-    stopwatch = Stopwatch()
-    if not quiet:
-        stopwatch.notify = print_notice
+    stopwatch = new_stopwatch(quiet=quiet)
     effort = Effort(jobs=jobs, stopwatch=stopwatch)
     return run(lambda: work(effort), stopwatch, show=not quiet)

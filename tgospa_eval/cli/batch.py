@@ -1,10 +1,11 @@
 """``tgospa-eval batch``: a whole benchmark or Monte Carlo study, stored and tabulated."""
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
-from click.core import ParameterSource
 
+from tgospa_eval.api.options import Request
 from tgospa_eval.cli.shared.click_options import (
     CONFIG_FILE,
     EVALUATION,
@@ -13,16 +14,15 @@ from tgospa_eval.cli.shared.click_options import (
     REPORT_FORMATS,
     SLICE,
     WITH,
+    OutputOptions,
 )
-from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, Option
+from tgospa_eval.cli.shared.command import PATH, Option, Verb, dashed, typed_options
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.errors import ConfigError
 
 if TYPE_CHECKING:
     from tgospa_eval.campaign.store import Store
-    from tgospa_eval.cli.shared.values import OutputOptions
-    from tgospa_eval.reports.batch_records import BatchTables
+    from tgospa_eval.reports.batch import BatchTables
 
 OF_REPORT = {
     *("paths", "by", "mean_of_roots", "band", "output", "force", "format_", "pictures", "style"),
@@ -34,8 +34,7 @@ BAND_KINDS = ("interval", "bootstrap", "percentiles", "deviation")
 LAYOUTS = ("motchallenge", "kitti")
 
 
-def _batch(declaration: str, text: str, **settings: object) -> Option:
-    return Option(declaration, text, section="Batch", **settings)  # type: ignore[arg-type]
+_batch = partial(Option, section="Batch")
 
 
 @click.command(
@@ -148,10 +147,8 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     of some job was not reached, 5 some jobs failed.
     """
     from tgospa_eval.api.batch import BatchOptions, evaluate_batch, tables_of
-    from tgospa_eval.api.options import Request
     from tgospa_eval.campaign.store import Store
-    from tgospa_eval.cli.shared.values import OutputOptions
-    from tgospa_eval.reports.batch import BATCH_REPORTS
+    from tgospa_eval.reports.batch_text import batch_report
 
     output = OutputOptions.of(options)
     if paths[:1] == ("report",):
@@ -161,14 +158,14 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
         store = Store(paths[1])
         store.settings()
         tables = tables_of(store, store.rows(), BatchOptions.of({**options, "output": paths[1]}))
-        emit(BATCH_REPORTS[output.format_](tables), output.format_)
+        emit(batch_report(tables, output.format_), output.format_)
         _write(store, tables, output)
         return
     if output.output is None:
         raise click.UsageError("name the folder of the results with -o DIR")
     chosen = Request.of({**options, "by": None, "summed": True})
     done = evaluate_batch(paths, BatchOptions.of({**options, "evaluation": chosen}), print_notice)
-    emit(BATCH_REPORTS[output.format_](done.tables), output.format_)
+    emit(batch_report(done.tables, output.format_), output.format_)
     if done.page:
         try:
             _write(done.store, done.tables, output)
@@ -181,7 +178,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     ctx.exit(done.status)
 
 
-def _write(store: "Store", tables: "BatchTables", output: "OutputOptions") -> None:
+def _write(store: "Store", tables: "BatchTables", output: OutputOptions) -> None:
     """Write the page of a batch, its curves and pictures to the folder of ``-o``.
 
     Raises
@@ -189,19 +186,16 @@ def _write(store: "Store", tables: "BatchTables", output: "OutputOptions") -> No
     ConfigError
         The folder cannot be written.
     """
-    from tgospa_eval import plots
     from tgospa_eval.api.batch import batch_files
-    from tgospa_eval.cli.shared.writing import wanted_pictures, write_output
+    from tgospa_eval.cli.shared.writing import can_draw, wanted_pictures, write_output
     from tgospa_eval.reports.files import BATCH
 
     folder = output.output
     if folder is None or not len(tables.rows):
         return
     wanted = wanted_pictures(output)
-    if wanted is not None and not plots.available():
+    if wanted is not None and not can_draw(quiet=output.quiet):
         wanted = None
-        if not output.quiet:
-            print_notice(plots.MISSING)
     write_output(output, BATCH, lambda notify: batch_files(store, tables, folder, wanted, notify))
 
 
@@ -213,8 +207,9 @@ def _check_typed(ctx: click.Context) -> None:
     click.UsageError
         One is for evaluating, which a report does not.
     """
+    given = typed_options(ctx)
     for name in ctx.params:
-        if name in OF_REPORT or ctx.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
-            continue
-        text = name.removesuffix("_").replace("_", "-")
-        raise click.UsageError(f"--{text} is for evaluating; batch report shows what is stored")
+        if name in given and name not in OF_REPORT:
+            raise click.UsageError(
+                f"{dashed(name)} is for evaluating; batch report shows what is stored"
+            )

@@ -1,24 +1,19 @@
 """``tgospa-eval explain TRUTH ESTIMATE``: which single repairs would save most."""
 
-import os
-from typing import TYPE_CHECKING
-
 import click
-from click.core import ParameterSource
 
+from tgospa_eval.api.options import Request
 from tgospa_eval.cli.shared.click_options import (
+    BY_OF_SETTINGS,
     CONFIG_FILE,
     EVALUATION,
     QUIET,
     VERBOSE,
+    OutputOptions,
     format_option,
 )
-from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
+from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, option, typed_options
 from tgospa_eval.errors import ConfigError, ExitStatus
-
-if TYPE_CHECKING:
-    from tgospa_eval.results.explanation import Explanation
 
 LEFT_ASIDE = ("by", "preprocess")
 """Options of everything that evaluates that this verb has not; a settings file may have them."""
@@ -29,7 +24,7 @@ LEFT_ASIDE = ("by", "preprocess")
     cls=Verb,
     params=[
         *(item for item in EVALUATION if item.key not in LEFT_ASIDE),
-        option("--by class", "", section="Filters", type=click.Choice(("class",)), hidden=True),
+        BY_OF_SETTINGS,
         option(
             "--preprocess motchallenge",
             "",
@@ -94,58 +89,41 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached.
     """
-    source = ctx.get_parameter_source
-    typed = {name for name in ctx.params if source(name) is ParameterSource.COMMANDLINE}
-    if "by" in typed:
+    given = typed_options(ctx)
+    if "by" in given:
         raise click.UsageError(
             "--by class: explain takes all rows together; choose one class by --class NAME"
         )
-    if "preprocess" in typed:
+    if "preprocess" in given:
         raise click.UsageError(
             "--preprocess: what it leaves out depends on the repair; explain files without such "
             "objects"
         )
-    if output is None and typed & {"apply", "force"}:
-        raise click.UsageError(f"--{min(typed & {'apply', 'force'})} is for the file of -o")
-    from tgospa_eval.api.options import Request
+    if output is None and given & {"apply", "force"}:
+        raise click.UsageError(f"--{min(given & {'apply', 'force'})} is for the file of -o")
     from tgospa_eval.cli.evaluate.run import evaluate_files, explained
-    from tgospa_eval.cli.shared.streams import emit
-    from tgospa_eval.cli.shared.values import OutputOptions
-    from tgospa_eval.cli.shared.writing import check_apart
+    from tgospa_eval.cli.shared.streams import emit, print_notice
     from tgospa_eval.formats.write import TABLES
-    from tgospa_eval.reports import rendered
-    from tgospa_eval.reports.explanation import explanation_document
-    from tgospa_eval.reports.files import check_file
+    from tgospa_eval.reports.files import check_file, write_file
+    from tgospa_eval.reports.rendering import rendered
+    from tgospa_eval.reports.result_text import explanation_document
+    from tgospa_eval.results.explanation import Explanation
 
     if output is not None:
-        check_file(output, force=force, option="-o")
-        check_apart(output, [truth, estimate], "-o")
-        if _ending(output) not in TABLES:
-            raise ConfigError(f"-o {output}: must end in {', '.join(TABLES)}")
+        others = truth, estimate
+        ending = check_file(output, "-o", force=force, others=others, endings=TABLES)
     request, shown = Request.of(options | dict.fromkeys(LEFT_ASIDE)), OutputOptions.of(options)
     result, finished = evaluate_files(truth, estimate, request, shown)
     found = explained(result, request, shown, max(top, apply))
     if output is not None:
-        _write(found, apply, output, quiet=shown.quiet)
-    emit(rendered(found, shown.format_, explanation_document(found)), shown.format_)
+        try:
+            repaired = found.repaired(apply)
+        except ConfigError as error:
+            raise ConfigError(f"--apply {apply}: {error}; nothing is written") from None
+        write_file(output, TABLES[ending](repaired), "-o")
+        if not shown.quiet:
+            text = found.repairs[apply - 1].text
+            print_notice(f"wrote {output}: the estimate with repair {apply}, {text}")
+    makers = explanation_document, Explanation.to_json, Explanation.columns
+    emit(rendered(shown.format_, found, *makers), shown.format_)
     ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
-
-
-def _ending(path: str) -> str:
-    return os.path.splitext(path)[1].casefold()
-
-
-def _write(found: "Explanation", rank: int, path: str, *, quiet: bool) -> None:
-    """Write the estimate with the repair of a rank."""
-    from tgospa_eval.cli.shared.streams import print_notice
-    from tgospa_eval.formats.write import TABLES
-    from tgospa_eval.reports.files import write_file
-
-    try:
-        repaired = found.repaired(rank)
-    except ConfigError as error:
-        raise ConfigError(f"--apply {rank}: {error}; nothing is written") from None
-    write_file(path, TABLES[_ending(path)](repaired), "-o")
-    if not quiet:
-        text = found.repairs[rank - 1].text
-        print_notice(f"wrote {path}: the estimate with repair {rank}, {text}")

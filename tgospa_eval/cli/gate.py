@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tgospa_eval.cli.shared.click_options import GATE_OPTIONS, format_option
-from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, SOURCE, Option
+from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb
 from tgospa_eval.cli.shared.streams import emit, interrupted, print_notice, print_raw
 from tgospa_eval.errors import ConfigError, TgospaError
 
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
     from tgospa_eval.api.gate import GateOptions
     from tgospa_eval.api.options import Request
     from tgospa_eval.campaign.outcome import Report
-    from tgospa_eval.cli.shared.values import OutputOptions
+    from tgospa_eval.cli.shared.click_options import OutputOptions
     from tgospa_eval.results.summary import Summary
 
 TYPED = "tgospa_eval.typed"
@@ -144,7 +143,7 @@ def command(
     """
     from tgospa_eval.api.gate import GateOptions
     from tgospa_eval.api.options import Request
-    from tgospa_eval.cli.shared.values import OutputOptions
+    from tgospa_eval.cli.shared.click_options import OutputOptions
 
     asked = {
         **options,
@@ -181,7 +180,7 @@ def _run(
     from tgospa_eval.campaign.gate_report import GATE_REPORTS
     from tgospa_eval.campaign.outcome import PairOutcome, Report
     from tgospa_eval.campaign.rules import Verdict, worst
-    from tgospa_eval.cli.shared.values import OutputOptions
+    from tgospa_eval.cli.shared.click_options import OutputOptions
     from tgospa_eval.reports.files import GATE, probe_folder
 
     def evaluated(
@@ -263,7 +262,7 @@ def _show_history(path: str, output: "OutputOptions") -> None:
 def _printed(report: "Report", format: str) -> str:
     """The report for stdout; a table in the columns that there are."""
     from tgospa_eval.campaign.gate_report import GATE_REPORTS, table
-    from tgospa_eval.reports.tables import WIDTH
+    from tgospa_eval.reports.rendering import WIDTH
 
     if format != "table":
         return GATE_REPORTS[format](report)

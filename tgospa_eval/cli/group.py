@@ -117,7 +117,7 @@ def _check_word(ctx: click.Context, word: str) -> None:
     click.UsageError
         No file has that name, and it is like a verb.
     """
-    from tgospa_eval.cli.shared.help import meant_verb  # here: not needed where a verb is given
+    from tgospa_eval.cli.shared.command import meant_verb  # here: not needed where a verb is given
 
     verb = meant_verb(word)
     if verb is not None:

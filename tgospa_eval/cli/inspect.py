@@ -1,14 +1,13 @@
 """``tgospa-eval inspect TRUTH [ESTIMATE]``: what was read, and what looks wrong with it."""
 
-import os
 from typing import TYPE_CHECKING
 
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.cli.shared.click_options import READING, format_option
-from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, SOURCE, Option
+from tgospa_eval.api.options import Request
+from tgospa_eval.cli.shared.click_options import READING, OutputOptions, format_option
+from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb
 from tgospa_eval.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -50,11 +49,9 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
-    from tgospa_eval.api.options import Request
     from tgospa_eval.api.resolve import make_settings
     from tgospa_eval.cli.shared.progress import run
     from tgospa_eval.cli.shared.streams import emit, print_notice
-    from tgospa_eval.cli.shared.values import OutputOptions
     from tgospa_eval.common.config import settings_field
     from tgospa_eval.common.progress import Stopwatch
     from tgospa_eval.inspection import inspect
@@ -67,7 +64,13 @@ def command(
     output = OutputOptions.of(options)
     request = Request.of({"switch_penalty": 0.0, **options})
     if plot is not None:
-        _check_picture(plot, paths)
+        from tgospa_eval.plots import FILES, MISSING, available
+        from tgospa_eval.reports.files import check_file
+
+        endings = [f".{kind}" for kind in FILES]
+        ending = check_file(plot, "--plot", force=True, others=paths, endings=endings)
+        if not available():
+            raise ConfigError(MISSING)
     settings, stopwatch = make_settings(request), Stopwatch()
 
     def work() -> Json:
@@ -79,7 +82,8 @@ def command(
             fitted, asked = settings.fit(sides, paths)
         if plot is not None:
             seen = [side.trajectories for side in sides] if fitted is None else fitted.read
-            _write_picture(plot, list(zip(paths, seen, strict=True)), request.unit or "")
+            sides_seen = list(zip(paths, seen, strict=True))
+            _write_picture(plot, ending[1:], sides_seen, request.unit or "")
             if not output.quiet:
                 print_notice(f"picture in {plot}")
         found = inspect(list(zip(paths, sides, strict=True)), fitted, asked)
@@ -89,27 +93,9 @@ def command(
     emit((json_text if output.format_ == "json" else table)(document), output.format_)
 
 
-def _check_picture(path: str, inputs: tuple[str, ...]) -> None:
-    """Whether a picture may be written there.
-
-    Raises
-    ------
-    ConfigError
-        Its name has no known ending, it is one of the inputs or a folder, or matplotlib is missing.
-    """
-    from tgospa_eval.cli.shared.writing import check_apart
-    from tgospa_eval.plots import FILES, MISSING, available
-    from tgospa_eval.reports.files import check_file
-
-    if _ending(path) not in FILES:
-        raise ConfigError(f"--plot {path}: must end in .{', .'.join(FILES)}")
-    check_apart(path, list(inputs), "--plot")
-    check_file(path, force=True, option="--plot")
-    if not available():
-        raise ConfigError(MISSING)
-
-
-def _write_picture(path: str, sides: "list[tuple[str, Trajectories]]", unit: str) -> None:
+def _write_picture(
+    path: str, kind: str, sides: "list[tuple[str, Trajectories]]", unit: str
+) -> None:
     """Draw what was read."""
     from tgospa_eval.plots import written
     from tgospa_eval.plots.plane import plot_inspection  # matplotlib takes a second
@@ -118,9 +104,5 @@ def _write_picture(path: str, sides: "list[tuple[str, Trajectories]]", unit: str
 
     made = plot_inspection(sides, unit=unit)
     with styled():
-        data = written(made, _ending(path))
+        data = written(made, kind)
     write_file(path, data, "--plot")
-
-
-def _ending(path: str) -> str:
-    return os.path.splitext(path)[1].lower().removeprefix(".")

@@ -1,18 +1,21 @@
 """``tgospa-eval reduce IN OUT -n N``: particle clouds with fewer particles."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.options import FILE_FORMATS
+from tgospa_eval.api.options import FILE_FORMATS, Request
 from tgospa_eval.cli.associate import read_states, run_with_effort
-from tgospa_eval.cli.shared.click_options import REDUCTION, chosen_options, format_option
-from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.cli.shared.click_options import (
+    REDUCTION,
+    OutputOptions,
+    chosen_options,
+    format_option,
+)
+from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, option
+from tgospa_eval.errors import InputError
 
 if TYPE_CHECKING:
     from tgospa_eval.distances import Effort
@@ -64,26 +67,19 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
     from tgospa_eval.api.distance import reduction
-    from tgospa_eval.api.options import Request
     from tgospa_eval.api.resolve import make_settings
     from tgospa_eval.cli.shared.streams import emit
-    from tgospa_eval.cli.shared.values import OutputOptions
-    from tgospa_eval.cli.shared.writing import check_apart
     from tgospa_eval.common.config import settings_field
     from tgospa_eval.distances import Reduction
     from tgospa_eval.formats.write import TABLES
-    from tgospa_eval.reports.clouds import reduction_text
     from tgospa_eval.reports.files import check_file, write_file
-    from tgospa_eval.reports.tables import csv_text
+    from tgospa_eval.reports.rendering import csv_text
+    from tgospa_eval.reports.sensors import reduction_text
     from tgospa_eval.results.records import json_text, records
     from tgospa_eval.sensors.reduction import CHANGES, reduce_trajectories
 
     request, output = Request.of(options), OutputOptions.of(options)
-    check_file(target, force=force, option="OUT")
-    check_apart(target, [source], "OUT")
-    suffix = Path(target).suffix.casefold()
-    if suffix not in TABLES:
-        raise ConfigError(f"OUT {target}: must end in {', '.join(TABLES)}")
+    ending = check_file(target, "OUT", force=force, others=[source], endings=TABLES)
     how = reduction(request, size) or Reduction(size=size)
     fixed: dict[str, Any] = {"reduce": size, "cutoff": 1.0, "switch_penalty": 0.0}
     settings = make_settings(replace(request, distance="cloud-wasserstein", **fixed))
@@ -95,7 +91,7 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
                 f"{source}: no particles; a column weight makes the rows of an (id, t) a cloud"
             )
         after, table = reduce_trajectories(side.trajectories, how, effort)
-        return side, TABLES[suffix](after), table
+        return side, TABLES[ending](after), table
 
     side, data, table = run_with_effort(work, request.jobs, quiet=output.quiet)
     write_file(target, data, "OUT")

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, Option
+from tgospa_eval.cli.shared.command import PATH, Option, Verb
 from tgospa_eval.common.words import counted, parsed_whole
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import visible

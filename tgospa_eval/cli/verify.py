@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, Option
+from tgospa_eval.cli.shared.command import PATH, Option, Verb
 from tgospa_eval.errors import ExitStatus, InputError
 
 if TYPE_CHECKING:

@@ -28,8 +28,8 @@ plot_plane = Summary.plot_plane
 plot_windows = Summary.plot_windows
 plot_worst = Summary.plot_worst
 
-Draw: TypeAlias = "Callable[[], Mapping[str, Figure]]"
-"""Makes figures by name."""
+Draw: TypeAlias = "Mapping[str, Callable[[], Figure]]"
+"""By name what makes a figure."""
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Okabe and Ito: distinguished by those who do not see all colours, and in print."""
@@ -64,7 +64,7 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> "tup
     from matplotlib import rcParams
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    from tgospa_eval.plots.shown import ApartLocator, ShownFigure
+    from tgospa_eval.plots.notebook import ApartLocator, ShownFigure
 
     grid = 0.75 * rcParams["grid.linewidth"]
     made = ShownFigure(figsize=(width, height), layout="constrained", facecolor="white")
@@ -83,23 +83,16 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> "tup
 
 
 def pictures(draw: Draw, formats: Sequence[str] = ("png",)) -> dict[str, bytes]:
-    """Files of what `draw` makes, whatever the user's settings of matplotlib."""
+    """Files of figures by name, whatever the user's settings of matplotlib."""
     import matplotlib
 
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        return {
-            f"{name}.{kind}": written(made, kind)
-            for name, made in draw().items()
-            for kind in formats
-        }
+        return files_of(draw, formats, DOTS, lambda name, share: None)  # noqa: ARG005
 
 
 def files_of(
-    draw: "Mapping[str, Callable[[], Figure]]",
-    formats: Sequence[str],
-    dots: int,
-    notify: Callable[[str, float], None],
+    draw: Draw, formats: Sequence[str], dots: int, notify: Callable[[str, float], None]
 ) -> dict[str, bytes]:
     """Files by name, each in all formats; `notify` takes the name of the next and what is done.
 

@@ -10,10 +10,10 @@ from tgospa_eval.plots import figure, files_of
 from tgospa_eval.plots.overtime import name_times
 from tgospa_eval.plots.style import FILLS, SOFT, Style, legend, literal, power, styled, titled
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.reports.batch_view import BatchView, Heat
-from tgospa_eval.reports.clock import ROOM
-from tgospa_eval.reports.curves import CURVE_KINDS, LINE_NAMES, RmsCurve, RmsLine, on_one_axis
-from tgospa_eval.results.records import PARTS, Part
+from tgospa_eval.reports.batch import BatchTables
+from tgospa_eval.reports.curves import CURVE_KINDS, LINE_NAMES, RmsCurve, on_one_axis
+from tgospa_eval.reports.time_axis import ROOM
+from tgospa_eval.results.records import PARTS, Json, Part
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -49,7 +49,7 @@ def draw_curves(
         Whether to draw the parts instead, one below the other, the kinds side by side.
     """
     lines: Sequence[str] = PARTS if parts else ("total",)
-    curves = [(track, curve) for track, curve in curves if lines[0] in curve.lines]
+    curves = [(track, curve) for track, curve in curves if lines[0] in curve.rms]
     kinds = [kind for kind in CURVE_KINDS if any(curve.kind == kind for _, curve in curves)]
     if parts:
         made, axes = figure(style.width, PANEL * style.low * len(lines), len(lines), len(kinds))
@@ -67,8 +67,8 @@ def draw_curves(
         for (track, curve), at in zip(curves, places, strict=True):
             if curve.kind == kind:
                 group = literal(curve.name or "all jobs")
-                drawn[group] = _draw_line(axis, at, curve.lines[name], track)
-                top = max(top, curve.lines[name].top)
+                drawn[group] = _draw_line(axis, at, curve, name, track)
+                top = max(top, curve.top(name))
         axis.set_ylim(0, ROOM * top or 1.0)
         name_times(axis, clock, ends, style.width / (len(kinds) if parts else 1))
         about = LINE_NAMES[name].removeprefix("RMS ").replace(" error", "\nerror")
@@ -81,17 +81,17 @@ def draw_curves(
     return made
 
 
-def _draw_line(axis: "Axes", at: Floats, line: RmsLine, track: int) -> "Artist":
+def _draw_line(axis: "Axes", at: Floats, curve: RmsCurve, name: str, track: int) -> "Artist":
     """A line with its band."""
     colour = TRACK_COLOURS[track % len(TRACK_COLOURS)]
-    if line.band:
-        axis.fill_between(at, *line.band, color=colour, alpha=0.16, linewidth=0)
+    if name in curve.bands:
+        axis.fill_between(at, *curve.bands[name], color=colour, alpha=0.16, linewidth=0)
     looks: dict[str, Any] = {
         "color": colour,
         "linestyle": DASHES_OF_LINES[track % len(DASHES_OF_LINES)],
     }
     looks |= {"marker": "o"} if len(at) == 1 else {}
-    return axis.plot(at, line.rms, clip_on=False, **looks)[0]
+    return axis.plot(at, curve.rms[name], clip_on=False, **looks)[0]
 
 
 def draw_parts(groups: Mapping[str, Mapping[Part, float]], style: Style, about: str) -> "Figure":
@@ -123,13 +123,13 @@ def draw_parts(groups: Mapping[str, Mapping[Part, float]], style: Style, about: 
     return made
 
 
-def draw_heat(heat: Heat, style: Style, unit: str) -> "Figure":
+def draw_heat(heat: Json, style: Style, unit: str) -> "Figure":
     """Value per step of each cell; of many rows those lie across, without numbers.
 
     Parameters
     ----------
-    heat : Heat
-        At least one cell has a value.
+    heat : dict
+        As of `reports.batch.heat_of`; at least one cell has a value.
     style : Style
         Sizes.
     unit : str
@@ -137,52 +137,46 @@ def draw_heat(heat: Heat, style: Style, unit: str) -> "Figure":
     """
     from matplotlib.colors import ListedColormap
 
-    values = np.array(
-        [
-            [cell["value"].upper if cell and cell["value"] else np.nan for cell in row]
-            for row in heat.cells
-        ]
-    )
-    if heat.scales > 1:
-        values = np.array(
-            [[cell["level"] if cell and cell["value"] else np.nan for cell in row]
-             for row in heat.cells]
-        )  # fmt: skip
-    if heat.squares:
+    def value(cell: Json | None) -> float:
+        if cell is None or cell["value"] is None:
+            return np.nan
+        return float(cell["level"] if heat["scales"] > 1 else cell["value"].upper)
+
+    values = np.array([[value(cell) for cell in row] for row in heat["cells"]])
+    if heat["squares"]:
         values = values.T
-    high = ROW * len(values) * (2 if heat.squares else 1)
+    high = ROW * len(values) * (2 if heat["squares"] else 1)
     made, ((axis,),) = figure(style.width, 1.3 + high)
     axis.grid(visible=False)
     colours = ListedColormap(heat_shades(LIGHT))
-    seen = axis.pcolormesh(np.ma.masked_invalid(values), cmap=colours, rasterized=heat.squares)
+    seen = axis.pcolormesh(np.ma.masked_invalid(values), cmap=colours, rasterized=heat["squares"])
     what = f"TGOSPA per step ({literal(unit)})" if unit else "TGOSPA per step"
-    bar = made.colorbar(seen, ticks=[] if heat.scales > 1 else None)
-    own = ", least to largest of the same parameters" if heat.scales > 1 else ""
+    bar = made.colorbar(seen, ticks=[] if heat["scales"] > 1 else None)
+    own = ", least to largest of the same parameters" if heat["scales"] > 1 else ""
     bar.set_label(what + own, parse_math=False)
     axis.set_ylim(len(values), 0)
-    if heat.squares:
-        _names(axis, heat.columns, upright=True, shift=0.5)
-        axis.set_xlabel(f"{literal(heat.down, 40)}, in order", parse_math=False)
+    if heat["squares"]:
+        _names(axis, heat["columns"], upright=True, shift=0.5)
+        axis.set_xlabel(f"{literal(heat['down'], 40)}, in order", parse_math=False)
     else:
-        _names(axis, heat.columns, upright=False, shift=0.5)
-        _names(axis, heat.rows, upright=True, shift=0.5)
+        _names(axis, heat["columns"], upright=False, shift=0.5)
+        _names(axis, heat["rows"], upright=True, shift=0.5)
         _numbers(axis, heat)
     for side in axis.spines.values():
         side.set_visible(False)
-    titled(axis, style, f"{literal(heat.down)} by {literal(heat.across)}")
+    titled(axis, style, f"{literal(heat['down'])} by {literal(heat['across'])}")
     return made
 
 
-def _numbers(axis: "Axes", heat: Heat) -> None:
+def _numbers(axis: "Axes", heat: Json) -> None:
     """The value in each cell, bold where it is proven to be the best of its row."""
-    for k, row in enumerate(heat.cells):
+    for k, row in enumerate(heat["cells"]):
         for column, cell in enumerate(row):
             if cell is None:
                 continue
-            text = heat.text(cell["value"]) if cell["value"] else "failed"
             weight = "bold" if cell["best"] else "normal"
             axis.text(
-                column + 0.5, k + 0.5, text, ha="center", va="center", fontsize="small",
+                column + 0.5, k + 0.5, cell["text"], ha="center", va="center", fontsize="small",
                 fontweight=weight, color=LIGHT["ink"] if cell["value"] else SOFT,
             )  # fmt: skip
 
@@ -198,7 +192,7 @@ def _names(axis: "Axes", names: Sequence[str], *, upright: bool, shift: float = 
 
 
 def batch_pictures(
-    view: BatchView, wanted: "Pictures", notify: Callable[[str, float], None]
+    tables: BatchTables, wanted: "Pictures", notify: Callable[[str, float], None]
 ) -> dict[str, bytes]:
     """Files by name, those that have something to show, each in all formats.
 
@@ -206,17 +200,15 @@ def batch_pictures(
     """
     with styled(wanted.style) as style:
         draw: dict[str, Callable[[], Figure]] = {}
-        if view.groups:
-            orders = view.tables.rows["order"].dropna().unique()
-            unit = power(view.unit, orders[0]) if len(orders) == 1 else ""
-            costs = {group["name"] or "all jobs": group["costs"] for group in view.groups}
+        if tables.shown_groups:
+            orders = tables.rows["order"].dropna().unique()
+            unit = power(tables.unit, orders[0]) if len(orders) == 1 else ""
+            costs = {group["name"] or "all jobs": group["costs"] for group in tables.shown_groups}
             draw["parts"] = lambda: draw_parts(costs, style, f"cost per step{unit}")
-        heat = view.heat
-        if heat is not None and heat.ends is not None:
-            draw["heat"] = lambda: draw_heat(heat, style, view.unit)
-        if view.drawn_curves:
-            draw["curve"] = lambda: draw_curves(view.drawn_curves, style, view.unit)
-            draw["curve-parts"] = lambda: draw_curves(
-                view.drawn_curves, style, view.unit, parts=True
-            )
+        heat, curves = tables.heat, tables.drawn_curves
+        if heat is not None and heat["ends"] is not None:
+            draw["heat"] = lambda: draw_heat(heat, style, tables.unit)
+        if curves:
+            draw["curve"] = lambda: draw_curves(curves, style, tables.unit)
+            draw["curve-parts"] = lambda: draw_curves(curves, style, tables.unit, parts=True)
         return files_of(draw, wanted.formats, style.dots, notify)

@@ -2,15 +2,16 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.common.words import number
-from tgospa_eval.plots import COLOURS, MARKERS, figure, label
+from tgospa_eval.plots import COLOURS, MARKERS, Draw, figure, label
 from tgospa_eval.plots.overtime import name_times
-from tgospa_eval.reports.clock import Clock, edges, moments, placed, words
+from tgospa_eval.reports.time_axis import TimeAxis, moments
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Json, Time
 from tgospa_eval.results.sweep import Point, Sweep
 
@@ -30,19 +31,19 @@ TEMPERATURE = "temperature ε, fraction of $c^p$"
 AT_FLOOR = f"errors below {FLOOR:g} are drawn at {FLOOR:g}"
 
 
-def solver_pictures(document: Json) -> "dict[str, Figure]":
+def solver_pictures(document: Json) -> Draw:
     """By file name, those pictures that have something to show; none if there is no true value."""
     if document["referee"] is None:
         return {}
-    made = {"time_over_error": time_over_error(document)}
+    draw = {"time_over_error": partial(time_over_error, document)}
     runs = _temperatures(document)
     if len(runs) > 1 and _seen(
         value for run in runs for value in (run["error"], run["lower_error"])
     ):
-        made["error_over_epsilon"] = error_over_epsilon(document)
+        draw["error_over_epsilon"] = partial(error_over_epsilon, document)
     if any(len(run["history"]) > 1 for run in document["runs"]):
-        made["convergence"] = convergence(document)
-    return made
+        draw["convergence"] = partial(convergence, document)
+    return draw
 
 
 def _seen(errors: Iterable[float | None]) -> bool:
@@ -183,10 +184,10 @@ def _temperatures(document: Json) -> Sequence[Json]:
 # --- study ----------------------------------------------------------------------------------------
 
 
-def study_pictures(document: Json) -> "dict[str, Figure]":
+def study_pictures(document: Json) -> Draw:
     """By file name, those pictures that have something to show."""
     sizes = document["sizes"]
-    made = {}
+    draw: dict[str, Callable[[], Figure]] = {}
     temperatures = [s for s in sizes[0]["solvers"] if s["epsilon"] is not None]
     if not any(s["seconds"]["mean"] is not None for size in sizes for s in size["solvers"]):
         return {}  # all failed, or all contradict each other
@@ -194,10 +195,10 @@ def study_pictures(document: Json) -> "dict[str, Figure]":
         s["error"]["max"] for size in sizes for s in size["solvers"] if s["epsilon"] is not None
     )
     if len(temperatures) > 1 and _seen(errors):
-        made["error_over_epsilon"] = study_errors(document)
+        draw["error_over_epsilon"] = partial(study_errors, document)
     if len(sizes) > 1:
-        made["scaling"] = scaling(document)
-    return made
+        draw["scaling"] = partial(scaling, document)
+    return draw
 
 
 def study_errors(document: Json) -> "Figure":
@@ -308,36 +309,33 @@ def _line(
 # --- estimates ------------------------------------------------------------------------------------
 
 
-def estimate_pictures(
-    series: Mapping[str, Sequence[float]], times: Sequence[Time]
-) -> "dict[str, Figure]":
+def estimate_pictures(series: Mapping[str, Sequence[float]], times: Sequence[Time]) -> Draw:
     """By file name: where the estimates part. `series` holds the costs of the steps by name."""
-    return {"cumulative": cumulative(series, times)} if any(series.values()) else {}
+    return {"cumulative": partial(cumulative, series, times)} if any(series.values()) else {}
 
 
 def cumulative(series: Mapping[str, Sequence[float]], times: Sequence[Time]) -> "Figure":
     """Cost up to each step, a line for each estimate."""
     made, ((axis,),) = figure(6.2, 3.3 + 0.2 * len(series))
     lines, names = [], []  # kept here: names that begin with _ are hidden from a legend
-    how = moments(times)
-    at = placed(times, how)
-    begin, end = edges(at)
+    time = TimeAxis(times=times, axis=moments(times))
+    begin, end = time.edges
     for k, (name, costs) in enumerate(series.items()):
         total = list(itertools.accumulate(costs))
         colour, dashes = COLOURS[k % len(COLOURS)], ("-", "--", ":", "-.")[k // len(COLOURS) % 4]
         dot = "o" if len(total) == 1 else ""
-        lines += axis.plot(at, total, dashes + dot, color=colour, clip_on=False)
+        lines += axis.plot(time.at, total, dashes + dot, color=colour, clip_on=False)
         names.append(f"{_literal(name)}: {number(total[-1])}")
     axis.set_ylim(0, None)
     label(axis, "", "cost of all steps so far", "Where the estimates part")
-    name_times(axis, Clock(axis=how, labels=words(times)), (begin[0], end[-1]), 6.2)
+    name_times(axis, time, (begin[0], end[-1]), 6.2)
     made.legend(lines, names, loc="outside upper left", frameon=False)
     return made
 
 
 def _literal(name: str) -> str:
     """A name of the user's, short and without formulas."""
-    name = "".join(c if c.isprintable() else "?" for c in name).replace("$", r"\$")
+    name = plain(name)
     return name if len(name) <= 30 else "..." + name[-27:]
 
 
@@ -376,10 +374,7 @@ def sweep_figure(found: Sweep) -> "Figure":
         if band is not None:
             axis.axvspan(*(x[k] for k in band), color="#eeeeee", zorder=0, linewidth=0)
         if _crowded(x):
-            axis.set_xscale("log")
-            ends = x[0], x[len(x) // 2], x[-1]
-            axis.set_xticks(ends, [f"{value:.3g}" for value in ends], minor=False)
-            axis.set_xticks([], minor=True)
+            _ticks(axis, (x[0], x[len(x) // 2], x[-1]), ".3g")
         axis.set_ylim(0, None)
     made.supxlabel(
         AXIS_NAMES[found.parameter]

@@ -19,9 +19,8 @@ from tgospa_eval.plots.style import (
     literal,
     titled,
 )
-from tgospa_eval.plots.views import View
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.reports.page_data import NONE, DrawnSide
+from tgospa_eval.reports.plot_data import NONE, DrawnSide, PlotData
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -79,7 +78,7 @@ class Lanes:
         return places[track]
 
 
-def draw_lanes(seen: View, style: Style) -> "Figure":
+def draw_lanes(seen: PlotData, style: Style) -> "Figure":
     """A lane for each truth, and lanes of false tracks below."""
     truths = arranged(seen.truth, np.arange(len(seen.truth.ids)), style.lanes, 1)
     wrong = np.flatnonzero(np.asarray(seen.estimate.table["unassigned_count"], float) > 0)
@@ -92,7 +91,9 @@ def draw_lanes(seen: View, style: Style) -> "Figure":
     letters = min(72 * tall * 0.62, axis.xaxis.label.get_fontsize())
     columns = min(max(seen.steps, 1), style.bars)
     # the least that is seen
-    pixel = (seen.edges[1][-1] - seen.edges[0][0] if seen.steps else 1) / _room(style) * 0.8
+    pixel = (
+        (seen.time.edges[1][-1] - seen.time.edges[0][0] if seen.steps else 1) / _room(style) * 0.8
+    )
     if seen.steps > columns:
         _shares(axis, truths, seen, columns, MISSED)
         _shares(axis, estimates, seen, columns, FALSE)
@@ -141,7 +142,7 @@ def _put(axis: "Axes", corners: Floats, name: str, **looks: Any) -> "PolyCollect
 
 
 def _bars(
-    axis: "Axes", lanes: Lanes, seen: View, style: Style, *, pixel: float, whole: bool
+    axis: "Axes", lanes: Lanes, seen: PlotData, style: Style, *, pixel: float, whole: bool
 ) -> "dict[str, Artist]":
     """Stretches that are assigned, and as frames those that are not; returns entries of a legend.
 
@@ -150,7 +151,7 @@ def _bars(
     """
     run, truth = lanes.side.run, lanes.side.name == "truth"
     place = lanes.place(run["track"])
-    begin, end = seen.edges[0][run["begin"]], seen.edges[1][run["end"]]
+    begin, end = seen.time.edges[0][run["begin"]], seen.time.edges[1][run["end"]]
     held = ~np.isnan(place) & (run["other"] != NONE)
     half = HALF if truth else 0.14
     track = run["other"] if truth else run["track"]
@@ -188,10 +189,10 @@ def _columns(step: Ints, columns: int, steps: int) -> Ints:
     return step * columns // max(steps, 1)
 
 
-def _column_edges(seen: View, columns: int) -> tuple[Floats, Floats]:
+def _column_edges(seen: PlotData, columns: int) -> tuple[Floats, Floats]:
     """Where each column begins and ends."""
     first = -(-np.arange(columns + 1) * seen.steps // columns)
-    begin, end = seen.edges
+    begin, end = seen.time.edges
     return begin[first[:-1]], end[first[1:] - 1]
 
 
@@ -204,7 +205,7 @@ def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
     return np.repeat(chosen[kept], length).astype(np.int64), first + np.arange(length.sum())
 
 
-def _shares(axis: "Axes", lanes: Lanes, seen: View, columns: int, colour: str) -> None:
+def _shares(axis: "Axes", lanes: Lanes, seen: PlotData, columns: int, colour: str) -> None:
     """What hangs from the top of a lane: the share of the steps of a column that are wrong."""
     lane, step = _unassigned(lanes, lanes.place(lanes.side.run["track"]))
     if not len(lane):
@@ -219,7 +220,7 @@ def _shares(axis: "Axes", lanes: Lanes, seen: View, columns: int, colour: str) -
     _put(axis, boxes(left, right, top, top + tall), f"{lanes.side.name}/share", **looks)
 
 
-def _errors(axis: "Axes", lanes: Lanes, seen: View, columns: int) -> None:
+def _errors(axis: "Axes", lanes: Lanes, seen: PlotData, columns: int) -> None:
     """Error as a share of the cutoff: a darker foot of the bar, the largest of each column."""
     row = lanes.side.row
     place = lanes.place(row["track"])
@@ -237,7 +238,7 @@ def _errors(axis: "Axes", lanes: Lanes, seen: View, columns: int) -> None:
     _put(axis, boxes(left, right, low - tall, low), "truth/error", **looks)
 
 
-def _others(axis: "Axes", lanes: Lanes, seen: View, columns: int) -> None:
+def _others(axis: "Axes", lanes: Lanes, seen: PlotData, columns: int) -> None:
     """The last lane: how many of the tracks without a lane of their own are wrong, as a height."""
     if not len(lanes.others):
         return
@@ -266,7 +267,7 @@ def _seen_switches(place: Floats, switches: dict[str, Ints], columns: int, steps
 
 
 def _switches(
-    axis: "Axes", truths: Lanes, seen: View, style: Style, columns: int
+    axis: "Axes", truths: Lanes, seen: PlotData, style: Style, columns: int
 ) -> "dict[str, Artist]":
     """Triangles at the top of the lanes; small ones for parts of a switch."""
     switches = seen.switches
@@ -280,13 +281,13 @@ def _switches(
     looks |= {"linewidths": 0 if many else 0.3, "clip_on": False}
     kept = _seen_switches(place, switches, columns, seen.steps)
     place, sizes = place[kept], np.where(switches["mass"][kept] >= 0.99, size, size / 2)
-    x = seen.edges[0][switches["step"][kept]]
+    x = seen.time.edges[0][switches["step"][kept]]
     looks["rasterized"] = len(place) > VECTOR_SHAPES
     marks = axis.scatter(x, place - HALF, sizes, label="switch", **looks)
     return {"switch (small: half of one)" if (switches["mass"] < 0.99).any() else "switch": marks}
 
 
-def _names(axis: "Axes", lanes: Lanes, seen: View, letters: float, room: float) -> None:
+def _names(axis: "Axes", lanes: Lanes, seen: PlotData, letters: float, room: float) -> None:
     """Ids of the other side inside stretches where there is room, the longest first."""
     if letters < 4 or not seen.steps:
         return
@@ -295,7 +296,7 @@ def _names(axis: "Axes", lanes: Lanes, seen: View, letters: float, room: float) 
     run, truth = lanes.side.run, lanes.side.name == "truth"
     other = seen.estimate if truth else seen.truth
     place = lanes.place(run["track"])
-    (begin, end), point = seen.edges, (seen.edges[1][-1] - seen.edges[0][0]) / room
+    (begin, end), point = seen.time.edges, (seen.time.edges[1][-1] - seen.time.edges[0][0]) / room
     wide = (end[run["end"]] - begin[run["begin"]]) / point
     held = np.flatnonzero((run["other"] != NONE) & ~np.isnan(place) & (wide > letters))
     looks: dict[str, Any] = {"va": "center_baseline", "color": "white" if truth else INK}

@@ -8,10 +8,9 @@ import numpy as np
 from tgospa_eval.common.words import number
 from tgospa_eval.plots import boxes, counted, figure, stairs
 from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, titled
-from tgospa_eval.plots.views import View
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.reports.clock import Clock
-from tgospa_eval.reports.page_data import KINDS, DrawnSide, binned
+from tgospa_eval.reports.plot_data import KINDS, DrawnSide, PlotData, binned
+from tgospa_eval.reports.time_axis import TimeAxis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,14 +21,14 @@ MARGIN = 0.8
 """Inches beside the axes, about."""
 
 
-def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
+def draw_costs(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
     """Stacked bars of each step, or of the costliest of several."""
     made, ((axis,),) = figure(style.width, style.low)
-    costs = {name: np.asarray(seen.data["costs"][name], float) for name in parts}
-    stretch = seen.data["together"]
+    costs = {name: np.asarray(seen.document["costs"][name], float) for name in parts}
+    stretch = seen.document["together"]
     most = style.bars if stretch == 1 else seen.steps
     first, costliest = binned(sum(costs.values(), np.zeros(seen.steps)), most)
-    begin, end = seen.edges
+    begin, end = seen.time.edges
     begin, end = begin[first], end[np.append(first[1:], seen.steps) - 1] if seen.steps else end
     base = np.zeros(len(first))
     handles = []
@@ -49,25 +48,25 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
         axis.set_xlabel(f"{axis.get_xlabel()}; a bar is the dearest of {together:,} steps")
     if stretch > 1:
         axis.set_xlabel(f"{axis.get_xlabel()}; a bar is the mean of {stretch:,} steps")
-    cost_unit = power(seen.data["unit"], seen.data["order"])
+    cost_unit = power(seen.document["unit"], seen.document["order"])
     axis.set_ylabel(f"cost{cost_unit}", parse_math=False)
     titled(axis, style, "Cost of each step", seen.about)
     legend(made, handles, [str(bars.get_label()) for bars in handles], 4)
     return made
 
 
-def draw_cumulative(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
+def draw_cumulative(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
     """The root of the mean cost of the steps up to each."""
-    values = {name: seen.data["curve"][name] for name in (*parts, "total")}
-    made, axis = _draw_lines(seen, style, seen.at, values, "per step, so far")
+    values = {name: seen.document["curve"][name] for name in (*parts, "total")}
+    made, axis = _draw_lines(seen, style, seen.time.at, values, "per step, so far")
     titled(axis, style, "Normalised cumulative cost", seen.about)
     return made
 
 
-def draw_windows(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
+def draw_windows(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
     """The root of the mean cost of each window."""
-    found = seen.data["windows"]
-    first, last = (seen.at[np.asarray(found[name], int)] for name in ("first", "last"))
+    found = seen.document["windows"]
+    first, last = (seen.time.at[np.asarray(found[name], int)] for name in ("first", "last"))
     values = {name: found["lines"][name] for name in (*parts, "total")}
     made, axis = _draw_lines(seen, style, (first + last) / 2, values, "per step of the window")
     titled(axis, style, f"Windows of {found['size']}, each at its middle", seen.about)
@@ -75,7 +74,7 @@ def draw_windows(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
 
 
 def _draw_lines(
-    seen: View, style: Style, at: Floats, values: Mapping[str, Sequence[float]], name: str
+    seen: PlotData, style: Style, at: Floats, values: Mapping[str, Sequence[float]], name: str
 ) -> "tuple[Figure, Axes]":
     """A line for each part and for the total."""
     made, ((axis,),) = figure(style.width, style.low)
@@ -89,7 +88,7 @@ def _draw_lines(
     top = max(max(line, default=0.0) for line in values.values())
     axis.set_ylim(0, top * 1.05 or 1.0)
     time_axis(axis, seen, style)
-    unit = f" ({literal(seen.data['unit'])})" if seen.data["unit"] else ""
+    unit = f" ({literal(seen.document['unit'])})" if seen.document["unit"] else ""
     axis.set_ylabel(f"{name}{unit}", parse_math=False)
     legend(made, handles, list(values), 5)
     return made, axis
@@ -102,9 +101,9 @@ def _with_gaps(begin: Floats, end: Floats, *values: Floats) -> tuple[Floats, lis
     return places, [np.insert(value, gaps, np.nan) for value in values]
 
 
-def time_axis(axis: "Axes", seen: View, style: Style, *, upright: bool = False) -> None:
+def time_axis(axis: "Axes", seen: PlotData, style: Style, *, upright: bool = False) -> None:
     """From the first step to the last, with the times as names."""
-    begin, end = seen.edges
+    begin, end = seen.time.edges
     ends = (float(begin[0]), float(end[-1])) if seen.steps else (-0.5, 0.5)
     name_times(axis, seen.time, ends, style.width / (2 if upright else 1), upright=upright)
     if not seen.steps:
@@ -112,7 +111,7 @@ def time_axis(axis: "Axes", seen: View, style: Style, *, upright: bool = False) 
 
 
 def name_times(
-    axis: "Axes", clock: Clock, ends: tuple[float, float], width: float, *, upright: bool = False
+    axis: "Axes", clock: TimeAxis, ends: tuple[float, float], width: float, *, upright: bool = False
 ) -> None:
     """Ends, ticks and name of an axis of time in a picture of so many inches."""
     letters = float(axis.xaxis.label.get_fontsize())
@@ -131,14 +130,14 @@ THICK = 0.36
 """Half the height of a bar; bars are 1 apart."""
 
 
-def draw_worst(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
+def draw_worst(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
     """Bars of the costliest steps, truths and estimates."""
     from matplotlib.patches import Patch
 
     shared = seen.time.shared
     lists = {
         "steps": _costliest(
-            seen.data["costs"], [t[len(shared) :] for t in seen.labels], style.worst, parts
+            seen.document["costs"], [t[len(shared) :] for t in seen.time.labels], style.worst, parts
         ),
         "truths": _costliest(_costs(seen.truth), seen.truth.ids, style.worst, parts),
         "estimates": _costliest(_costs(seen.estimate), seen.estimate.ids, style.worst, parts),
@@ -155,7 +154,7 @@ def draw_worst(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
         _bars(axis, names, costs, style.worst if beside else max(len(names), 4), beside=beside)
         label = f"{title} {literal(shared)}…" if shared and title == "steps" else title
         axis.set_ylabel(label, fontweight="bold", parse_math=False)
-    unit = power(seen.data["unit"], seen.data["order"])
+    unit = power(seen.document["unit"], seen.document["order"])
     axes[len(axes) // 2 if beside else -1].set_xlabel(f"cost{unit}", parse_math=False)
     if style.titles:
         titled(axes[0], style, "Worst")

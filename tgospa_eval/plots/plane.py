@@ -7,13 +7,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval.common.palette import TRACK_COLOURS
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import boxes as corners
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.overtime import time_axis
 from tgospa_eval.plots.style import FALSE, INK, MISSED, SOFT, Style, legend, literal, styled, titled
-from tgospa_eval.plots.views import TIME, View, is_box, plane_columns, with_centres
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.reports.page_data import DrawnSide, deviations, is_map, map_stretch
+from tgospa_eval.reports.plot_data import (
+    TIME,
+    DrawnSide,
+    PlotData,
+    deviations,
+    is_box,
+    is_map,
+    map_stretch,
+    with_centres,
+)
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -34,14 +44,16 @@ APART = 2.0
 """Distance of two shapes of a trajectory, in sizes of the first."""
 
 
-def outlines(axis: "Axes", seen: View, across: str, up: str, style: Style) -> "dict[str, Artist]":
+def outlines(
+    axis: "Axes", seen: PlotData, across: str, up: str, style: Style
+) -> "dict[str, Artist]":
     """Draw them where the two columns show them; returns entries of a legend."""
-    boxes = seen.data["boxes"]
+    boxes = seen.document["boxes"]
     if len(seen.truth.ids) + len(seen.estimate.ids) > FEW:
         return {}
     if boxes and (across, up) not in (("left", "top"), ("centre x", "centre y")):
         return {}
-    if not boxes and (not seen.data["spread"] or across == up or TIME in (across, up)):
+    if not boxes and (not seen.document["spread"] or across == up or TIME in (across, up)):
         return {}
     from matplotlib.collections import PolyCollection
 
@@ -66,7 +78,7 @@ def outlines(axis: "Axes", seen: View, across: str, up: str, style: Style) -> "d
     return handles
 
 
-def ellipses(seen: View, side: DrawnSide, across: str, up: str) -> tuple[Ints, Floats]:
+def ellipses(seen: PlotData, side: DrawnSide, across: str, up: str) -> tuple[Ints, Floats]:
     """Rows with a spread, and outlines (K, CORNERS, 2) of these.
 
     Of two components with deviations s, t and correlation r the n-sigma outline is
@@ -75,7 +87,7 @@ def ellipses(seen: View, side: DrawnSide, across: str, up: str) -> tuple[Ints, F
     spread, axes = side.row["spread"], seen.axes[side.name]
     if not spread.shape[1]:
         return np.zeros(0, np.int64), np.zeros((0, CORNERS, 2))
-    chosen = [seen.data["columns"].index(name) for name in (across, up)]
+    chosen = [seen.document["columns"].index(name) for name in (across, up)]
     s, t = (deviations(spread[:, k * (k + 3) // 2]) for k in chosen)
     i, j = max(chosen), min(chosen)
     row = np.flatnonzero((s > 0) | (t > 0))
@@ -132,14 +144,14 @@ Mark = tuple[str, Floats, Floats, dict[str, Any]]
 """Kind of event, places, looks."""
 
 
-def draw_plane(seen: View, style: Style, columns: Sequence[str] | None = None) -> "Figure":
+def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = None) -> "Figure":
     """Trajectories with misses, false targets and switches."""
-    boxes = seen.data["boxes"]
-    across, up = plane_columns(seen.data["columns"], columns, boxes=boxes)
+    boxes = seen.document["boxes"]
+    across, up = plane_columns(seen.document["columns"], columns, boxes=boxes)
     sides = [side for side in (seen.truth, seen.estimate) if seen.axes[side.name]]
     places = {name: (axes[across], axes[up]) for name, axes in seen.axes.items() if axes}
     extent = [_extent([pair[k] for pair in places.values()]) for k in (0, 1)]
-    scale = unit_scale(across, up, seen.data.get("stretch", 1.0))
+    scale = unit_scale(across, up, seen.document.get("stretch", 1.0))
     if scale is not None and not 1 / STRETCH <= scale * extent[1] / extent[0] <= STRETCH:
         scale = None
     ratio = 0.62 if scale is None else scale * extent[1] / extent[0]
@@ -158,7 +170,7 @@ def draw_plane(seen: View, style: Style, columns: Sequence[str] | None = None) -
         if name == TIME:
             time_axis(axis, seen, style, upright=upright)
         else:
-            which.set_label_text(_named(name, seen.data["unit"]), parse_math=False)
+            which.set_label_text(_named(name, seen.document["unit"]), parse_math=False)
     if boxes and up in ("top", "centre y"):
         axis.invert_yaxis()
     if not sides or not sum(len(side.row["track"]) for side in sides):
@@ -167,6 +179,30 @@ def draw_plane(seen: View, style: Style, columns: Sequence[str] | None = None) -
     beside = 7 if style.titles else 5 if len(handles) <= 5 else -(-len(handles) // 2)
     legend(made, list(handles.values()), list(handles), beside)
     return made
+
+
+def plane_columns(
+    known: Sequence[str], asked: Sequence[str] | None, *, boxes: bool
+) -> tuple[str, str]:
+    """What is across and up.
+
+    Raises
+    ------
+    ConfigError
+        `asked` names an unknown column, or not exactly two.
+    """
+    names = [*known, *(("centre x", "centre y") if boxes else ()), TIME]
+    if asked is not None:
+        odd = [name for name in asked if name not in names]
+        if odd or len(asked) != 2 or isinstance(asked, str):
+            text = asked if isinstance(asked, str) else ",".join(asked)
+            raise ConfigError(f"plane {quoted(text)}: must be two of {', '.join(names)}")
+        return asked[0], asked[1]
+    if boxes:
+        return "centre x", "centre y"
+    if is_map(known):
+        return "lon", "lat"
+    return (known[0], known[1]) if len(known) > 1 else (TIME, known[0] if known else TIME)
 
 
 def _extent(values: list[Floats]) -> float:
@@ -189,7 +225,7 @@ def _lines(
     side: DrawnSide,
     place: tuple[Floats, Floats],
     style: Style,
-    seen: View,
+    seen: PlotData,
     *,
     many: bool,
 ) -> "dict[str, Artist]":
@@ -198,7 +234,7 @@ def _lines(
     if not len(row["track"]):
         return {}
     thin = style.settings.get("lines.linewidth", 1.3)
-    apart = (np.diff(row["track"]) != 0) | (np.diff(row["step"]) > seen.data["stride"])
+    apart = (np.diff(row["track"]) != 0) | (np.diff(row["step"]) > seen.document["stride"])
     breaks = np.flatnonzero(apart) + 1
     single = np.zeros(len(row["track"]), bool)  # a stretch of one state is no line
     single[np.append(0, breaks)[np.diff(np.concatenate([[0], breaks, [len(single)]])) == 1]] = True
@@ -226,7 +262,7 @@ def _lines(
 
 
 def _events(
-    axis: "Axes", seen: View, places: dict[str, tuple[Floats, Floats]], style: Style
+    axis: "Axes", seen: PlotData, places: dict[str, tuple[Floats, Floats]], style: Style
 ) -> "dict[str, Artist]":
     """Crosses, triangles and diamonds where something is wrong."""
     marks: list[Mark] = []
@@ -291,7 +327,7 @@ def _near(x: Floats, y: Floats, wide: float, tall: float) -> tuple[Floats, Float
     return middle[0], middle[1], count
 
 
-def rows_of_switches(seen: View) -> Ints:
+def rows_of_switches(seen: PlotData) -> Ints:
     """The row of the truth at which each switch is, or the last one before it."""
     key = seen.steps + 1
     row, switches = seen.truth.row, seen.switches

@@ -8,10 +8,14 @@ from typing import TYPE_CHECKING
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import FILES, available, files_of
+from tgospa_eval.plots.lanes import draw_lanes
+from tgospa_eval.plots.overtime import draw_costs, draw_cumulative, draw_windows, draw_worst
+from tgospa_eval.plots.plane import draw_plane, plane_columns
 from tgospa_eval.plots.style import STYLES, Style, styled
-from tgospa_eval.plots.views import is_box, parts_of, plane_columns, view
 from tgospa_eval.reports.files import RESULT, probe_folder, result_texts, write_texts
+from tgospa_eval.reports.plot_data import PlotData, is_box
 from tgospa_eval.results.partitioned import PartitionedResult
+from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
 
@@ -121,11 +125,8 @@ def _pictures(
     columns: Sequence[str] | None,
 ) -> "dict[str, Callable[[], Figure]]":
     """By name what makes each."""
-    from tgospa_eval.plots.lanes import draw_lanes
-    from tgospa_eval.plots.overtime import draw_costs, draw_cumulative, draw_windows, draw_worst
-    from tgospa_eval.plots.plane import draw_plane
-
-    parts, seen = parts_of(components), view(result)
+    seen: PlotData = result.drawn
+    parts = parts_of(components)
     found: dict[str, Callable[[], Figure]] = {
         "costs": lambda: draw_costs(seen, style, parts),
         "lanes": lambda: draw_lanes(seen, style),
@@ -149,6 +150,22 @@ def save(result: Summary, folder: "str | os.PathLike[str]", *, force: bool) -> N
         write_texts(files, path, RESULT, force=force, option="folder")
     except ConfigError as error:
         raise ConfigError(str(error).replace("--force", "force=True")) from None
+
+
+def parts_of(components: Sequence[str] | None) -> tuple[str, ...]:
+    """The parts of the cost that are chosen, in their order; all where nothing is.
+
+    Raises
+    ------
+    ConfigError
+        A name is not one of `PARTS`, or the sequence is empty.
+    """
+    if components is None:
+        return PARTS
+    if isinstance(components, str) or not components or set(components) - set(PARTS):
+        odd = components if isinstance(components, str) else ", ".join(map(str, components))
+        raise ConfigError(f"components {quoted(odd)}: must be of {', '.join(PARTS)}")
+    return tuple(name for name in PARTS if name in components)
 
 
 def names_in(text: str) -> tuple[str, ...]:

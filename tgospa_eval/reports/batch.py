@@ -1,379 +1,243 @@
-"""Tables of a batch as text, Markdown, LaTeX, CSV and JSON."""
+"""What is shown of a batch: sums of groups, a proven order, and a statistical one beside it.
+
+Proven is what holds for these files; statistical is what they say of others like them. Tables, page
+and pictures are made of this.
+"""
 
 import json
 import math
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
-from tgospa_eval.common.words import counted, number
-from tgospa_eval.reports.batch_records import BatchTables, Ranking, value_in_words
-from tgospa_eval.reports.curves import curves_json
-from tgospa_eval.reports.other_metrics import direction, grouped_table, other_records
-from tgospa_eval.reports.phrases import (
-    MOST_NAMED,
-    best_cells,
-    best_of,
-    first_names,
-    order_in_words,
-    place_in_words,
-)
-from tgospa_eval.reports.slices import about_slices, group_tables
-from tgospa_eval.reports.tables import WRITERS, Document, Table, csv_text
-from tgospa_eval.results.records import PARTS, Columns, Json, json_text, records
-from tgospa_eval.results.slices import Slicing, slices_columns
-from tgospa_eval.text import listed
+from tgospa_eval.common.palette import HEAT_LEVELS
+from tgospa_eval.common.words import THOUSANDS, natural, number
+from tgospa_eval.reports.curves import RmsCurve
+from tgospa_eval.results.records import PARTS, Json, Part
+from tgospa_eval.results.slices import Slicing
 
 if TYPE_CHECKING:
     import pandas as pd
 
-
-def slice_tables(tables: BatchTables) -> Iterator[Table]:
-    """Costs of the groups split by attributes, where that was asked for."""
-    yield from group_tables(list(tables.heads.values()), list(_named_slices(tables)))
-
-
-def _named_slices(tables: BatchTables) -> Iterator[tuple[tuple[str, ...], Sequence[Slicing]]]:
-    """What groups with slices are called, and these."""
-    for group, slicings in tables.slices.items():
-        yield tables.named(tables.groups.iloc[group]), slicings
-
-
-def slices_of_groups(tables: BatchTables) -> Columns:
-    """The same as columns, with what tells groups apart in front; none if there are no slices."""
-    found: Columns = {}
-    for names, slicings in _named_slices(tables):
-        part = slices_columns(slicings)
-        heads = zip(tables.heads.values(), names, strict=True)
-        rows = {head: [name] * len(part["by"]) for head, name in heads} | part
-        for head, values in rows.items():
-            found.setdefault(head, []).extend(values)
-    return found
-
-
-def about_slices_of(tables: BatchTables) -> Iterator[str]:
-    """What slices are, where there are some."""
-    yield from about_slices([one for slicings in tables.slices.values() for one in slicings])
-
-
-# -------------------------------------------------------------------------------------------------
-# Tables of a batch for programs: CSV and JSON.
-
-STORED = "slices"
-"""Column of rows with the slices of each job, as text."""
-
-THRESHOLDS = ".at."
-"""In names of columns with a list in each row: a number for each threshold of HOTA."""
-
-
-def batch_csv(tables: BatchTables) -> str:
-    """A row for each job."""
-    return csv_text(
-        {
-            str(name): [value if value == value else None for value in column.tolist()]
-            for name, column in tables.rows.items()
-            if THRESHOLDS not in str(name) and name != STORED
-        }
-    )
-
-
-def batch_json(tables: BatchTables) -> str:
-    """Groups, rankings, comparisons, slices, curves and jobs."""
-    return json_text(
-        {
-            "schema": "tgospa-eval/batch/1",
-            "by": list(tables.by),
-            "groups": _records(tables.groups),
-            "ranking": [
-                {**row, **_of_jobs(ranking), "of_jobs": ranking.all_jobs}
-                for ranking in tables.rankings
-                for row in ranking.entries
-            ],
-            "comparisons": [
-                {
-                    **row,
-                    **_of_jobs(ranking),
-                    "pairs": ranking.pairs,
-                    "permutations": ranking.permutations,
-                    "seed": ranking.seed,
-                }
-                for ranking in tables.rankings
-                for row in ranking.comparisons
-            ],
-            "notes": list(tables.notes),
-            **({"curves": curves_json(tables.curves)} if tables.curves else {}),
-            **({"slices": records(slices_of_groups(tables))} if tables.slices else {}),
-            "jobs": _records(tables.rows),
-        }
-    )
-
-
-def _of_jobs(ranking: Ranking) -> dict[str, object]:
-    return {"parameters": dict(ranking.parameters), "jobs": ranking.jobs}
-
-
-def _records(frame: "pd.DataFrame") -> list[dict[str, object]]:
-    """The rows as plain values, None for what is not there."""
-    return [
-        {
-            str(name): _plain(str(name), value)
-            for name, value in row.items()
-            if THRESHOLDS in str(name) or value == value
-        }
-        for row in frame.to_dict("records")
-    ]
-
-
-def _plain(name: str, value: Any) -> Any:
-    if name == STORED:
-        return json.loads(value)
-    return list(value) if THRESHOLDS in name else value
-
+Places = tuple[int, int]
+"""The best and the worst, counted from 1."""
 
 NARROW = 1e-9
 """Relative width of a bracket below which one number is shown."""
 
-INTERVAL = "95 % interval"
-"""Head of columns with confidence intervals of the value before them."""
-
-LEAST_P = 1e-4
-"""P values below are shown as such."""
+MOST_LINES = 6
+"""Groups whose curves are drawn."""
 
 
-def document(tables: BatchTables) -> Document:
-    """The tables by groups and the rankings, with what they are."""
-    rows, groups = tables.rows, tables.groups
-    failed = int((rows["status"] == "failed").sum()) if len(rows) else 0
-    return Document(
-        title=f"{counted(len(rows), 'job')}, {failed} failed",
-        lines=[line for ranking in tables.rankings for line in _orders(ranking)],
-        tables=[
-            *([_sums_table(tables), _parts_table(tables)] if len(groups) else []),
-            *(table for ranking in tables.rankings for table in _ranking_tables(ranking)),
-            *other_tables(tables),
-            *slice_tables(tables),
-        ],
-        notes=list(_notes(tables)),
-    )
+@dataclass(frozen=True, kw_only=True)
+class Ranking:
+    """All values of a label in the order of `combined`.
+
+    Parameters
+    ----------
+    label : str
+        Its name.
+    entries : list of dict
+        Best first: ``name``, ``place`` (proven: best and worst), brackets of ``combined`` and
+        ``per_step``; ``confidence``, the 95 % interval of combined, and ``statistical_place``,
+        both None where there are too few pairs.
+    comparisons : list of dict
+        All pairs of them, the ``first`` has the smaller value: ``verdict`` (proven), bounds of the
+        ``difference`` of combined; ``lower`` and ``upper`` end of its 95 % interval, ``p_value``,
+        ``p_holm``, ``significant``, all None where there are too few pairs.
+    jobs, all_jobs : int
+        How many jobs of each are compared; how many there are of which one at least has a value.
+    pairs : int
+        What statistics are of: truths, or jobs if there is one truth alone.
+    truths : int
+        How many there are.
+    permutations : int
+        Of the test; 0 where there are too few pairs.
+    seed : int
+        Of those, if they are drawn.
+    parameters : mapping of str to float or str
+        Those that differ in the batch.
+    left_out : tuple of str
+        Names without any job that has a value.
+    """
+
+    label: str
+    entries: list[Json]
+    comparisons: list[Json]
+    jobs: int
+    all_jobs: int
+    pairs: int
+    truths: int
+    permutations: int
+    seed: int
+    parameters: Mapping[str, float | str] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def others(self) -> str:
+        """What a conclusion by statistics is about."""
+        return "other runs on this truth" if self.truths == 1 else "other truths"
 
 
-def of_expected(jobs: int, expected: int) -> str:
-    """How many jobs have a value, and of how many if one is missing."""
-    return f"{jobs:,} of {expected:,}" if jobs < expected else f"{jobs:,}"
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BatchTables:
+    """Everything that is shown of a batch.
 
+    Parameters
+    ----------
+    rows : DataFrame
+        A row for each job.
+    groups : DataFrame
+        A row for each group.
+    by : tuple of str
+        The labels that make a group; values of the first are compared.
+    parameters : tuple of str
+        Those in which jobs differ, and with them groups.
+    rankings : tuple of Ranking
+        One for each set of parameters.
+    notes : tuple of str
+        Why something is not ranked, and where settings come from.
+    slices : mapping of int to list of Slicing
+        Costs split by attributes, sums over the jobs of a group, by the number of its row.
+    curves : tuple of RmsCurve
+        Over the steps of runs, where those are stored.
+    settings : mapping of str to object
+        What was evaluated, and how; for the page and pictures.
+    link : callable
+        Where the report of the job of a row is; nothing if there is none.
+    """
 
-def _sums_table(tables: BatchTables) -> Table:
-    groups, rows = tables.groups, tables.groups.to_dict("records")
-    values = {"combined": "combined", "per_step": "per step", "rms": "RMS"}
-    if "mean_of_roots" in groups:
-        values["mean_of_roots"] = "mean of roots"
-    heads = [*tables.heads.values(), "jobs"]
-    columns = [
-        *zip(*map(tables.named, rows), strict=True),
-        [of_expected(int(row["jobs"]), int(row["expected"])) for row in rows],
-    ]
-    compared: dict[int, list[Interval]] = {}
-    for name, title in values.items():
-        compared[len(heads)] = [interval(row, name) for row in rows]
-        columns.append([_between(value) for value in compared[len(heads)]])
-        heads.append(title)
-        if name == "combined" and groups["confidence_upper"].notna().any():
-            ends = zip(groups["confidence_lower"], groups["confidence_upper"], strict=True)
-            columns.append([_interval(*both) for both in ends])
-            heads.append(INTERVAL)
-    named = len(tables.heads)
-    return Table(
-        head=heads,
-        rows=list(zip(*columns, strict=True)),
-        align="l" * named + "r" * (len(heads) - named),
-        bold=best_cells(compared, _rivals(tables, rows)),
-    )
+    rows: "pd.DataFrame"
+    groups: "pd.DataFrame"
+    by: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
+    rankings: tuple[Ranking, ...] = ()
+    notes: tuple[str, ...] = ()
+    slices: Mapping[int, Sequence[Slicing]] = field(default_factory=dict)
+    curves: tuple[RmsCurve, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    link: Callable[[Mapping[Any, Any]], str] = lambda _: ""
 
+    @property
+    def heads(self) -> dict[str, str]:
+        """Columns of `groups` that tell them apart, with the names that these are shown by."""
+        found = {
+            f"label.{name}" if f"label.{name}" in self.groups else name: name for name in self.by
+        }
+        return found | {name: name for name in self.parameters}
 
-def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list[list[int]]:
-    """Rows that have the same jobs, and differ in nothing but in the label that is ranked."""
-    ranked = [item.parameters for item in tables.rankings if item.jobs == item.all_jobs]
-    found: dict[tuple[Any, ...], list[int]] = {}
-    for k, row in enumerate(rows):
-        if row["jobs"] and {name: row[name] for name in tables.parameters} in ranked:
-            found.setdefault(tuple(row[name] for name in [*tables.heads][1:]), []).append(k)
-    return [alike for alike in found.values() if len({rows[k]["jobs"] for k in alike}) == 1]
+    def named(self, row: "Mapping[Hashable, Any] | pd.Series[Any]") -> tuple[str, ...]:
+        """What tells a row of the groups from others, in words."""
+        return tuple(value_in_words(row[name]) for name in self.heads)
 
+    @property
+    def unit(self) -> str:
+        """Of the states."""
+        return str(self.settings["options"].get("unit") or "")
 
-def _parts_table(tables: BatchTables) -> Table:
-    heads, rows = tables.heads, tables.groups.to_dict("records")
-    totals = [interval(row, "combined") for row in rows]  # in the same order
-    return Table(
-        head=(*heads.values(), "total", "local.", "missed", "false", "switch"),
-        rows=[
-            (
-                *(value_in_words(row[name]) for name in heads),
-                *(_value(row[name], 5) for name in ("total", *PARTS)),
+    @property
+    def labels(self) -> list[str]:
+        """Names of the labels."""
+        columns = self.rows.columns
+        return [name.removeprefix("label.") for name in columns if name.startswith("label.")]
+
+    def values_of(self, label: str) -> "pd.Series[str]":
+        """The value of a label of each job."""
+        return self.rows[f"label.{label}"].fillna("").astype(str)
+
+    def name_of(self, row: "pd.Series[Any]") -> str:
+        """Labels of a job, and options of its own."""
+        own = json.loads(str(row["options"]))
+        texts = [str(row[f"label.{name}"]) for name in self.labels]
+        texts += [f"{key}={value}" for key, value in own.items()]
+        return "/".join(texts) or str(row["estimate"])
+
+    def quantity(self, value: float, digits: int = 6) -> str:
+        """A value with its unit."""
+        return f"{number(value, digits)} {self.unit}" if self.unit else number(value, digits)
+
+    def between(self, value: Interval, digits: int = 6) -> str:
+        """A value, or both ends where they differ."""
+        if value.upper - value.lower <= NARROW * value.upper:
+            return self.quantity(value.upper, digits)
+        return f"{number(value.lower, digits)} to {self.quantity(value.upper, digits)}"
+
+    @cached_property
+    def compared(self) -> dict[str, int]:
+        """Values of the first label, those that are ranked first, with numbers of colours."""
+        names = [entry["name"] for ranking in self.rankings for entry in ranking.entries]
+        if self.by:
+            names += sorted(self.values_of(self.by[0]).unique())
+        return {name: k for k, name in enumerate(dict.fromkeys(names))}
+
+    @cached_property
+    def shown_groups(self) -> list[Json]:
+        """All groups, in the order of the ranking.
+
+        Each has its ``name``, the number of its colour (``track``), ``jobs`` with a value and as
+        many as are ``expected``, the brackets ``per_step`` and ``rms``, the parts of the ``cost``
+        per step (``costs``), and the ``parameters`` that differ in the batch: costs of other ones
+        are no larger or smaller.
+        """
+        groups, names = self.groups, list(self.heads)
+        if self.by and len(groups):
+            first = groups[names[0]].astype(str).map(self.compared)
+            groups = groups.loc[first.sort_values(kind="stable").index]
+        found: list[Json] = []
+        for row in groups.to_dict("records"):
+            steps = max(float(row["judged.steps"]), 1.0)
+            costs: dict[Part, float] = {name: float(row[name]) / steps for name in PARTS}
+            found.append(
+                {
+                    "name": "/".join(self.named(row)),
+                    "track": self.compared.get(str(row[names[0]]), 0) if names else 0,
+                    "jobs": int(row["jobs"]),
+                    "expected": int(row["expected"]),
+                    "per_step": interval(row, "per_step"),
+                    "rms": interval(row, "rms"),
+                    "costs": costs,
+                    "cost": sum(costs.values()),
+                    "parameters": [value_in_words(row[name]) for name in self.parameters],
+                }
             )
-            for row in rows
-        ],
-        align="l" * len(heads) + "rrrrr",
-        bold=best_cells({len(heads): totals}, _rivals(tables, rows)),
-    )
+        return found
+
+    @cached_property
+    def heat(self) -> Json | None:
+        """The first label of the groups across, the second or another down."""
+        labels = [*self.by, *(name for name in self.labels if name not in self.by)]
+        if len(labels) < 2:
+            return None
+        across = list(self.compared) or sorted(self.values_of(labels[0]).unique())
+        return heat_of(self.rows, (labels[1], labels[0]), across, self.link, self.parameters)
+
+    @cached_property
+    def drawn_curves(self) -> list[tuple[int, RmsCurve]]:
+        """Those of the first groups, with numbers of colours."""
+        names = list(dict.fromkeys(curve.name for curve in self.curves))
+        first = {curve.name: next(iter(curve.group.values()), "") for curve in self.curves}
+        names.sort(key=lambda name: self.compared.get(first[name], len(names)))
+        # The colour is that of the ranking, unless several lines would have it.
+        alone = len(set(first.values())) == len(names)
+        track = {
+            name: self.compared.get(first[name], k) if alone else k for k, name in enumerate(names)
+        }
+        return [
+            (track[name], curve)
+            for name in names[:MOST_LINES]
+            for curve in self.curves
+            if curve.name == name
+        ]
 
 
-def other_tables(tables: BatchTables) -> Iterator[Table]:
-    """Other metrics of the groups, where they were asked for."""
-    heads, rows = tables.heads, _with_values(tables)
-    names = [tables.named(row) for row in rows]
-    found = list(other_records(rows))
-    yield from grouped_table(tuple(heads.values()), names, found, _rivals(tables, rows))
-
-
-def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:
-    """The groups of which a job has a value."""
-    return [row for row in tables.groups.to_dict("records") if row["jobs"]]
-
-
-def _orders(ranking: Ranking) -> Iterator[str]:
-    """Both orders in a sentence each."""
-    entries, where = ranking.entries, _where(ranking)
-    jobs = f"{counted(ranking.jobs, 'job')} each"
-    if ranking.jobs < ranking.all_jobs:
-        all_have = f"over the {counted(ranking.jobs, 'job')} that all {len(entries)} have"
-        jobs = f"{all_have}, of {ranking.all_jobs:,}"
-    yield f"{where}{order_of('combined', ranking)} ({jobs})"
-    begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
-    if not ranking.permutations:
-        yield f"{begin}: fewer than 6, nothing can be concluded about {ranking.others}"
-        return
-    first = [item["name"] for item in entries if item["statistical_place"][0] == 1]
-    if len(first) == 1 and entries[0]["statistical_place"] == (1, 1):
-        yield f"{begin}: {first[0]} is significantly better than all others"
-    else:
-        top = first_names([[name] for name in first])
-        yield f"{begin}: no significant difference at the top between {top}"
-
-
-def order_of(value: str, ranking: Ranking) -> str:
-    """What is proven of the order, in a sentence."""
-    return order_in_words(
-        value,
-        [item["name"] for item in ranking.entries],
-        [item["place"] for item in ranking.entries],
-        {(pair["first"], pair["second"]): pair["verdict"] for pair in ranking.comparisons},
-    )
-
-
-def _where(ranking: Ranking) -> str:
-    """For which parameters a ranking is, if there are several."""
-    return f"{parameters_in_words(ranking.parameters)}: " if ranking.parameters else ""
-
-
-def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
-    """The proven order, and below it the statistical one."""
-    of = [value_in_words(value) for value in ranking.parameters.values()]
-    entries = ranking.entries
-    per_step = [bracket(item, "per_step") for item in entries]
-    yield Table(
-        head=(ranking.label, *ranking.parameters, "proven place", "combined", "per step"),
-        rows=[
-            (
-                item["name"],
-                *of,
-                place_in_words(*item["place"], shared=item["name"] in ranking.equal),
-                _between(bracket(item, "combined")),
-                _between(each),
-            )
-            for item, each in zip(entries, per_step, strict=True)
-        ],
-        bold=frozenset(
-            (row, k)
-            for row in best_of([item["place"] for item in entries])
-            for k in range(3 + len(of))
-        )
-        | best_cells({3 + len(of): per_step}, [range(len(entries))]),
-    )
-    if ranking.permutations:
-        places = {item["name"]: place_in_words(*item["statistical_place"]) for item in entries}
-        best = entries[0]["name"]
-        yield Table(
-            head=(
-                f"vs {best}",
-                *ranking.parameters,
-                *("difference", INTERVAL, "p (Holm)", "statistical place"),
-            ),
-            rows=[
-                (best, *of, "", "", "", places[best]),
-                *(
-                    (pair["second"], *of, *_tested(pair), places[pair["second"]])
-                    for pair in ranking.comparisons
-                    if pair["first"] == best
-                ),
-            ],
-        )
-
-
-def _tested(pair: Json) -> tuple[str, str, str]:
-    """The difference, its interval and its p value."""
-    ends = dict.fromkeys(_value(end, 4, "+") for end in pair["difference"])
-    difference = "+0" if pair["verdict"] == "equal" else " to ".join(ends)
-    p_value = f"<{LEAST_P:g}" if pair["p_holm"] < LEAST_P else f"{pair['p_holm']:.2g}"
-    return difference, _interval(pair["lower"], pair["upper"], "+"), p_value
-
-
-def _notes(tables: BatchTables) -> Iterator[str]:
-    if not len(tables.groups):
-        return
-    sums = (
-        "combined: (sum of the totals)^(1/p); per step: (that sum / steps)^(1/p); RMS: (mean "
-        "of the totals)^(1/p), as of Monte Carlo runs; "
-    )
-    if "mean_of_roots" in tables.groups:
-        yield sums + "mean of roots: the plain mean of the values, which is none of these"
-    else:
-        yield sums + "no mean of roots is taken"
-    steps = tables.rows["judged.steps"].dropna() if "judged.steps" in tables.rows else ()
-    lengths = sorted(set(map(int, steps)))
-    if len(lengths) > 1:
-        yield (
-            f"the jobs have {lengths[0]:,} to {counted(lengths[-1], 'step')}: long ones "
-            "weigh more, and per step each step weighs the same"
-        )
-    for row in tables.groups[tables.groups["jobs"] < tables.groups["expected"]].to_dict("records"):
-        yield (
-            f"{of_expected(row['jobs'], row['expected'])} jobs: of the others there is no value; "
-            "sums, and with them combined, are without their costs and look better than they are"
-        )
-        break
-    opened = int(tables.groups["open"].sum())
-    if opened:
-        yield (
-            f"{counted(opened, 'job')} did not reach the accuracy that was asked for: values are "
-            "between the proven bounds"
-        )
-    yield from tables.notes
-    if tables.rankings:
-        yield "proven place: by the brackets of combined, on these files"
-    for others in dict.fromkeys(item.others for item in tables.rankings if item.permutations):
-        yield (
-            f"statistical place, for {others} drawn as these were: by a two-sided permutation "
-            "test, p adjusted for all pairs (Holm), significant below 0.05"
-        )
-    if tables.groups["confidence_upper"].notna().any():
-        yield f"{INTERVAL}: of the value before it, by Student's t and the jackknife"
-    for ranking in tables.rankings:
-        if ranking.left_out:
-            names = listed(ranking.left_out, MOST_NAMED)
-            yield f"{_where(ranking)}{names}: no job with a value, and no place"
-    texts = tables.rows["parameters"].dropna().unique() if "parameters" in tables.rows else ()
-    for name in sorted({str(json.loads(text).get("preprocess") or "") for text in texts} - {""}):
-        yield f"boxes were left out by --preprocess {name} before all metrics"
-    yield from about_others(tables)
-    yield from about_slices_of(tables)
-
-
-def about_others(tables: BatchTables) -> Iterator[str]:
-    """What other metrics are, where they were asked for."""
-    found = next(other_records(_with_values(tables)), {})
-    if found:
-        yield "other metrics are joined as TrackEval joins sequences: counts over all jobs of a row"
-        yield from direction(found)
+def value_in_words(value: object) -> str:
+    """A label, or the value of a parameter."""
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def parameters_in_words(parameters: Mapping[str, float | str]) -> str:
@@ -391,37 +255,142 @@ def bracket(row: Mapping[str, Any], name: str) -> Interval:
     return Interval(lower=row[f"{name}_lower"], upper=row[name])
 
 
-def _value(value: float, digits: int, sign: str = "") -> str:
-    if not math.isfinite(value):
-        return "-"
-    return f"{sign if value > 0 else ''}{number(value, digits)}"
+# -------------------------------------------------------------------------------------------------
+# The table of jobs, side by side.
+
+TABLE_ROWS = 60
+"""Most rows of a table with numbers; of more there are squares."""
+
+MOST_SQUARES = 1000
+"""Of each column; of more jobs those are shown that lose most."""
+
+MOST_COLUMNS = 12
+
+DIGITS = 4
+"""Of the largest value."""
+
+MOST_DECIMALS = 6
+
+VALUE_COLUMNS = ("total_lower", "total_upper", "judged.steps", "order")
+
+TINY = np.finfo(float).tiny
 
 
-def _between(bounds: Interval) -> str:
-    """The upper end, or the bracket where that is wide."""
-    if not math.isfinite(bounds.upper) or bounds.upper - bounds.lower <= NARROW * bounds.upper:
-        return _value(bounds.upper, 6)
-    return f"{number(bounds.lower)} to {number(bounds.upper)}"
+def heat_of(
+    rows: "pd.DataFrame",
+    labels: tuple[str, str],
+    columns: Sequence[str],
+    link: Callable[[Mapping[Any, Any]], str],
+    parameters: Sequence[str] = (),
+) -> Json:
+    """Jobs side by side, as a table of squares or numbers.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of a store.
+    labels : pair of str
+        Names of the labels down and across.
+    columns : sequence of str
+        Values of the label across, in order; others are left out.
+    link : callable
+        Where the report of the job of a row is; nothing if there is none.
+    parameters : sequence of str
+        Columns in which rows differ: costs are not added up over these, they are named down.
+
+    Returns
+    -------
+    dict
+        ``down`` and ``across``, names of the labels, and their values, ``rows`` and ``columns``;
+        how many of these are left out, ``hidden_rows`` with the smallest values and
+        ``hidden_columns``, the last; whether there are too many for numbers (``squares``).
+        ``cells`` by row and column, None where there is no job: ``value`` is the bracket of TGOSPA
+        per step and ``text`` it in words, None and "failed" if all ``jobs`` have ``failed``;
+        ``level`` its shade, from 0; ``link`` where its report is, if it is a single job that has
+        one; ``best`` whether no other of its row can be proven to be better or equal. ``ends`` are
+        the least and the largest value, if any. ``scales`` counts sets of parameters: a shade is
+        between the least and the largest value of its own.
+    """
+    down, across = (rows[f"label.{name}"].fillna("").astype(str) for name in labels)
+    for name in parameters:
+        values = rows[name].map(value_in_words).where(rows[name].notna(), "-")
+        down = down + f" {name}=" + values
+    shown = list(columns)[:MOST_COLUMNS]
+    # Where all jobs failed there are no columns of values.
+    rows = rows.reindex(columns=list(dict.fromkeys([*rows.columns, *VALUE_COLUMNS])))
+    found = rows.assign(_row=down, _column=across)[across.isin(shown)]
+    sets = found.groupby(list(parameters), dropna=False).ngroup() if parameters else 0
+    found = found.assign(_failed=found["status"] == "failed", _set=sets, _at=np.arange(len(found)))
+    numbers = found.groupby(["_row", "_column"], sort=False).agg(
+        jobs=("_failed", "size"),
+        failed=("_failed", "sum"),
+        lower=("total_lower", "sum"),
+        upper=("total_upper", "sum"),
+        steps=("judged.steps", "sum"),
+        order=("order", "first"),
+        scale=("_set", "first"),
+        at=("_at", "first"),
+    )
+    for end in ("lower", "upper"):
+        total = numbers[end].astype(float) / numbers["steps"].astype(float).clip(lower=1.0)
+        value = total ** (1 / numbers["order"].astype(float))
+        numbers[end] = value.where(numbers["jobs"] > numbers["failed"])
+    # Of many rows those with the largest value of their set; failed jobs are infinite.
+    largest = numbers.groupby("scale")["upper"].transform("max").clip(lower=TINY)
+    share = (numbers["upper"] / largest).fillna(np.inf).groupby(level="_row").max()
+    names = sorted(share.index, key=natural)
+    kept = set(share.loc[names].nlargest(MOST_SQUARES).index)
+    numbers = numbers[numbers.index.isin(kept, level="_row")]
+    own = numbers.groupby("scale")["upper"]
+    low, width = own.transform("min"), own.transform("max") - own.transform("min")
+    shades = ((numbers["upper"] - low) / width.where(width > 0)).fillna(0.0)
+    numbers["level"] = (shades * HEAT_LEVELS).astype(int).clip(upper=HEAT_LEVELS - 1)
+    alone = numbers[(numbers["jobs"] == 1) & (numbers["failed"] == 0)]
+    links = dict(
+        zip(alone.index, map(link, found.iloc[alone["at"]].to_dict("records")), strict=True)
+    )
+    known = numbers["upper"].dropna()
+    least, most = (known.min(), known.max()) if len(known) else (0.0, 0.0)
+    cells: dict[tuple[str, str], Json] = {}
+    for item in numbers.reset_index().to_dict("records"):
+        place = item["_row"], item["_column"]
+        has = item["jobs"] > item["failed"]
+        bounds = Interval(lower=item["lower"], upper=item["upper"]) if has else None
+        cells[place] = {
+            "value": bounds,
+            "text": "failed" if bounds is None else cell_text(bounds, most),
+            "jobs": item["jobs"],
+            "failed": item["failed"],
+            "level": item["level"],
+            "link": links.get(place, ""),
+            "best": False,
+        }
+    names = [name for name in names if name in kept]
+    table = [[cells.get((name, column)) for column in shown] for name in names]
+    for row in table if len(shown) > 1 else ():
+        valued = [cell for cell in row if cell and cell["value"]]
+        for cell in valued:
+            high = cell["value"].upper
+            cell["best"] = sum(other["value"].lower <= high for other in valued) == 1
+    return {
+        "down": labels[0],
+        "across": labels[1],
+        "rows": names,
+        "columns": shown,
+        "cells": table,
+        "ends": (least, most) if len(known) else None,
+        "scales": numbers.loc[known.index, "scale"].nunique(),
+        "squares": len(names) > TABLE_ROWS,
+        "hidden_rows": len(share) - len(names),
+        "hidden_columns": len(columns) - len(shown),
+    }
 
 
-def _interval(lower: float, upper: float, sign: str = "") -> str:
-    """An interval of statistics, which has few digits."""
-    if not math.isfinite(upper):
-        return "-"
-    return f"{_value(lower, 4, sign)} to {_value(upper, 4, sign)}"
-
-
-Report = Callable[[BatchTables], str]
-
-
-def _written(format: str) -> Report:
-    return lambda tables: WRITERS[format](document(tables))
-
-
-BATCH_REPORTS: dict[str, Report] = {
-    "table": _written("table"),
-    "json": batch_json,
-    "csv": batch_csv,
-    "markdown": _written("markdown"),
-    "latex": _written("latex"),
-}
+def cell_text(value: Interval, largest: float) -> str:
+    """A value with as many decimals as all have, or both ends where they differ there."""
+    decimals = max(0, DIGITS - 1 - math.floor(math.log10(largest))) if largest > 0 else 0
+    form = f",.{decimals}f"
+    if largest >= THOUSANDS or decimals > MOST_DECIMALS:
+        form = f".{DIGITS - 1}e"
+    low, high = (f"{end:{form}}" for end in (value.lower, value.upper))
+    return high if low == high else f"{low} to {high}"

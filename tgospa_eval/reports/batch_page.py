@@ -14,28 +14,28 @@ from tgospa_eval.common.words import counted, number
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.batch import (
     NARROW,
+    BatchTables,
+    Ranking,
+    bracket,
+    parameters_in_words,
+)
+from tgospa_eval.reports.batch_text import (
     about_others,
     about_slices_of,
-    bracket,
     of_expected,
-    order_of,
     other_tables,
-    parameters_in_words,
     slice_tables,
 )
-from tgospa_eval.reports.batch_records import Ranking
-from tgospa_eval.reports.batch_view import METRIC_COLUMNS, BatchView
-from tgospa_eval.reports.clock import ROOM, upward
 from tgospa_eval.reports.curves import (
     BANDS,
     CURVE_KINDS,
     LINE_NAMES,
     RmsCurve,
-    RmsLine,
     on_one_axis,
 )
 from tgospa_eval.reports.html import environment, inlined, page_colours
-from tgospa_eval.reports.phrases import ORDERS, place_in_words
+from tgospa_eval.reports.phrases import ORDERS, equal_names, order_in_words, place_in_words
+from tgospa_eval.reports.time_axis import ROOM, upward
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.text import as_unicode
 
@@ -74,29 +74,31 @@ def curve_charts(
     for kind, about in CURVE_KINDS.items():
         lines: dict[str, list[_Drawn]] = {}
         for (track, curve), at in zip(curves, places, strict=True):
-            for name, line in curve.lines.items() if curve.kind == kind else ():
-                lines.setdefault(name, []).append((track, curve, line, percent * (at - first)))
+            for name in curve.rms if curve.kind == kind else ():
+                lines.setdefault(name, []).append((track, curve, percent * (at - first)))
         if lines:
             total, *parts = (
-                _chart(f"{LINE_NAMES[name]} {about}", drawn, unit, (across, about_time))
+                _chart(f"{LINE_NAMES[name]} {about}", name, drawn, unit, (across, about_time))
                 for name, drawn in lines.items()
             )
             found.append((total, parts))
     return found
 
 
-_Drawn = tuple[int, RmsCurve, RmsLine, Floats]
-"""The number of a colour, the curve, what is drawn of it, and where its times are, in percent."""
+_Drawn = tuple[int, RmsCurve, Floats]
+"""The number of a colour, the curve, and where its times are, in percent."""
 
 
-def _chart(title: str, drawn: Sequence[_Drawn], unit: str, across: tuple[list[Json], str]) -> Json:
-    """Lines with axes; of many times one in `stride` is drawn."""
-    top = ROOM * max(line.top for _, _, line, _ in drawn) or 1.0
+def _chart(
+    title: str, name: str, drawn: Sequence[_Drawn], unit: str, across: tuple[list[Json], str]
+) -> Json:
+    """Lines of the whole cost or a part, with axes; of many times one in `stride` is drawn."""
+    top = ROOM * max(curve.top(name) for _, curve, _ in drawn) or 1.0
     stride = -(-max(len(at) for *_, at in drawn) // MOST_POINTS)
-    runs = sorted({curve.runs for _, curve, _, _ in drawn})
+    runs = sorted({curve.runs for _, curve, _ in drawn})
     return {
         "title": title,
-        "lines": [_line(each, top, stride, unit) for each in drawn],
+        "lines": [_line(name, each, top, stride, unit) for each in drawn],
         "up": upward(top, 5),
         "across": across[0],
         "stride": stride,
@@ -105,9 +107,9 @@ def _chart(title: str, drawn: Sequence[_Drawn], unit: str, across: tuple[list[Js
     }
 
 
-def _line(drawn: _Drawn, top: float, stride: int, unit: str) -> Json:
+def _line(name: str, drawn: _Drawn, top: float, stride: int, unit: str) -> Json:
     """Paths of SVG of a line and of what is around it, and its last value if of several steps."""
-    track, curve, line, at = drawn
+    track, curve, at = drawn
     size = len(at)
     chosen = sorted({*range(0, size, stride), size - 1})
     x = at[chosen].tolist()
@@ -119,18 +121,21 @@ def _line(drawn: _Drawn, top: float, stride: int, unit: str) -> Json:
         return "L".join(f"{across:.2f} {up:.2f}" for across, up in places)
 
     around = ""
-    if line.band:
-        low, high = map(path, line.band)
+    if name in curve.bands:
+        low, high = map(path, curve.bands[name])
         around = f"M{high}L{'L'.join(reversed(low.split('L')))}Z"
-    last = number(line.rms[-1], 4)
+    last = number(curve.rms[name][-1], 4)
     return {
         "name": curve.name,
         "track": track,
-        "path": f"M{path(line.rms)}",
+        "path": f"M{path(curve.rms[name])}",
         "band": around,
         "last": f"{last} {unit}".strip() if curve.kind != "step" else "",
     }
 
+
+METRIC_COLUMNS = ("distance", "cutoff", "order", "switch_penalty")
+"""Columns of parameters."""
 
 MOST_GROUPS = 40
 MOST_FAULTS = 50
@@ -143,41 +148,44 @@ DASHES_OF_TRACKS = ("none", "9 3", "2.5 3", "10 3 2 3")
 """In turn, so that neighbours differ without colour."""
 
 
-def batch_page(view: BatchView) -> str:
+def batch_page(tables: BatchTables) -> str:
     """The whole page."""
-    rows, groups = view.tables.rows, view.groups
+    rows, groups = tables.rows, tables.shown_groups
     # Of several sets of parameters none is that of the batch.
-    ranking = view.tables.rankings[0] if len(view.tables.rankings) == 1 else None
+    ranking = tables.rankings[0] if len(tables.rankings) == 1 else None
+    sentence = ""
+    if ranking is not None:
+        sentence = order_in_words("the combined value", ranking.entries, ranking.comparisons)
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
     html = (
         environment()
         .get_template("batch.html.j2")
         .render(
-            view=view,
-            source=_source(view),
-            title=_title(view, ranking),
-            sentence="" if ranking is None else order_of("the combined value", ranking),
-            version=view.settings["version"],
+            tables=tables,
+            source=_source(tables),
+            title=_title(tables, ranking),
+            sentence=sentence,
+            version=tables.settings["version"],
             jobs=len(rows),
             failed=len(failed),
             unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
-            rankings=[_ranking(view, ranking) for ranking in view.tables.rankings],
-            notes=view.tables.notes,
-            parameter_sets=len({(*group["parameters"],) for group in view.groups}),
+            rankings=[_ranking(tables, ranking) for ranking in tables.rankings],
+            notes=tables.notes,
+            parameter_sets=len({(*group["parameters"],) for group in tables.shown_groups}),
             groups=groups[:MOST_GROUPS],
-            common=any(found.jobs < found.all_jobs for found in view.tables.rankings),
-            others=list(other_tables(view.tables)),
-            about_others=list(about_others(view.tables)),
-            slices=list(slice_tables(view.tables)),
-            about_slices=list(about_slices_of(view.tables)),
-            heat=view.heat,
+            common=any(found.jobs < found.all_jobs for found in tables.rankings),
+            others=list(other_tables(tables)),
+            about_others=list(about_others(tables)),
+            slices=list(slice_tables(tables)),
+            about_slices=list(about_slices_of(tables)),
+            heat=tables.heat,
             levels=HEAT_LEVELS,
             tracks=len(TRACK_COLOURS),
-            charts=curve_charts(view.drawn_curves, view.unit),
-            bands=[BANDS[curve.band] for curve in view.tables.curves[:1]],
-            curve_groups=len({curve.name for curve in view.tables.curves}),
-            costliest=list(_costliest(view, valued)),
+            charts=curve_charts(tables.drawn_curves, tables.unit),
+            bands=[BANDS[curve.band] for curve in tables.curves[:1]],
+            curve_groups=len({curve.name for curve in tables.curves}),
+            costliest=list(_costliest(tables, valued)),
             faults=_rows(failed.head(MOST_FAULTS)),
             parts=PARTS,
             orders=ORDERS,
@@ -185,7 +193,7 @@ def batch_page(view: BatchView) -> str:
             of_expected=of_expected,
             share=_share,
             per_step=_per_step,
-            settings=_settings(view),
+            settings=_settings(tables),
             style=page_colours() + _shades() + inlined("page.css") + inlined("batch.css"),
         )
     )
@@ -212,31 +220,31 @@ def _shades() -> str:
     )
 
 
-def _source(view: BatchView) -> tuple[str, str]:
+def _source(tables: BatchTables) -> tuple[str, str]:
     """What was evaluated, and against what, as it was named."""
-    jobs = view.settings["jobs"]
+    jobs = tables.settings["jobs"]
     paths = [str(path) for path in jobs["paths"]]
     if jobs["layout"]:
         return paths[1], paths[0]
     return (str(jobs["estimate"]), str(jobs["truth"])) if jobs["estimate"] else (paths[0], "")
 
 
-def _title(view: BatchView, ranking: Ranking | None) -> str:
+def _title(tables: BatchTables, ranking: Ranking | None) -> str:
     """The answer."""
     if ranking is not None:
         best = ranking.entries[0]
         if best["place"] != (1, 1):
             return f"{ranking.label}: none of {len(ranking.entries)} is proven best"
-        return f"{best['name']}: TGOSPA {view.between(bracket(best, 'per_step'))} per step"
-    if len(view.groups) == 1:
-        return f"TGOSPA {view.between(view.groups[0]['per_step'])} per step"
+        return f"{best['name']}: TGOSPA {tables.between(bracket(best, 'per_step'))} per step"
+    if len(tables.shown_groups) == 1:
+        return f"TGOSPA {tables.between(tables.shown_groups[0]['per_step'])} per step"
     return "TGOSPA of a batch"
 
 
-def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
+def _ranking(tables: BatchTables, ranking: Ranking) -> dict[str, object]:
     """A ranking in words, with the places of brackets and intervals on a common scale."""
     entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
-    equal = ranking.equal
+    equal = equal_names(ranking.comparisons)
     for entry in ranking.entries:
         # Per step, as the value is: by the same number of steps.
         name, per_step = entry["name"], bracket(entry, "per_step")
@@ -245,12 +253,12 @@ def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
         sure = Interval(lower=low, upper=high).scaled(share) if entry["confidence"] else None
         words = {
             "name": name,
-            "track": view.compared[name],
+            "track": tables.compared[name],
             "place": place_in_words(*entry["place"], shared=name in equal),
             "statistical": place_in_words(*(entry["statistical_place"] or (0, 0))),
-            "per_step": view.between(per_step),
-            "combined": view.between(bracket(entry, "combined")),
-            "sure": view.between(sure, 4) if sure else "",
+            "per_step": tables.between(per_step),
+            "combined": tables.between(bracket(entry, "combined")),
+            "sure": tables.between(sure, 4) if sure else "",
         }
         entries.append((words, per_step, sure))
     shown = [found for _, *both in entries for found in both if found is not None]
@@ -267,8 +275,8 @@ def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
             words | {"bracket": _span(place, value), "whisker": sure and _span(place, sure)}
             for words, value, sure in entries
         ],
-        "ends": [view.quantity(end, 4) for end in (low, high)],
-        "pairs": list(_pairs(view, ranking)),
+        "ends": [tables.quantity(end, 4) for end in (low, high)],
+        "pairs": list(_pairs(tables, ranking)),
         "all_pairs": len(ranking.comparisons),
     }
 
@@ -279,13 +287,13 @@ def _span(place: Callable[[float], float], found: Interval) -> tuple[str, str]:
     return f"{left:.2f}", f"{right - left:.2f}"
 
 
-def _pairs(view: BatchView, ranking: Ranking) -> Iterator[Json]:
+def _pairs(tables: BatchTables, ranking: Ranking) -> Iterator[Json]:
     """All pairs of few, else those of neighbours."""
     near = set(itertools.pairwise(entry["name"] for entry in ranking.entries))
     for pair in ranking.comparisons:
         if len(ranking.entries) <= ALL_PAIRS or (pair["first"], pair["second"]) in near:
             low, high = pair["difference"]
-            yield {**pair, "difference": view.between(Interval(lower=low, upper=high))}
+            yield {**pair, "difference": tables.between(Interval(lower=low, upper=high))}
 
 
 def _share(cost: float, total: float) -> str:
@@ -293,14 +301,14 @@ def _share(cost: float, total: float) -> str:
 
 
 def _costliest(
-    view: BatchView, valued: "pd.DataFrame"
+    tables: BatchTables, valued: "pd.DataFrame"
 ) -> "Iterator[tuple[str, list[pd.Series[Any]]]]":
     """The jobs with the largest cost per step, of each set of parameters by themselves."""
     if len(valued) < 2:
         return
     each = valued["total"] / valued["judged.steps"].clip(lower=1)
     order = each.sort_values(ascending=False, kind="stable").index
-    names = list(view.tables.parameters)
+    names = list(tables.parameters)
     if not names:
         yield "", _rows(valued.loc[order[:COSTLIEST]])
         return
@@ -323,9 +331,9 @@ def _per_step(row: "pd.Series[Any]") -> Interval:
     )
 
 
-def _settings(view: BatchView) -> dict[str, str]:
+def _settings(tables: BatchTables) -> dict[str, str]:
     """What was evaluated, and how, in lines."""
-    rows, jobs = view.tables.rows, view.settings["jobs"]
+    rows, jobs = tables.rows, tables.settings["jobs"]
     found = {name: str(value) for name, value in jobs.items() if value and name != "paths"}
     if jobs["paths"]:
         found["paths"] = " ".join(map(str, jobs["paths"]))
@@ -336,4 +344,4 @@ def _settings(view: BatchView) -> dict[str, str]:
             found[name] = value if isinstance(value, str) else number(float(value))
         elif len(values):
             found[name] = "as each job has it"
-    return {str(k): str(v) for k, v in view.settings["options"].items()} | found
+    return {str(k): str(v) for k, v in tables.settings["options"].items()} | found

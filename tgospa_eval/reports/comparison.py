@@ -1,6 +1,6 @@
 """Documents of `compare` in the formats that are printed. Computes nothing that is not in them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from tgospa_eval.common.config import SettingsFile
@@ -11,6 +11,7 @@ from tgospa_eval.reports.other_metrics import direction, grouped_table, other_co
 from tgospa_eval.reports.phrases import (
     EXACT,
     ORDERS,
+    PART_HEADS,
     PROOFS,
     RULES,
     SPLIT_NOTE,
@@ -19,6 +20,7 @@ from tgospa_eval.reports.phrases import (
     best_cells,
     best_of,
     columns,
+    equal_names,
     error_of,
     or_dash,
     order_in_words,
@@ -27,7 +29,7 @@ from tgospa_eval.reports.phrases import (
     size_of,
     unit_of,
 )
-from tgospa_eval.reports.tables import WRITERS, Document, Table, as_markdown, csv_text
+from tgospa_eval.reports.rendering import Document, Table, as_markdown, rendered, table_of
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text
 
 TIES = (
@@ -92,12 +94,7 @@ def _order(document: Json) -> str:
         value = _between(item["lower_bound"], item["tgospa"])
         mean = "" if document["runs"] == 1 else f", of the mean total of {document['runs']} runs"
         return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
-    return order_in_words(
-        "TGOSPA per step",
-        [item["name"] for item in estimates],
-        [(item["place"][0], item["place"][1]) for item in estimates],
-        {(pair["first"], pair["second"]): pair["verdict"] for pair in document["pairs"]},
-    )
+    return order_in_words("TGOSPA per step", estimates, document["pairs"])
 
 
 def _what(document: Json) -> str:
@@ -132,44 +129,34 @@ def _runs(document: Json) -> str:
 def _normalised_table(document: Json, *, places: bool = False) -> Table:
     """What is ranked, and its parts; with places where there are several."""
     runs, order = document["runs"], document["parameters"]["order"]
-    places = places and len(document["estimates"]) > 1
+    items = document["estimates"]
+    per_step = [item["normalised"] for item in items]
+    places = places and len(items) > 1
     mean = "" if runs == 1 else (f", RMS of {runs}" if order == 2 else f", mean of {runs}")
-    return Table(
-        head=(f"per step{mean}", *(["place"] if places else []), "TGOSPA", *PARTS),
-        rows=[
-            (
-                item["name"],
-                *([_place(item, document["pairs"])] if places else []),
-                _between(item["normalised"]["lower_bound"], item["normalised"]["tgospa"]),
-                *(number(item["normalised"][name], 4) for name in PARTS),
-            )
-            for item in document["estimates"]
-        ],
-        bold=frozenset(
-            (row, k)
-            for row in best_of([item["place"] for item in document["estimates"]])
-            for k in range(2 + places)
-        ),
-    )
+    columns = {f"per step{mean}": [item["name"] for item in items]}
+    if places:
+        equal = equal_names(document["pairs"])
+        columns["place"] = [
+            place_in_words(*item["place"], shared=item["name"] in equal) for item in items
+        ]
+    columns["TGOSPA"] = [_between(value["lower_bound"], value["tgospa"]) for value in per_step]
+    columns |= {name: [number(value[name], 4) for value in per_step] for name in PARTS}
+    best = best_of([item["place"] for item in items])
+    return table_of(columns, bold=frozenset((row, k) for row in best for k in range(2 + places)))
 
 
 def _costs_table(estimates: list[Json]) -> Table:
     """Value, total and its parts, each in its own unit."""
     roots = [Interval(lower=item["lower_bound"], upper=item["tgospa"]) for item in estimates]
     totals = [Interval(lower=item["total_lower"], upper=item["total"]) for item in estimates]
-    return Table(
-        head=("costs", "TGOSPA", "total", "local.", "missed", "false", "switch"),
-        rows=[
-            (
-                item["name"],
-                _between(root.lower, root.upper),
-                _between(total.lower, total.upper),
-                *(number(item[name], 5) for name in PARTS),
-            )
-            for item, root, total in zip(estimates, roots, totals, strict=True)
-        ],
-        bold=best_cells({1: roots, 2: totals}, [range(len(estimates))]),
-    )
+    columns = {
+        "costs": [item["name"] for item in estimates],
+        "TGOSPA": [_between(root.lower, root.upper) for root in roots],
+        "total": [_between(total.lower, total.upper) for total in totals],
+    }
+    for head, part in zip(PART_HEADS, PARTS, strict=True):
+        columns[head] = [number(item[part], 5) for item in estimates]
+    return table_of(columns, bold=best_cells({1: roots, 2: totals}, [range(len(estimates))]))
 
 
 def _pair_tables(document: Json) -> Iterator[Table]:
@@ -178,7 +165,7 @@ def _pair_tables(document: Json) -> Iterator[Table]:
     pairs = [pair for pair in document["pairs"] if pair["first"] == first]
     if not pairs:
         return
-    head = ("cost/step", "order", "local.", "missed", "false", "switch", "steps -/+", "runs -/+")
+    head = ("cost/step", "order", *PART_HEADS, "steps -/+", "runs -/+")
     columns = len(head) + (document["runs"] > 1)
     rows = []
     for pair in pairs:
@@ -220,18 +207,15 @@ def _against_tables(document: Json) -> Iterator[Table]:
         for rule, title in RULES.items():
             found = step[rule]
             rows.append((f"{name}{title}", found["total"], found["switches"], found["mean"]))
-    yield Table(
-        head=("sum over steps of values^p", "total", "root", "switches", "mean of steps"),
-        rows=[
-            (
-                name,
-                number(total),
-                number(total ** (1 / order)),
-                "" if count is None else number(count),
-                "" if mean is None else number(mean, 5),
-            )
-            for name, total, count, mean in rows
-        ],
+    names, totals, counts, means = zip(*rows, strict=True)
+    yield table_of(
+        {
+            "sum over steps of values^p": names,
+            "total": [number(total) for total in totals],
+            "root": [number(total ** (1 / order)) for total in totals],
+            "switches": ["" if count is None else number(count) for count in counts],
+            "mean of steps": ["" if mean is None else number(mean, 5) for mean in means],
+        }
     )
 
 
@@ -273,15 +257,6 @@ def _between(low: float, high: float, sign: str = "") -> str:
     return texts[1] if texts[0] == texts[1] else " to ".join(texts)
 
 
-def _place(item: Json, pairs: list[Json]) -> str:
-    best, worst = item["place"]
-    shared = any(
-        pair["verdict"] == "equal" and item["name"] in (pair["first"], pair["second"])
-        for pair in pairs
-    )
-    return place_in_words(best, worst, shared=shared)
-
-
 # -------------------------------------------------------------------------------------------------
 # Solvers compared on one estimate, as a document and as a table.
 
@@ -294,30 +269,28 @@ def solvers_document(document: Json) -> Document:
         title=_agreement(document),
         lines=[size_of(document["sizes"]), parameters_of(document["parameters"])],
         tables=[
-            Table(
-                head=("run", "TGOSPA", "lower bound", "error", "bound's error", "iterations"),
-                rows=[
-                    (
-                        run["name"],
-                        or_dash(run["tgospa"], ".9g"),
-                        or_dash(run["lower_bound"], ".9g"),
-                        error_of(run["error"]),
-                        error_of(run["lower_error"]),
-                        or_dash(run["iterations"], "d"),
-                    )
-                    for run in runs
-                ],
+            table_of(
+                {
+                    "run": [run["name"] for run in runs],
+                    "TGOSPA": [or_dash(run["tgospa"], ".9g") for run in runs],
+                    "lower bound": [or_dash(run["lower_bound"], ".9g") for run in runs],
+                    "error": [error_of(run["error"]) for run in runs],
+                    "bound's error": [error_of(run["lower_error"]) for run in runs],
+                    "iterations": [or_dash(run["iterations"], "d") for run in runs],
+                }
             ),
-            Table(
-                head=("seconds", "all", "prepare", "sweeps", "programme", "rest", "proof", "MB"),
-                rows=[
-                    (
-                        run["name"],
-                        *(or_dash(s, ".4f") for s in _split(run["seconds"])),
-                        or_dash(memory and (memory["peak"] - memory["before"]) / 1e6, ".1f"),
-                    )
-                    for run, memory in ((run, run["memory"]) for run in runs)
-                ],
+            table_of(
+                {
+                    "seconds": [run["name"] for run in runs],
+                    **{
+                        stage: [or_dash(value, ".4f") for value in values]
+                        for stage, values in _stages(runs).items()
+                    },
+                    "MB": [
+                        or_dash(used and (used["peak"] - used["before"]) / 1e6, ".1f")
+                        for used in (run["memory"] for run in runs)
+                    ],
+                }
             ),
         ],
         notes=list(_solver_notes(document)),
@@ -333,9 +306,7 @@ def solvers_columns(document: Json) -> Columns:
         *("lower_error", *PARTS, "iterations", "status", "finished"),
     )
     table = columns(runs, names)
-    split = [_split(run["seconds"]) for run in runs]
-    for k, name in enumerate(("all", "prepare", "sweeps", "programme", "rest", "proof")):
-        table[f"{name}_seconds"] = [row[k] for row in split]
+    table |= {f"{stage}_seconds": values for stage, values in _stages(runs).items()}
     for name in ("before", "peak"):
         table[f"{name}_bytes"] = [run["memory"] and run["memory"][name] for run in runs]
     return table
@@ -371,10 +342,20 @@ def _solver_notes(document: Json) -> Iterator[str]:
         yield f"{name} left out: {reason}"
 
 
+STAGES = ("all", "prepare", "sweeps", "programme", "rest", "proof")
+"""Solving and proof together, and what they consist of."""
+
+
+def _stages(runs: Sequence[Json]) -> Columns:
+    """Seconds of each stage, of all runs."""
+    each = [_split(run["seconds"]) for run in runs]
+    return {stage: [row[k] for row in each] for k, stage in enumerate(STAGES)}
+
+
 def _split(seconds: Json | None) -> tuple[float | None, ...]:
-    """Solving and proof together, and what they consist of."""
+    """Those of one run."""
     if seconds is None:
-        return (None,) * 6
+        return (None,) * len(STAGES)
     stages = seconds["stages"]
     named = [
         stages.get("preparation", 0.0) + stages.get("build", 0.0),
@@ -492,16 +473,13 @@ def _times_table(document: Json) -> Table:
 def _rms_table(document: Json) -> Table:
     """The metric itself: roots per step, RMS over runs."""
     mean = "RMS" if document["parameters"]["order"] == 2 else "mean"
-    return Table(
-        head=(f"per step, {mean} of runs", "TGOSPA", *PARTS),
-        rows=[
-            (
-                f"m = {size['targets']}, T = {size['steps']}",
-                *(or_dash(size["normalised"][name], ".5g") for name in ("tgospa", *PARTS)),
-            )
-            for size in document["sizes"]
-        ],
-    )
+    sizes = document["sizes"]
+    columns = {
+        f"per step, {mean} of runs": [f"m = {s['targets']}, T = {s['steps']}" for s in sizes]
+    }
+    for head, name in zip(("TGOSPA", *PARTS), ("tgospa", *PARTS), strict=True):
+        columns[head] = [or_dash(size["normalised"][name], ".5g") for size in sizes]
+    return table_of(columns)
 
 
 def _study_notes(document: Json) -> Iterator[str]:
@@ -548,15 +526,15 @@ DOCUMENTS = {
 def render(document: Json, format: str) -> str:
     """What ``--format`` prints."""
     kind = document["kind"]
-    if format == "json":
-        return json_text(document)
-    if format == "csv":
-        return csv_text(COLUMNS[kind](document))
-    page = DOCUMENTS[kind](document)
-    if (kind, format) == ("estimates", "latex"):  # what goes into a paper: roots, RMS over runs
-        tables = [_normalised_table(document), *_other_tables(document)]
-        page = replace(page, tables=tables, notes=())
-    if "settings_file" in document:
+
+    def page(document: Json) -> Document:
+        made = DOCUMENTS[kind](document)
+        if (kind, format) == ("estimates", "latex"):  # what goes into a paper: roots, RMS over runs
+            tables = [_normalised_table(document), *_other_tables(document)]
+            made = replace(made, tables=tables, notes=())
+        if "settings_file" not in document:
+            return made
         used = str(SettingsFile(**document["settings_file"]))
-        page = replace(page, warnings=[used, *page.warnings])
-    return WRITERS[format](page)
+        return replace(made, warnings=[used, *made.warnings])
+
+    return rendered(format, document, page, json_text, COLUMNS[kind])

@@ -8,8 +8,8 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.formats.times import TimeError, places
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.reports.clock import Clock, moments, placed, words
-from tgospa_eval.reports.tables import csv_text
+from tgospa_eval.reports.rendering import csv_text
+from tgospa_eval.reports.time_axis import TimeAxis, moments
 from tgospa_eval.results.records import PARTS, Columns, Json, Time, records
 
 CurveKind = Literal["step", "cumulative", "growing"]
@@ -55,27 +55,6 @@ Band = tuple[Sequence[float], Sequence[float]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class RmsLine:
-    """Root mean squares at K times.
-
-    Parameters
-    ----------
-    rms : sequence of float
-        Values, in state units.
-    band : pair of sequence of float, optional
-        What is around them; None where there are too few runs.
-    """
-
-    rms: Sequence[float]
-    band: Band | None = None
-
-    @property
-    def top(self) -> float:
-        """The largest of all."""
-        return max((*self.rms, *(self.band[1] if self.band else ())))
-
-
-@dataclass(frozen=True, kw_only=True)
 class RmsCurve:
     """One curve: of the runs of a group, over the K times at which any of them has a step.
 
@@ -89,9 +68,11 @@ class RmsCurve:
         As they were read, in order.
     runs : int
         How many there are; all count at each time.
-    lines : mapping of str to RmsLine
-        Of the whole cost, ``total``, and of its parts by name; the whole alone where each point is
-        an evaluation of its own.
+    rms : mapping of str to sequence of float
+        Root mean squares at the K times, in state units: of the whole cost, ``total``, and of its
+        parts by name; the whole alone where each point is an evaluation of its own.
+    bands : mapping of str to pair of sequence of float
+        What is around each; empty where there are too few runs.
     bounds : pair of sequence of float, optional
         Proven bounds of the values; None where costs are of one assignment.
     band : str
@@ -102,7 +83,8 @@ class RmsCurve:
     kind: CurveKind
     times: Sequence[Time]
     runs: int
-    lines: Mapping[str, RmsLine]
+    rms: Mapping[str, Sequence[float]]
+    bands: Mapping[str, Band]
     bounds: tuple[Sequence[float], Sequence[float]] | None
     band: BandKind
 
@@ -111,11 +93,17 @@ class RmsCurve:
         """The group in a line."""
         return "/".join(self.group.values())
 
+    def top(self, name: str) -> float:
+        """The largest value of the whole cost or a part, with its band."""
+        return max((*self.rms[name], *(self.bands[name][1] if name in self.bands else ())))
+
     def table(self) -> Columns:
         """A row for each time."""
         size = len(self.times)
         none = [None] * size
-        each = {name: (line.rms, *(line.band or (none, none))) for name, line in self.lines.items()}
+        each = {
+            name: (values, *self.bands.get(name, (none, none))) for name, values in self.rms.items()
+        }
         rms, *band = each["total"]
         columns: list[Sequence[object]] = [range(1, size + 1), self.times, [self.runs] * size]
         columns += [rms, *(self.bounds or (none, none)), *band]
@@ -125,7 +113,7 @@ class RmsCurve:
 
 def on_one_axis(
     curves: Sequence[RmsCurve],
-) -> tuple[Clock, list[Floats], tuple[float, float]]:
+) -> tuple[TimeAxis, list[Floats], tuple[float, float]]:
     """The axis of the times of all these curves, where on it those of each are, and its ends.
 
     Times of several kinds have no order: then the axis is that of the numbers of the steps.
@@ -138,11 +126,11 @@ def on_one_axis(
         times = [k + 1 for own in found for k in own.tolist()]
     _, first = np.unique(np.concatenate(found), return_index=True)
     union = [times[k] for k in first.tolist()]
-    axis = moments(union)
-    at = placed(union, axis)
+    axis = TimeAxis(times=union, axis=moments(union))
+    at = axis.at
     room = 0.0 if len(at) > 1 else 0.5
     ends = float(at[0]) - room, float(at[-1]) + room
-    return Clock(axis=axis, labels=words(union)), [at[own] for own in found], ends
+    return axis, [at[own] for own in found], ends
 
 
 def curves_csv(curves: Sequence[RmsCurve]) -> str:

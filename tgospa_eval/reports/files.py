@@ -1,7 +1,7 @@
 """The result as files: JSON, CSV tables, the report; whole or absent."""
 
 import os
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
@@ -13,7 +13,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.manifest import unique
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.reports.tables import csv_text
+from tgospa_eval.reports.rendering import csv_text
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.results.summary import Summary
@@ -406,13 +406,34 @@ def result_texts(
     return texts | {"report.html": page(result, names)}
 
 
-def check_file(path: str, *, force: bool, option: str) -> None:
-    """Whether a file may be written there.
+def check_file(
+    path: str,
+    option: str,
+    *,
+    force: bool,
+    others: Iterable[str] = (),
+    endings: Collection[str] = (),
+) -> str:
+    """See that a file may be written there; its ending.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    option : str
+        What messages begin with.
+    force : bool
+        Whether it may be there.
+    others : iterable of str
+        What is read, or written as well.
+    endings : collection of str
+        Those that it may have; any by default.
 
     Raises
     ------
     ConfigError
-        A folder or, without `force`, a file of the name is there, or its folder is not.
+        A folder or, without `force`, a file of the name is there, or its folder is not; it is one
+        of the `others`, or has another ending.
     """
     with named(f"{option} {path}", ConfigError, "cannot be written"):
         if Path(path).is_dir():
@@ -421,6 +442,12 @@ def check_file(path: str, *, force: bool, option: str) -> None:
             raise ConfigError(f"{option} {path}: exists; name another file, or --force")
         if not Path(path).absolute().parent.is_dir():
             raise ConfigError(f"{option} {path}: there is no such folder; make it first")
+    if any(os.path.realpath(path) == os.path.realpath(other) for other in others):
+        raise ConfigError(f"{option} {path}: is read or written otherwise; name another file")
+    ending = os.path.splitext(path)[1].casefold()
+    if endings and ending not in endings:
+        raise ConfigError(f"{option} {path}: must end in {', '.join(endings)}")
+    return ending
 
 
 def write_file(path: str, data: str | bytes, option: str) -> None:

@@ -17,7 +17,9 @@ import numpy as np
 from tgospa_eval.common.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
 from tgospa_eval.common.words import number, sizes_in_words
 from tgospa_eval.problem.problem import Ints
-from tgospa_eval.reports.console import (
+from tgospa_eval.reports.other_metrics import other_table, similarity
+from tgospa_eval.reports.plot_data import PlotData, binned
+from tgospa_eval.reports.result_text import (
     SPLIT_WORDS,
     meaning,
     part_rows,
@@ -25,8 +27,6 @@ from tgospa_eval.reports.console import (
     repair_table,
     similarity_in_words,
 )
-from tgospa_eval.reports.other_metrics import other_table, similarity
-from tgospa_eval.reports.page_data import binned
 from tgospa_eval.reports.slices import about_slices, share, shown_slices
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import PARTS, Columns, Json
@@ -64,7 +64,7 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
     names : pair of str
         What truth and estimate are called, as the paths of their files.
     """
-    data, arrays, _ = result.drawn
+    drawn: PlotData = result.drawn
     repaired = result.explained
     return (
         environment()
@@ -74,8 +74,8 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
             partitioned=isinstance(result, PartitionedResult),
             repairs=[] if repaired is None else repair_table(result, repaired).rows,
             repair_notes=[] if repaired is None else list(repair_notes(repaired)),
-            data=data,
-            arrays=packed(arrays),
+            data=drawn.document,
+            arrays=packed(drawn.arrays),
             style=page_colours() + inlined("page.css"),
             script="".join(inlined(f"{name}.js") for name in SCRIPTS),
         )

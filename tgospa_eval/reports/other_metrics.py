@@ -6,7 +6,7 @@ from typing import Any
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import number
 from tgospa_eval.reports.phrases import best_cells
-from tgospa_eval.reports.tables import Row, Table
+from tgospa_eval.reports.rendering import Row, Table
 from tgospa_eval.results.records import Columns, OtherMetrics
 
 PARTS_SHOWN = {

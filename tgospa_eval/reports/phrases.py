@@ -7,7 +7,10 @@ from typing import Any, Literal
 from tgospa_eval.common.interval import Interval, places
 from tgospa_eval.common.words import counted, sizes_in_words
 from tgospa_eval.results.numbers import PROBABILITIES
-from tgospa_eval.results.records import Columns
+from tgospa_eval.results.records import Columns, Json
+
+PART_HEADS = ("local.", "missed", "false", "switch")
+"""Of the parts of the cost, as heads of narrow columns."""
 
 Rule = Literal["stone_soup", "mathworks"]
 
@@ -105,25 +108,21 @@ def first_names(groups: Sequence[Sequence[str]]) -> str:
     return ", ".join(texts) + (f" and {-left:,} more, all in the table" if left < 0 else "")
 
 
-def order_in_words(
-    value: str,
-    names: Sequence[str],
-    ranks: Sequence[tuple[int, int]],
-    verdicts: Mapping[tuple[str, str], str],
-) -> str:
+def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -> str:
     """A sentence.
 
     Parameters
     ----------
     value : str
         By which they are ordered.
-    names : sequence of str
-        In the order of the values.
-    ranks : sequence of (int, int)
-        The best and the worst that each can have.
-    verdicts : mapping
-        What is proven of each pair, of which the first comes first in `names`.
+    entries : sequence of dict
+        In the order of the values: each has a ``name``, and the best and the worst ``place``.
+    pairs : sequence of dict
+        Names of the ``first`` and the ``second``, in this order, and the ``verdict``: what is
+        proven of the two.
     """
+    names = [entry["name"] for entry in entries]
+    verdicts = {(pair["first"], pair["second"]): pair["verdict"] for pair in pairs}
     groups = [list(names[:1])]
     for pair in itertools.pairwise(names):
         if verdicts[pair] == "equal":
@@ -138,13 +137,13 @@ def order_in_words(
         return f"Proven to be equal by {value}: {first_names(groups)}"
     if verdicts == proven:
         return f"Proven order by {value}, best first: {first_names(groups)}"
-    best = best_of(ranks)
+    best = best_of([entry["place"] for entry in entries])
     if best:
         return (
             f"Proven best by {value}: {first_names([[names[k] for k in best]])}; the order of "
             "the others is not proven throughout"
         )
-    tied = [[name] for name, place in zip(names, ranks, strict=True) if place[0] == 1]
+    tied = [[entry["name"]] for entry in entries if entry["place"][0] == 1]
     return f"None is proven best by {value}: it may be any of {first_names(tied)}"
 
 
@@ -172,6 +171,12 @@ def best_cells(
         for column, values in columns.items()
         for k in best_of(places([values[row] for row in rows]))
     )
+
+
+def equal_names(pairs: Iterable[Json]) -> set[str]:
+    """Names that share a place, for they are proven to be equal."""
+    equal = [pair for pair in pairs if pair["verdict"] == "equal"]
+    return {pair[name] for pair in equal for name in ("first", "second")}
 
 
 def place_in_words(best: int, worst: int, *, shared: bool = False) -> str:

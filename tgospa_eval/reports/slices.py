@@ -5,7 +5,8 @@ from dataclasses import replace
 from itertools import zip_longest
 
 from tgospa_eval.common.words import number
-from tgospa_eval.reports.tables import INDENT, WIDTH, Row, Table, clip, text_lines
+from tgospa_eval.reports.phrases import PART_HEADS
+from tgospa_eval.reports.rendering import INDENT, WIDTH, Row, Table, clip, text_lines
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.slices import Slice, Slicing, in_order
 from tgospa_eval.text import visible
@@ -16,7 +17,7 @@ MOST_LISTED = 20
 LEAST_NAME = 12
 """Columns of a terminal for the name of a slice, at least."""
 
-SLICE_HEAD = ("states", "total", "share", "local.", "missed", "false", "switch")
+SLICE_HEAD = ("states", "total", "share", *PART_HEADS)
 
 
 def shown_slices(slicing: Slicing) -> list[Slice]:

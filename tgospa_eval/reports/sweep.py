@@ -4,39 +4,30 @@ from collections.abc import Iterator
 
 from tgospa_eval.common.words import number, sizes_in_words
 from tgospa_eval.reports.phrases import LETTERS, parameters_of
-from tgospa_eval.reports.tables import Document, Table
+from tgospa_eval.reports.rendering import Document, table_of
 from tgospa_eval.results.records import COUNTED_PARTS
 from tgospa_eval.results.sweep import Point, Sweep
 
 
 def sweep_document(found: Sweep) -> Document:
     """A row for each value."""
-    letter, exact = LETTERS[found.parameter], found.certified
-    lower = () if exact else ("lower bound",)
+    points = found.points
+    columns = {LETTERS[found.parameter]: [number(point.value) for point in points]}
+    if not found.certified:
+        columns["lower bound"] = [number(point.lower_bound) for point in points]
+    columns["TGOSPA"] = [number(point.tgospa) for point in points]
+    columns["localisation"] = [number(point.localisation, 5) for point in points]
+    for part in COUNTED_PARTS:
+        columns[part] = [
+            f"{number(getattr(point, part), 5)} ({number(_count(point, part))})" for point in points
+        ]
     return Document(
         title=_title(found),
         lines=[
             f"{parameters_of(found.settings, '; ')}; {sizes_in_words(found.sizes)}",
             "costs, and in brackets how many of each:",
         ],
-        tables=[
-            Table(
-                head=(letter, *lower, "TGOSPA", "localisation", *COUNTED_PARTS),
-                rows=[
-                    (
-                        number(point.value),
-                        *(() if exact else (number(point.lower_bound),)),
-                        number(point.tgospa),
-                        number(point.localisation, 5),
-                        *(
-                            f"{number(getattr(point, part), 5)} ({number(_count(point, part))})"
-                            for part in COUNTED_PARTS
-                        ),
-                    )
-                    for point in found.points
-                ],
-            )
-        ],
+        tables=[table_of(columns)],
         notes=list(_notes(found)),
         warnings=found.told,
     )

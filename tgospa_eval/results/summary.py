@@ -709,8 +709,8 @@ class Summary(ABC):
 
     @cached_property
     def drawn(self) -> Any:
-        """What page and pictures draw: `reports.page_data.Drawn`."""
-        return import_module("tgospa_eval.reports.page_data").document(self)
+        """What page and pictures draw: `reports.plot_data.PlotData`."""
+        return import_module("tgospa_eval.reports.plot_data").plot_data(self)
 
     def _plot(self, name: str, **options: object) -> "Figure":
         made: Figure = import_module("tgospa_eval.plots.result_pictures").plot(

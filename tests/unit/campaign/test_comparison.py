@@ -17,7 +17,7 @@ from tgospa_eval.campaign.solver_runs import called, contradictions, errors, ref
 from tgospa_eval.common.interval import Interval, equal, excess, less, narrowest, overlap, places
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.evaluation.prepare import Prepared
-from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text, csv_text
+from tgospa_eval.reports.rendering import Document, Table, as_latex, as_markdown, as_text, csv_text
 from tgospa_eval.results.records import Json
 from tgospa_eval.solvers import Solver
 

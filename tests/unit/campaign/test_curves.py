@@ -59,36 +59,36 @@ def test_every_run_counts_at_each_time() -> None:
     single, cumulative = found["step"], found["cumulative"]
     assert list(found) == ["step", "cumulative"]
     assert (single.times, single.runs) == ([1, 2, 3], 3)
-    assert single.lines["total"].rms == pytest.approx(np.sqrt([4 / 3, 6, 16 / 3]))
-    assert single.lines["localisation"].rms == pytest.approx(np.sqrt([1 / 3, 1.5, 4 / 3]))
-    assert single.lines["false"].rms == pytest.approx(np.sqrt([1, 4.5, 4]))
-    assert single.lines["missed"].rms == single.lines["switch"].rms == [0.0] * 3
+    assert single.rms["total"] == pytest.approx(np.sqrt([4 / 3, 6, 16 / 3]))
+    assert single.rms["localisation"] == pytest.approx(np.sqrt([1 / 3, 1.5, 4 / 3]))
+    assert single.rms["false"] == pytest.approx(np.sqrt([1, 4.5, 4]))
+    assert single.rms["missed"] == single.rms["switch"] == [0.0] * 3
     # Each run by its own steps: the last are 12 / 2, 24 / 2 and 2 / 1.
-    assert cumulative.lines["total"].rms == pytest.approx(np.sqrt([4 / 3, 16 / 3, 20 / 3]))
+    assert cumulative.rms["total"] == pytest.approx(np.sqrt([4 / 3, 16 / 3, 20 / 3]))
     assert single.bounds is None
     # With fewer than six runs nothing is said of others.
-    assert single.lines["total"].band is None
+    assert single.bands == {}
 
 
 def test_before_the_horizon_costs_are_divided_by_one() -> None:
     found = curves(stored({"1": 4, "2": 5, "3": 7}, horizon=2), 1)
-    assert found["cumulative"].lines["total"].rms == pytest.approx([2, 3, 4])
+    assert found["cumulative"].rms["total"] == pytest.approx([2, 3, 4])
 
 
 def test_values_of_the_steps_so_far_last_until_the_next() -> None:
     found = curves(stored({"1": 0, "3": 0}, {"2": 0}, traced=True), 2)["growing"]
-    assert found.lines["total"].rms == pytest.approx(np.sqrt([0.5, 1, 2.5]))
+    assert found.rms["total"] == pytest.approx(np.sqrt([0.5, 1, 2.5]))
     assert found.bounds is not None
     assert found.bounds[0] == pytest.approx(0.9 * np.sqrt([0.5, 1, 2.5]))
-    assert found.bounds[1] == found.lines["total"].rms
-    assert list(found.lines) == ["total"]
+    assert found.bounds[1] == found.rms["total"]
+    assert list(found.rms) == ["total"]
 
 
 def test_groups_are_apart_and_so_are_parameters() -> None:
     table = pd.concat([rows("a", 1.0), rows("ab", 3.0)], ignore_index=True)
     found, notes = rms_curves(table, stored({"1": 2}, {"1": 8}, {"1": 27}), ["tracker"])
     assert notes == []
-    assert [(curve.group, curve.lines["total"].rms) for curve in found if curve.kind == "step"] == [
+    assert [(curve.group, curve.rms["total"]) for curve in found if curve.kind == "step"] == [
         ({"tracker": "a", "order": "1"}, [2.0]),
         ({"tracker": "a", "order": "3"}, [2.0]),
         ({"tracker": "b", "order": "3"}, [3.0]),
@@ -115,7 +115,7 @@ def test_times_are_compared_as_times(runs: tuple[Steps, ...], times: list | None
     found = curves(stored(*runs), 2)["step"]
     assert found.times == (times or [-1, 9007199254740992, 9007199254740993])
     costs = [2.0, 0.5, 2.0] if times else [2.0, 4.5, 0.5]
-    assert found.lines["total"].rms == pytest.approx(np.sqrt(costs))
+    assert found.rms["total"] == pytest.approx(np.sqrt(costs))
 
 
 def test_times_of_several_kinds_have_no_curve() -> None:
@@ -133,7 +133,7 @@ def test_runs_without_steps() -> None:
     table.loc[1, "sizes.steps"] = 0
     steps = stored({"1": 4})
     found, notes = rms_curves(table, steps, [])
-    assert (found[0].runs, found[0].lines["total"].rms) == (2, pytest.approx([2**0.5]))
+    assert (found[0].runs, found[0].rms["total"]) == (2, pytest.approx([2**0.5]))
     (note,) = notes
     assert "all jobs: of 1 of 3 runs no steps are stored, and these do not count" in note
     steps = stored({"1": 4}, {"1": 4}, traced=True)
@@ -165,11 +165,11 @@ def test_bands() -> None:
     steps = stored(
         *(dict(zip(names[: 2 + (k < 30)], run, strict=False)) for k, run in enumerate(costs))
     )
-    found = {kind: curves(steps, 40, band=kind)["step"].lines for kind in get_args(BandKind)}
-    assert found["interval"] == curves(steps, 40)["step"].lines
+    found = {kind: curves(steps, 40, band=kind)["step"].bands for kind in get_args(BandKind)}
+    assert found["interval"] == curves(steps, 40)["step"].bands
     for part, share in (("total", 1.0), ("localisation", 0.25)):
         values = np.sqrt(share * costs)
-        bands = {kind: np.array(lines[part].band) for kind, lines in found.items()}
+        bands = {kind: np.array(around[part]) for kind, around in found.items()}
         other = stats.bootstrap(
             (share * costs,), lambda x, axis: np.mean(x, axis=axis) ** 0.5, n_resamples=20_000,
             method="percentile", rng=np.random.default_rng(1),
@@ -185,13 +185,13 @@ def test_bands() -> None:
             np.stack([np.maximum(rms - spread, 0), rms + spread])
         )
     one = curves(stored({"1": 4}), 1, band="deviation")["step"]
-    assert one.lines["total"].band is None
+    assert one.bands == {}
 
 
 def test_bands_of_values_with_bounds_hold_both() -> None:
     steps = stored(*({"1": 0, "2": 0} for _ in range(6)), traced=True)
     for kind in get_args(BandKind):
-        low, high = curves(steps, 6, band=kind)["growing"].lines["total"].band or ([], [])
+        low, high = curves(steps, 6, band=kind)["growing"].bands["total"]
         if kind == "interval":
             # It contains that of any values between.
             assert np.all(np.array(low) < [0.9, 1.8])

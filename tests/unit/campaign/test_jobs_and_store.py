@@ -8,7 +8,7 @@ import pytest
 
 from tgospa_eval.campaign import pairs as jobs
 from tgospa_eval.campaign.store import SCHEMA, Store
-from tgospa_eval.campaign.tables import tabulated
+from tgospa_eval.campaign.sums import tabulated
 from tgospa_eval.errors import ConfigError, InputError
 
 Write = Callable[[str, str | bytes], str]

@@ -20,9 +20,10 @@ from tgospa_eval.campaign.statistics import (
     intervals,
     p_values,
 )
-from tgospa_eval.campaign.tables import tabulated
-from tgospa_eval.reports.batch import BATCH_REPORTS
-from tgospa_eval.reports.batch_records import BatchTables, Ranking
+from tgospa_eval.campaign.sums import tabulated
+from tgospa_eval.reports import REPORTS
+from tgospa_eval.reports.batch import BatchTables, Ranking
+from tgospa_eval.reports.batch_text import batch_report
 
 COLUMNS = {
     "status": "done", "certified": True, "distance": "euclidean", "cutoff": 5.0, "order": 2.0,
@@ -70,7 +71,7 @@ def only(tables: BatchTables) -> Ranking:
 
 def words(tables: BatchTables) -> str:
     """What is printed, without its lines."""
-    return " ".join(BATCH_REPORTS["table"](tables).split())
+    return " ".join(batch_report(tables, "table").split())
 
 
 DRAWN = np.random.default_rng(5)
@@ -240,7 +241,7 @@ def test_too_few_pairs() -> None:
     text = words(tables)
     assert "5 pairs: fewer than 6, nothing can be concluded about other truths" in text
     assert "interval" not in text
-    (row,) = json.loads(BATCH_REPORTS["json"](tables))["comparisons"]
+    (row,) = json.loads(batch_report(tables, "json"))["comparisons"]
     assert row["p_value"] is row["lower"] is row["significant"] is None
 
 
@@ -266,7 +267,7 @@ def test_ties_share_their_places() -> None:
     assert [(item["name"], item["place"]) for item in only(tables).entries] == [
         ("a", (1, 1)), ("b", (1, 1)), ("c", (3, 3))
     ]  # fmt: skip
-    text = BATCH_REPORTS["table"](tables)
+    text = batch_report(tables, "table")
     assert "Proven order by combined, best first: a = b, c (8 jobs each)" in text
     assert [line.split()[:2] for line in text.splitlines() if " 1= " in line] == [
         ["a", "1="], ["b", "1="]
@@ -306,7 +307,7 @@ def test_parameters_are_ranked_apart() -> None:
         {"cutoff": 5.0}, {"cutoff": 9.0}
     ]  # fmt: skip
     assert [ranking.entries[0]["name"] for ranking in tables.rankings] == ["a", "b"]
-    text = BATCH_REPORTS["table"](tables)
+    text = batch_report(tables, "table")
     assert "cutoff 9: Proven order by combined" in text
     heads = [line.split()[:3] for line in text.splitlines() if line.startswith("  vs ")]
     assert heads == [["vs", "a", "cutoff"], ["vs", "b", "cutoff"]]
@@ -355,13 +356,13 @@ def test_nothing_to_rank(rows: pd.DataFrame, by: str, note: str) -> None:
     tables = tabulated(rows, [by])
     assert tables.rankings == ()
     assert note in tables.notes[0]
-    assert note in BATCH_REPORTS["markdown"](tables)
+    assert note in batch_report(tables, "markdown")
 
 
 def test_no_job_has_a_value() -> None:
     tables = tabulated(failed(table({"a": A}), range(8)), ["tracker"])
     assert words(tables) == "8 jobs, 8 failed"
-    document = json.loads(BATCH_REPORTS["json"](tables))
+    document = json.loads(batch_report(tables, "json"))
     assert (document["groups"], document["ranking"], len(document["jobs"])) == ([], [], 8)
 
 
@@ -394,7 +395,7 @@ def test_mean_of_roots_is_taken_when_asked_for() -> None:
 def bold(tables: BatchTables) -> dict[str, list[tuple[str, list[str]]]]:
     """Of each table, by the last of its head, rows with bold cells: name, heads of these."""
     found: dict[str, list[tuple[str, list[str]]]] = {}
-    for text in BATCH_REPORTS["latex"](tables).split(r"\toprule")[1:]:
+    for text in batch_report(tables, "latex").split(r"\toprule")[1:]:
         lines = [line.removesuffix(r"\\").split("&") for line in text.splitlines() if "&" in line]
         head, *rows = [[cell.strip() for cell in line] for line in lines]
         kept = found[head[-1]] = []
@@ -442,7 +443,7 @@ def test_nothing_is_bold_that_is_not_proven_to_be_best() -> None:
 def test_hostile_labels() -> None:
     names = ["a|b", "50%_$x", "=1+1", "é\x1b[31m"]
     tables = tabulated(table({name: A + k for k, name in enumerate(names)}), ["tracker"])
-    texts = {name: write(tables) for name, write in BATCH_REPORTS.items()}
+    texts = {name: batch_report(tables, name) for name in REPORTS}
     assert r"50\%\_\$x" in texts["latex"]
     assert r"a\|b" in texts["markdown"]
     assert "'=1+1" in texts["csv"]
@@ -455,7 +456,7 @@ def test_a_label_may_be_called_like_a_column() -> None:
     tables = tabulated(rows, ["jobs"])
     assert tables.groups["label.jobs"].tolist() == ["a", "b"]
     assert tables.groups["jobs"].tolist() == [8, 8]
-    assert "  jobs  jobs  combined" in BATCH_REPORTS["table"](tables)
+    assert "  jobs  jobs  combined" in batch_report(tables, "table")
 
 
 def test_open_jobs_are_counted() -> None:

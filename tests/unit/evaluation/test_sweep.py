@@ -380,6 +380,6 @@ def test_what_the_picture_shows() -> None:
         ]
     assert list(shown["TGOSPA"]) == [point.tgospa for point in found.points]
     assert all(axis.get_xscale() == "log" for axis in axes)
-    first, second = (plots.pictures(lambda: {"sweep": sweep_figure(found)}) for _ in range(2))
+    first, second = (plots.pictures({"sweep": lambda: sweep_figure(found)}) for _ in range(2))
     assert first == second
     assert first["sweep.png"].startswith(b"\x89PNG")

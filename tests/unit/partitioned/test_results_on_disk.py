@@ -13,8 +13,7 @@ from tgospa_eval import Result, evaluate
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.partitioned import tables
 from tgospa_eval.partitioned import tables as by_time
-from tgospa_eval.reports import REPORTS, page_data
-from tgospa_eval.reports.page_data import document
+from tgospa_eval.reports import REPORTS, plot_data
 from tgospa_eval.results import partitioned as module
 from tgospa_eval.results.partitioned import PartitionedResult, StoredTables
 from tgospa_eval.results.saved import read_result
@@ -110,11 +109,12 @@ def test_tables_that_are_gone_or_damaged_are_said_to_be(known: Result, tmp_path:
 def test_page_and_pictures_show_means_over_stretches_of_steps(
     stored: PartitionedResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(page_data, "MOST_STRETCHES", 8)
-    data, arrays, sides = document(stored)
+    monkeypatch.setattr(plot_data, "MOST_STRETCHES", 8)
+    made = plot_data.plot_data(stored)
+    data, arrays = made.document, made.arrays
     assert data["together"] == 8
     assert data["times"] == stored.labels.times[::8]
-    per_step, curve = stored.table("per_step"), page_data.curves(stored)
+    per_step, curve = stored.table("per_step"), plot_data.curves(stored)
     means_of = ("localisation", "missed", "false", "switch")
     for name in means_of:
         ends = [*range(0, 60, 8), 60]
@@ -122,7 +122,7 @@ def test_page_and_pictures_show_means_over_stretches_of_steps(
         assert np.allclose(data["costs"][name], means, rtol=1e-6)
         assert np.allclose(data["curve"][name], [curve[name][b - 1] for b in ends[1:]], rtol=1e-6)
     assert not any(map(len, arrays.values()))
-    monkeypatch.setitem(vars(stored), "drawn", (data, arrays, sides))
+    monkeypatch.setitem(vars(stored), "drawn", made)
     assert "Each bar is the mean of 8 steps" in stored.to_html()
     worst = stored.worst(20)
     assert data["worst"]["t"] == worst["steps"]

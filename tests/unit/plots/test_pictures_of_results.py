@@ -34,10 +34,9 @@ from tgospa_eval.plots import (
 from tgospa_eval.plots.lanes import draw_lanes
 from tgospa_eval.plots.result_pictures import Pictures, names_in, result_pictures
 from tgospa_eval.plots.style import literal, power, styled
-from tgospa_eval.plots.views import view
-from tgospa_eval.reports import page_data
-from tgospa_eval.reports.clock import nice
-from tgospa_eval.reports.page_data import binned
+from tgospa_eval.reports import plot_data
+from tgospa_eval.reports.plot_data import binned
+from tgospa_eval.reports.time_axis import nice
 from tgospa_eval.results.result import Result
 
 Draw = Callable[..., Answer]
@@ -107,14 +106,14 @@ def words(made: Figure) -> list[str]:
 def test_costs_are_stacked() -> None:
     made = plot_costs(swap())
     # cost by step: 0.5; 0.5 and a false one; 0.5 and two switches; a miss
-    tops = {part: artist(made, part).get_data() for part in page_data.PARTS}
+    tops = {part: artist(made, part).get_data() for part in plot_data.PARTS}
     assert tops["localisation"].values[:3].tolist() == [0.5, 0.5, 0.5]
     assert np.isnan(tops["localisation"].values[3])  # nothing has no outline
     assert (tops["false"].values[1], tops["false"].baseline[1]) == (1.5, 0.5)
     assert (tops["switch"].values[2], tops["switch"].baseline[2]) == (2.5, 0.5)
     assert (tops["missed"].values[3], tops["missed"].baseline[3]) == (1.0, 0.0)
     assert tops["missed"].edges.tolist() == [-0.5, 0.5, 1.5, 2.5, 3.5]
-    hatches = {artist(made, part).get_hatch() for part in page_data.PARTS}
+    hatches = {artist(made, part).get_hatch() for part in plot_data.PARTS}
     assert len(hatches - {None}) == 2  # told apart without colours
 
 
@@ -277,7 +276,7 @@ def test_a_state_that_is_alone_is_seen() -> None:
 def test_thinning_keeps_every_event(monkeypatch: pytest.MonkeyPatch) -> None:
     result = crowd(steps=120, truths=8)
     full = plot_plane(result)
-    monkeypatch.setattr(page_data, "VALUES", 700)
+    monkeypatch.setattr(plot_data, "VALUES", 700)
     del vars(result)["drawn"]
     thin = plot_plane(result)
     assert len(artist(thin, "truth/0").get_xdata()) < len(artist(full, "truth/0").get_xdata())
@@ -460,8 +459,8 @@ def test_there_is_always_a_picture(make: Callable[[], Result]) -> None:
 
 
 def named(times: list, room: float = 80) -> tuple[list[float], list[str], str]:
-    seen = view(stamped(times))
-    return seen.time.ticks(seen.edges[0][0], seen.edges[1][-1], room)
+    seen = plot_data.plot_data(stamped(times))
+    return seen.time.ticks(seen.time.edges[0][0], seen.time.edges[1][-1], room)
 
 
 def test_round_times_are_named_and_what_they_share_is_said_once() -> None:
@@ -490,9 +489,9 @@ def test_pictures_over_time_are_to_scale() -> None:
     result = stamped(times)
     line = artist(plot_cumulative(result), "total")
     assert line.get_xdata().tolist() == times
-    seen = view(result)
-    assert seen.edges[0][[0, 16, 17]].tolist() == [2.5, 18.5, 45.5]
-    assert seen.edges[1][[16, 17, -1]].tolist() == [19.5, 46.5, 58.5]
+    seen = plot_data.plot_data(result)
+    assert seen.time.edges[0][[0, 16, 17]].tolist() == [2.5, 18.5, 45.5]
+    assert seen.time.edges[1][[16, 17, -1]].tolist() == [19.5, 46.5, 58.5]
     bars = artist(plot_costs(result), "missed").get_data()
     assert 19.5 in bars.edges
     assert 45.5 in bars.edges
@@ -534,7 +533,7 @@ SIGHT = {  # Machado, Oliveira and Fernandes 2009, severity 1
 @pytest.mark.parametrize("colours", [palette.LIGHT, palette.DARK], ids=["light", "dark"])
 @pytest.mark.parametrize("sight", SIGHT)
 def test_parts_are_told_apart_by_all_eyes(colours: dict[str, str], sight: str) -> None:
-    shown = [seen_by(colours[part], np.array(SIGHT[sight])) for part in page_data.PARTS]
+    shown = [seen_by(colours[part], np.array(SIGHT[sight])) for part in plot_data.PARTS]
     apart = [np.linalg.norm(a - b) for k, a in enumerate(shown) for b in shown[:k]]
     assert min(apart) > 0.12
 
@@ -547,7 +546,7 @@ def test_the_same_bytes() -> None:
 
     def made() -> dict[str, bytes]:
         with styled("paper") as style:
-            seen = view(swap())
+            seen = plot_data.plot_data(swap())
             return {kind: written(draw_lanes(seen, style), kind) for kind in plots.FILES}
 
     once = made()
@@ -562,7 +561,7 @@ def test_the_same_bytes() -> None:
 
 def test_large_collections_are_dots_in_vector_files() -> None:
     with styled("paper") as style:
-        made = draw_lanes(view(crowd(steps=400, truths=50)), style)
+        made = draw_lanes(plot_data.plot_data(crowd(steps=400, truths=50)), style)
     assert artist(made, "truth/error").get_rasterized()
     assert not artist(made, "estimate/share").get_rasterized()
 

@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 
 from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, heat_shades
+from tgospa_eval.reports.batch import MOST_SQUARES, heat_of
 from tgospa_eval.reports.batch_page import curve_charts
-from tgospa_eval.reports.batch_view import MOST_SQUARES, Heat, heat_of
-from tgospa_eval.reports.clock import nice
-from tgospa_eval.reports.curves import RmsCurve, RmsLine
+from tgospa_eval.reports.curves import RmsCurve
 from tgospa_eval.reports.phrases import first_names, order_in_words
-from tgospa_eval.results.records import Time
+from tgospa_eval.reports.time_axis import nice
+from tgospa_eval.results.records import Json, Time
 
 
 def luminance(colour: str) -> float:
@@ -51,7 +51,7 @@ def rows(values: dict[tuple[str, str], float | None], width: float = 0.0) -> pd.
     ).astype({"total_lower": float, "total_upper": float, "judged.steps": float, "order": float})
 
 
-def heat(values: dict[tuple[str, str], float | None], width: float = 0.0) -> Heat:
+def heat(values: dict[tuple[str, str], float | None], width: float = 0.0) -> Json:
     return heat_of(
         rows(values, width), ("down", "across"), ["a", "b"], lambda row: str(row["label.down"])
     )
@@ -65,21 +65,24 @@ def test_parameters_that_differ_are_never_added_up() -> None:
         pd.concat([first, second, lost], ignore_index=True),
         ("down", "across"), ["a", "b"], lambda _: "", ("order",),
     )  # fmt: skip
-    assert made.rows == ["s order=1", "s order=2", "t order=-"]
+    assert made["rows"] == ["s order=1", "s order=2", "t order=-"]
     values = [
-        [cell and cell["value"] and cell["value"].upper for cell in row] for row in made.cells
+        [cell and cell["value"] and cell["value"].upper for cell in row] for row in made["cells"]
     ]
     assert values == [[40, 30], [3, 4], [None, None]]
     # The largest value of each set of parameters is the darkest.
-    assert [[cell and cell["level"] for cell in row] for row in made.cells[:2]] == [[8, 0], [0, 8]]
-    assert made.scales == 2
+    assert [[cell and cell["level"] for cell in row] for row in made["cells"][:2]] == [
+        [8, 0],
+        [0, 8],
+    ]
+    assert made["scales"] == 2
 
 
 def test_cells_have_brackets_shades_and_links() -> None:
     made = heat({("s2", "a"): 9.0, ("s2", "b"): 16.0, ("s10", "a"): None, ("s10", "b"): 1.0})
-    assert made.rows == ["s2", "s10"]
-    assert made.ends == (1.0, 4.0)
-    (first, second), (failed, third) = made.cells
+    assert made["rows"] == ["s2", "s10"]
+    assert made["ends"] == (1.0, 4.0)
+    (first, second), (failed, third) = made["cells"]
     assert first is not None
     assert second is not None
     assert third is not None
@@ -88,22 +91,22 @@ def test_cells_have_brackets_shades_and_links() -> None:
     assert (first["level"], second["level"], third["level"]) == (6, 8, 0)
     assert first["link"] == "s2"
     assert (failed["value"], failed["failed"]) == (None, 1)
-    assert made.text(first["value"]) == "3.000"
+    assert first["text"] == "3.000"
     # Brackets that overlap prove nothing of their order.
-    wide = heat({("s", "a"): 9.0, ("s", "b"): 16.0}, width=8.0).cells[0]
+    wide = heat({("s", "a"): 9.0, ("s", "b"): 16.0}, width=8.0)["cells"][0]
     assert [cell["best"] for cell in wide if cell] == [False, False]
     assert wide[1] is not None
-    assert made.text(wide[1]["value"]) == "2.828 to 4.000"
+    assert wide[1]["text"] == "2.828 to 4.000"
 
 
 def test_jobs_of_a_cell_are_added_and_have_no_link() -> None:
     both = pd.concat([rows({("s", "a"): 1.0}), rows({("s", "a"): 7.0, ("t", "b"): None})])
     made = heat_of(both, ("down", "across"), ["a", "b"], lambda _: "x")
-    cell = made.cells[0][0]
+    cell = made["cells"][0][0]
     assert cell is not None
     assert cell["value"].upper == pytest.approx(2.0)  # (8 / 2)^(1/2)
     assert (cell["jobs"], cell["link"]) == (2, "")
-    assert made.cells[0][1] is None
+    assert made["cells"][0][1] is None
 
 
 def test_of_many_rows_those_that_lose_most_are_shown() -> None:
@@ -112,12 +115,12 @@ def test_of_many_rows_those_that_lose_most_are_shown() -> None:
     }
     values["7", "a"] = None
     made = heat(values)
-    assert made.squares
-    assert (len(made.rows), made.hidden_rows) == (MOST_SQUARES, 200)
-    assert made.rows[0] == "7"  # it failed
-    assert made.rows[1] == "201"
-    assert made.ends is not None
-    assert made.ends[0] == pytest.approx(201**0.5)
+    assert made["squares"]
+    assert (len(made["rows"]), made["hidden_rows"]) == (MOST_SQUARES, 200)
+    assert made["rows"][0] == "7"  # it failed
+    assert made["rows"][1] == "201"
+    assert made["ends"] is not None
+    assert made["ends"][0] == pytest.approx(201**0.5)
 
 
 def test_axes_have_round_numbers() -> None:
@@ -127,13 +130,14 @@ def test_axes_have_round_numbers() -> None:
 
 
 def curve(times: list[Time], rms: list[float], group: str = "a") -> RmsCurve:
-    line = RmsLine(rms=rms, band=([0.0] * len(rms), [2 * value for value in rms]))
+    band = [0.0] * len(rms), [2 * value for value in rms]
     return RmsCurve(
         group={"who": group},
         kind="step",
         times=times,
         runs=6,
-        lines={"total": line, "missed": line},
+        rms={"total": rms, "missed": rms},
+        bands={"total": band, "missed": band},
         bounds=None,
         band="bootstrap",
     )
@@ -174,14 +178,18 @@ def test_a_long_chart_is_thinned() -> None:
 
 def test_sentences_name_few_of_many() -> None:
     names = [f"n{k}" for k in range(100)]
-    pairs = list(itertools.combinations(names, 2))
-    proven = [(k, k) for k in range(1, 101)]
-    sentence = order_in_words("combined", names, proven, dict.fromkeys(pairs, "less"))
+
+    def order(places: list[tuple[int, int]], verdict: str) -> str:
+        entries = [{"name": n, "place": place} for n, place in zip(names, places, strict=True)]
+        pairs = itertools.combinations(names, 2)
+        made = [{"first": a, "second": b, "verdict": verdict} for a, b in pairs]
+        return order_in_words("combined", entries, made)
+
+    sentence = order([(k, k) for k in range(1, 101)], "less")
     first = "n0, n1, n2, n3, n4, n5, n6, n7 and 92 more, all in the table"
     assert sentence == f"Proven order by combined, best first: {first}"
-    equal = dict.fromkeys(pairs, "equal")
-    sentence = order_in_words("combined", names, [(1, 1)] * 100, equal)
+    sentence = order([(1, 1)] * 100, "equal")
     assert sentence == f"Proven to be equal by combined: {first.replace(',', ' =', 7)}"
-    tied = order_in_words("combined", names, [(1, 100)] * 100, dict.fromkeys(pairs, "open"))
+    tied = order([(1, 100)] * 100, "open")
     assert tied == f"None is proven best by combined: it may be any of {first}"
     assert first_names([names[:2], names[2:8]]) == "n0 = n1, n2 = n3 = n4 = n5 = n6 = n7"

@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.reports import tables as escape
+from tgospa_eval.reports import rendering as escape
 from tgospa_eval.text import clipped, listed, quoted, visible, visible_lines
 
 

@@ -10,9 +10,9 @@ import pytest
 from pages import NASTY, embedded, unpacked
 
 from tgospa_eval import evaluate
-from tgospa_eval.reports import page_data
+from tgospa_eval.reports import plot_data
 from tgospa_eval.reports.html import packed, page
-from tgospa_eval.reports.page_data import NONE, curves, document
+from tgospa_eval.reports.plot_data import NONE, curves
 from tgospa_eval.results.result import Result
 
 
@@ -36,7 +36,7 @@ def swap() -> Result:
 
 def test_costs_and_tracks_are_those_of_the_result() -> None:
     result = swap()
-    data, _, _ = document(result)
+    data = plot_data.plot_data(result).document
     assert data["times"] == [0, 1, 2, 3]
     for name, costs in data["costs"].items():
         assert costs == pytest.approx(result.table("per_step")[name])
@@ -51,7 +51,7 @@ def test_costs_and_tracks_are_those_of_the_result() -> None:
 
 
 def test_lanes_are_runs_of_one_assignment() -> None:
-    _, arrays, _ = document(swap())
+    arrays = plot_data.plot_data(swap()).arrays
     runs = [arrays[f"truth/run/{name}"].tolist() for name in ("track", "begin", "end", "other")]
     assert list(zip(*runs, strict=True)) == [
         (0, 0, 1, 0),
@@ -67,7 +67,7 @@ def test_lanes_are_runs_of_one_assignment() -> None:
 def test_a_hole_in_a_trajectory_ends_a_run() -> None:
     truth = np.zeros((5, 1, 2))
     truth[2] = np.nan
-    _, arrays, _ = document(evaluate(truth, truth, cutoff=1.0))
+    arrays = plot_data.plot_data(evaluate(truth, truth, cutoff=1.0)).arrays
     assert arrays["truth/run/begin"].tolist() == [0, 3]
     assert arrays["truth/run/end"].tolist() == [1, 4]
 
@@ -90,7 +90,8 @@ def test_packing_is_undone() -> None:
 def test_positions_are_told_to_a_fraction_of_their_range() -> None:
     rng = np.random.default_rng(0)
     truth = rng.normal(1e6, 50, (20, 4, 3))
-    data, arrays, _ = document(evaluate(truth, truth + 0.1, cutoff=5.0))
+    made = plot_data.plot_data(evaluate(truth, truth + 0.1, cutoff=5.0))
+    data, arrays = made.document, made.arrays
     back = unpacked(packed(arrays), data["arrays"])
     for axis in range(3):
         told = data["low"][axis] + back[f"truth/row/{axis}"] * data["quantum"][axis]
@@ -106,9 +107,11 @@ def test_thinning_keeps_every_event(monkeypatch: pytest.MonkeyPatch) -> None:
     estimate[rng.random((300, 6)) < 0.05] = np.nan
     estimate[rng.random((300, 6)) < 0.03] += 500
     result = evaluate(truth, estimate, cutoff=2.0)
-    full, all_, _ = document(result)
-    monkeypatch.setattr(page_data, "VALUES", 800)
-    thin, arrays, _ = document(result)
+    made = plot_data.plot_data(result)
+    full, all_ = made.document, made.arrays
+    monkeypatch.setattr(plot_data, "VALUES", 800)
+    made = plot_data.plot_data(result)
+    thin, arrays = made.document, made.arrays
     assert thin["stride"] > 1
     assert thin["rows"]["truth"][0] < full["rows"]["truth"][0] == thin["rows"]["truth"][1] == 1800
     for side in ("truth", "estimate"):

@@ -15,7 +15,7 @@ import pytest
 
 from tgospa_eval import Result, Trajectories, __version__, evaluate, read_trajectories
 from tgospa_eval.reports import REPORTS
-from tgospa_eval.reports.tables import csv_text
+from tgospa_eval.reports.rendering import csv_text
 from tgospa_eval.results.records import Columns
 
 Invoke = Callable[..., Any]

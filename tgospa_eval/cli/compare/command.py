@@ -6,15 +6,18 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from tgospa_eval.api.options import Request
 from tgospa_eval.cli.shared.click_options import (
+    BY_OF_SETTINGS,
     CONFIG_FILE,
     EVALUATION,
+    FORCE,
     QUIET,
     REPORT_FORMATS,
     WITH,
+    OutputOptions,
 )
-from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
+from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, dashed, option, typed_options
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.simulate import SCENARIOS
 from tgospa_eval.errors import ExitStatus
@@ -106,8 +109,8 @@ COMPARE_OUTPUT = (
         type=PATH,
     ),
     WITH,
-    option("--by class", "", section="Filters", type=click.Choice(("class",)), hidden=True),
-    option("--force", "Write into a folder with other files in it.", section="Output"),
+    BY_OF_SETTINGS,
+    FORCE,
     CONFIG_FILE,
     QUIET,
 )
@@ -141,13 +144,11 @@ def command(
     Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached, or
     proven bounds contradict each other.
     """
-    source = {name: ctx.get_parameter_source(name) for name in ctx.params}
-    given = {name for name, where in source.items() if where is not ParameterSource.DEFAULT}
-    typed = {name for name, where in source.items() if where is ParameterSource.COMMANDLINE}
+    typed = typed_options(ctx)
     wrong = sorted(typed & (OF_FILES if simulate else OF_STUDIES))
     if wrong:
-        name = "--" + wrong[0].removesuffix("_").replace("_", "-")
-        raise click.UsageError(f"{name} is for {'files, not for ' if simulate else ''}--simulate")
+        about = "files, not for --simulate" if simulate else "--simulate"
+        raise click.UsageError(f"{dashed(wrong[0])} is for {about}")
     if "by" in typed:
         raise click.UsageError(
             "--by class: compare takes all rows together; choose one class by --class NAME"
@@ -160,10 +161,8 @@ def command(
             "files are missing; type tgospa-eval compare TRUTH A B to rank estimates, "
             "TRUTH ESTIMATE to compare solvers, or --simulate for a scaling study"
         )
-    from tgospa_eval.api.options import Request
     from tgospa_eval.campaign.pairs import is_pattern
     from tgospa_eval.cli.compare import run
-    from tgospa_eval.cli.shared.values import OutputOptions
 
     # Temperatures, --seed and --steps of a study are of other kinds than those of an evaluation.
     apart = ("epsilon", "seed", *(("steps",) if simulate else ()))
@@ -171,7 +170,8 @@ def command(
     output: Any = OutputOptions.of(options)
     solvers: Any = options["solvers"]
     # The default depends on what is compared.
-    epsilon: Any = options["epsilon"] if "epsilon" in given else None
+    has_default = ctx.get_parameter_source("epsilon") is ParameterSource.DEFAULT
+    epsilon: Any = None if has_default else options["epsilon"]
     if simulate:
         sizes: Any = {name: options[name] for name in OF_STUDIES}
         sizes["steps"] = options["steps"] or "50,100"
@@ -201,9 +201,8 @@ def _are_saved(files: tuple[str, ...], typed: set[str]) -> bool:
         return False
     wrong = sorted(typed - OF_RESULTS)
     if wrong:
-        name = "--" + wrong[0].removesuffix("_").replace("_", "-")
         raise click.UsageError(
-            f"{name} needs the data, and {files[0]} is a saved result, ranked as it was evaluated; "
-            "name the files of truth and estimates instead"
+            f"{dashed(wrong[0])} needs the data, and {files[0]} is a saved result, ranked as it "
+            "was evaluated; name the files of truth and estimates instead"
         )
     return True

@@ -15,10 +15,10 @@ from tgospa_eval.campaign.pairs import compared_runs, short_names
 from tgospa_eval.campaign.ranking import steps_columns, steps_costs
 from tgospa_eval.campaign.solver_runs import check_solvers
 from tgospa_eval.campaign.study import Study, carry_out, machine, opened, study_document
-from tgospa_eval.cli.shared.progress import run
+from tgospa_eval.cli.shared.click_options import OutputOptions
+from tgospa_eval.cli.shared.progress import new_stopwatch, run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, shielded
-from tgospa_eval.cli.shared.values import OutputOptions
-from tgospa_eval.cli.shared.writing import write_output
+from tgospa_eval.cli.shared.writing import can_draw, write_output
 from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.progress import Stopwatch
@@ -28,7 +28,7 @@ from tgospa_eval.formats.guess import file_of
 from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
 from tgospa_eval.reports.comparison import opposed, pairs_columns, render, study_report
 from tgospa_eval.reports.files import COMPARISON, STUDY, Files, probe_folder
-from tgospa_eval.reports.tables import csv_text
+from tgospa_eval.reports.rendering import csv_text
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.simulation import COLUMNS, Scene
 from tgospa_eval.simulation.settings import usual_tracker
@@ -56,8 +56,8 @@ def show(
         The document.
     output : OutputOptions
         What to print, and where to write.
-    draw : callable
-        Makes figures by name; it is called where matplotlib is there.
+    draw : mapping of str to callable
+        By name what makes a figure, where matplotlib is there.
     tables : callable
         Makes further files by name.
     """
@@ -66,11 +66,7 @@ def show(
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("the pictures", 0.0)
-        pictures: dict[str, bytes] = {}
-        if plots.available():
-            pictures = plots.pictures(draw)
-        elif not output.quiet:
-            print_notice(plots.MISSING)
+        pictures = plots.pictures(draw) if can_draw(quiet=output.quiet) else {}
         files: dict[str, str | bytes] = {
             "compare.json": json_text(answer),
             "compare.csv": render(answer, "csv"),
@@ -153,9 +149,7 @@ def pair_reader(request: Request, output: OutputOptions, paths: Iterable[str]) -
             raise InputError(f"{path or quoted(path)}: no such file")
     if output.output is not None:
         probe_folder(output.output, COMPARISON, force=output.force)
-    stopwatch = Stopwatch()
-    if not output.quiet:
-        stopwatch.notify = print_notice
+    stopwatch = new_stopwatch(quiet=output.quiet)
     return PairReader(make_settings(request), stopwatch, notifier(quiet=output.quiet))
 
 
@@ -223,7 +217,7 @@ def show_ranking(found: Ranked, output: OutputOptions) -> bool:
 
     times, costs = steps_costs(entrants)
     in_order = {item["name"]: costs[item["name"]] for item in answer["estimates"] if costs}
-    show(answer, output, lambda: estimate_pictures(in_order, times), tables)
+    show(answer, output, estimate_pictures(in_order, times), tables)
     for text in () if output.quiet else opposed(answer):
         print_notice(text)
     unfinished = [
@@ -262,7 +256,7 @@ def compare_files(
         pairs.stopwatch,
         show=not output.quiet,
     )
-    show(answer, output, lambda: solver_pictures(answer))
+    show(answer, output, solver_pictures(answer))
     if not answer["agree"]:
         print_notice(
             "brackets do not overlap: " + "; ".join(map(" and ".join, answer["contradictions"]))
@@ -334,7 +328,7 @@ def study_sizes(
             scenes = counted(len(log.known), "scene is", "scenes are")
             print_notice(f"{log.path}: {scenes} there, going on")
         answer = run(work, stopwatch, show=not quiet)
-        show(answer, output, lambda: study_pictures(answer))
+        show(answer, output, study_pictures(answer))
     for size, length, number, *pair in answer["contradictions"]:
         print_notice(
             f"brackets do not overlap: {' and '.join(pair)}, run {number} of {size} targets, "

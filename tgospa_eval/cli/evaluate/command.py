@@ -1,10 +1,8 @@
 """``tgospa-eval [evaluate] TRUTH ESTIMATE``: one evaluation, printed and optionally written."""
 
-from typing import TYPE_CHECKING
-
 import click
-from click.core import ParameterSource
 
+from tgospa_eval.api.options import Request
 from tgospa_eval.cli.shared.click_options import (
     EVALUATION,
     IN_PARTS_OPTIONS,
@@ -13,14 +11,10 @@ from tgospa_eval.cli.shared.click_options import (
     OUTPUT,
     SLICE,
     WITH,
+    OutputOptions,
 )
-from tgospa_eval.cli.shared.help import Verb, words
-from tgospa_eval.cli.shared.option import SOURCE, Option
+from tgospa_eval.cli.shared.command import SOURCE, Option, Verb, typed_options, words
 from tgospa_eval.errors import ExitStatus
-
-if TYPE_CHECKING:
-    from tgospa_eval.api.options import Request
-    from tgospa_eval.cli.shared.values import OutputOptions
 
 ALONE = (
     "--scheduler is for data that are read in parts, folders of tables or files beyond --memory; "
@@ -95,13 +89,9 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached.
     """
-    from tgospa_eval.api.options import Request  # here: not of help
-    from tgospa_eval.cli.shared.values import OutputOptions  # here: not of help
-
     chosen, output = Request.of(options), OutputOptions.of(options)
-    source = ctx.get_parameter_source
-    typed = {name for name in options if source(name) is ParameterSource.COMMANDLINE}
-    _check(chosen, output, typed, sweep=bool(sweep))
+    given = typed_options(ctx)
+    _check(chosen, output, given, sweep=bool(sweep))
     from tgospa_eval.cli.evaluate.run import evaluate_files, show
     from tgospa_eval.cli.shared.in_parts import parts_in_words
 
@@ -117,7 +107,7 @@ def command(
     if sweep:
         from tgospa_eval.cli.evaluate.sweep import sweep_files
 
-        finished = sweep_files((truth, estimate), sweep, chosen, output, typed)
+        finished = sweep_files((truth, estimate), sweep, chosen, output, given)
         ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
     result, finished = evaluate_files(truth, estimate, chosen, output)
     if chosen.explain:
@@ -128,7 +118,7 @@ def command(
     ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
 
 
-def _check(chosen: "Request", output: "OutputOptions", typed: set[str], *, sweep: bool) -> None:
+def _check(chosen: Request, output: OutputOptions, typed: set[str], *, sweep: bool) -> None:
     """Whether options go together.
 
     Raises

@@ -8,13 +8,13 @@ from tgospa_eval.api.options import DEFAULTS, FITTING, SETTINGS, Request
 from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.cli.evaluate.run import about_run, show
 from tgospa_eval.cli.evaluate.work import identity_of, work_folder
+from tgospa_eval.cli.shared.click_options import OutputOptions
 from tgospa_eval.cli.shared.in_parts import memory_of
-from tgospa_eval.cli.shared.progress import bracket, shown
+from tgospa_eval.cli.shared.progress import bracket, new_stopwatch, shown
 from tgospa_eval.cli.shared.streams import notifier, print_notice
-from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import probed_folder
 from tgospa_eval.common.machine import cores
-from tgospa_eval.common.progress import Progress, Stopwatch
+from tgospa_eval.common.progress import Progress
 from tgospa_eval.engines.cluster import Cluster
 from tgospa_eval.engines.processes import Processes
 from tgospa_eval.errors import ConfigError
@@ -85,12 +85,11 @@ def evaluate_parts(
     settings = make_settings(options)
     if output.output is not None:
         probed_folder(output.output, options, output, TABLE_FILES)
-    stopwatch = Stopwatch()
+    stopwatch = new_stopwatch(quiet=output.quiet)
     if not output.quiet:
         print_notice(f"{why}: it is read in parts")
         for text in about_defaults(options, boxes=False):
             print_notice(text)
-        stopwatch.notify = print_notice
     jobs = 1 if options.scheduler else options.jobs or cores()
     processes = Processes(jobs) if jobs > 1 else None
     with work_folder(output, identity_of(paths, options)) as work:

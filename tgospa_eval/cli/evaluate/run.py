@@ -10,9 +10,9 @@ import numpy as np
 from tgospa_eval.api.evaluate import evaluate_sides, read_sides
 from tgospa_eval.api.options import Request
 from tgospa_eval.api.resolve import Settings, make_settings
+from tgospa_eval.cli.shared.click_options import OutputOptions
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import emit, notifier, on_terminal, print_notice, shielded
-from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
@@ -199,7 +199,7 @@ def _print(result: Summary, output: OutputOptions) -> None:
     """The result to stdout."""
     name = output.format_
     if name == "table" and on_terminal():
-        from tgospa_eval.reports.terminal import report  # here: for terminals only
+        from tgospa_eval.reports.result_text import report  # here: for terminals only
 
         emit(report(result, sys.stdout.encoding or "ascii"), "colours")
     else:

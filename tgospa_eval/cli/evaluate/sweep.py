@@ -9,19 +9,16 @@ import numpy as np
 from tgospa_eval import plots
 from tgospa_eval.api.options import Request
 from tgospa_eval.api.sweep import sweep_sides, swept_parameters
-from tgospa_eval.cli.shared.click_options import OF_PICTURES
-from tgospa_eval.cli.shared.progress import run
+from tgospa_eval.cli.shared.click_options import OF_PICTURES, OutputOptions
+from tgospa_eval.cli.shared.progress import new_stopwatch, run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice
-from tgospa_eval.cli.shared.values import OutputOptions
-from tgospa_eval.cli.shared.writing import wanted_pictures, write_output
-from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.cli.shared.writing import can_draw, wanted_pictures, write_output
 from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots.comparison import sweep_figure
-from tgospa_eval.reports import rendered
 from tgospa_eval.reports.files import SWEEP, Files, probe_folder
+from tgospa_eval.reports.rendering import csv_text, rendered
 from tgospa_eval.reports.sweep import sweep_document
-from tgospa_eval.reports.tables import csv_text
 from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.text import quoted
 
@@ -79,9 +76,7 @@ def sweep_files(
         wanted = wanted_pictures(output)
         also = () if wanted is None else tuple(f"sweep.{kind}" for kind in wanted.formats)
         probe_folder(output.output, SWEEP, force=output.force, also=also)
-    stopwatch = Stopwatch()
-    if not output.quiet:
-        stopwatch.notify = print_notice
+    stopwatch = new_stopwatch(quiet=output.quiet)
 
     def work() -> Sweep:
         notify = notifier(quiet=output.quiet)
@@ -190,11 +185,10 @@ def _show(found: Sweep, output: OutputOptions, wanted: "Pictures | None") -> Non
             "sweep.json": found.to_json(),
             "sweep.csv": csv_text(found.columns()),
         }
-        if wanted is not None and plots.available():
-            files |= plots.pictures(lambda: {"sweep": sweep_figure(found)}, wanted.formats)
-        elif wanted is not None and not output.quiet:
-            print_notice(plots.MISSING)
+        if wanted is not None and can_draw(quiet=output.quiet):
+            files |= plots.pictures({"sweep": lambda: sweep_figure(found)}, wanted.formats)
         return files
 
     write_output(output, SWEEP, make)
-    emit(rendered(found, output.format_, sweep_document(found)), output.format_)
+    makers = sweep_document, Sweep.to_json, Sweep.columns
+    emit(rendered(output.format_, found, *makers), output.format_)

@@ -1,4 +1,4 @@
-"""The options of everything that evaluates, made from the fields of `Request`."""
+"""The options of verbs, for click: those of `api.options.Request`, and those of the output."""
 
 import re
 from collections.abc import Container
@@ -8,8 +8,10 @@ from typing import Any, get_args
 
 import click
 
-from tgospa_eval.api.options import DEFAULTS, SETTINGS, TYPES, Setting
-from tgospa_eval.cli.shared.option import PATH, Option, load_config, option
+from tgospa_eval.api.options import DEFAULTS, SETTINGS, TYPES, Setting, Values
+from tgospa_eval.cli.shared.command import PATH, Option, load_config, option
+from tgospa_eval.common.config import SettingsFile
+from tgospa_eval.common.frozen import dataclass
 
 REPORT_FORMATS = ("table", "json", "csv", "markdown", "latex")
 
@@ -81,6 +83,11 @@ BY_KEY = {item.key: item for item in EVALUATION}
 
 IN_PARTS_OPTIONS = (OPTIONS["memory"], OPTIONS["scheduler"])
 WITH, SLICE, UNIT = OPTIONS["with"], OPTIONS["slice"], OPTIONS["unit"]
+BY_OF_SETTINGS = option(
+    "--by class", "", section="Filters", type=click.Choice(("class",)), hidden=True
+)
+"""Of verbs that take all rows together: a settings file may have it."""
+
 PARTICLES = tuple(item for item in EVALUATION if item.section == "Particles")
 REDUCTION = tuple(
     OPTIONS[key]
@@ -129,6 +136,8 @@ PICTURE_OPTIONS = (
 )
 """Of the pictures in a folder."""
 
+FORCE = _output("--force", "Write into a folder with other files in it.")
+
 OUTPUT = (
     _output(
         "--format FORMAT",
@@ -143,13 +152,31 @@ OUTPUT = (
         type=PATH,
     ),
     *PICTURE_OPTIONS,
-    _output("--force", "Write into a folder with other files in it."),
+    FORCE,
     CONFIG_FILE,
     QUIET,
     VERBOSE,
 )
 
 OF_PICTURES = tuple(item.key for item in PICTURE_OPTIONS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputOptions(Values):
+    """Of everything that prints and writes; what a verb has no option for keeps its default."""
+
+    format_: str = "table"
+    output: str | None = None
+    force: bool = False
+    proof: bool = False
+    pictures: str = "none"
+    style: str = "screen"
+    components: str | None = None
+    plane: str | None = None
+    config: SettingsFile | None = None
+    quiet: bool = False
+    verbose: bool = False
+
 
 GATE = (
     _gate(

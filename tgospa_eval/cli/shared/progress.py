@@ -51,6 +51,14 @@ ADVICE = (
 )
 
 
+def new_stopwatch(*, quiet: bool) -> Stopwatch:
+    """One whose sentences for the user are printed."""
+    stopwatch = Stopwatch()
+    if not quiet:
+        stopwatch.notify = print_notice
+    return stopwatch
+
+
 def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
     """Do the work; after two seconds show how far it is.
 

@@ -1,14 +1,13 @@
 """The folder of ``-o``: probed before any work, made in a thread, written at once, announced."""
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from tgospa_eval.api.options import Request
+from tgospa_eval.cli.shared.click_options import OutputOptions
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import interrupted, print_notice, shielded
-from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.proof import PROOF_FOLDER
@@ -76,19 +75,6 @@ def _made(
         return None
 
 
-def check_apart(path: str, others: list[str], option: str) -> None:
-    """Whether what is written would replace what is read, or is written as well.
-
-    Raises
-    ------
-    ConfigError
-        `path` is the same file as one of `others`.
-    """
-    for other in others:
-        if os.path.realpath(path) == os.path.realpath(other):
-            raise ConfigError(f"{option} {path}: is read or written otherwise; name another file")
-
-
 # -------------------------------------------------------------------------------------------------
 # What is asked for of the folder of a result, and the result into it.
 
@@ -127,10 +113,10 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
     ConfigError
         Something is wrong with them.
     """
-    from tgospa_eval.plots.result_pictures import Pictures, names_in  # here: for folders only
-
     if output.pictures == "none":
         return None
+    from tgospa_eval.plots.result_pictures import Pictures, names_in  # here: for pictures only
+
     parts, plane = output.components, output.plane
     with named_options():
         return Pictures(
@@ -139,6 +125,15 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
             components=None if parts is None else names_in(parts),
             columns=None if plane is None else names_in(plane),
         )
+
+
+def can_draw(*, quiet: bool) -> bool:
+    """Whether pictures can be drawn; prints a notice if not."""
+    from tgospa_eval import plots  # here: for folders only
+
+    if not plots.available() and not quiet:
+        print_notice(plots.MISSING)
+    return plots.available()
 
 
 @contextmanager
@@ -154,10 +149,9 @@ def write_folder(
     result: Summary, options: Request, output: OutputOptions, names: tuple[str, str]
 ) -> None:
     """Write it; prints that pictures are not in it for want of the extra."""
-    from tgospa_eval import plots
-
     wanted = wanted_pictures(output)
-    missing = wanted is not None and not plots.available()
+    if wanted is not None and not can_draw(quiet=output.quiet):
+        wanted = None
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("report.html", 0.0)
@@ -168,12 +162,10 @@ def write_folder(
             notify(PROOF_FOLDER, 0.0)
             proof = proof_files(result, options.given)
             texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in proof.items()}
-        if wanted is None or missing:
+        if wanted is None:
             return texts
         from tgospa_eval.plots.result_pictures import result_pictures
 
         return {**texts, **result_pictures(result, wanted, notify)}
 
     write_output(output, RESULT, make)
-    if missing and not output.quiet:
-        print_notice(plots.MISSING)

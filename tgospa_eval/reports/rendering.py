@@ -1,15 +1,18 @@
-"""Tables with words around them, as plain text, Markdown or LaTeX. Knows no metric."""
+"""Tables and documents rendered as plain text, Markdown, LaTeX and CSV. Knows no metric."""
 
 import re
 import textwrap
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import zip_longest
 from types import SimpleNamespace
+from typing import Any, TypeVar
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import PLAIN_DECIMAL
 from tgospa_eval.results.records import Columns
 from tgospa_eval.text import clipped, ending, visible
+
+T = TypeVar("T")
 
 LATEX = {
     "\\": r"\textbackslash{}",
@@ -153,6 +156,12 @@ class Table:
         return self.align or "l".ljust(len(self.head), "r")
 
 
+def table_of(columns: Mapping[str, Sequence[str]], **looks: Any) -> Table:
+    """A table of columns of cells by their names; `looks` are other fields of it."""
+    rows = list(zip(*columns.values(), strict=True))
+    return Table(head=tuple(columns), rows=rows, **looks)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Document:
     """What a report consists of: what it is, one sentence, lines about the problem, tables, notes.
@@ -218,6 +227,19 @@ WRITERS: Mapping[str, Callable[[Document], str]] = {
     "latex": as_latex,
 }
 """Of each format for people what writes a document."""
+
+
+def rendered(
+    format: str,
+    subject: T,
+    document: Callable[[T], Document],
+    json: Callable[[T], str],
+    columns: Callable[[T], Columns],
+) -> str:
+    """What ``--format`` prints of a subject, with what makes each of it."""
+    if format == "json":
+        return json(subject)
+    return csv_text(columns(subject)) if format == "csv" else WRITERS[format](document(subject))
 
 
 def csv_text(table: Columns) -> str:

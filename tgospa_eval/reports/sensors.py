@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from tgospa_eval.common.words import counted
-from tgospa_eval.reports.tables import Table, text_lines
+from tgospa_eval.reports.rendering import Table, text_lines
 from tgospa_eval.sensors.association import Association
 
 Spread = dict[str, float]

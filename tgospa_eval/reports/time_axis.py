@@ -52,13 +52,6 @@ def readable(times: Sequence[Time]) -> list[Time]:
     return [t if isinstance(t, int | float) and abs(t) < WHOLE else str(t) for t in times]
 
 
-def placed(times: Sequence[Time], axis: Json) -> Floats:
-    """Where each step is on the axis that `moments` describes."""
-    if axis["kind"] == "step":
-        return np.arange(len(times), dtype=float)
-    return np.asarray(axis["values"] or times, float)
-
-
 def _texts(times: list[str]) -> tuple[str, str, list[float] | None]:
     try:
         whole = [int(t) for t in times]
@@ -91,21 +84,6 @@ def uneven(values: Floats) -> bool:
     return bool(gaps.sum() > UNEVEN * usual * len(gaps))
 
 
-def edges(values: Floats) -> tuple[Floats, Floats]:
-    """Where each step begins and ends on the axis: in the middle between it and its neighbours.
-
-    Beside a gap it ends as beside a neighbour.
-    """
-    if not len(values):
-        return values, values
-    gaps, usual = _usual(values)
-    near = np.where(gaps > 2 * usual, usual, gaps) / 2
-    if len(values) == 1:
-        return values - near, values + near
-    before, after = np.append(near[:1], near), np.append(near, near[-1:])
-    return values - before, values + after
-
-
 # -------------------------------------------------------------------------------------------------
 # Axes of the charts of pages: ticks at round numbers, room above.
 
@@ -126,19 +104,46 @@ FORMS = "%Y-%m-%d", "%Y"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Clock:
-    """Names of times.
+class TimeAxis:
+    """Where steps are on an axis of time, and its ticks.
 
     Parameters
     ----------
+    times : sequence of int, float or str
+        Of all steps, as they were read.
     axis : dict
-        How times are drawn, by `moments`.
-    labels : sequence of str
-        The times of all steps in words.
+        How they are drawn, by `moments`.
     """
 
+    times: Sequence[Time]
     axis: Json
-    labels: Sequence[str]
+
+    @cached_property
+    def labels(self) -> list[str]:
+        """The times as they are written."""
+        return [f"{t:.12g}" if isinstance(t, float) else str(t) for t in self.times]
+
+    @cached_property
+    def at(self) -> Floats:
+        """Where each step is on the axis."""
+        if self.axis["kind"] == "step":
+            return np.arange(len(self.times), dtype=float)
+        return np.asarray(self.axis["values"] or self.times, float)
+
+    @cached_property
+    def edges(self) -> tuple[Floats, Floats]:
+        """Where each step begins and ends: in the middle between it and its neighbours.
+
+        Beside a gap it ends as beside a neighbour.
+        """
+        if not len(self.at):
+            return self.at, self.at
+        gaps, usual = _usual(self.at)
+        near = np.where(gaps > 2 * usual, usual, gaps) / 2
+        if len(self.at) == 1:
+            return self.at - near, self.at + near
+        before, after = np.append(near[:1], near), np.append(near, near[-1:])
+        return self.at - before, self.at + after
 
     @cached_property
     def shared(self) -> str:
@@ -194,11 +199,6 @@ class Clock:
         names = [self.labels[step][len(self.shared) :] for step in steps]
         title = f"time {self.shared}…" if self.shared else "time"
         return [float(step) for step in steps], names, f"{title}, steps evenly spaced"
-
-
-def words(times: Sequence[Time]) -> list[str]:
-    """Times as they are written."""
-    return [f"{t:.12g}" if isinstance(t, float) else str(t) for t in times]
 
 
 def _numbers(low: float, high: float, count: int) -> tuple[list[float], list[str], str]:

@@ -1,4 +1,4 @@
-"""Tables of a batch: costs of jobs are added, never their roots.
+"""Sums of the jobs of a batch: costs are added, never their roots.
 
 Of a group of jobs COMBINED is ``(sum of totals)^(1/p)``, per step ``(sum of totals / sum of
 steps)^(1/p)`` with the steps of the horizon, and RMS ``(mean of totals)^(1/p)``, which
@@ -22,7 +22,7 @@ from tgospa_eval.campaign.statistics import confidence, rankings
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.states import connected_components
-from tgospa_eval.reports.batch_records import BatchTables, Ranking
+from tgospa_eval.reports.batch import BatchTables, Ranking
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, OtherMetrics
 from tgospa_eval.results.slices import Slicing, added_up
 

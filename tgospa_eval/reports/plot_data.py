@@ -1,11 +1,11 @@
-"""From a result to what the page draws: costs, lanes, positions, events. Plain data, no HTML.
+"""From a result to what page and pictures draw: costs, lanes, positions, events. Plain data.
 
 A lane is a trajectory; its runs are stretches of steps on which it exists and is assigned to one
 other, or to none. Rows are its states, thinned where there are very many, but never an event.
 """
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -18,7 +18,7 @@ from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.readout import read_switches
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
-from tgospa_eval.reports.clock import moments, readable
+from tgospa_eval.reports.time_axis import TimeAxis, moments, readable
 from tgospa_eval.results.by_class import ByClass
 from tgospa_eval.results.numbers import costliest
 from tgospa_eval.results.partitioned import PartitionedResult
@@ -36,15 +36,6 @@ where it is unassigned; ``state`` (R, d), with d = 0 where the states are unknow
 (R, d (d + 1) / 2) lower triangles of covariances, (R, 0) of points.
 """
 
-Drawn: TypeAlias = "tuple[Json, dict[str, Ints], dict[str, DrawnSide]]"
-"""What is drawn: the page has a document, and whole numbers by name; pictures that and the sides.
-
-Each of its `times` begins a stretch of `together` steps, of which `costs` and `counts` are means,
-and `curve` is that of its last step; where these are several, `worst` has the costliest steps.
-`stretch` is that of a map. `spread` says how the numbers of ellipses are to be read; it is empty
-where there are none.
-"""
-
 VALUES = 800_000
 """Coordinates that are drawn; beyond, tracks are thinned."""
 
@@ -59,6 +50,12 @@ ERRORS = 1000
 
 FARTHEST_NORTH = 88.0
 """Degrees of latitude up to which maps have equal scales."""
+
+TIME = "t"
+"""The time as an axis of the plane."""
+
+FARTHEST = 1e300
+"""Of what is drawn in the plane: matplotlib takes differences of coordinates."""
 
 NONE = -1
 
@@ -102,8 +99,59 @@ class DrawnSide:
         return np.flatnonzero(self.row["other"] == NONE)
 
 
-def document(result: Summary) -> Drawn:
-    """What the page draws: a JSON document, and whole numbers by name, as long as the data.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlotData:
+    """What is drawn: the page takes the document and the arrays, pictures that and the sides.
+
+    Parameters
+    ----------
+    document : Json
+        Each of its ``times`` begins a stretch of ``together`` steps, of which ``costs`` and
+        ``counts`` are means, and ``curve`` is that of its last step; where these are several,
+        ``worst`` has the costliest steps. ``stretch`` is that of a map. ``spread`` says how the
+        numbers of ellipses are to be read; it is empty where there are none.
+    arrays : dict of str to int array
+        Whole numbers by name, as long as the data.
+    truth, estimate : DrawnSide
+        The tracks.
+    about : str
+        Value and parameters in words.
+    """
+
+    document: Json
+    arrays: dict[str, Ints]
+    truth: DrawnSide
+    estimate: DrawnSide
+    about: str
+
+    @cached_property
+    def axes(self) -> dict[str, dict[str, Floats]]:
+        """Of the rows of each side what the plane can show: columns, centres of boxes, the time."""
+        return {side.name: self._axes(side.row) for side in (self.truth, self.estimate)}
+
+    def _axes(self, row: Rows) -> dict[str, Floats]:
+        columns = np.clip(row["state"].T, -FARTHEST, FARTHEST)
+        found = with_centres(dict(zip(self.document["columns"], columns, strict=True)))
+        return found | {TIME: self.time.at[row["step"]]} if found else {}
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return len(self.document["times"])
+
+    @property
+    def switches(self) -> dict[str, Ints]:
+        """Columns of the table of switches, as arrays."""
+        return {name: np.asarray(column) for name, column in self.document["switches"].items()}
+
+    @cached_property
+    def time(self) -> TimeAxis:
+        """The axis of time."""
+        return TimeAxis(times=self.document["times"], axis=self.document["axis"])
+
+
+def plot_data(result: Summary) -> PlotData:
+    """What page and pictures of a result draw.
 
     Numbers of tracks count those of all classes one after the other, as the tables do.
     """
@@ -142,7 +190,7 @@ def document(result: Summary) -> Drawn:
         "switches": _switches(parts),
         "repairs": _repairs(result),
         "columns": list(columns),
-        "boxes": columns[:4] == BOX,
+        "boxes": is_box(columns),
         "low": low,
         "quantum": quantum,
         "spread": spread,
@@ -157,12 +205,26 @@ def document(result: Summary) -> Drawn:
         data["stretch"] = map_stretch(np.concatenate(latitudes))
     if result.slid is not None:
         data["windows"] = _windows(result, result.slid)
-    return data, arrays, sides
+    about = f"{result.claim}; {result.parameters_in_words(data['unit'])}"
+    return PlotData(document=data, arrays=arrays, about=about, **sides)
 
 
 def is_map(names: Collection[str]) -> bool:
     """Whether states have latitude and longitude, in degrees."""
     return {"lat", "lon"} <= set(names)
+
+
+def is_box(columns: Sequence[str]) -> bool:
+    """Whether states are boxes in pictures."""
+    return tuple(columns[: len(BOX)]) == BOX
+
+
+def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
+    """State columns by name, of boxes with their centres."""
+    if not is_box(list(axes)):
+        return axes
+    x, y = axes["left"] + axes["width"] / 2, axes["top"] + axes["height"] / 2
+    return axes | {"centre x": x, "centre y": y}
 
 
 def map_stretch(latitudes: Floats) -> float:
