@@ -37,8 +37,8 @@ NOT_KNOWN = -1.0
 QUARTILES = (0.25, 0.5, 0.75)
 
 
-SideShare = tuple[Ints, Floats | None]
-"""A slice for each row of a side (R,), and how much of the row is in it, 0 to 1; None is all."""
+SideShare = tuple[Ints, Floats]
+"""A slice for each row of a side (R,), and how much of the row is in it, 0 to 1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,20 +63,12 @@ class Members:
         """The slices by both attributes."""
         size = len(other.names)
         shares = tuple(
-            tuple(
-                (a * size + b, _product(x, y)) for (a, x), (b, y) in zip(mine, theirs, strict=True)
-            )
+            tuple((a * size + b, x * y) for (a, x), (b, y) in zip(mine, theirs, strict=True))
             for mine in self.shares
             for theirs in other.shares
         )
         names = [f"{first}{CROSSED}{second}" for first in self.names for second in other.names]
         return Members(names=names, shares=shares, kept=np.zeros(len(names), bool))
-
-
-def _product(first: Floats | None, second: Floats | None) -> Floats | None:
-    if first is None or second is None:
-        return second if first is None else first
-    return first * second
 
 
 def members(
@@ -272,7 +264,7 @@ def _numbered(
     shown[:size] = True if kept is None else kept
     return Members(
         names=[*names, NO_VALUE, NO_ATTRIBUTE],
-        shares=(((truth, None), (estimate, None)),),
+        shares=(tuple((side, np.broadcast_to(1.0, len(side))) for side in (truth, estimate)),),
         kept=shown,
     )
 
