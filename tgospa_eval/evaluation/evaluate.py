@@ -129,6 +129,7 @@ def prove(
             )
     with stopwatch.span("report"):
         split = split_localisation(prepared, proof)
+    recorded, judged = prepared.recorded()
     gap = solver.gap if solver.proves else GAP
     problem = prepared.states.problem
     return Result(
@@ -141,8 +142,8 @@ def prove(
         settings={**prepared.settings, **solver_settings(solver)},
         solver=solver_record(solver, solution, prepared.parameters, met=bounds.met(gap)),
         timings=nested_timings(stopwatch),
-        input=prepared.input,
-        judged_on=prepared.judged,
+        input=recorded,
+        judged_on=judged,
         sizes=prepared.sizes,
         objects=(len(problem.truth_step), len(problem.estimate_step)),
         version=__version__,

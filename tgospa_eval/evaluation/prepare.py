@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -86,10 +87,9 @@ class MeasuredSides(ComparedSides):
         Truth and estimate, aligned and prepared.
     distance : Distance
         Base distance, prepared.
-    input : dict
-        Rows and digest of either side.
-    judged : Judged
-        The horizon, and the truth that counts.
+    recorded : callable
+        Makes rows and digest of either side, and what a value is judged on; trials of repairs
+        need neither.
     step_weights : StepWeights, optional
         What each step counts.
     existence : pair of (R,) float arrays, optional
@@ -98,10 +98,14 @@ class MeasuredSides(ComparedSides):
 
     sides: tuple[Trajectories, Trajectories]
     distance: Distance
-    input: Mapping[str, Json]
-    judged: Judged
+    recorded: Callable[[], tuple[Mapping[str, Json], Judged]]
     step_weights: StepWeights | None = None
     existence: tuple[Floats, Floats] | None = None
+
+    @property
+    def input(self) -> Mapping[str, Json]:
+        """Rows and digest of either side."""
+        return self.recorded()[0]
 
     def problem(self, pairs: Pairs, parameters: Parameters) -> Problem:
         """The problem of pairs that include all nearer than the cutoff."""
@@ -236,21 +240,12 @@ def measure(
     `files` are those of the two sides, as of `input_record`; by default their rows.
     """
     distance, aligned = sides.distance, sides.alignment
-    # What is digested is what counts.
-    with stopwatch.span("report"):
-        files = files or [{"rows": len(side.step), "left_out": {}} for side in sides.given]
-        digests = [
-            digest(side.seen_as(distance.kinds), existence=request.probabilistic)
-            for side in sides.given
-        ]
-        counts = aligned.truth.seen_as(distance.kinds)
-        judged = judge(
-            sides.axis.horizon,
-            counts,
-            digests[0]
-            if sides.read[0] is sides.given[0] and not aligned.left_out[0]
-            else digest(counts, existence=request.probabilistic),
-        )
+
+    @cache
+    def recorded() -> tuple[dict[str, Json], Judged]:
+        with stopwatch.span("report"):
+            return _recorded(sides, request, files)
+
     with stopwatch.span("distances"):
         seen = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
         truth, estimate = seen
@@ -278,18 +273,7 @@ def measure(
         ),
         moments=truth.times,
         settings=recorded_settings(distance, request, truth.columns),
-        input={
-            role: input_record(file, sha256, {"grid": off_grid, "steps": off_steps})
-            for role, file, sha256, off_grid, off_steps in zip(
-                ("truth", "estimate"),
-                files,
-                digests,
-                aligned.left_out,
-                sides.axis.left_out,
-                strict=True,
-            )
-        },
-        judged=judged,
+        recorded=recorded,
         **scene,
         step_weights=weights,
         existence=(
@@ -299,6 +283,28 @@ def measure(
         ),
     )
     return measured, pairs
+
+
+def _recorded(
+    sides: Fitted, request: EvaluationRequest, files: Sequence[Json] | None
+) -> tuple[dict[str, Json], Judged]:
+    """Rows and digest of either side, and what it is judged on: what is digested is what counts."""
+    aligned, kinds, likely = sides.alignment, sides.distance.kinds, request.probabilistic
+    files = files or [{"rows": len(side.step), "left_out": {}} for side in sides.given]
+    digests = [digest(side.seen_as(kinds), existence=likely) for side in sides.given]
+    counts = aligned.truth.seen_as(kinds)
+    is_whole = sides.read[0] is sides.given[0] and not aligned.left_out[0]
+    judged = judge(
+        sides.axis.horizon, counts, digests[0] if is_whole else digest(counts, existence=likely)
+    )
+    left_out = zip(aligned.left_out, sides.axis.left_out, strict=True)
+    found = {
+        role: input_record(file, sha256, {"grid": off_grid, "steps": off_steps})
+        for role, file, sha256, (off_grid, off_steps) in zip(
+            ("truth", "estimate"), files, digests, left_out, strict=True
+        )
+    }
+    return found, judged
 
 
 def fit(
