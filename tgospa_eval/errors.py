@@ -9,6 +9,7 @@ TgospaWarning is what Python warns with: the data look wrong, or were repaired.
 """
 
 from enum import IntEnum
+from operator import index
 
 from tgospa_eval.text import visible
 
@@ -67,6 +68,24 @@ def real_number(name: str, value: object) -> float:
         return float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         raise ConfigError(f"{name} is {value!r}: must be a number") from None
+
+
+def whole_number(name: str, value: object, least: int = 1, most: int | None = None) -> int:
+    """The value as an int, from the least to the most there may be.
+
+    Raises
+    ------
+    ConfigError
+        It is no whole number, or out of that range.
+    """
+    try:
+        number = None if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
+    except TypeError:
+        number = None
+    if number is None or number < least or (most is not None and number > most):
+        allowed = f"{least} or more" if most is None else f"from {least} to {most}"
+        raise ConfigError(f"{name} is {value!r}: must be a whole number, {allowed}")
+    return number
 
 
 class NothingLeftError(ConfigError):

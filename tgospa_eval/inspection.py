@@ -12,7 +12,7 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.clock import find_clock
-from tgospa_eval.evaluation.diagnosis.costs import SAMPLE
+from tgospa_eval.evaluation.diagnosis.costs import SAMPLE, occupied
 from tgospa_eval.evaluation.diagnosis.scale import explained, suggest_cutoff, unit_notices
 from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -146,18 +146,12 @@ def _clock(side: Trajectories) -> Json:
     """First and last stamp as read, and the distances between stamps."""
     shown = side.shown
     unit = 1.0 if side.clock == "number" else float(SECOND)
-    gaps = np.diff(side.times)
+    gaps = spread(np.diff(side.times))
     return {
         "kind": side.clock,
         "first": shown[:1].tolist()[0] if len(shown) else None,
         "last": shown[-1:].tolist()[0] if len(shown) else None,
-        "step": None
-        if not len(gaps)
-        else {
-            "min": float(gaps.min()) / unit,
-            "median": median(gaps) / unit,
-            "max": float(gaps.max()) / unit,
-        },
+        "step": None if gaps is None else {name: value / unit for name, value in gaps.items()},
     }
 
 
@@ -222,11 +216,7 @@ def nearest_estimates(aligned: Alignment, cutoff: float, distance: Distance) -> 
 
     At most `SAMPLE` steps and truths of a step are looked at, evenly. None if no step has both.
     """
-    has = [
-        np.bincount(side.step, minlength=len(side.times)) > 0
-        for side in (aligned.truth, aligned.estimate)
-    ]
-    both = np.flatnonzero(has[0] & has[1])
+    both = np.flatnonzero(occupied(aligned.truth) & occupied(aligned.estimate))
     if not len(both):
         return None
     found, others = [], []

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import NotRequired, TypeAlias, TypedDict
+from typing import Any, TypeAlias
 
 from tgospa_eval.common.files import read_bytes
 from tgospa_eval.common.frozen import dataclass
@@ -44,33 +44,15 @@ class SettingsFile:
         shown = ", ".join(f"{name} = {_shown(value)}" for name, value in self.options.items())
         return f"settings from {self.path}: {shown}" if shown else f"no setting from {self.path}"
 
-    def record(self) -> "SettingsRecord":
-        """As in the JSON."""
-        return {"path": self.path, "named": self.named, "options": dict(self.options)}
-
     def only(self, names: Collection[str]) -> "SettingsFile":
         """The same, as far as it sets these options."""
         kept = {name: value for name, value in self.options.items() if name in names}
         return replace(self, options=kept)
 
 
-class SettingsRecord(TypedDict):
-    """The file in a document."""
-
-    path: str
-    named: bool
-    options: Settings
-
-
-class WithSettings(TypedDict):
-    """A document that names the file in use, if there is one."""
-
-    settings_file: NotRequired[SettingsRecord]
-
-
-def settings_field(used: SettingsFile | None) -> WithSettings:
+def settings_field(used: SettingsFile | None) -> dict[str, Any]:
     """What documents say of the file in use."""
-    return {} if used is None else {"settings_file": used.record()}
+    return {} if used is None else {"settings_file": dict(vars(used))}
 
 
 def load(

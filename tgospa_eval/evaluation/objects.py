@@ -9,7 +9,7 @@ import numpy as np
 from tgospa_eval.errors import InputError
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.trajectories import Trajectories, column_names
+from tgospa_eval.tracks.trajectories import Trajectories, as_doubles, column_names
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.times import Times
@@ -94,39 +94,33 @@ def of_mapping(
         raise InputError(
             f"{name}: some tracks are pairs of times and states, others are not; all or none"
         )
-    times: list[object] = []
+    moments: list[object] = []
     states: list[Floats] = []
     for key, value in tracks.items():
         where = f"{name}, track {quoted(key)}"
-        moments: object = None
-        if isinstance(value, tuple):
-            if len(value) != 2:
-                raise InputError(f"{where}: a tuple of {len(value)}; a pair is times and states")
-            moments, value = value
-        states.append(_states(value, where))
-        if moments is not None:
-            times.append(moments)
-            if len(_listed(moments, where)) != len(states[-1]):
-                raise InputError(
-                    f"{where}: {len(_listed(moments, where))} times and {len(states[-1])} states"
-                )
+        if not isinstance(value, tuple):
+            states.append(_states(value, where))
+            continue
+        if len(value) != 2:
+            raise InputError(f"{where}: a tuple of {len(value)}; a pair is times and states")
+        states.append(_states(value[1], where))
+        own = _listed(value[0], where)
+        if len(own) != len(states[-1]):
+            raise InputError(f"{where}: {len(own)} times and {len(states[-1])} states")
+        moments += own
     first = states[0]
     for key, found in zip(tracks, states, strict=True):
-        if found.shape[1] != first.shape[1] or (not times and len(found) != len(first)):
+        if found.shape[1] != first.shape[1] or (timed == {False} and len(found) != len(first)):
             raise InputError(
                 f"{name}: track {quoted(next(iter(tracks)))} has the shape {first.shape}, track "
                 f"{quoted(key)} {found.shape}: arrays (T, d) have the same d and, unless they are "
                 "pairs of times and states, the same T; NaN where a track is absent"
             )
-    if times:
-        together = times_of(
-            [moment for moments in times for moment in _listed(moments, name)], name
-        )
-    else:
-        together = times_of(np.tile(np.arange(len(first)), len(states)), name)
+    steps = np.tile(np.arange(len(first)), len(states))
+    times = times_of(moments if timed == {True} else steps, name)
     track = np.repeat(np.arange(len(states)), [len(found) for found in states])
     at = np.arange(len(track)), track
-    return from_rows(name, list(tracks), at, np.concatenate(states), together, columns)
+    return from_rows(name, list(tracks), at, np.concatenate(states), times, columns)
 
 
 def from_rows(
@@ -247,8 +241,6 @@ def times_of(moments: object, name: str) -> "Times":
 def _states(value: object, where: str) -> Floats:
     """States of one track (T, d)."""
     found = array_of(value, where)
-    if isinstance(found, np.ma.MaskedArray):
-        found = np.ma.filled(found.astype(np.float64), np.nan)
     if found.ndim != 2 or not found.shape[1]:
         hint = "; a table is a DataFrame, pandas.DataFrame(...)" if found.ndim == 1 else ""
         raise InputError(f"{where}: shape {found.shape}; states have the axes (T, d){hint}")
@@ -264,10 +256,7 @@ def numbers_of(value: object, where: str) -> Floats:
         They are none.
     """
     try:
-        found = np.asarray(value)
-        if found.dtype.kind not in "biufO":
-            raise TypeError(f"not of type {found.dtype}")
-        return found.astype(np.float64, copy=False)
+        return as_doubles(value)
     except (TypeError, ValueError) as error:
         raise InputError(f"{where}: a state holds numbers: {error}") from None
 

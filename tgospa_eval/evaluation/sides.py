@@ -212,28 +212,19 @@ def components_of(
     ConfigError
         They are no components, or no side has state vectors.
     """
-    if mapping is not None and not any(map(_is_tracks, given)):
-        raise ConfigError("mapping is for tracks with state vectors, as those of Stone Soup")
-    return [*_of_each_side(mapping).values()]
-
-
-def _of_each_side(mapping: "Components | None") -> "dict[str, Sequence[int] | None]":
-    """The components of truth and estimate."""
     if mapping is None:
-        return {"truth": None, "estimate": None}
+        return [None, None]
+    if not any(map(_is_tracks, given)):
+        raise ConfigError("mapping is for tracks with state vectors, as those of Stone Soup")
     try:
-        pair = [[index(item) for item in side] for side in mapping]  # type: ignore[union-attr]
-        if len(pair) != 2:
-            raise TypeError
+        whole: list[Any] = list(mapping)
+        is_pair = len(whole) == 2 and all(isinstance(side, Iterable) for side in whole)
+        pair = whole if is_pair else (whole, whole)
+        return [[index(item) for item in side] for side in pair]
     except TypeError:
-        try:
-            pair = [[index(item) for item in mapping]] * 2  # type: ignore[arg-type]
-        except TypeError:
-            raise ConfigError(
-                f"mapping is {mapping!r}: must be components of both sides, (0, 2), or a pair of "
-                "such"
-            ) from None
-    return dict(zip(("truth", "estimate"), pair, strict=True))
+        raise ConfigError(
+            f"mapping is {mapping!r}: must be components of both sides, (0, 2), or a pair of such"
+        ) from None
 
 
 def _is_tracks(side: object) -> bool:

@@ -25,7 +25,6 @@ from tgospa_eval.explain.edits import (
 )
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
-from tgospa_eval.tracks.attributes import chosen
 from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -305,44 +304,49 @@ def filled(assigned: Assigned, places: StatePlaces, most: int) -> Iterator[Candi
     first = np.cumsum(size) - size
     for k in np.argsort(-saving, kind="stable")[:most].tolist():
         rows = slice(int(first[k]), int(first[k] + size[k]))
-        spread = places.estimate.covariance
-        covariance = None
-        if spread is not None:
-            covariance = spread[a[rows]] + share[rows] * (spread[b[rows]] - spread[a[rows]])
-        likely = places.existence
-        if likely is not None:
-            likely = likely[a[rows]] + share[rows, 0] * (likely[b[rows]] - likely[a[rows]])
-        made = AddedRows(
-            step=step[rows],
-            track=np.full(len(step[rows]), side.track[left[k]]),
-            state=state[rows],
-            covariance=covariance,
-            attributes=_certainty(likely),
-        )
-        yield _with_rows("fill", float(saving[k]), made)
+        ends = a[rows], b[rows]
+        gain = float(saving[k])
+        yield _with_rows("fill", gain, places, step[rows], state[rows], ends, share[rows])
 
 
-def _certainty(existence: Floats | None) -> dict[str, Floats]:
-    """The attribute of rows that exist with a probability."""
-    return {} if existence is None else {EXISTENCE: existence}
+def _with_rows(
+    kind: str,
+    saving: float,
+    places: StatePlaces,
+    step: Ints,
+    state: Floats,
+    ends: tuple[Ints, Ints],
+    share: Floats,
+) -> Candidate:
+    """New rows of a track; what is beside states is on the line between two of its rows (N,).
 
+    `share` (N, 1) is how far from the first to the second.
+    """
+    order = np.argsort(step)
+    first, second = ends
 
-def _with_rows(kind: str, saving: float, made: AddedRows) -> Candidate:
-    order = np.argsort(made.step)
+    def between(values: Floats | None) -> Floats | None:
+        if values is None:
+            return None
+        table = values.reshape(len(values), -1)
+        found = table[first] + share * (table[second] - table[first])
+        return found[order].reshape(-1, *values.shape[1:])
+
+    likely, track = between(places.existence), int(places.estimate.track[first[0]])
     rows = AddedRows(
-        step=made.step[order],
-        track=made.track,
-        state=made.state[order],
-        covariance=None if made.covariance is None else made.covariance[order],
-        attributes=chosen(made.attributes, order),
+        step=step[order],
+        track=np.full(len(step), track),
+        state=state[order],
+        covariance=between(places.estimate.covariance),
+        attributes={} if likely is None else {EXISTENCE: likely},
     )
     return Candidate(
         kind=kind,
         saving=saving,
         edit=Edit(added=rows),
-        tracks=(int(made.track[0]),),
-        begin=int(made.step.min()),
-        end=int(made.step.max()),
+        tracks=(track,),
+        begin=int(step.min()),
+        end=int(step.max()),
     )
 
 
@@ -365,7 +369,6 @@ def extended(assigned: Assigned, places: StatePlaces, most: int) -> Iterator[Can
     first, last = tracks.first[there], tracks.first[there + 1] - 1
     states, moments = places.estimate.state, places.moments
     ahead = np.arange(1, LONGEST_EXTENSION + 1)
-    found: list[tuple[float, int, Ints, Floats, int]] = []
     for sign, edge, behind in (
         (1, last, np.maximum(first, last - BEHIND + 1)),
         (-1, first, np.minimum(last, first + BEHIND - 1)),
@@ -390,20 +393,9 @@ def extended(assigned: Assigned, places: StatePlaces, most: int) -> Iterator[Can
         size = np.argmax(sums, axis=1) + 1
         for k in np.argsort(-sums.max(axis=1, initial=0.0), kind="stable")[:most].tolist():
             n = int(size[k])
-            gain = float(sums[k, n - 1])
-            found.append((gain, int(side.track[row[k]]), step[k, :n], state[k, :n], int(row[k])))
-    spread = places.estimate.covariance
-    for saving, track, added, made, source in found:
-        covariance = None if spread is None else np.repeat(spread[source][None], len(added), axis=0)
-        likely = places.existence
-        rows = AddedRows(
-            step=added,
-            track=np.full(len(added), track),
-            state=made,
-            covariance=covariance,
-            attributes=_certainty(None if likely is None else np.full(len(added), likely[source])),
-        )
-        yield _with_rows("extend", saving, rows)
+            ends = 2 * (np.full(n, row[k]),)
+            gain, none = float(sums[k, n - 1]), np.zeros((n, 1))
+            yield _with_rows("extend", gain, places, step[k, :n], state[k, :n], ends, none)
 
 
 def shifted(assigned: Assigned, places: StatePlaces) -> Iterator[Candidate]:

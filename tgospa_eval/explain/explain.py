@@ -6,7 +6,7 @@ import numpy as np
 
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted, number
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import whole_number
 from tgospa_eval.evaluation.axis import on_own_times, periods_of
 from tgospa_eval.evaluation.prepare import Fitted, source_of
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -62,8 +62,7 @@ def explain(
     ConfigError
         `top` is less than 1, or the result knows nothing of its data.
     """
-    if not isinstance(top, int | np.integer) or top < 1:
-        raise ConfigError(f"top is {top!r}: must be a whole number, at least 1")
+    top = whole_number("top", top)
     sides, asked = source_of(result)
     request = on_own_times(asked)
     stopwatch = stopwatch or Stopwatch()

@@ -47,7 +47,7 @@ class Rows:
         What is wrong with the texts of the weights, for those who need them.
     apart : dict of str to (R,) bool array and str
         Rows that the format itself leaves out, by its rule, and the message about them.
-    told : callable, optional
+    read_as : callable, optional
         Of some rows of a side that is read in parts: what the files have for a time.
     """
 
@@ -61,12 +61,12 @@ class Rows:
     attributes: Mapping[int, Values] = field(default_factory=dict)
     weight_fault: str | None = None
     apart: dict[str, tuple[Flags, str]] = field(default_factory=dict)
-    told: Callable[[float], str | float] | None = None
+    read_as: Callable[[float], str | float] | None = None
 
     @property
     def whole(self) -> bool:
         """Whether these are all rows of a side."""
-        return self.told is None
+        return self.read_as is None
 
     def called(self, row: int) -> str:
         """Id of a row, for messages."""
@@ -75,8 +75,8 @@ class Rows:
     def moment(self, row: int) -> str | float:
         """Time of a row as read."""
         times = self.times
-        if self.told is not None:
-            return self.told(times.value[row].item())
+        if self.read_as is not None:
+            return self.read_as(times.value[row].item())
         return times.text[row].strip() if times.text is not None else times.value[row].item()
 
 

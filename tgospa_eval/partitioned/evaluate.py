@@ -26,7 +26,7 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.input.listing import changed_file, stored
-from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, rows_together
+from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, rows_together, scan_parts
 from tgospa_eval.partitioned.scan import fitted_ranges
 from tgospa_eval.partitioned.sides import PartsSide, open_side
 from tgospa_eval.partitioned.steps import BlockPlan, clock_of, find_steps
@@ -165,27 +165,25 @@ def evaluate_partitioned(
             request = request_of(truth.columns)
             axis, grid, cut = find_steps(sides, clocks, request, paths)
 
-        def summaries(read: list[list[Json]]) -> tuple[SideSummary, ...]:
-            return tuple(
-                SideSummary.of(side, [block[number] for block in read])
-                for number, side in enumerate(sides)
-            )
-
         looked = look(cut, grid) if len(cut.times) else []
         for notice in looked:
             if not notice.code:
                 stopwatch.notify(str(notice))
-        found = evaluate_parts(
-            cut,
-            work=work,
-            memory=memory // jobs,
-            stages=Stages(stopwatch, workers),
-            check=lambda read: check(summaries(read), paths) if check else None,
+        stages = Stages(stopwatch, workers)
+        read, blocks = scan_parts(cut, work, memory // jobs, stages)
+        known = tuple(
+            SideSummary.of(side, [block[number] for block in read])
+            for number, side in enumerate(sides)
         )
+        if check is not None:
+            check(known, paths)
+        found = evaluate_parts(cut, blocks, work, memory // jobs, stages)
         with stopwatch.span("report"):
-            known = summaries(found.read)
-            result = _result(known, axis, grid, cut, found, stopwatch, work, run, assignments=kept)
-            for notice in _notices(known, axis, grid, cut, found):
+            judged = [block.judged for block in blocks]
+            result = _result(
+                known, axis, grid, cut, found, judged, stopwatch, work, run, assignments=kept
+            )
+            for notice in _notices(known, axis, grid, cut, found, read):
                 stopwatch.notify(str(notice))
     return replace(
         result,
@@ -201,6 +199,7 @@ def _result(
     grid: Alignment,
     cut: BlockPlan,
     found: Evaluated,
+    judged: list[tuple[int, ...]],
     stopwatch: Stopwatch,
     work: Path,
     run: Run,
@@ -263,7 +262,7 @@ def _result(
         judged_on=judge(
             axis.horizon,
             grid.truth,
-            digest_of_sums(sides[0].columns, [block.judged for block in found.blocks]),
+            digest_of_sums(sides[0].columns, judged),
             states=int(counts.sum()),
             at=int(np.count_nonzero(counts)),
         ),
@@ -286,7 +285,12 @@ def _result(
 
 
 def _notices(
-    known: Sequence[SideSummary], axis: Axis, grid: Alignment, cut: BlockPlan, found: Evaluated
+    known: Sequence[SideSummary],
+    axis: Axis,
+    grid: Alignment,
+    cut: BlockPlan,
+    found: Evaluated,
+    read: list[list[Json]],
 ) -> Iterator[Notice]:
     """What the user should know of the two sides."""
     matching = cut.request.time_matching
@@ -305,7 +309,7 @@ def _notices(
             )
             for (name, old), one, states in zip(made, known, found.objects, strict=True)
         )
-        truth = [block[0] for block in found.read]
+        truth = [block[0] for block in read]
         tracks = len(set().union(*(block["ids"] for block in truth)))
         gaps = known[0].taken - tracks - sum(block["narrow"] for block in truth)
         if gaps:

@@ -274,10 +274,6 @@ class Evaluated:
         Bounds and breakdown, in units of c^p.
     objects : pair of (T,) int arrays
         Truths and estimates at each step.
-    read : list of pairs of dict
-        What `scan` says of the rows of each block, of either side.
-    blocks : list of Scanned
-        What is known of the blocks.
     tracks : pair of Tracks
         Those of truth and estimate.
     track_costs : pair of PerTrack
@@ -294,8 +290,6 @@ class Evaluated:
 
     proof: Costs
     objects: tuple[Ints, Ints]
-    read: list[list[Json]]
-    blocks: list[Scanned]
     tracks: tuple[Tracks, Tracks]
     track_costs: tuple[PerTrack, ...]
     shards: Shards
@@ -314,43 +308,63 @@ def most_entries(memory: int) -> int:
     return max(min(MOST_ENTRIES, memory // BYTES_AN_ENTRY), 1)
 
 
-def evaluate_parts(
-    cut: BlockPlan,
-    *,
-    work: Path,
-    memory: int,
-    stages: Stages,
-    check: Callable[[list[list[Json]]], None] = lambda read: None,  # noqa: ARG005
-) -> Evaluated:
-    """Evaluate; goes on from what is in the folder of work.
+def scan_parts(
+    cut: BlockPlan, work: Path, memory: int, stages: Stages
+) -> tuple[list[list[Json]], list[Scanned]]:
+    """Read all blocks of whole steps and find near pairs; each time of a side is in one block.
 
     Parameters
     ----------
     cut : BlockPlan
         Both sides along the steps.
     work : Path
-        The folder of what is known on the way.
+        The folder of what is known on the way; what is there is not done again.
     memory : int
         Bytes for each worker.
     stages : Stages
         Does the tasks.
-    check : callable
-        Called with what `scan` says of the rows that were read, before anything is solved.
+
+    Returns
+    -------
+    read : list of pairs of dict
+        What `scan` says of the rows of each block, of either side.
+    blocks : list of Scanned
+        What is known of the blocks.
 
     Raises
     ------
     TgospaError
         Something is wrong with the data, or a process died.
     """
+    most = rows_together(memory)
+    with stages.stopwatch.span("distances"):
+        tasks: dict[str, Task] = {
+            str(work / SCANNED / f"{number:08d}"): partial(
+                scan, piece=piece, request=cut.request, names=cut.names, most=most
+            )
+            for number, piece in enumerate(cut.pieces(most))
+        }
+        stages.run("searching near pairs", tasks)
+    with stages.stopwatch.span("solve/preparation"):
+        folders = [*map(Path, tasks)]
+        read = [json.loads((folder / READ).read_text(encoding="utf-8")) for folder in folders]
+        ranges = (path for folder in folders for path in sorted(folder.iterdir()) if path.is_dir())
+        return read, [Scanned.load(folder) for folder in ranges]
+
+
+def evaluate_parts(
+    cut: BlockPlan, blocks: Sequence[Scanned], work: Path, memory: int, stages: Stages
+) -> Evaluated:
+    """Solve what `scan_parts` found and add it up.
+
+    Raises
+    ------
+    TgospaError
+        A process died.
+    """
     parameters, span = cut.request.parameters, stages.stopwatch.span
     most = most_entries(memory)
-    with span("distances"):
-        scanned = _scan(cut, work, rows_together(memory), stages)
     with span("solve/preparation"):
-        read = [json.loads((folder / READ).read_text(encoding="utf-8")) for folder in scanned]
-        check(read)
-        ranges = (path for folder in scanned for path in sorted(folder.iterdir()) if path.is_dir())
-        blocks = [Scanned.load(folder) for folder in ranges]
         truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
         shards = make_shards(blocks, truths, estimates, most)
         folders = _shuffle(work, blocks, (truths, estimates), shards, stages)
@@ -373,8 +387,6 @@ def evaluate_parts(
     return Evaluated(
         proof=proof,
         objects=objects,
-        read=read,
-        blocks=blocks,
         tracks=(truths, estimates),
         track_costs=track_costs,
         shards=shards,
@@ -382,18 +394,6 @@ def evaluate_parts(
         iterations=iterations,
         constants=fixed,
     )
-
-
-def _scan(cut: BlockPlan, work: Path, most: int, stages: Stages) -> list[Path]:
-    """Blocks of whole steps with so many rows at most; each time of a side is in one of them."""
-    tasks: dict[str, Task] = {
-        str(work / SCANNED / f"{number:08d}"): partial(
-            scan, piece=piece, request=cut.request, names=cut.names, most=most
-        )
-        for number, piece in enumerate(cut.pieces(most))
-    }
-    stages.run("searching near pairs", tasks)
-    return list(map(Path, tasks))
 
 
 def _shuffle(

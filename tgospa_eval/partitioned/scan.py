@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -214,7 +214,7 @@ def _pairs(entry: NDArray[np.void], width: int) -> NDArray[np.void]:
 
 
 def constants(
-    request: EvaluationRequest, columns: tuple[str, ...], blocks: "list[Scanned]"
+    request: EvaluationRequest, columns: tuple[str, ...], blocks: Sequence[Scanned]
 ) -> Problem:
     """A problem without entries that has the constants of the whole: errors, rounding."""
     parameters, none = request.parameters, np.zeros(0, np.int32)

@@ -399,7 +399,7 @@ class PartsSide:
             rows,
             ids=ids,
             times=Times(value=value, clock=rows.times.clock, text=None),
-            told=steps.read_as,
+            read_as=steps.read_as,
         )
         reading = assemble(rows, _settled(self.options), self.format)
         found = reading.trajectories

@@ -210,39 +210,6 @@ def write_part(
     write_table(output, columns, in_order(pieces, edges), np.zeros(0, ASSIGNED_PAIR))
 
 
-def parts_of(
-    folder: str, pieces: Sequence[Path], steps: int, names: str, parameters: Parameters
-) -> dict[str, Task]:
-    """The tasks to write all assigned pairs; one without rows where there are none.
-
-    Parameters
-    ----------
-    folder : str
-        Where to write the files.
-    pieces : sequence of Path
-        Files of assigned pairs, each by time.
-    steps : int
-        T.
-    names : str
-        The folder of the names.
-    parameters : Parameters
-        Of the metric.
-    """
-    paths = tuple(map(str, pieces))
-    rows = _rows_by_step(paths, steps)
-    parts = list(itertools.pairwise(stretches(rows, ROWS_A_PART))) or [(0, 0)]
-    return {
-        str(Path(folder, f"part-{number:05d}.parquet")): partial(
-            write_part,
-            pieces=paths,
-            edges=low + stretches(rows[low:high], ROWS_AT_ONCE),
-            names=names,
-            parameters=parameters,
-        )
-        for number, (low, high) in enumerate(parts)
-    }
-
-
 def in_order(pieces: Sequence[str], edges: Ints) -> Iterator[NDArray[np.void]]:
     """The rows of all pieces by `ORDER`, those of one stretch between edges after the other."""
     opened = [np.load(piece, mmap_mode="r") for piece in pieces]
@@ -344,7 +311,19 @@ def write_tables(
             _write_columns(path, {"id": names[ids]} | columns)
     if path := missing("switches"):
         write_switches(path, found("switched.npy"), names, parameters)
-    pieces = found("assigned.npy") if assignments else []
-    parts_folder = str(place / name_of(IN_PARTS))
-    run(parts_of(parts_folder, pieces, len(names["times"]), str(beside), parameters))
+    pieces = tuple(map(str, found("assigned.npy"))) if assignments else ()
+    rows = _rows_by_step(pieces, len(names["times"]))
+    tasks: dict[str, Task] = {
+        str(place / name_of(IN_PARTS) / f"part-{number:05d}.parquet"): partial(
+            write_part,
+            pieces=pieces,
+            edges=low + stretches(rows[low:high], ROWS_AT_ONCE),
+            names=str(beside),
+            parameters=parameters,
+        )
+        for number, (low, high) in enumerate(
+            list(itertools.pairwise(stretches(rows, ROWS_A_PART))) or [(0, 0)]
+        )
+    }
+    run(tasks)
     return StoredTables(folder)

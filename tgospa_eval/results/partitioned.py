@@ -1,7 +1,7 @@
 """The result of an evaluation of partitioned data: sums in memory, tables as files."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,6 @@ import numpy as np
 
 from tgospa_eval.common.files import reason
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.results.records import Columns, Json, records
@@ -19,6 +18,7 @@ from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     import pandas as pd
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
 
@@ -80,16 +80,14 @@ class StoredTables:
         """A table, or its first rows, as plain Python values."""
         import pyarrow as pa
 
-        found, left = [], most
+        found: list[pa.RecordBatch] = []
         with self._opened(table) as files:
             schema = files[0].schema_arrow if files else pa.schema([])
-            for file in files:
-                for batch in file.iter_batches():
-                    if left is not None and left <= 0:
-                        break
-                    found.append(batch if left is None else batch[:left])
-                    left = None if left is None else left - len(batch)
-        made: Columns = pa.Table.from_batches(found, schema).to_pydict()
+            for batch in _batches(files):
+                found.append(batch)
+                if most is not None and sum(map(len, found)) >= most:
+                    break
+        made: Columns = pa.Table.from_batches(found, schema)[:most].to_pydict()
         return made
 
     def frame(self, table: str) -> "pd.DataFrame":
@@ -104,7 +102,7 @@ class StoredTables:
         """The rows with the highest sums of some columns, of equal ones the first; none of 0."""
         best: list[tuple[float, Json]] = []
         with self._opened(table) as files:
-            for batch in (batch for file in files for batch in file.iter_batches()):
+            for batch in _batches(files):
                 columns = [np.asarray(batch[name], float) for name in parts]
                 cost: Floats = sum(columns, np.zeros(len(batch)))
                 # Only what is dearer than the last of those that are known can come before it.
@@ -123,16 +121,9 @@ class StoredTables:
         ------
         InputError
             One is gone or damaged.
-        ConfigError
-            pyarrow is not installed.
         """
-        try:
-            import pyarrow.parquet as pq
-        except ModuleNotFoundError:
-            raise ConfigError(
-                f"{os.path.join(self.folder, name_of(table))}: Parquet files need the extra "
-                f"parquet: {install('parquet')}"
-            ) from None
+        import pyarrow.parquet as pq
+
         files: list[pq.ParquetFile] = []
         try:
             files += [pq.ParquetFile(path) for path in self.files(table)]
@@ -145,6 +136,11 @@ class StoredTables:
         finally:
             for file in files:
                 file.close()
+
+
+def _batches(files: "Iterable[pq.ParquetFile]") -> "Iterator[pa.RecordBatch]":
+    """Some rows at a time."""
+    return (batch for file in files for batch in file.iter_batches())
 
 
 MOST_RECORDS = 100_000

@@ -112,32 +112,29 @@ class Slicing:
         return cls(by=record["by"], slices=tuple(slices), unique=record["unique"])
 
 
-def added(parts: Sequence[Slicing]) -> Slicing:
-    """The sum of several evaluations that are split by the same: slices of one name are added."""
-    found: dict[str, list[Slice]] = {}
-    for part in parts:
-        for one in part.slices:
-            found.setdefault(one.name, []).append(one)
-    slices = [
-        Slice(
-            name=name,
-            **{
-                field: math.fsum(getattr(one, field) for one in found[name])
-                for field in SLICE_NUMBERS
-            },
-        )
-        for name in in_order(found)
-    ]
-    return Slicing(by=parts[0].by, slices=tuple(slices), unique=all(part.unique for part in parts))
-
-
 def added_up(groups: Iterable[Sequence[Slicing]]) -> Iterator[Slicing]:
-    """Such a sum for each attribute of several evaluations; those of some may be missing."""
+    """The sums of several evaluations that are split, for each attribute; some may lack one.
+
+    Slices of one name are added.
+    """
     found: dict[str, list[Slicing]] = {}
     for group in groups:
         for part in group:
             found.setdefault(part.by, []).append(part)
-    yield from map(added, found.values())
+    for by, parts in found.items():
+        rows: dict[str, list[Slice]] = {}
+        for one in (one for part in parts for one in part.slices):
+            rows.setdefault(one.name, []).append(one)
+        slices = tuple(
+            Slice(
+                name=name,
+                **{
+                    key: math.fsum(getattr(row, key) for row in rows[name]) for key in SLICE_NUMBERS
+                },
+            )
+            for name in in_order(rows)
+        )
+        yield Slicing(by=by, slices=slices, unique=all(part.unique for part in parts))
 
 
 def slices_columns(slicings: Sequence[Slicing]) -> Columns:

@@ -1,9 +1,8 @@
 """Clouds of a whole recording reduced, and what that changed. Knows no file."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 
+from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Effort, Reduction, cloud_wasserstein
 from tgospa_eval.distances.base import Floats
@@ -71,8 +70,8 @@ def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[CloudChange]
         if not is_exact:
             effort.stopwatch.notify(f"no exact distances from the clouds before: {POT_NEEDED}")
     stage = "comparing clouds with those before"
-    with effort.stopwatch.showing(stage), ThreadPoolExecutor(effort.jobs) as pool:
-        return list(pool.map(change, range(len(before))))
+    with effort.stopwatch.showing(stage):
+        return list(in_order(change, range(len(before)), effort.jobs or cores()))
 
 
 def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool) -> CloudChange:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.errors import LARGEST_COUNT, ConfigError, real_number
+from tgospa_eval.errors import LARGEST_COUNT, ConfigError, real_number, whole_number
 from tgospa_eval.simulation import tracker as errors
 from tgospa_eval.simulation.scenarios import SCENARIOS, encounters
 from tgospa_eval.simulation.tracker import particle_clouds
@@ -64,7 +64,8 @@ class Scene:
         ):
             if value not in known:
                 raise ConfigError(f"{name} is {quoted(value)}: must be one of {', '.join(known)}")
-        _check_counts(self, {"targets": 0, "steps": 1, "particles": 1})
+        for name, least in (("targets", 0), ("steps", 1), ("particles", 1)):
+            whole_number(name, getattr(self, name), least, LARGEST_COUNT)
         if self.targets * self.steps > LARGEST_COUNT:
             raise ConfigError(
                 f"{self.targets} targets in {self.steps} steps are too many: targets times steps "
@@ -131,7 +132,8 @@ class Tracker:
 
     def __post_init__(self) -> None:
         _check_ranges(self, ERROR_RANGES)
-        _check_counts(self, {"confirmation": 0, "lost": 0, "latency": 0})
+        for name in ("confirmation", "lost", "latency"):
+            whole_number(name, getattr(self, name), 0, LARGEST_COUNT)
         try:
             shortest, longest = self.false_length
         except (TypeError, ValueError):
@@ -139,7 +141,7 @@ class Tracker:
                 f"false-length is {self.false_length!r}: must be two numbers, least and most"
             ) from None
         for length in (shortest, longest):
-            _check_count("false-length", length, 1)
+            whole_number("false-length", length, 1, LARGEST_COUNT)
         if shortest > longest:
             raise ConfigError(f"false-length is {shortest}:{longest}: the least comes first")
 
@@ -251,17 +253,3 @@ def _check_ranges(record: "Scene | Tracker", ranges: dict[str, tuple[float, floa
         value = real_number(option, getattr(record, name))
         if not least <= value <= most:
             raise ConfigError(f"{option} is {value:g}: must be from {least:g} to {most:g}")
-
-
-def _check_counts(record: "Scene | Tracker", least: dict[str, int]) -> None:
-    """Whether these fields are whole numbers, and not too small."""
-    for name, smallest in least.items():
-        _check_count(name, getattr(record, name), smallest)
-
-
-def _check_count(name: str, value: object, least: int) -> None:
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or not least <= value <= LARGEST_COUNT:  # type: ignore[operator]
-        raise ConfigError(
-            f"{name} is {value!r}: must be a whole number, from {least} to {LARGEST_COUNT}"
-        )

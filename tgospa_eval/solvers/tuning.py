@@ -7,7 +7,7 @@ log of changes; "not measured" says that a round number was taken.
 
 import numpy as np
 
-from tgospa_eval.errors import ConfigError, real_number
+from tgospa_eval.errors import ConfigError, real_number, whole_number
 
 
 def check_settings(
@@ -29,9 +29,7 @@ def check_settings(
         if not 0 < time_limit < np.inf:
             raise ConfigError(f"time limit is {time_limit:g} s: must be finite and more than 0")
     if jobs is not None:
-        if isinstance(jobs, bool) or not isinstance(jobs, int | np.integer) or jobs < 1:
-            raise ConfigError(f"jobs is {jobs!r}: must be a whole number, 1 or more")
-        jobs = int(jobs)
+        jobs = whole_number("jobs", jobs)
     plain = {"gap": gap, "time_limit": time_limit, "jobs": jobs}
     vars(solver).update({name: plain[name] for name in plain.keys() & vars(solver).keys()})
 

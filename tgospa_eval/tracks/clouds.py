@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import concatenated, freeze
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.errors import InputError
 
 Ints = NDArray[np.integer]
@@ -145,10 +146,8 @@ class Clouds:
 
     def changed(self, change: Callable[[Cloud], Cloud], jobs: int | None = None) -> "Clouds":
         """Each cloud changed by a function, in so many threads."""
-        from concurrent.futures import ThreadPoolExecutor  # here: most runs do without
-
-        with ThreadPoolExecutor(jobs) as pool:
-            return joined(list(pool.map(lambda row: change(self[row]), range(len(self)))), self)
+        found = in_order(lambda row: change(self[row]), range(len(self)), jobs or cores())
+        return joined(list(found), self)
 
 
 def joined(clouds: list[Cloud], like: Clouds) -> Clouds:

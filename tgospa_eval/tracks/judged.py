@@ -187,7 +187,8 @@ def digest(side: Trajectories, *, existence: bool = False) -> str:
 
     `existence`: whether probabilities of existence do, too.
     """
-    arrays = () if side.clouds is None else side.beside
+    clouds = side.clouds
+    arrays = () if clouds is None else (clouds.first, clouds.points, clouds.weights)
     return digest_of_sums(side.columns, [row_sums(side, existence=existence)], arrays)
 
 

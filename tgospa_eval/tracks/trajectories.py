@@ -253,13 +253,6 @@ class Trajectories:
             return "cloud"
         return "point" if self.covariance is None else "gaussian"
 
-    @property
-    def beside(self) -> tuple[Ints | Floats, ...]:
-        """Arrays of what states are beside their place: covariances, or particles."""
-        if self.clouds is not None:
-            return self.clouds.first, self.clouds.points, self.clouds.weights
-        return () if self.covariance is None else (self.covariance,)
-
     def seen_as(self, kinds: tuple[str, ...]) -> "Trajectories":
         """As points, unless its states are of one of these kinds."""
         if self.kind in ("point", *kinds):
@@ -294,12 +287,7 @@ class Trajectories:
             Not three axes, or a value is infinite; covariances that do not fit or are none.
         """
         try:
-            if isinstance(states, np.ma.MaskedArray):
-                states = np.ma.filled(states.astype(np.float64), np.nan)
-            states = np.asarray(states)
-            if states.dtype.kind not in "biufO":
-                raise TypeError(f"not of type {states.dtype}")
-            states = states.astype(np.float64, copy=False)
+            states = as_doubles(states)
         except (TypeError, ValueError) as error:
             raise InputError(f"an array of states holds numbers: {error}") from None
         if states.ndim != 3 or not states.shape[2]:
@@ -331,6 +319,22 @@ class Trajectories:
             columns=column_names(size) if columns is None else columns,
             covariance=covariance,
         )
+
+
+def as_doubles(values: object) -> Floats:
+    """Numbers as doubles, NaN where they are masked.
+
+    Raises
+    ------
+    TypeError, ValueError
+        They are none.
+    """
+    if isinstance(values, np.ma.MaskedArray):
+        return np.asarray(np.ma.filled(values.astype(np.float64), np.nan))
+    array = np.asarray(values)
+    if array.dtype.kind not in "biufO":
+        raise TypeError(f"not of type {array.dtype}")
+    return array.astype(np.float64, copy=False)
 
 
 def column_names(size: int) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from tgospa_eval import ConfigError, Trajectories, evaluate
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.results.by_class import ByClass, add_up
 from tgospa_eval.results.result import Result
-from tgospa_eval.results.slices import Slicing, added
+from tgospa_eval.results.slices import Slicing, added_up
 
 PARTS = ("localisation", "missed", "false", "switch")
 ASKED = (
@@ -88,7 +88,7 @@ def test_slices_add_up(
     check_sums(result, slicings)
     again = [Slicing.of(slicing.record()) for slicing in slicings]
     assert [one.table() for one in again] == [one.table() for one in slicings]
-    twice = added([slicings[0], slicings[0]])
+    (twice,) = added_up([slicings[:1], slicings[:1]])
     assert twice.total == pytest.approx(2 * result.total)
     for one in slicings[4].slices:  # by weight
         assert 0 <= one.truth_steps <= len(sides[0].step)

@@ -269,7 +269,7 @@ def test_an_open_bracket_is_told() -> None:
 
 def test_what_cannot_be_explained_is_said() -> None:
     result = evaluate(tracks(A), tracks(B))
-    with pytest.raises(ConfigError, match="top is 0: must be a whole number, at least 1"):
+    with pytest.raises(ConfigError, match="top is 0: must be a whole number, 1 or more"):
         result.explain(0)
     with pytest.raises(ConfigError, match="top is '3'"):
         result.explain("3")  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.engines.processes import PersistentPool, Processes
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.partitioned import components, run, tasks
-from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts
+from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, scan_parts
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -46,8 +46,9 @@ def evaluated(
     work: Path,
     engine: PersistentPool | None = None,
 ) -> Evaluated:
-    stages = Stages(Stopwatch(), engine)
-    return evaluate_parts(plan(sides, parameters), work=work, memory=1 << 30, stages=stages)
+    stages, cut = Stages(Stopwatch(), engine), plan(sides, parameters)
+    _, blocks = scan_parts(cut, work, 1 << 30, stages)
+    return evaluate_parts(cut, blocks, work, 1 << 30, stages)
 
 
 def same(first: Evaluated, second: Evaluated) -> None:

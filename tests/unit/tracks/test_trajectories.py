@@ -131,6 +131,9 @@ def test_options_are_spelled_as_arguments() -> None:
         ("or --decimal ,", 'or decimal=","'),
         ("try --truth-columns id=trk,x=px", "try columns=('id=trk', 'x=px')"),
         ("with --columns a=B, or", "with columns=('a=B',), or"),
+        ("use --time-scale 0.001 --time-offset -5;", "use time_scale=0.001 time_offset=-5;"),
+        ("--steps 0:9 has 10", "steps 0:9 has 10"),
+        ("choose with -c and -g", "choose with cutoff and switch_penalty"),
         ("only 1 -- or 2", "only 1 -- or 2"),
     ):
         assert in_python(text) == spelled

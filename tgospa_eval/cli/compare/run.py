@@ -19,6 +19,7 @@ from tgospa_eval.cli.shared.click_options import OutputOptions
 from tgospa_eval.cli.shared.progress import new_stopwatch, run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, shielded
 from tgospa_eval.cli.shared.writing import can_draw, write_output
+from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted, parsed, parsed_whole
@@ -61,8 +62,7 @@ def show(
         Makes further files by name.
     """
     kind = STUDY if answer["kind"] == "study" else COMPARISON
-    if output.config is not None:
-        answer["settings_file"] = output.config.record()
+    answer |= settings_field(output.config)
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("the pictures", 0.0)

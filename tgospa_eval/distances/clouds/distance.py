@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.machine import cores
+from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances.base import (
     Distance,
@@ -212,10 +212,8 @@ def _solved(
         return begin + step
 
     solve(0)  # what cannot be imported says so before threads are made
-    from concurrent.futures import ThreadPoolExecutor  # here: most runs do without
-
-    with ThreadPoolExecutor(jobs) as pool, effort.stopwatch.showing():
-        for done in pool.map(solve, range(step, count, step)):
+    with effort.stopwatch.showing():
+        for done in in_order(solve, range(step, count, step), jobs):
             effort.stopwatch.stage = f"transports, {min(done, count):,} of {count:,}"
     return answer
 

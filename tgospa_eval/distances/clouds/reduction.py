@@ -32,9 +32,8 @@ from tgospa_eval.distances.clouds.transport import (
     merged,
     plan,
     restrict_cloud,
-    whole_number,
 )
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, whole_number
 from tgospa_eval.text import quoted
 
 METHODS = ("sliced", "recursive", "atl", "kmeans", *RESAMPLING, "top")
@@ -86,7 +85,7 @@ class Reduction:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        size = whole_number("size", self.size, 1, " of particles")
+        size = whole_number("size", self.size)
         object.__setattr__(self, "size", size)
         if self.method not in METHODS:
             raise ConfigError(
@@ -95,7 +94,7 @@ class Reduction:
         for name, least in (("iterations", 1), ("restarts", 1), ("polish", 0), ("seed", 0)):
             whole_number(name, getattr(self, name), least)
         if self.directions is not None and np.ndim(self.directions) == 0:
-            whole_number("directions", self.directions, 1)
+            whole_number("directions", self.directions)
 
     def settings(self) -> DistanceSettings:
         """What changes the number, by the names of the options."""

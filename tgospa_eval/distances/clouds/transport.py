@@ -14,14 +14,13 @@ import math
 import warnings
 from importlib.util import find_spec
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tgospa_eval.common.words import install
 from tgospa_eval.distances.mahalanobis import cholesky
-from tgospa_eval.errors import ConfigError, SolverError, TgospaWarning, real_number
+from tgospa_eval.errors import ConfigError, SolverError, TgospaWarning, real_number, whole_number
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.clouds import LARGEST_COORDINATE, UNEVEN_SUM, are_normalised
 
@@ -101,19 +100,6 @@ def _weight_fault(weights: Floats) -> str:
     return what and f"{what}; weights must be finite, >= 0 and not all zero"
 
 
-def whole_number(name: str, value: Any, least: int, what: str = "") -> int:
-    """A number of something.
-
-    Raises
-    ------
-    ConfigError
-        It is no whole number, or below the least.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise ConfigError(f"{name} is {value!r}: must be a whole number{what}, from {least}")
-    return int(value)
-
-
 def restrict_cloud(
     points: ArrayLike, weights: ArrayLike | None, size: int
 ) -> tuple[Floats, Floats]:
@@ -146,7 +132,7 @@ def restrict_cloud(
     Source: [Danu], section 4.2.
     """
     points, weights = as_cloud(points, weights, "cloud")
-    size = whole_number("size", size, 1, " of particles")
+    size = whole_number("size", size)
     if size >= len(points):
         return points, weights
     order = np.argsort(-weights, kind="stable")[:size]
@@ -202,7 +188,7 @@ def resample_cloud(
     Source: [Danu], section 4.3.
     """
     points, weights = as_cloud(points, weights, "cloud")
-    size = whole_number("size", size, 1, " of particles")
+    size = whole_number("size", size)
     chosen = drawn(weights, size, method, offset, rng)
     return points[chosen], np.full(size, 1 / size)
 

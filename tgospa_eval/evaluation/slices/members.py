@@ -37,8 +37,8 @@ NOT_KNOWN = -1.0
 QUARTILES = (0.25, 0.5, 0.75)
 
 
-SideShare = tuple[Ints, Floats | None]
-"""A slice for each row of a side (R,), and how much of the row is in it, 0 to 1; None is all."""
+SideShare = tuple[Ints, Floats]
+"""A slice for each row of a side (R,), and how much of the row is in it, 0 to 1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,20 +63,12 @@ class Members:
         """The slices by both attributes."""
         size = len(other.names)
         shares = tuple(
-            tuple(
-                (a * size + b, _product(x, y)) for (a, x), (b, y) in zip(mine, theirs, strict=True)
-            )
+            tuple((a * size + b, x * y) for (a, x), (b, y) in zip(mine, theirs, strict=True))
             for mine in self.shares
             for theirs in other.shares
         )
         names = [f"{first}{CROSSED}{second}" for first in self.names for second in other.names]
         return Members(names=names, shares=shares, kept=np.zeros(len(names), bool))
-
-
-def _product(first: Floats | None, second: Floats | None) -> Floats | None:
-    if first is None or second is None:
-        return second if first is None else first
-    return first * second
 
 
 def members(
@@ -173,22 +165,15 @@ def _weighted(
                     f"{wrong[0]:g}; a weight must be from 0 to 1"
                 )
     names = [attribute.name, f"1 - {attribute.name}"]
-    first, second = (
-        _numbered(names, [_all_in(k, side) for side in values], rows) for k in range(2)
+    whole = _numbered(
+        names, [None if side is None else np.where(np.isnan(side), -1, 0) for side in values], rows
     )
-    weights = [
-        np.ones(size) if side is None else np.where(np.isnan(side), 1.0, side)
-        for side, size in zip(values, rows, strict=True)
+    first = [
+        (place, np.ones(len(place)) if side is None else np.where(np.isnan(side), 1.0, side))
+        for (place, _), side in zip(whole.shares[0], values, strict=True)
     ]
-    shares = tuple(
-        tuple((rows_in, own) for (rows_in, _), own in zip(part.shares[0], share, strict=True))
-        for part, share in ((first, weights), (second, [1 - weight for weight in weights]))
-    )
-    return Members(names=first.names, shares=shares, kept=first.kept)
-
-
-def _all_in(k: int, values: Floats | None) -> Ints | None:
-    return None if values is None else np.where(np.isnan(values), -1, k)
+    second = [(np.where(place == 0, 1, place), 1 - share) for place, share in first]
+    return Members(names=whole.names, shares=(tuple(first), tuple(second)), kept=whole.kept)
 
 
 def _ranged(
@@ -272,7 +257,7 @@ def _numbered(
     shown[:size] = True if kept is None else kept
     return Members(
         names=[*names, NO_VALUE, NO_ATTRIBUTE],
-        shares=(((truth, None), (estimate, None)),),
+        shares=(tuple((side, np.broadcast_to(1.0, len(side))) for side in (truth, estimate)),),
         kept=shown,
     )
 

@@ -128,8 +128,7 @@ def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
             order = np.argsort(place.astype(np.min_scalar_type(size)), kind="stable")
             first = np.searchsorted(place[order], np.arange(size + 1))
             for name, value in columns.items():
-                ordered = value[order] if share is None else (value * share)[order]
-                found = _sum_of_parts(ordered, first)
+                found = _sum_of_parts((value * share)[order], first)
                 sums[name] = sums[name] + found if name in sums else found
     for name in PARTS:
         sums[name] = sums[name] * scale

@@ -242,13 +242,8 @@ def _write(folder: Path, run: Sequence[tuple[Rows, int, FilePiece]]) -> None:
 def run_moments(folder: Path) -> Moments:
     """Which times a run has."""
     with np.load(folder / "moments.npz") as found:
-        return Moments(
-            value=found["value"],
-            count=found["count"],
-            clock=str(found["clock"]),
-            label=found.get("label"),
-            source=str(found["source"]),
-        )
+        texts = {name: str(found[name]) for name in ("clock", "source")}
+        return Moments(**{"label": None, **found, **texts})
 
 
 def run_rows(

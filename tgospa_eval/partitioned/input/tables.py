@@ -11,11 +11,10 @@ import numpy as np
 
 from tgospa_eval.common.files import CHUNK, named
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import install
-from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.arrow import arrow_rows, check_types
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats.arrow import arrow_rows, check_types, readable
 from tgospa_eval.formats.columns.headers import Roles, find_roles
-from tgospa_eval.formats.loading import PACKED_FROM, is_packed, unpacking, unreadable
+from tgospa_eval.formats.loading import PACKED_FROM, check_parquet, is_packed, unpacking
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text.lines import HEADER_BYTES, check_text, decode
@@ -213,7 +212,7 @@ def _batches(
 
     own = [name for name in columns if name in content.schema_arrow.names]
     keys = {key: text for key, text in file.keys if key in columns and key not in own}
-    try:
+    with readable(file.path, "Parquet"):
         for batch in content.iter_batches(
             batch_size=DECODED, row_groups=groups, columns=own, use_threads=False
         ):
@@ -223,8 +222,6 @@ def _batches(
                 column = pa.DictionaryArray.from_arrays(code, pa.array([text]))
                 table = table.append_column(key, column)
             yield table
-    except (pa.ArrowException, OSError, ValueError, TypeError) as error:
-        raise unreadable(file.path, "Parquet", error) from None
 
 
 def open_table(
@@ -248,23 +245,18 @@ def open_table(
     ConfigError
         pyarrow is not installed.
     """
-    try:
-        import pyarrow as pa  # here: the extra may be missing
-        import pyarrow.parquet as pq
-    except ModuleNotFoundError:
-        raise ConfigError(
-            f"{file.path}: Parquet files need the extra parquet: {install('parquet')}"
-        ) from None
+    check_parquet(begin=f"{file.path}: ")
+    import pyarrow as pa  # here: the extra may be missing
+    import pyarrow.parquet as pq
+
     with named(file.path, InputError):
         if not os.path.getsize(file.place):
             raise InputError(
                 f"{file.path}: the file is empty; a part without objects has a schema and no rows"
             )
-    try:
+    with readable(file.path, "Parquet"):
         content = pq.ParquetFile(file.place, buffer_size=BYTES_OF_COLUMN, pre_buffer=False)
         schema = content.schema_arrow
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise unreadable(file.path, "Parquet", error) from None
     keys = [pa.field(key, pa.string()) for key, _ in file.keys if key not in schema.names]
     whole = pa.schema([*schema, *keys])
     try:

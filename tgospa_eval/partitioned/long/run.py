@@ -201,7 +201,11 @@ def repairs(
             component,
             (low, high),
             (low, high),
-            near=tuple(p for p in joined.pieces if p.low < high and p.high > low),
+            near=tuple(
+                replace(piece, low=max(piece.low, low), high=min(piece.high, high))
+                for piece in joined.pieces
+                if piece.low < high and piece.high > low
+            ),
             borders=tuple(borders),
             number=index,
             ends=(low <= component.window[0], high > component.window[1]),
@@ -343,7 +347,11 @@ def solve_long(
         rounds = number + 1
         stuck = 0 if width(best) < LITTLE_PROGRESS * width(before) else stuck + 1
         overlap *= 2
-    return _stored(best, f"{component.work}/result-{rounds}")
+    output = f"{component.work}/result-{rounds}"
+    if not Path(output).exists():
+        with writing_folder(output) as folder:
+            contribute(folder, share=best.share)
+    return replace(best, folders=(*best.folders, output))
 
 
 def better(first: ComponentBounds, second: ComponentBounds, gap: float) -> ComponentBounds:
@@ -360,14 +368,6 @@ def width(joined: ComponentBounds) -> float:
     """Of its bracket."""
     lower, upper = joined.share.bracket
     return upper - lower
-
-
-def _stored(joined: ComponentBounds, output: str) -> ComponentBounds:
-    """With the share in a folder like the others."""
-    if not Path(output).exists():
-        with writing_folder(output) as folder:
-            contribute(folder, share=joined.share)
-    return replace(joined, folders=(*joined.folders, output))
 
 
 def make_component(

@@ -229,12 +229,7 @@ def _warm_start(
 ) -> WarmStart:
     """What pieces say of the window: prices, and weights that are held where they can be."""
     low, high = around
-    pieces = tuple(
-        WindowPiece(folder=piece.folder, low=max(piece.low, low), high=min(piece.high, high))
-        for piece in near
-        if piece.low < high and piece.high > low
-    )
-    gains = load_pieces(pieces, "gains", None, GAIN)
+    gains = load_pieces(near, "gains", None, GAIN)
     gains = gains[np.lexsort((gains["estimate"], gains["truth"], gains["step"]))]
     gains = np.concatenate(
         (
@@ -246,10 +241,10 @@ def _warm_start(
     weights = hold_runs(
         states,
         np.ascontiguousarray(gains["weight"]),
-        renumbered(load_pieces(pieces, "holds", None, HELD), numbers, first),
+        renumbered(load_pieces(near, "holds", None, HELD), numbers, first),
         renumbered(_busy(gains[gains["weight"] > 0]), numbers, first),
     )
-    places = renumbered(load_pieces(pieces, "places", None, PRICE_AT), numbers, first)
+    places = renumbered(load_pieces(near, "places", None, PRICE_AT), numbers, first)
     none = np.zeros(0, np.int64)
     paid = SavedSolution(
         **dict.fromkeys(("truth", "estimate", "begin", "end"), none),

@@ -294,9 +294,9 @@ def test_wrong_resampling() -> None:
     with pytest.raises(ConfigError, match='method is "best": must be one of systematic, strat'):
         resample_cloud(X, U, 2, method="best")
     for size in (0, 1.5, True):
-        with pytest.raises(ConfigError, match="must be a whole number of particles, from 1"):
+        with pytest.raises(ConfigError, match="must be a whole number, 1 or more"):
             resample_cloud(X, U, size)
-        with pytest.raises(ConfigError, match="must be a whole number of particles, from 1"):
+        with pytest.raises(ConfigError, match="must be a whole number, 1 or more"):
             restrict_cloud(X, U, size)
     for offset in (1.1, -0.1, np.nan, [0.1, 0.2]):
         with pytest.raises(ConfigError, match=r"offset must be in \[0, 1\]|offset is nan"):
@@ -423,10 +423,10 @@ def test_large_coordinates_keep_their_digits() -> None:
     ("given_settings", "message"),
     [
         ({"method": "best"}, 'reduce-method is "best": must be one of sliced, recursive, atl'),
-        ({"iterations": 0}, "iterations is 0: must be a whole number, from 1"),
-        ({"restarts": 0}, "restarts is 0: must be a whole number, from 1"),
-        ({"polish": -1}, "polish is -1: must be a whole number, from 0"),
-        ({"seed": 0.5}, "seed is 0.5: must be a whole number, from 0"),
+        ({"iterations": 0}, "iterations is 0: must be a whole number, 1 or more"),
+        ({"restarts": 0}, "restarts is 0: must be a whole number, 1 or more"),
+        ({"polish": -1}, "polish is -1: must be a whole number, 0 or more"),
+        ({"seed": 0.5}, "seed is 0.5: must be a whole number, 0 or more"),
         ({"directions": 1}, "1 directions do not span 2 dimensions; give 2 at least"),
         ({"directions": [(1, 0), (2, 0)]}, "2 directions do not span 2 dimensions"),
         ({"directions": [1, 2, 3]}, r"directions have the shape \(3,\): must be \(V, 2\), finite"),
