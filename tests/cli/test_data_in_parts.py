@@ -20,9 +20,8 @@ import pytest
 
 from tgospa_eval.api.options import Request
 from tgospa_eval.campaign.store import locked
-from tgospa_eval.cli.evaluate import partitioned, work
+from tgospa_eval.cli.evaluate import in_parts, partitioned, work
 from tgospa_eval.cli.evaluate.work import work_folder
-from tgospa_eval.cli.shared import in_parts
 from tgospa_eval.cli.shared.click_options import OutputOptions, Size
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.partitioned import run, sides

@@ -92,8 +92,8 @@ def command(
     chosen, output = Request.of(options), OutputOptions.of(options)
     given = typed_options(ctx)
     _check(chosen, output, given, sweep=bool(sweep))
+    from tgospa_eval.cli.evaluate.in_parts import parts_in_words
     from tgospa_eval.cli.evaluate.run import evaluate_files, show
-    from tgospa_eval.cli.shared.in_parts import parts_in_words
 
     why = parts_in_words((truth, estimate), chosen)
     if why is not None:

@@ -6,10 +6,10 @@ from dataclasses import replace
 from tgospa_eval.api.notices import about_defaults
 from tgospa_eval.api.options import DEFAULTS, FITTING, SETTINGS, Request
 from tgospa_eval.api.resolve import make_settings
+from tgospa_eval.cli.evaluate.in_parts import memory_of
 from tgospa_eval.cli.evaluate.run import about_run, show
 from tgospa_eval.cli.evaluate.work import identity_of, work_folder
 from tgospa_eval.cli.shared.click_options import OutputOptions
-from tgospa_eval.cli.shared.in_parts import memory_of
 from tgospa_eval.cli.shared.progress import bracket, new_stopwatch, shown
 from tgospa_eval.cli.shared.streams import notifier, print_notice
 from tgospa_eval.cli.shared.writing import probed_folder

@@ -11,8 +11,8 @@ from pathlib import Path
 from tgospa_eval._version import __version__
 from tgospa_eval.api.options import Request
 from tgospa_eval.campaign.store import locked
+from tgospa_eval.cli.evaluate.in_parts import memory_of
 from tgospa_eval.cli.shared.click_options import OutputOptions
-from tgospa_eval.cli.shared.in_parts import memory_of
 from tgospa_eval.cli.shared.streams import interrupted, print_notice
 from tgospa_eval.common.files import named
 from tgospa_eval.common.machine import cores
