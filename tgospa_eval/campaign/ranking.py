@@ -9,6 +9,7 @@ the mean totals may be another, and `opposed` marks it.
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from tgospa_eval.campaign import SCHEMA
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import EQUAL, Interval, places, second_less_first, verdict
 from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.times import TimeError
 from tgospa_eval.formats.times import places as places_of_times
@@ -32,7 +34,8 @@ from tgospa_eval.problem.gospa import (
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.other_metrics import COMPARED
 from tgospa_eval.reports.phrases import RULES, Rule
-from tgospa_eval.results.numbers import outward
+from tgospa_eval.results.consistency import NEES, NeesSums
+from tgospa_eval.results.numbers import MEAN, SPLIT_PARTS, SPREAD, outward
 from tgospa_eval.results.records import PARTS, Columns, Json, OtherMetrics, Time
 from tgospa_eval.results.result import Result
 from tgospa_eval.tracks.alignment import Times
@@ -174,6 +177,10 @@ class RunOutcome:
         What it was judged on, as `Judged.record`.
     against : dict, optional
         Per-step GOSPA.
+    split : mapping of str to float
+        Parts of the cost of localisation, where the distance has any.
+    nees : NeesSums, optional
+        Whether covariances say how large errors are.
     """
 
     path: str
@@ -184,6 +191,8 @@ class RunOutcome:
     times: list[Time]
     judged: Mapping[str, Any]
     against: Json | None = None
+    split: Mapping[str, float] = field(default_factory=dict)
+    nees: NeesSums | None = None
 
 
 Entrants = Mapping[str, Sequence[RunOutcome]]
@@ -204,6 +213,8 @@ def outcome(path: str, result: Result, moments: Times, *, per_step: bool) -> Run
         times=result.labels.times,
         judged=result.judged,
         against=record,
+        split=result.split_parts,
+        nees=result.nees,
     )
 
 
@@ -251,6 +262,8 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
                 moments=own,
                 times=named,
                 judged=document["judged"],
+                split={name: document[name] for name in SPLIT_PARTS if name in document},
+                nees=NeesSums(**document[NEES]["sums"]) if NEES in document else None,
             )
         )
     return found
@@ -420,6 +433,7 @@ def ranking_document(
                 },
             }
         )
+    warnings = [*warnings, *(notice.record() for notice in _about_covariances(estimates))]
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -433,6 +447,25 @@ def ranking_document(
         "parameters": parameters,
         "warnings": warnings,
     }
+
+
+def _about_covariances(estimates: Sequence[Json]) -> Iterator[Notice]:
+    """What an order by a distance of covariances does not say: `estimates` are in this order."""
+    for item in estimates:
+        if item.get(NEES):
+            for notice in NeesSums(**item[NEES]["sums"]).warnings(item.get(SPREAD)):
+                yield notice.about(item["name"])
+    if len(estimates) < 2 or not all(MEAN in item for item in estimates):
+        return
+    first, least = estimates[0], min(estimates, key=lambda item: float(item[MEAN]))
+    if least[MEAN] < first[MEAN] * (1 - EQUAL):
+        costs = (number(item[MEAN], 4) for item in (least, first))
+        yield Notice(
+            code="order-by-covariances",
+            text=f"{least['name']} has smaller errors of means than {first['name']}, cost "
+            f"{' against '.join(costs)}: covariances make this order",
+            remedy="compare means and NEES as well, or --distance euclidean",
+        )
 
 
 def _estimate(
@@ -460,6 +493,12 @@ def _estimate(
         "runs": [run.run for run in runs],
         "per_step_gospa": step,
     }
+    if all(run.split.keys() == runs[0].split.keys() for run in runs):
+        item |= _means([dict(run.split) for run in runs]) or {}
+    nees = [run.nees for run in runs if run.nees is not None]
+    if len(nees) == len(runs):
+        joined = NeesSums.joined(nees)
+        item[NEES] = joined and joined.record()
     if step is not None:
         item["differences"] = list(differences(item, step, steps, order))
     return item

@@ -8,8 +8,8 @@ from tgospa_eval._version import __version__
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.distances import Effort
 from tgospa_eval.evaluation.localisation import (
+    pair_parts,
     rounded_coordinates,
-    split_localisation,
     within_rounding,
 )
 from tgospa_eval.evaluation.prepare import Fitted, Prepared, prepare
@@ -18,6 +18,8 @@ from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.metric_family import Parameters, check_underflow
 from tgospa_eval.problem.solution import Solution
+from tgospa_eval.results.consistency import NEES
+from tgospa_eval.results.numbers import SPREAD
 from tgospa_eval.results.records import Json, MetricSums, OtherMetrics
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers import Solver
@@ -128,13 +130,21 @@ def prove(
                 every=in_words(sliding.every),
             )
     with stopwatch.span("report"):
-        split = split_localisation(prepared, proof)
+        assigned = pair_parts(prepared, proof)
+        split = {name: float(costs.sum()) for name, costs in assigned.items()} or None
+        nees = None
+        if prepared.compared.estimate_covariance is not None:
+            from tgospa_eval.evaluation.consistency import pair_nees  # here: few have covariances
+
+            assigned[NEES], nees = pair_nees(proof, prepared.distance)
     recorded, judged = prepared.recorded()
     gap = solver.gap if solver.proves else GAP
     problem = prepared.states.problem
     return Result(
         proof=proof,
         split=split,
+        assigned=assigned,
+        nees=nees,
         traced=traced,
         slid=slid,
         labels=prepared.labels,
@@ -147,7 +157,11 @@ def prove(
         sizes=prepared.sizes,
         objects=(len(problem.truth_step), len(problem.estimate_step)),
         version=__version__,
-        warnings=(*within_rounding(bounds, gap), *rounded_coordinates(prepared, proof)),
+        warnings=(
+            *within_rounding(bounds, gap),
+            *rounded_coordinates(prepared, proof),
+            *(() if nees is None else nees.warnings(spread=(split or {}).get(SPREAD))),
+        ),
     )
 
 

@@ -8,8 +8,10 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.distances.base import Sides
 from tgospa_eval.evaluation.prepare import Prepared
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.readout import read_assigned
 from tgospa_eval.problem.solution import Bounds
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.results.numbers import MEAN, SPREAD
 from tgospa_eval.results.result import Proof
 
 LARGE = 1e7
@@ -66,33 +68,31 @@ BLOCK = 1 << 16
 """Pairs whose distances are taken apart at a time."""
 
 
-def split_localisation(prepared: Prepared, proof: Proof) -> dict[str, float] | None:
-    """Parts of the cost of localisation, which sum to it, if it has any."""
-    found = _split_of_distances(prepared.sides, prepared.distance, proof) or {}
+def pair_parts(prepared: Prepared, proof: Proof) -> dict[str, Floats]:
+    """Parts of the cost of each assigned pair (N,), which sum to it, if it has any."""
+    problem, scale = proof.states.problem, proof.parameters.scale
+    pairs = read_assigned(proof.states, proof.weights)
+    entry, weight = pairs.entry, pairs.weight
+    found = _parts_of_distances(prepared.sides, prepared.distance, proof, entry, weight)
     if prepared.existence is None:
-        return found or None
-    states, problem = proof.states, proof.states.problem
-    used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
-    entry, weight = states.entry[used], proof.weights[used] / ONE
-    scale = proof.parameters.scale
+        return found
     if not found:
         expected = weight * problem.share(entry) * problem.powers(entry)
-        found = {"expected_localisation": scale * float(expected.sum())}
-    mismatch = float(np.sum(weight * problem.mismatch(entry)))
-    return {**found, "existence_mismatch": scale * mismatch}
+        found = {"expected_localisation": scale * expected}
+    return {**found, "existence_mismatch": scale * weight * problem.mismatch(entry)}
 
 
-def _split_of_distances(sides: Sides, distance: Distance, proof: Proof) -> dict[str, float] | None:
-    """Cost of localisation by means and by spreads, if the cost is a square and has such parts."""
+def _parts_of_distances(
+    sides: Sides, distance: Distance, proof: Proof, entries: Ints, weights: Floats
+) -> dict[str, Floats]:
+    """Cost of pairs by means and by spreads, if the cost is a square and has such parts."""
     if proof.parameters.order != 2 or type(distance).parts is Distance.parts:
-        return None
-    states, problem = proof.states, proof.states.problem
-    used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
-    sums = [0.0, 0.0]
-    for begin in range(0, len(used) or 1, BLOCK):
-        state = used[begin : begin + BLOCK]
-        entry = states.entry[state]
-        share = problem.share(entry)
+        return {}
+    problem = proof.states.problem
+    costs = np.zeros((2, len(entries)))
+    for begin in range(0, len(entries) or 1, BLOCK):
+        part = slice(begin, begin + BLOCK)
+        entry = entries[part]
         pairs = Pairs(
             truth_row=problem.truth_row[entry],
             estimate_row=problem.estimate_row[entry],
@@ -100,7 +100,6 @@ def _split_of_distances(sides: Sides, distance: Distance, proof: Proof) -> dict[
         )
         parts = distance.parts(pairs, sides)
         if parts is None:
-            return None
-        for k, part in enumerate(parts):
-            sums[k] += float((share * proof.weights[state] / ONE) @ (part * part))
-    return {"localisation_mean": sums[0], "localisation_spread": sums[1]}
+            return {}
+        costs[:, part] = problem.share(entry) * weights[part] * np.square(parts)
+    return dict(zip((MEAN, SPREAD), costs, strict=True))

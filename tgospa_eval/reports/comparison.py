@@ -30,6 +30,8 @@ from tgospa_eval.reports.phrases import (
     unit_of,
 )
 from tgospa_eval.reports.rendering import Document, Table, as_markdown, rendered, table_of
+from tgospa_eval.results.consistency import ABOUT_COVARIANCES, NEES
+from tgospa_eval.results.numbers import MEAN, SPREAD
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text
 
 TIES = (
@@ -47,13 +49,20 @@ def estimates_document(document: Json) -> Document:
         tables=[
             _normalised_table(document, places=True),
             *_pair_tables(document),
-            _costs_table(document["estimates"]),
+            *_costs_tables(document["estimates"]),
             *_against_tables(document),
             *_other_tables(document),
         ],
-        notes=list(_ranking_notes(document)),
-        warnings=[str(Notice(**record)) for record in document["warnings"]],
+        notes=[*_warned(document, of_order=True), *_ranking_notes(document)],
+        warnings=[*_warned(document, of_order=False)],
     )
+
+
+def _warned(document: Json, *, of_order: bool) -> Iterator[str]:
+    """What looks wrong: with the data, or with an order by covariances, which stands below it."""
+    for record in document["warnings"]:
+        if (record["code"] in ABOUT_COVARIANCES) is of_order:
+            yield str(Notice(**record))
 
 
 def estimates_columns(document: Json) -> Columns:
@@ -66,6 +75,10 @@ def estimates_columns(document: Json) -> Columns:
     table |= columns(per_step, per_step[0], "normalised_")
     table |= columns(items, ("tgospa", "lower_bound", "total", "total_lower", *PARTS))
     table |= columns([item["counts"] for item in items], items[0]["counts"], "count_")
+    if all(item.get(NEES) for item in items):
+        table |= columns([item[NEES] for item in items], ("mean", "anees", "inside"), "nees_")
+    if all(MEAN in item for item in items):
+        table |= columns(items, (MEAN, SPREAD))
     steps = [item["per_step_gospa"] for item in items if item["per_step_gospa"] is not None]
     if steps:
         table["gospa_total"] = [step["total"] for step in steps]
@@ -145,8 +158,8 @@ def _normalised_table(document: Json, *, places: bool = False) -> Table:
     return table_of(columns, bold=frozenset((row, k) for row in best for k in range(2 + places)))
 
 
-def _costs_table(estimates: list[Json]) -> Table:
-    """Value, total and its parts, each in its own unit."""
+def _costs_tables(estimates: list[Json]) -> Iterator[Table]:
+    """Value, total and its parts, each in its own unit; and what there is of covariances."""
     roots = [Interval(lower=item["lower_bound"], upper=item["tgospa"]) for item in estimates]
     totals = [Interval(lower=item["total_lower"], upper=item["total"]) for item in estimates]
     columns = {
@@ -156,7 +169,27 @@ def _costs_table(estimates: list[Json]) -> Table:
     }
     for head, part in zip(PART_HEADS, PARTS, strict=True):
         columns[head] = [number(item[part], 5) for item in estimates]
-    return table_of(columns, bold=best_cells({1: roots, 2: totals}, [range(len(estimates))]))
+    yield table_of(columns, bold=best_cells({1: roots, 2: totals}, [range(len(estimates))]))
+    if all(item.get(NEES) for item in estimates):
+        yield _covariances_table(estimates)
+
+
+def _covariances_table(estimates: list[Json]) -> Table:
+    """Whether covariances say how large errors are, and what they cost."""
+    found = [item[NEES] for item in estimates]
+    columns = {"covariances": [item["name"] for item in estimates]}
+    for head, part in (("means", MEAN), ("spreads", SPREAD)):
+        if all(part in item for item in estimates):
+            columns[head] = [number(item[part], 5) for item in estimates]
+    columns["NEES"] = [_cell(record["mean"]) for record in found]
+    columns["ideal"] = [str(record["sums"]["components"]) for record in found]
+    columns["in 95 %"] = [_cell(record["inside"], "{:.1%}") for record in found]
+    columns["verdict"] = [record["verdict"] for record in found]
+    return table_of(columns)
+
+
+def _cell(value: float | None, form: str = "{:.4g}") -> str:
+    return "-" if value is None else form.format(value)
 
 
 def _pair_tables(document: Json) -> Iterator[Table]:

@@ -89,6 +89,7 @@ def _values(result: Summary, names: tuple[str, str]) -> dict[str, object]:
         "result": result,
         "number": number,
         "meaning": meaning(result),
+        "nees": "" if result.nees is None else result.nees.in_words,
         "score": "" if result.calibration is None else similarity_in_words(result),
         "parts": _parts(result),
         "per_step": result.quantity(result.normalised["tgospa"]),

@@ -194,6 +194,7 @@ def document(result: Summary) -> Document:
         tables=tables,
         notes=[
             *scored,
+            *(() if result.nees is None else (f"NEES {result.nees.in_words}",)),
             *similarity(result.with_),
             *about_slices(result.sliced, certified=result.certified),
             *(() if found is None else repair_notes(found)),
@@ -226,6 +227,8 @@ def _scale(result: Summary) -> Iterator[str]:
             yield from wrap(
                 f"  per object and step  {typical}  (total / {states} of the truth)^(1/p)", " " * 23
             )
+    if result.nees is not None:
+        yield from wrap(f"  NEES                 {result.nees.in_words}", " " * 23)
     if result.calibration is not None:
         yield f"  similarity           {similarity_in_words(result)}"
 

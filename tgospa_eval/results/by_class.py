@@ -12,6 +12,7 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.problem.solution import Bounds, Brackets, Breakdown
+from tgospa_eval.results.consistency import NeesSums
 from tgospa_eval.results.records import PARTS, Columns, Costs, Json, input_record
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.slices import Slicing, added_up
@@ -138,6 +139,7 @@ def add_up(results: dict[str, Result], files: Sequence[Json], read: float) -> By
         ),
         version=first.version,
         split=_sum_of_splits([part.split for part in parts]),
+        nees=NeesSums.joined([part.nees for part in parts if part.nees is not None]),
         sliced=tuple(added_up([part.sliced for part in parts])),
         warnings=tuple(dict.fromkeys(notice for part in parts for notice in part.warnings)),
     )

@@ -97,8 +97,9 @@ class Similarity:
 
 T = TypeVar("T")
 
+MEAN, SPREAD = "localisation_mean", "localisation_spread"
 SPLIT_PARTS = (
-    *("localisation_mean", "localisation_spread"),
+    *(MEAN, SPREAD),
     *("expected_localisation", "existence_mismatch"),
 )
 """Parts of the cost of localisation, those of which the distance, or the metric, knows."""

@@ -1,6 +1,7 @@
 """The result that a user holds. Knows no solver and no file."""
 
 from collections.abc import Mapping
+from dataclasses import field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -9,13 +10,15 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import spoken_in_python
-from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
 from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import States
+from tgospa_eval.results.consistency import NEES, mean_nees, or_none
 from tgospa_eval.results.records import Columns, Costs, Labels, as_lists, track_columns
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.results.summary import Summary
+from tgospa_eval.tracks.clouds import Clouds
 
 if TYPE_CHECKING:
     import os
@@ -42,8 +45,10 @@ class ComparedSides:
         States as they were read, before the distance prepared them, in the order of the rows of the
         problem, by step and track.
     truth_covariance, estimate_covariance : (R, d (d + 1) / 2) float arrays, optional
-        Lower triangles of the covariances of these states, of clouds the second moments: for
-        pictures alone.
+        Lower triangles of the covariances of these states, of clouds the second moments: for NEES
+        and pictures.
+    estimate_clouds : Clouds, optional
+        The particles of the estimate.
     """
 
     moments: NDArray[Any]
@@ -54,6 +59,7 @@ class ComparedSides:
     estimate: Floats
     truth_covariance: Floats | None = None
     estimate_covariance: Floats | None = None
+    estimate_clouds: Clouds | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,9 +116,13 @@ class Result(Summary):
         Times and ids, the gap that counts as exact, options, and how it was made.
     source : tuple, optional
         What was evaluated and how, as of `evaluation.prepare.source_of`.
+    assigned : mapping of str to (N,) float array
+        What is known of each assigned pair beside its cost, in the order of the table of
+        assignments: parts of the cost by name, and ``nees``.
     """
 
     proof: Proof
+    assigned: Mapping[str, Floats] = field(default_factory=dict)
     source: tuple[Any, Any] | None = None
 
     def explain(self, top: int = 10) -> "Explanation":
@@ -188,6 +198,7 @@ class Result(Summary):
             "weight": found.weight.tolist(),
             "distance": (cutoff * problem.powers(found.entry) ** (1 / p)).tolist(),
             "cost": (self.scale * problem.cost[found.entry] * found.weight).tolist(),
+            **{name: or_none(values) for name, values in self.assigned.items()},
         }
 
     def _switches(self) -> Columns:
@@ -207,4 +218,24 @@ class Result(Summary):
     def _per_track(self, k: int, ids: list[str]) -> Columns:
         costs = read_tracks(self.proof.states, self.proof.weights, k)
         steps = np.bincount(self.proof.states.problem.sides[k].track, minlength=len(ids))
-        return {"id": list(ids)} | as_lists(track_columns(k, steps, costs, self.scale))
+        table = {"id": list(ids)} | as_lists(track_columns(k, steps, costs, self.scale))
+        return table | self._of_assigned(("truth", "estimate")[k], len(ids))
+
+    def _per_step(self) -> Columns:
+        return super()._per_step() | self._of_assigned("step", len(self.labels.times))
+
+    def _of_assigned(self, by: str, size: int) -> Columns:
+        """Parts of the cost of localisation, and mean NEES, by step, truth or estimate."""
+        if not self.assigned:
+            return {}
+        found = read_assigned(self.proof.states, self.proof.weights)
+        index = getattr(found, by)
+        table: Columns = {
+            name: sum_by(index, values, size).tolist()
+            for name, values in self.assigned.items()
+            if name != NEES
+        }
+        if NEES in self.assigned:
+            components = len(self.proof.compared.columns)
+            table |= mean_nees(index, found.weight, self.assigned[NEES], components, size)
+        return table

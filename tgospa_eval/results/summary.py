@@ -21,6 +21,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.metric_family import POWER
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Brackets, Windows
+from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.numbers import (
     PROBABILITIES,
@@ -69,7 +70,7 @@ DOCUMENTED = (
 PUBLIC = (
     *(*DOCUMENTED, *SPLIT_PARTS, "worst", "warnings", "results"),
     *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
-    *("windows", "with_", "slices"),
+    *("windows", "with_", "slices", "nees"),
     *("metrics", "similarity", "gradient", "proof", "explain"),
     *("to_dict", "to_json", "to_html", "save"),
     *("plot_costs", "plot_cumulative", "plot_lanes", "plot_plane", "plot_windows"),
@@ -133,6 +134,8 @@ class Summary(ABC):
     sums : dict
         Of these what those of several recordings are joined from, by metric and name with a dot
         between; lists over the thresholds of HOTA.
+    nees : NeesSums, optional
+        Whether covariances say how large errors are, where the estimate has any.
     calibration : Calibration, optional
         Of `similarity`, if every output is to show it.
     settings_file : SettingsFile, optional
@@ -160,6 +163,7 @@ class Summary(ABC):
     with_: OtherMetrics = field(default_factory=dict)
     sliced: tuple[Slicing, ...] = ()
     sums: MetricSums = field(default_factory=dict)
+    nees: NeesSums | None = None
     calibration: Calibration | None = None
     settings_file: SettingsFile | None = None
     explained: Explanation | None = None
@@ -440,6 +444,7 @@ class Summary(ABC):
             **self.split_parts,
             **curve,
             **({"with": self.with_} if self.with_ else {}),
+            **({} if self.nees is None else {NEES: self.nees.record()}),
             **({} if self.calibration is None else {"similarity": asdict(self.similarity())}),
             **({"slices": [one.record() for one in self.sliced]} if self.sliced else {}),
             **({} if self.explained is None else {"explanation": self.explained.record()}),
@@ -473,7 +478,7 @@ class Summary(ABC):
         ``counts.switch``, ``normalised.tgospa``; where the distance has such parts also
         ``localisation_mean`` and ``localisation_spread``, with probabilities of existence
         ``expected_localisation`` and ``existence_mismatch``; other metrics that were asked for as
-        ``with.hota.HOTA``, and ``similarity``.
+        ``with.hota.HOTA``, ``similarity``, ``nees``, ``nees.anees`` and ``nees.inside``.
         """
         scored = {} if self.calibration is None else {"similarity": self.similarity().score}
         names = [*LOGGED, *self.split_parts]
@@ -481,6 +486,7 @@ class Summary(ABC):
         return {
             **{name: float(getattr(self, name)) for name in names},
             **scored,
+            **({} if self.nees is None else self.nees.numbers()),
             **_dotted(groups),
             **self.other_numbers,
         }

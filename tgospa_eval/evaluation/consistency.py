@@ -1,0 +1,101 @@
+"""NEES of the assigned pairs: errors in units of the covariances that the estimates have.
+
+    NEES = (a - b)' (P + R)^-1 (a - b)
+
+with the state a of the truth and b of the estimate, the covariance P of the estimate, of particles
+their second moments, and R of the truth, where it has one: its errors are independent of those of
+the filter, as of a reference that was measured apart.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.distances import Distance
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.readout import read_assigned
+from tgospa_eval.results.consistency import BINS, NeesSums, nees_sums
+from tgospa_eval.results.result import Proof
+from tgospa_eval.tracks import covariances
+from tgospa_eval.tracks.clouds import Clouds
+
+PAIRS_TOGETHER = 1 << 16
+"""Pairs whose particles are looked at together."""
+
+
+def pair_nees(proof: Proof, distance: Distance) -> tuple[Floats, NeesSums]:
+    """NEES of each pair of the reported assignment, NaN where its covariance is singular, and sums.
+
+    The estimate has covariances, or particles.
+    """
+    compared, problem = proof.compared, proof.states.problem
+    assert compared.estimate_covariance is not None
+    found = read_assigned(proof.states, proof.weights)
+    rows = problem.truth_row[found.entry], problem.estimate_row[found.entry]
+    packed = compared.estimate_covariance[rows[1]].T
+    if compared.truth_covariance is not None:
+        packed = packed + compared.truth_covariance[rows[0]].T
+    truth, estimate = compared.truth[rows[0]], compared.estimate[rows[1]]
+    periods, clouds = getattr(distance, "period", None), compared.estimate_clouds
+    nees = squared(apart(truth - estimate, periods).T, covariances.factor(packed))
+    histogram = None if clouds is None else ranks(truth, clouds, rows[1], found.weight, periods)
+    return nees, nees_sums(found, nees, truth.shape[1], histogram)
+
+
+def apart(differences: Floats, periods: Sequence[float] | None) -> Floats:
+    """Differences (N, d), the shorter way round where a component is periodic."""
+    if periods is None:
+        return differences
+    period = np.asarray(periods, np.float64)
+    finite = np.isfinite(period)
+    found = differences.copy()
+    half = 0.5 * period[finite]
+    found[:, finite] = np.remainder(found[:, finite] + half, period[finite]) - half
+    return found
+
+
+def squared(errors: Floats, factors: Floats) -> Floats:
+    """``e' (L L')^-1 e`` of errors (d, N) and packed lower factors; NaN where L is singular."""
+    d = len(errors)
+    solved = np.empty_like(errors)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for i in range(d):  # forward substitution, all pairs at a time
+            row = i * (i + 1) // 2
+            known = sum(factors[row + k] * solved[k] for k in range(i))
+            solved[i] = (errors[i] - known) / factors[row + i]
+        found: Floats = (solved * solved).sum(axis=0)
+    diagonal = factors[[i * (i + 3) // 2 for i in range(d)]]
+    found[(diagonal <= 0).any(axis=0) | ~np.isfinite(found)] = np.nan
+    return found
+
+
+def ranks(
+    truth: Floats,
+    clouds: Clouds,
+    rows: Ints,
+    weight: Floats,
+    periods: Sequence[float] | None = None,
+) -> Floats:
+    """How often the truth (N, d) is in each tenth of the marginal weights of its cloud, (d, 10).
+
+    Flat where particles are drawn from the posterior. The truth is one more draw beside N of them:
+    with a weight S below it, half of what is equal counted, it is anywhere between N S / (N + 1)
+    and (N S + 1) / (N + 1), N the effective number 1 / (sum of squared weights).
+    """
+    edges = np.linspace(0, 1, BINS + 1)
+    counts = np.zeros((truth.shape[1], BINS))
+    for begin in range(0, len(rows), PAIRS_TOGETHER):
+        part = slice(begin, begin + PAIRS_TOGETHER)
+        number = clouds.counts[rows[part]]
+        place = concatenated(clouds.first[rows[part]], number)
+        pair = np.repeat(np.arange(len(number)), number)
+        above = apart(clouds.points[place] - truth[part][pair], periods)
+        mass = clouds.weights[place]
+        draws = 1 / np.bincount(pair, mass * mass, minlength=len(number))
+        for k in range(truth.shape[1]):
+            below = (above[:, k] < 0) + 0.5 * (above[:, k] == 0)
+            share = np.bincount(pair, mass * below, minlength=len(number))
+            up_to = edges * (draws[:, None] + 1) - (draws * share)[:, None]
+            counts[k] += weight[part] @ np.diff(np.clip(up_to, 0, 1), axis=1)
+    return counts

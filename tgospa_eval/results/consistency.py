@@ -1,0 +1,240 @@
+"""Whether covariances say how large errors are: the NEES of assigned pairs, and its sums.
+
+    NEES = e' P^-1 e,   e the error of an assigned state, P its covariance,
+
+is chi-square distributed with d degrees of freedom where errors are Gaussian and P is theirs
+(Bar-Shalom, Li and Kirubarajan 2001, section 5.4.2); ANEES is its mean over d (Li, Zhao and Jilkov
+2001). The sums of several evaluations, or of pieces of one, add up.
+"""
+
+from collections.abc import Iterable
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import number
+from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.readout import AssignedPairs
+from tgospa_eval.results.records import Columns, Json
+
+NEES = "nees"
+"""Name of the column, and of the record."""
+
+ABOUT_COVARIANCES = ("overconfident", "underconfident", "order-by-covariances")
+"""Codes of notices."""
+
+INSIDE = 0.95
+"""Probability of the region that is counted, and of the bands."""
+
+EVIDENT = 0.999
+"""Probability of the band outside of which there is a warning."""
+
+FEWEST = 10
+"""Independent values below which there is no warning."""
+
+BINS = 10
+"""Of the histogram of ranks."""
+
+MOST_CORRELATED = 0.999
+"""Up to which a correlation is believed: some independent values are left."""
+
+
+def chi_square(share: float, freedom: Floats | float) -> Any:
+    """Quantiles of the chi-square distribution with so many degrees of freedom, > 0."""
+    from scipy.special import gammaincinv  # here: slow to import
+
+    return 2 * gammaincinv(np.asarray(freedom) / 2, share)
+
+
+def band(count: Floats | float, components: int, share: float = INSIDE) -> tuple[Any, Any]:
+    """Between which ends the mean of so many independent NEES is, with this probability."""
+    freedom = np.asarray(count) * components
+    low, high = (chi_square((1 + sign * share) / 2, freedom) / count for sign in (-1, 1))
+    return (low, high) if np.ndim(count) else (float(low), float(high))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NeesSums:
+    """What the numbers of all pairs are made of.
+
+    Parameters
+    ----------
+    components : int
+        d, of the states.
+    pairs : float
+        Assigned pairs with a NEES, by their weights.
+    singular : float
+        Assigned pairs without one: the covariance is singular, or there is none.
+    total, squares : float
+        Sums of the NEES and of its squares.
+    inside : float
+        Pairs inside the region of 95 %.
+    neighbours, products, ends : float
+        Of neighbouring steps of one pair of tracks: how many, the sum of the products of their
+        NEES, and of their sums.
+    ranks : (d, 10) tuple of tuple of float
+        Of particles: how often the truth is in each tenth of their marginal distribution.
+    """
+
+    components: int
+    pairs: float = 0.0
+    singular: float = 0.0
+    total: float = 0.0
+    squares: float = 0.0
+    inside: float = 0.0
+    neighbours: float = 0.0
+    products: float = 0.0
+    ends: float = 0.0
+    ranks: tuple[tuple[float, ...], ...] = ()
+
+    def plain(self) -> dict[str, Any]:
+        """As values of a row; `NeesSums(**values)` is the way back."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
+
+    @classmethod
+    def joined(cls, several: Iterable["NeesSums"]) -> "NeesSums | None":
+        """Those of several evaluations of states with as many components; None of none."""
+        each = [one.plain() for one in several]
+        if not each:
+            return None
+        found: dict[str, Any] = {"components": max(one["components"] for one in each)}
+        ranks = [np.array(one["ranks"]) for one in each if one["ranks"]]
+        if ranks:
+            found["ranks"] = tuple(map(tuple, np.sum(ranks, axis=0).tolist()))
+        for name in each[0].keys() - {"components", "ranks"}:
+            found[name] = float(sum(one[name] for one in each))
+        return cls(**found)
+
+    @property
+    def mean(self) -> float:
+        """Mean NEES; d of a calibrated filter."""
+        return self.total / self.pairs
+
+    @property
+    def independent(self) -> float:
+        """As many independent values have a mean that varies as much.
+
+        ``N (1 - r) / (1 + r)`` with the correlation r of neighbouring steps: errors of a filter
+        last for several.
+        """
+        if not self.pairs:
+            return 0.0
+        variance = self.squares / self.pairs - self.mean**2
+        if not self.neighbours or variance <= 0:
+            return self.pairs
+        centred = self.products - self.mean * self.ends + self.neighbours * self.mean**2
+        r = min(max(centred / self.neighbours / variance, 0.0), MOST_CORRELATED)
+        return max(self.pairs * (1 - r) / (1 + r), 1.0)
+
+    @property
+    def verdict(self) -> str:
+        """In a word, by the band of the mean."""
+        if not self.pairs:
+            return "no assigned state has a covariance"
+        low, high = band(self.independent, self.components)
+        if low <= self.mean <= high:
+            return "consistent"
+        return "overconfident" if self.mean > high else "underconfident"
+
+    def record(self) -> Json:
+        """That of the JSON: the numbers, and the sums that those of several runs are made of."""
+        low, high = band(self.independent, self.components) if self.pairs else (None, None)
+        return {
+            "mean": self.mean if self.pairs else None,
+            "anees": self.mean / self.components if self.pairs else None,
+            "lower": low,
+            "upper": high,
+            "independent_pairs": self.independent,
+            "inside": self.inside / self.pairs if self.pairs else None,
+            "verdict": self.verdict,
+            "sums": self.plain(),
+        }
+
+    def numbers(self) -> dict[str, float]:
+        """Those that are logged and judged, by name; none without a pair."""
+        if not self.pairs:
+            return {}
+        share = self.inside / self.pairs
+        return {
+            NEES: self.mean,
+            f"{NEES}.anees": self.mean / self.components,
+            f"{NEES}.inside": share,
+        }
+
+    @property
+    def in_words(self) -> str:
+        """Mean, what is expected of it, and what follows."""
+        if not self.pairs:
+            return f"none: {self.verdict}"
+        low, high = band(self.independent, self.components)
+        return (
+            f"{number(self.mean, 4)} where {self.components} is expected ({number(low, 3)} to "
+            f"{number(high, 3)}), {100 * self.inside / self.pairs:.1f} % of states inside "
+            f"{100 * INSIDE:g} %: {self.verdict}"
+        )
+
+    def warnings(self, spread: float | None) -> tuple[Notice, ...]:
+        """What a reader of the value alone should know; `spread` is the cost of covariances."""
+        if self.independent < FEWEST or not self.total:  # of equal files all errors are 0
+            return ()
+        low, high = band(self.independent, self.components, EVIDENT)
+        if low <= self.mean <= high:
+            return ()
+        size = "small" if self.mean > high else "large"
+        caveat = "" if spread is None else "; smaller covariances cost less, right or wrong"
+        return (
+            Notice(
+                code=self.verdict,
+                text=f"covariances are too {size} for the errors: NEES {self.in_words}",
+                remedy=f"compare NEES beside the value{caveat}",
+            ),
+        )
+
+
+def nees_sums(
+    found: AssignedPairs, nees: Floats, components: int, ranks: Floats | None = None
+) -> NeesSums:
+    """Of assigned pairs and the NEES (N,) of each, NaN where its covariance is singular."""
+    known = ~np.isnan(nees)
+    weight, values = found.weight[known], nees[known]
+    order = np.lexsort((found.step[known], found.estimate[known], found.truth[known]))
+    step, truth, estimate = (
+        column[known][order] for column in (found.step, found.truth, found.estimate)
+    )
+    next_to = (np.diff(step) == 1) & (np.diff(truth) == 0) & (np.diff(estimate) == 0)
+    first, second = values[order][:-1][next_to], values[order][1:][next_to]
+    return NeesSums(
+        components=components,
+        pairs=float(weight.sum()),
+        singular=float(found.weight[~known].sum()),
+        total=float(weight @ values),
+        squares=float(weight @ values**2),
+        inside=float(weight @ (values <= chi_square(INSIDE, components))),
+        neighbours=float(len(first)),
+        products=float(first @ second),
+        ends=float(first.sum() + second.sum()),
+        ranks=() if ranks is None else tuple(map(tuple, ranks.tolist())),
+    )
+
+
+def mean_nees(index: Ints, weight: Floats, nees: Floats, components: int, size: int) -> Columns:
+    """Mean NEES of pairs that share an index, and its band; None where there is no pair.
+
+    The band is that of independent errors, as those of the tracks of one step are.
+    """
+    known = ~np.isnan(nees)
+    count = sum_by(index[known], weight[known], size)
+    total = sum_by(index[known], (weight * nees)[known], size)
+    columns = np.full((3, size), np.nan)
+    some = count > 0
+    columns[:, some] = total[some] / count[some], *band(count[some], components)
+    names = (NEES, f"{NEES}_lower", f"{NEES}_upper")
+    return dict(zip(names, map(or_none, columns), strict=True))
+
+
+def or_none(values: Floats) -> list[float | None]:
+    """As plain numbers, None for NaN."""
+    return [None if value != value else value for value in values.tolist()]
