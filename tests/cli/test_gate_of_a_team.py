@@ -106,7 +106,9 @@ def test_noise_is_undecided_and_says_what_would_be_noticed(gate: Invoke) -> None
     (rule,) = groups(answer)["all"]["rules"]
     assert rule["verdict"] == "undecided by seeds"
     assert 0.03 < rule["inference"]["noticeable"] < 0.15
-    assert "they would notice a change of about +" in " ".join(gate().out.split())
+    text = gate().out
+    assert "they would notice a change of about +" in " ".join(text.split())
+    assert max(map(len, text.splitlines())) <= 80
 
 
 def test_an_equal_tracker_passes_and_nothing_can_be_tightened(gate: Invoke) -> None:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tgospa_eval.distances import Distance, gating, near_pairs
-from tgospa_eval.distances import gating as points
-from tgospa_eval.distances import gating as search
+from tgospa_eval.distances import Distance, near_pairs, pair_search
+from tgospa_eval.distances import pair_search as points
+from tgospa_eval.distances import pair_search as search
 from tgospa_eval.tracks.trajectories import Trajectories
 
 WAYS = {
@@ -28,7 +28,7 @@ def go(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if way != "as it is":
         monkeypatch.setattr(points, "MOST_PAIRS", 0)
     for name, value in WAYS[way].items():
-        monkeypatch.setattr(gating if name == "ROWS_TOGETHER" else search, name, value)
+        monkeypatch.setattr(pair_search if name == "ROWS_TOGETHER" else search, name, value)
 
 
 def table(step: np.ndarray, state: np.ndarray, steps: int) -> Trajectories:

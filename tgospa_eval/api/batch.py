@@ -13,7 +13,7 @@ from urllib.parse import quote
 import numpy as np
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.batch_job import (
+from tgospa_eval.api.batch_row import (
     NOT_WRITTEN,
     UNSEEN,
     JobTask,

@@ -112,7 +112,7 @@ def table(report: Report, width: int = WIDTH) -> str:
         lines += ["", f"* {UNPROVEN}"]
     lay = TextWrapper(width, "", "  ", break_on_hyphens=False, break_long_words=False)
     notes = [line for text in notes_of(report) for line in lay.wrap(visible(text))]
-    blocks = [[headline(report)], lines if len(lines) > 1 else [], notes]
+    blocks = [lay.wrap(headline(report)), lines if len(lines) > 1 else [], notes]
     if report.weakened:
         items = [line for text in report.weakened for line in lay.wrap(visible(f"- {text}"))]
         blocks.append([*lay.wrap(visible(weakened_title(report))), *items])

@@ -7,7 +7,7 @@ it. Which there are by name, and how to add one, is in `distances.registry`.
 from typing import TYPE_CHECKING
 
 from tgospa_eval.distances.base import Distance, Effort, Pairs
-from tgospa_eval.distances.gating import near_pairs
+from tgospa_eval.distances.pair_search import near_pairs
 from tgospa_eval.distances.registry import DISTANCES
 
 if TYPE_CHECKING:  # with `as`, which makes a name public

@@ -8,7 +8,7 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Effort, Pairs
-from tgospa_eval.distances.gating import prepared_pairs
+from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, comparable

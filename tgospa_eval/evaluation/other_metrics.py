@@ -19,7 +19,7 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import Effort
 from tgospa_eval.distances.boxes import overlaps
-from tgospa_eval.distances.gating import prepared_pairs, starts_of_steps
+from tgospa_eval.distances.pair_search import prepared_pairs, starts_of_steps
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.problem.gospa import per_step_gospa
 from tgospa_eval.problem.problem import Floats

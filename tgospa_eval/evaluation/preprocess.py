@@ -14,7 +14,7 @@ import numpy as np
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances.boxes import TRACKEVAL_EPS, overlaps
-from tgospa_eval.distances.gating import starts_of_steps
+from tgospa_eval.distances.pair_search import starts_of_steps
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.options import Flags

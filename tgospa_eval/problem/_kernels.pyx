@@ -2131,8 +2131,8 @@ cdef class Chain:
 
 # --- near points, and pairs chosen greedily ------------------------------------------------------
 #
-# The twins are in distances.gating and in points and pairing of evaluation.diagnosis, with the same
-# bits.
+# The twins are in distances.pair_search and in points and pairing of evaluation.diagnosis, with
+# the same bits.
 
 
 cdef inline double apart(const double* a, const double* b, const double* scale, Py_ssize_t size,

@@ -18,13 +18,13 @@ from tgospa_eval.results.consistency import NEES, mean_nees, or_none
 from tgospa_eval.results.records import Columns, Costs, Labels, as_lists, track_columns
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.results.summary import Summary
-from tgospa_eval.tracks.clouds import Clouds
 
 if TYPE_CHECKING:
     import os
 
     from tgospa_eval.results.explanation import Explanation
     from tgospa_eval.results.gradient import Gradient
+    from tgospa_eval.tracks.clouds import Clouds
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,7 +59,7 @@ class ComparedSides:
     estimate: Floats
     truth_covariance: Floats | None = None
     estimate_covariance: Floats | None = None
-    estimate_clouds: Clouds | None = None
+    estimate_clouds: "Clouds | None" = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

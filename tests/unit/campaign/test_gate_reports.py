@@ -181,7 +181,7 @@ def test_junit() -> None:
     assert failure is not None
     assert failure.get("message") == "total is 2, allowed is 1"
     assert root.findall("testsuite/testcase/system-out")[0].text == (
-        "warning: total is between 2 and 2, allowed is 1"
+        "warning: total is 2, allowed is 1"
     )
 
 

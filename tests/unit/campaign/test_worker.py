@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tgospa_eval.api import evaluate
-from tgospa_eval.api.batch_job import (
+from tgospa_eval.api.batch_row import (
     NOT_WRITTEN,
     UNSEEN,
     JobTask,

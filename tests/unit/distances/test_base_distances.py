@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tgospa_eval import ConfigError, InputError, evaluate
 from tgospa_eval.distances import DISTANCES, Distance, Haversine, IoU, Mahalanobis, Norm, near_pairs
-from tgospa_eval.distances import gating as search
+from tgospa_eval.distances import pair_search as search
 
 Invoke = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]

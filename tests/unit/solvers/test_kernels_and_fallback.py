@@ -282,10 +282,10 @@ def bytes_of(truth: np.ndarray, estimate: np.ndarray, solver: Certified | Sinkho
 @pytest.mark.parametrize("kind", [Certified, Sinkhorn])
 def test_threads_do_not_change_a_byte(kind: type, monkeypatch: pytest.MonkeyPatch) -> None:
     import tgospa_eval.solvers.batches as batches
-    from tgospa_eval.distances import gating
+    from tgospa_eval.distances import pair_search
 
     monkeypatch.setattr(batches, "BATCH_STATES", 100)
-    monkeypatch.setattr(gating, "ROWS_TOGETHER", 60)
+    monkeypatch.setattr(pair_search, "ROWS_TOGETHER", 60)
     truth, estimate = scene(11, 5, 6, 16, side=5.0)
     offsets = 1e4 * np.arange(5)[:, None, None, None]
     many = np.concatenate(list(truth[None] + offsets), axis=1)

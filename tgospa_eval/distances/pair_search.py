@@ -1,4 +1,7 @@
-"""Which pairs of one step are nearer than the cutoff: time and memory for the near pairs only."""
+"""Which pairs of one step are nearer than the cutoff: time and memory for the near pairs only.
+
+Some searches go further than that; the last word has `tgospa_problem` in `problem.metric_family`.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
