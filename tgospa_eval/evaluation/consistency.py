@@ -20,6 +20,9 @@ from tgospa_eval.results.result import Proof
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.clouds import Clouds
 
+LARGEST = 1e100
+"""Beyond it a covariance is as good as singular: sums of squares of NEES stay numbers."""
+
 PAIRS_TOGETHER = 1 << 16
 """Pairs whose particles are looked at together."""
 
@@ -56,7 +59,10 @@ def apart(differences: Floats, periods: Sequence[float] | None) -> Floats:
 
 
 def squared(errors: Floats, factors: Floats) -> Floats:
-    """``e' (L L')^-1 e`` of errors (d, N) and packed lower factors; NaN where L is singular."""
+    """``e' (L L')^-1 e`` of errors (d, N) and packed lower factors; NaN where L is singular.
+
+    Also where the value is larger than `LARGEST`.
+    """
     d = len(errors)
     solved = np.empty_like(errors)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -66,7 +72,7 @@ def squared(errors: Floats, factors: Floats) -> Floats:
             solved[i] = (errors[i] - known) / factors[row + i]
         found: Floats = (solved * solved).sum(axis=0)
     diagonal = factors[[i * (i + 3) // 2 for i in range(d)]]
-    found[(diagonal <= 0).any(axis=0) | ~np.isfinite(found)] = np.nan
+    found[(diagonal <= 0).any(axis=0) | ~(found <= LARGEST)] = np.nan
     return found
 
 

@@ -70,6 +70,8 @@ BLOCK = 1 << 16
 
 def pair_parts(prepared: Prepared, proof: Proof) -> dict[str, Floats]:
     """Parts of the cost of each assigned pair (N,), which sum to it, if it has any."""
+    if prepared.existence is None and type(prepared.distance).parts is Distance.parts:
+        return {}
     problem, scale = proof.states.problem, proof.parameters.scale
     pairs = read_assigned(proof.states, proof.weights)
     entry, weight = pairs.entry, pairs.weight

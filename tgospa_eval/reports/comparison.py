@@ -77,7 +77,7 @@ def estimates_columns(document: Json) -> Columns:
     table |= columns([item["counts"] for item in items], items[0]["counts"], "count_")
     if all(item.get(NEES) for item in items):
         table |= columns([item[NEES] for item in items], ("mean", "anees", "inside"), "nees_")
-    if all(MEAN in item for item in items):
+    if all(MEAN in item and SPREAD in item for item in items):
         table |= columns(items, (MEAN, SPREAD))
     steps = [item["per_step_gospa"] for item in items if item["per_step_gospa"] is not None]
     if steps:

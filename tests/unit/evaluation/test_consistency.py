@@ -53,6 +53,14 @@ def test_singular_covariances_have_no_nees_and_are_counted() -> None:
     assert result.metrics()["nees.anees"] == 1.0
 
 
+def test_covariances_as_good_as_none_are_no_numbers_of_the_json() -> None:
+    truth = Trajectories.from_array(np.zeros((3, 1, 1)))
+    estimate = Trajectories.from_array(np.ones((3, 1, 1)), covariance=np.array([[1e-250]]))
+    result = evaluate(truth, estimate, 10, 2, 5, distance="gaussian-wasserstein")
+    assert json.loads(result.to_json())["nees"]["sums"]["singular"] == 3
+    assert json.loads(result.to_json())["nees"]["mean"] is None
+
+
 def test_the_truth_has_errors_of_its_own() -> None:
     both = [
         Trajectories.from_array(np.full((1, 1, 1), place), covariance=np.full((1, 1, 1, 1), size))
@@ -207,6 +215,19 @@ def test_saved_results_are_compared_with_it(invoke: Invoke) -> None:
     answer = invoke("compare", "right", "sure", "-q")
     assert "overconfident" in answer.out
     assert answer.out.count("NEES") > 1
+    path = Path("sure/result.json")
+    saved = json.loads(path.read_text())
+    for name, value in [
+        ("pairs", "x"), ("pairs", -1), ("total", True), ("components", 2.5), ("ranks", [[1]]),
+        ("unknown", 1),
+    ]:  # fmt: skip
+        forged = saved | {"nees": {**saved["nees"], "sums": {**saved["nees"]["sums"], name: value}}}
+        path.write_text(json.dumps(forged))
+        answer = invoke("compare", "right", "sure", "-q")
+        assert answer.status == 3
+        assert "internal error" not in answer.err
+    path.write_text(json.dumps(saved | {"localisation_mean": "much"}))
+    assert "localisation_mean is" in invoke("compare", "right", "sure", "-q").err
 
 
 def test_the_warning_of_one_evaluation(invoke: Invoke) -> None:
