@@ -370,6 +370,17 @@ class Request(Values):
         choices=("motchallenge",),
         parts=FITTING,
     )
+    ignore: tuple[str, ...] = setting(
+        "Filters",
+        "--ignore SPEC",
+        "What is not judged: an estimate that follows an ignored truth costs nothing, nor does its "
+        "absence. Truths by a column (class=Van,Person, occlusion>1, height<25); marked: as the "
+        "columns ignored of TRUTH and excused of ESTIMATE say; outside-truth-steps: estimates at "
+        "times at which TRUTH has no row; truth-gaps: the straight line across gaps longer than "
+        "--max-gap. Repeatable.",
+        default=(),
+        parts=FITTING,
+    )
     unit: str | None = setting(
         "Output",
         "--unit TEXT",

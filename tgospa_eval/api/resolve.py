@@ -46,6 +46,7 @@ from tgospa_eval.tracks.existence import EXISTENCE
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.sides import Components
+    from tgospa_eval.evaluation.ignoring import Ignoring
     from tgospa_eval.evaluation.slicing import SliceBy
 
 
@@ -104,6 +105,7 @@ class Settings:
             **dict(self.reading.covariances()),
             **self.conversion.recorded,
             **({"preprocess": self.preprocess} if self.preprocess else {}),
+            **({"ignore": list(self.evaluation.ignoring.texts)} if self.evaluation.ignoring else {}),
         }
 
     def read(
@@ -166,7 +168,11 @@ class Settings:
             read = read[0], self._in_units_of_truth(read[0], read[1], given[1])
         with suppress(NothingLeftError) if self.one_of_many else nullcontext():
             self.check(read, names)
-        return self.preprocessed(read, names) if roles == ROLES else read
+        if roles != ROLES:
+            return read
+        read = self.preprocessed(read, names)
+        ignoring = self.evaluation.ignoring
+        return read if ignoring is None or len(read) < len(ROLES) else ignoring.mark(read, names)
 
     def read_side(
         self,
@@ -361,6 +367,9 @@ def _settings(options: Request) -> Settings:
         raise ConfigError("--similarity is of the mean over steps, not for --step-weights")
     measure = DistanceOptions(options)
     slices, columns = _slices(options)
+    ignoring = _ignoring(options)
+    if ignoring is not None:
+        columns = (*columns, *ignoring.columns)
     reading = ReadOptions(
         decimal=options.decimal,
         on_duplicate=options.on_duplicate,
@@ -394,6 +403,10 @@ def _settings(options: Request) -> Settings:
     each = _each(reading, measure, options)
     if not measure.is_record:  # whose angles are known when the columns are
         each = each[0], replace(each[1], conversion=conversion)
+    if ignoring is not None and ignoring.classes:
+        each = replace(
+            each[0], by_class=True, class_for="--ignore", also=ignoring.classes
+        ), each[1]
     if options.preprocess:
         if not measure.boxes:
             raise ConfigError("--preprocess motchallenge: looks at boxes; choose --distance iou")
@@ -423,6 +436,7 @@ def _settings(options: Request) -> Settings:
             slices=slices,
             step_weights=as_step_weights(options.step_weights, options.decimal),
             existence=options.existence,
+            ignoring=ignoring,
         ),
         measure=measure,
         reading=reading,
@@ -443,6 +457,36 @@ def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
 
     slices = parse_slices(options.slices, summed=options.summed or options.by is not None)
     return slices, columns_asked(slices)
+
+
+def _ignoring(options: Request) -> "Ignoring | None":
+    """What is not judged, if there is such."""
+    if not options.ignore:
+        return None
+    from tgospa_eval.evaluation.ignoring import GAPS, OUTSIDE, parse_ignoring  # here: as weights
+
+    if options.existence == "use":
+        raise ConfigError("--ignore and --existence use do not go together; leave one of them out")
+    found = parse_ignoring(
+        (options.ignore,) if isinstance(options.ignore, str) else options.ignore
+    )
+    if found.classes and options.by:
+        raise ConfigError(
+            "--ignore class=NAME: with --by class each class is judged by itself; choose one by "
+            "--class NAME"
+        )
+    made = options.interpolate == "truth" or options.resample is not None
+    if made and OUTSIDE in found.texts:
+        raise ConfigError(
+            f"--ignore {OUTSIDE}: the truth is interpolated to other times; --ignore {GAPS} leaves "
+            "its gaps out"
+        )
+    if GAPS in found.texts and not made:
+        raise ConfigError(
+            f"--ignore {GAPS}: is for --interpolate truth and --resample, whose --max-gap says "
+            "what a gap is"
+        )
+    return found
 
 
 def _of_tables(options: Request, side: str) -> tuple[str, ...]:

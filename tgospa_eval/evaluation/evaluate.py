@@ -17,6 +17,7 @@ from tgospa_eval.evaluation.request import EvaluationRequest, in_words
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.metric_family import Parameters, check_underflow
+from tgospa_eval.problem.readout import read_unjudged
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.numbers import SPREAD
@@ -145,6 +146,7 @@ def prove(
         split=split,
         assigned=assigned,
         nees=nees,
+        unjudged=read_unjudged(prepared.states, weights),
         traced=traced,
         slid=slid,
         labels=prepared.labels,

@@ -20,6 +20,7 @@ from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.metric_family import (
     Parameters,
     StepWeights,
+    ignore_states,
     tgospa_problem,
     weight_existence,
     weight_steps,
@@ -30,6 +31,7 @@ from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.results.result import ComparedSides, Result
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
+from tgospa_eval.tracks.ignored import EXCUSED, IGNORED, Mask, marks_of
 from tgospa_eval.tracks.judged import Judged, digest, judge, whole
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -94,6 +96,8 @@ class MeasuredSides(ComparedSides):
         What each step counts.
     existence : pair of (R,) float arrays, optional
         Probability of each row of either side.
+    unjudged : pair of (R,) bool arrays, optional
+        Ignored rows of the truth, excused rows of the estimate.
     """
 
     sides: tuple[Trajectories, Trajectories]
@@ -101,6 +105,7 @@ class MeasuredSides(ComparedSides):
     recorded: Callable[[], tuple[Mapping[str, Json], Judged]]
     step_weights: StepWeights | None = None
     existence: tuple[Floats, Floats] | None = None
+    unjudged: tuple[Mask, Mask] | None = None
 
     @property
     def input(self) -> Mapping[str, Json]:
@@ -110,6 +115,8 @@ class MeasuredSides(ComparedSides):
     def problem(self, pairs: Pairs, parameters: Parameters) -> Problem:
         """The problem of pairs that include all nearer than the cutoff."""
         problem = problem_of_pairs(self.sides, self.distance, pairs, parameters)
+        if self.unjudged is not None:
+            problem = ignore_states(problem, *self.unjudged)
         if self.existence is not None:
             problem = weight_existence(problem, *self.existence)
         if self.step_weights is not None:
@@ -282,8 +289,17 @@ def measure(
             if request.probabilistic
             else None
         ),
+        unjudged=unjudged_of(aligned, request),
     )
     return measured, pairs
+
+
+def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, Mask] | None:
+    """Ignored rows of the truth and excused rows of the estimate, if there are any."""
+    if request.ignoring is None:
+        return None
+    found = marks_of(aligned.truth, IGNORED), marks_of(aligned.estimate, EXCUSED)
+    return found if any(mask.any() for mask in found) else None
 
 
 def _recorded(
@@ -295,9 +311,12 @@ def _recorded(
     digests = [digest(side.seen_as(kinds), existence=likely) for side in sides.given]
     counts = aligned.truth.seen_as(kinds)
     is_whole = sides.read[0] is sides.given[0] and not aligned.left_out[0]
-    judged = judge(
-        sides.axis.horizon, counts, digests[0] if is_whole else digest(counts, existence=likely)
-    )
+    sha256 = digests[0] if is_whole else digest(counts, existence=likely)
+    unjudged = unjudged_of(aligned, request)
+    if unjudged is not None and unjudged[0].any():
+        counts = counts.chosen(np.flatnonzero(~unjudged[0]))
+        sha256 = hashlib.sha256(f"{sha256} {digest(counts)}".encode()).hexdigest()
+    judged = judge(sides.axis.horizon, counts, sha256)
     left_out = zip(aligned.left_out, sides.axis.left_out, strict=True)
     found = {
         role: input_record(file, sha256, {"grid": off_grid, "steps": off_steps})
@@ -338,6 +357,8 @@ def fit(
     else:
         axis, time_matching = placed(given), TimeMatching()
     truth, estimate = axis.sides
+    if request.ignoring is not None:
+        estimate = request.ignoring.excuse(estimate, given[0], time_matching.near, names)
     aligned = align(truth, estimate, time_matching, names)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(

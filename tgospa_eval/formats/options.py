@@ -198,6 +198,8 @@ class ReadOptions:
         ``"A:B"``: steps from A to B, both included; either end may be blank.
     classes : tuple of str, optional
         Rows of these classes.
+    also : tuple of str
+        Classes that a filter by class leaves in as well, as far as there are such.
     region : str, optional
         ``"x=-50:50,y=0:100"``: rows inside these ranges, ends included; either end may be blank.
     by_class : bool
@@ -245,6 +247,7 @@ class ReadOptions:
     boxes: bool = False
     time: str | None = None
     classes: tuple[str, ...] | None = None
+    also: tuple[str, ...] = ()
     region: str | None = None
     by_class: bool = False
     class_for: str = "--by class"

@@ -120,7 +120,20 @@ def meaning(result: Summary) -> list[tuple[str, str]]:
         ),
         *((WEIGHTED,) if "step_weights" in result.parameters else ()),
         *((UNCERTAIN,) if result.probabilistic else ()),
+        *_not_judged(result),
     ]
+
+
+def _not_judged(result: Summary) -> Iterator[tuple[str, str]]:
+    """What is ignored, in words."""
+    if result.ignored is not None:
+        truths, absorbed, excused = result.ignored.values()
+        yield (
+            "w, e",
+            f"not judged: {counted(int(truths), 'truth state')}, followed by {number(absorbed)} "
+            f"estimate states at no cost, and {counted(int(excused), 'excused estimate state')}. "
+            "With them it is no metric",
+        )
 
 
 def _unassigned(result: Summary) -> str:

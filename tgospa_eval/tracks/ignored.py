@@ -1,0 +1,57 @@
+"""States that are not judged: marks on the rows of truth and estimate."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.errors import InputError
+from tgospa_eval.text import quoted
+from tgospa_eval.tracks.trajectories import Trajectories
+
+IGNORED, EXCUSED = "ignored", "excused"
+"""Attributes: a truth that is not judged, an estimate that may be false for nothing."""
+
+Mask = NDArray[np.bool_]
+
+MEANINGS: Mapping[object, bool] = {
+    **dict.fromkeys((0.0, "0", "false", "no", ""), False),
+    **dict.fromkeys((1.0, "1", "true", "yes"), True),
+}
+"""What a mark may be; blank is not marked."""
+
+
+def marks_of(side: Trajectories, name: str) -> Mask:
+    """Which rows (R,) are marked in an attribute; none without it.
+
+    Raises
+    ------
+    InputError
+        A value is neither yes nor no.
+    """
+    given = side.attributes.get(name)
+    if given is None:
+        return np.zeros(len(side.step), bool)
+    if given.dtype.kind == "f":
+        found, odd = given == 1, ~((given == 0) | (given == 1) | np.isnan(given))
+    else:
+        meant = [MEANINGS.get(text.strip().lower()) for text in given.tolist()]
+        found = np.array([mark is True for mark in meant], bool)
+        odd = np.array([mark is None for mark in meant], bool)
+    if odd.any():
+        row = int(np.argmax(odd))
+        raise InputError(
+            f'column "{name}": id {quoted(side.ids[side.track[row]])} at '
+            f"t = {side.shown[side.step[row]]} is {quoted(str(given[row]))}; must be 0 or 1, false "
+            "or true"
+        )
+    return found
+
+
+def marked(side: Trajectories, name: str, rows: Mask) -> Trajectories:
+    """With these rows marked, beside those that are."""
+    if not rows.any():
+        return side
+    marks = (marks_of(side, name) | rows).astype(np.float64)
+    return replace(side, attributes={**side.attributes, name: marks})
