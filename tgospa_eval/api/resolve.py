@@ -105,7 +105,9 @@ class Settings:
             **dict(self.reading.covariances()),
             **self.conversion.recorded,
             **({"preprocess": self.preprocess} if self.preprocess else {}),
-            **({"ignore": list(self.evaluation.ignoring.texts)} if self.evaluation.ignoring else {}),
+            **(
+                {"ignore": list(self.evaluation.ignoring.texts)} if self.evaluation.ignoring else {}
+            ),
         }
 
     def read(
@@ -404,9 +406,7 @@ def _settings(options: Request) -> Settings:
     if not measure.is_record:  # whose angles are known when the columns are
         each = each[0], replace(each[1], conversion=conversion)
     if ignoring is not None and ignoring.classes:
-        each = replace(
-            each[0], by_class=True, class_for="--ignore", also=ignoring.classes
-        ), each[1]
+        each = replace(each[0], by_class=True, class_for="--ignore", also=ignoring.classes), each[1]
     if options.preprocess:
         if not measure.boxes:
             raise ConfigError("--preprocess motchallenge: looks at boxes; choose --distance iou")
@@ -467,9 +467,7 @@ def _ignoring(options: Request) -> "Ignoring | None":
 
     if options.existence == "use":
         raise ConfigError("--ignore and --existence use do not go together; leave one of them out")
-    found = parse_ignoring(
-        (options.ignore,) if isinstance(options.ignore, str) else options.ignore
-    )
+    found = parse_ignoring((options.ignore,) if isinstance(options.ignore, str) else options.ignore)
     if found.classes and options.by:
         raise ConfigError(
             "--ignore class=NAME: with --by class each class is judged by itself; choose one by "

@@ -37,6 +37,10 @@ DISTANCE_TOLERANCE = 1e-9
 """Of distances that are computed again, perhaps by another version of a library; relative."""
 
 
+WEIGHT, EXCUSED = MARKS = verify_tgospa.MARKS
+"""Columns of states that are not judged."""
+
+
 def proof_tables(
     compared: ComparedSides, problem: Problem, parameters: Parameters
 ) -> dict[str, str]:
@@ -52,24 +56,27 @@ def proof_tables(
         What turns costs into distances.
     """
     labels, times = compared.labels, times_of(compared)
+    marks = MARKS if problem.unjudged is not None else ("", "")
     ids = [_fields(names) for names in (labels.truths, labels.estimates)]
     tables = {
         f"{name}.csv": _csv(
-            ("id", "t", *compared.columns),
+            ("id", "t", *compared.columns, *([mark] if mark else [])),
             _chosen(names, side.track),
             _chosen(times, side.step),
             *(map(repr, column) for column in states.T.tolist()),
+            *([map("01".__getitem__, (side.unjudged ^ (mark == WEIGHT)).tolist())] if mark else []),
         )
-        for name, names, side, states in zip(
+        for name, names, side, states, mark in zip(
             ("truth", "estimate"),
             ids,
             problem.sides,
             (compared.truth, compared.estimate),
+            marks,
             strict=True,
         )
     }
     if compared.settings["distance"] not in CLOSED:
-        distance = parameters.cutoff * problem.cost ** (1 / parameters.order)
+        distance = parameters.cutoff * problem.powers(slice(None)) ** (1 / parameters.order)
         tracks = (side.track[side.row] for side in problem.sides)
         tables["distances.csv"] = _csv(
             ("truth", "estimate", "t", "distance"),
@@ -237,7 +244,11 @@ def _of_single_estimate(problem: Problem, entry: Ints, bits: int) -> Prices:
     entry = entry[np.argsort(-problem.entry_step[entry], kind="stable")]
     steps = problem.entry_step[entry].tolist()
     truths = problem.truth_track[problem.truth_row[entry]].tolist()
-    gains = [(1 << bits) - _whole(cost, bits) for cost in problem.cost[entry].tolist()]
+    prices = (side.price[side.row[entry]].tolist() for side in problem.sides)
+    gains = [
+        sum(_whole(price, bits) for price in both) - _whole(cost, bits)
+        for *both, cost in zip(*prices, problem.cost[entry].tolist(), strict=True)
+    ]
     change = _whole(float(np.max(problem.switch_price, initial=0.0)), bits)
     estimate = int(problem.estimate_track[problem.estimate_row[entry[0]]])
     found: Prices = Counter()
@@ -306,7 +317,7 @@ def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dic
     document = {
         "schema": verify_tgospa.SCHEMA,
         "version": __version__,
-        "parameters": proof_parameters(compared, parameters),
+        "parameters": proof_parameters(compared, parameters, proof.states.problem),
         "price_bits": bits,
         "weight_unit": ONE,
         "sha256": {
@@ -406,7 +417,9 @@ def _most_work(proof: Proof) -> float:
     ) * verify_tgospa.power_work(exponent, size, bits)
 
 
-def proof_parameters(compared: ComparedSides, parameters: Parameters) -> dict[str, object]:
+def proof_parameters(
+    compared: ComparedSides, parameters: Parameters, problem: Problem
+) -> dict[str, object]:
     """The parameters of the metric, as texts of the doubles used."""
     settings = compared.settings
     return {
@@ -414,6 +427,7 @@ def proof_parameters(compared: ComparedSides, parameters: Parameters) -> dict[st
         "order": repr(parameters.order),
         "switch_penalty": repr(parameters.switch_penalty),
         **({} if parameters.rho == 0.5 else {"rho": repr(parameters.rho)}),
+        **({} if problem.unjudged is None else {"masked": ", ".join(MARKS)}),
         "distance": settings["distance"],
         "columns": list(compared.columns),
         **{
