@@ -45,8 +45,8 @@ from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.existence import EXISTENCE
 
 if TYPE_CHECKING:
-    from tgospa_eval.evaluation.sides import Components
     from tgospa_eval.evaluation.ignoring import Ignoring
+    from tgospa_eval.evaluation.sides import Components
     from tgospa_eval.evaluation.slicing import SliceBy
 
 

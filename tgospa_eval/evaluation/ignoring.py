@@ -1,4 +1,4 @@
-"""Which states are not judged: rules by attributes of the truth, marks in files, steps without truth.
+"""Which states are not judged: rules by attributes of the truth, marks, steps without truth.
 
 What they do to the numbers is in `problem.metric_family.ignore_states`.
 """

@@ -34,11 +34,10 @@ def marks_of(side: Trajectories, name: str) -> Mask:
     if given is None:
         return np.zeros(len(side.step), bool)
     if given.dtype.kind == "f":
-        found, odd = given == 1, ~((given == 0) | (given == 1) | np.isnan(given))
+        meant = [MEANINGS.get(value) for value in np.nan_to_num(given).tolist()]
     else:
         meant = [MEANINGS.get(text.strip().lower()) for text in given.tolist()]
-        found = np.array([mark is True for mark in meant], bool)
-        odd = np.array([mark is None for mark in meant], bool)
+    found, odd = (np.array([mark is kind for mark in meant], bool) for kind in (True, None))
     if odd.any():
         row = int(np.argmax(odd))
         raise InputError(
