@@ -104,6 +104,11 @@ class Ignoring:
         return tuple(v for one in self.conditions if one.column == CLASS for v in one.values)
 
     @property
+    def gaps(self) -> bool:
+        """Whether gaps of an interpolated truth are."""
+        return GAPS in self.texts
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """Columns that readers should look for."""
         marks = (IGNORED, EXCUSED) if MARKED in self.texts else ()

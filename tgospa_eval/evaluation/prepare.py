@@ -353,7 +353,8 @@ def fit(
         truth, estimate = expected(truth, estimate, names)
     given = truth, estimate
     if placed is None:
-        axis = on_axis(given, time_matching, distance, names, request.parameters.cutoff)
+        across = IGNORED if request.ignoring is not None and request.ignoring.gaps else ""
+        axis = on_axis(given, time_matching, distance, names, request.parameters.cutoff, across)
     else:
         axis, time_matching = placed(given), TimeMatching()
     truth, estimate = axis.sides
