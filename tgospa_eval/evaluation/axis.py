@@ -14,7 +14,7 @@ from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, comparable
 from tgospa_eval.tracks.durations import SECOND, Duration, multiples
-from tgospa_eval.tracks.ignored import IGNORED, marks_of
+from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -343,9 +343,9 @@ def truth_gaps(
         return None
     narrow, estimate = axis.sides
     line = _made(
-        truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), IGNORED
+        truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_JUDGED
     ).side
-    rows = np.flatnonzero(marks_of(line, IGNORED))
+    rows = np.flatnonzero(marks_of(line, NOT_JUDGED))
     states = 0
     if len(rows) and len(estimate.step):
         line = line.chosen(rows, line.step[rows], line.times)

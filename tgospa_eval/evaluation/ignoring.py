@@ -125,27 +125,12 @@ class Ignoring:
             A mark is neither yes nor no.
         """
         truth, estimate = sides
-        if MARKED not in self.texts:  # columns of these names that were read for something else
-            truth, estimate = _unmarked(truth, IGNORED), _unmarked(estimate, EXCUSED)
-        else:
-            known = [
-                name in side.trajectories.attributes
-                for side, name in ((truth, IGNORED), (estimate, EXCUSED))
-            ]
-            if not any(known):
-                raise ConfigError(
-                    f"--ignore {MARKED}: {names[0]} has no column {IGNORED}, and {names[1]} no "
-                    f"column {EXCUSED}"
-                )
-            for side, name, column in zip(sides, names, (IGNORED, EXCUSED), strict=True):
-                try:
-                    marks_of(side.trajectories, column)
-                except InputError as error:
-                    raise InputError(f"{name}, {error}") from None
+        if MARKED in self.texts:
+            truth, estimate = _with_marks(sides, names)
         rows = np.zeros(truth.taken, bool)
         for one in self.conditions:
             rows |= _spelt(one, truth, names[0]).fits(_values(truth, one, names[0]))
-        return replace(truth, trajectories=marked(truth.trajectories, IGNORED, rows)), estimate
+        return replace(truth, trajectories=marked(truth.trajectories, rows)), estimate
 
     def excuse(
         self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]
@@ -157,7 +142,7 @@ class Ignoring:
         if len(theirs):
             mine, _ = joined_to(mine, theirs, tolerance, estimate.clock)
         _, there = found_at(mine, theirs)
-        return marked(estimate, EXCUSED, ~there[estimate.step])
+        return marked(estimate, ~there[estimate.step])
 
 
 def parse_ignoring(texts: Iterable[str]) -> Ignoring:
@@ -180,6 +165,8 @@ def parse_ignoring(texts: Iterable[str]) -> Ignoring:
                 f"--ignore {quoted(text)}: must be COLUMN=VALUE[,VALUE], COLUMN<NUMBER, "
                 f"COLUMN>NUMBER, {MARKED}, {OUTSIDE} or {GAPS}, such as class=Van or occlusion>1"
             )
+        if match[1] == CLASS and match[2] != "=":
+            raise ConfigError(f"--ignore {quoted(text)}: classes are compared by =")
         if match[2] != "=" and (len(values) > 1 or parsed(values[0]) is None):
             raise ConfigError(
                 f"--ignore {quoted(text)}: {quoted(match[3])} is no plain, finite number"
@@ -188,12 +175,24 @@ def parse_ignoring(texts: Iterable[str]) -> Ignoring:
     return Ignoring(texts=given, conditions=tuple(conditions))
 
 
-def _unmarked(side: Reading, name: str) -> Reading:
-    known = side.trajectories.attributes
-    if name not in known:
-        return side
-    kept = {other: values for other, values in known.items() if other != name}
-    return replace(side, trajectories=replace(side.trajectories, attributes=kept))
+def _with_marks(sides: Sequence[Reading], names: Sequence[str]) -> list[Reading]:
+    """Both sides with the marks of their columns."""
+    columns = (IGNORED, EXCUSED)
+    if not any(
+        column in side.trajectories.attributes for side, column in zip(sides, columns, strict=True)
+    ):
+        raise ConfigError(
+            f"--ignore {MARKED}: {names[0]} has no column {IGNORED}, and {names[1]} no column "
+            f"{EXCUSED}"
+        )
+    found = []
+    for side, name, column in zip(sides, names, columns, strict=True):
+        try:
+            rows = marks_of(side.trajectories, column)
+        except InputError as error:
+            raise InputError(f"{name}, {error}") from None
+        found.append(replace(side, trajectories=marked(side.trajectories, rows)))
+    return found
 
 
 def _values(truth: Reading, rule: Condition, name: str) -> Values:
