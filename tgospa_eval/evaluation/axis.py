@@ -184,11 +184,10 @@ def _interpolated(
         pair, near = _near(made.side, other, matching, distance, cutoff)
         found = np.unique(pair.estimate.times[pair.estimate.step[near.estimate_row]])
         silences = _silences(side, other, found, matching, names)
-        charged = silences is not None and silences.charged and len(silences.ticks)
-        if charged:
-            union = np.union1d(other.times, silences.ticks)
-            other = _stamped(union, other, other.clock, side)
-        if charged or across:
+        charged = silences.ticks if silences is not None and silences.charged else other.times[:0]
+        if len(charged):
+            other = _stamped(np.union1d(other.times, charged), other, other.clock, side)
+        if len(charged) or across:
             made = make(other, across=across)
     sides = (made.side, axis.sides[1]) if which == 0 else (axis.sides[0], made.side)
     return replace(axis, sides=sides, made=((str(matching.interpolate), made),), silences=silences)

@@ -112,7 +112,10 @@ def row_costs(states: States, weights: Ints) -> RowCosts:
 
 def _judged(truths: Objects) -> Floats:
     """1 for each row that is judged."""
-    return np.ones(len(truths.step)) if truths.unjudged is None else 1.0 - truths.unjudged
+    judged = np.ones(len(truths.step))
+    if truths.unjudged is not None:
+        judged[truths.unjudged] = 0.0
+    return judged
 
 
 def _row_at(truths: Objects, track: Ints, step: Ints) -> Ints:
