@@ -1,5 +1,6 @@
 """From a request to records, and with them to two sides that fit each other."""
 
+import math
 import os
 from collections.abc import Iterable, Sequence
 from contextlib import nullcontext, suppress
@@ -105,9 +106,7 @@ class Settings:
             **dict(self.reading.covariances()),
             **self.conversion.recorded,
             **({"preprocess": self.preprocess} if self.preprocess else {}),
-            **(
-                {"ignore": list(self.evaluation.ignoring.texts)} if self.evaluation.ignoring else {}
-            ),
+            **({} if self.evaluation.ignoring is None else self.evaluation.ignoring.recorded),
         }
 
     def read(
@@ -461,13 +460,22 @@ def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
 
 def _ignoring(options: Request) -> "Ignoring | None":
     """What is not judged, if there is such."""
+    speed = options.max_speed or 0.0
+    if options.max_speed is not None and not (
+        "truth-gaps" in options.ignore and 0 <= speed < math.inf
+    ):
+        raise ConfigError(
+            f"--max-speed {speed:g}: must be >= 0 and finite, and is for --ignore truth-gaps"
+        )
     if not options.ignore:
         return None
     from tgospa_eval.evaluation.ignoring import GAPS, OUTSIDE, parse_ignoring  # here: as weights
 
     if options.existence == "use":
         raise ConfigError("--ignore and --existence use do not go together; leave one of them out")
-    found = parse_ignoring((options.ignore,) if isinstance(options.ignore, str) else options.ignore)
+    found = parse_ignoring(
+        (options.ignore,) if isinstance(options.ignore, str) else options.ignore, speed
+    )
     if found.classes and options.by:
         raise ConfigError(
             "--ignore class=NAME: with --by class each class is judged by itself; choose one by "

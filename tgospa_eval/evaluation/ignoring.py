@@ -93,15 +93,25 @@ class Ignoring:
         As given.
     conditions : tuple of Condition
         Rows of the truth that are ignored.
+    max_speed : float
+        How fast truths may leave the line across a gap, in units of states per second, or per unit
+        of the stamps.
     """
 
     texts: tuple[str, ...] = ()
     conditions: tuple[Condition, ...] = ()
+    max_speed: float = 0.0
 
     @property
     def classes(self) -> tuple[str, ...]:
         """Classes of the truth that are ignored."""
         return tuple(v for one in self.conditions if one.column == CLASS for v in one.values)
+
+    @property
+    def recorded(self) -> dict[str, object]:
+        """What changes the number, by the names of the JSON."""
+        speed = {"max_speed": self.max_speed} if self.max_speed else {}
+        return {"ignore": list(self.texts), **speed}
 
     @property
     def gaps(self) -> bool:
@@ -145,8 +155,8 @@ class Ignoring:
         return marked(estimate, ~there[estimate.step])
 
 
-def parse_ignoring(texts: Iterable[str]) -> Ignoring:
-    """What each of the texts asks for.
+def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
+    """What each of the texts asks for; `max_speed` is for gaps.
 
     Raises
     ------
@@ -172,7 +182,7 @@ def parse_ignoring(texts: Iterable[str]) -> Ignoring:
                 f"--ignore {quoted(text)}: {quoted(match[3])} is no plain, finite number"
             )
         conditions.append(Condition(text=text, column=match[1], sign=match[2], values=values))
-    return Ignoring(texts=given, conditions=tuple(conditions))
+    return Ignoring(texts=given, conditions=tuple(conditions), max_speed=max_speed)
 
 
 def _with_marks(sides: Sequence[Reading], names: Sequence[str]) -> list[Reading]:
