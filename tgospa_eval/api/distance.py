@@ -147,6 +147,7 @@ class DistanceOptions:
         moments = self.named.name == "gaussian-wasserstein" and not self.is_record
         of_gaussians = moments or of_pairs
         of_norms = (isinstance(self.named, Norm) and not self.is_record) or moments
+        of_heights = self.named.name == "geodesic" and not self.is_record
         zero = options.missing_cov != "error"
         of_clouds = self.named.name == "cloud-wasserstein" and not self.is_record
         for name, given, allowed, whose in (
@@ -161,6 +162,7 @@ class DistanceOptions:
             ("missing-cov", zero, of_gaussians, "gaussian-wasserstein"),
             ("mixed", self.mixed != "error", moments, "gaussian-wasserstein"),
             ("covariance", self.path is not None, of_matrix, "mahalanobis"),
+            ("vertical-weight", options.vertical_weight is not None, of_heights, "geodesic"),
             *((name, True, of_clouds, "cloud-wasserstein") for name in given_particles(options)),
         ):
             if given and not allowed:
@@ -174,6 +176,8 @@ class DistanceOptions:
             from tgospa_eval.distances.mahalanobis import PairMahalanobis
 
             self.named = PairMahalanobis()
+        if options.vertical_weight is not None:
+            self.named = _with(self.named, vertical_weight=options.vertical_weight)
         if moments:
             self.named = _with(self.named, mixed=self.mixed)
         if of_clouds:
@@ -188,7 +192,9 @@ class DistanceOptions:
 
     def fault(self, columns: tuple[str, ...], axes: Floats) -> Fault | None:
         """Which states (d, R) the distance cannot compare, if it needs such columns."""
-        return self.named.fault(axes) if self.named.columns == columns else None
+        needed = self.named.columns
+        fits = needed is not None and columns[: len(needed)] == needed
+        return self.named.fault(axes) if fits else None
 
     def distance(self, columns: tuple[str, ...]) -> Distance:
         """The distance of states with these columns.

@@ -15,7 +15,7 @@ from tgospa_eval.text import quoted
 
 # Spelled out here, because importing the members costs numpy; tests hold them together.
 DISTANCES = (
-    *("euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "iou"),
+    *("euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "geodesic", "iou"),
     *("gaussian-wasserstein", "cloud-wasserstein"),
 )
 SOLVERS = ("certified", "exact", "sinkhorn")
@@ -167,7 +167,8 @@ class Request(Values):
         "Metric",
         "--distance NAME",
         "Distance between two states: euclidean, manhattan, chebyshev, mahalanobis, haversine "
-        "(metres, from lat,lon), iou (1 - IoU of boxes left,top,width,height), "
+        "(metres on a sphere, from lat,lon), geodesic (on the ellipsoid, also with heights, from "
+        "lat,lon,alt), iou (1 - IoU of boxes left,top,width,height), "
         "gaussian-wasserstein (means and covariances) or cloud-wasserstein (particles, with a "
         "column weight).",
         default="euclidean",
@@ -179,6 +180,13 @@ class Request(Values):
         "Covariance matrix for mahalanobis: a CSV file without header, with a row and a column for "
         "each state column.",
         kind="path",
+    )
+    vertical_weight: float | None = setting(
+        "Metric",
+        "--vertical-weight W",
+        "With --distance geodesic of lat,lon,alt: how much a metre of height counts, beside one "
+        "along the surface.",
+        shown="1",
     )
     periodic: tuple[str, ...] = setting(
         "Metric",
