@@ -136,8 +136,8 @@ class DistanceOptions:
     def __init__(self, options: Request) -> None:
         self.named = as_distance(options.distance)
         self.is_record = not isinstance(options.distance, str)
-        self.period = _numbers("periodic", options.periodic, 2 * math.pi)
-        self.scale = _numbers("scale", options.scale)
+        self.period = numbers_by_name("periodic", options.periodic, 2 * math.pi)
+        self.scale = numbers_by_name("scale", options.scale)
         self.path = options.covariance
         self.mixed = options.mixed
         self.boxes = self.named.columns == BOX
@@ -257,7 +257,9 @@ def _mahalanobis(given: "str | ArrayLike", decimal: str) -> Distance:
         raise InputError(f"{given}: {error}") from None
 
 
-def _numbers(option: str, items: Sequence[str], default: float | None = None) -> dict[str, float]:
+def numbers_by_name(
+    option: str, items: Sequence[str], default: float | None = None
+) -> dict[str, float]:
     """Numbers by name of ``name=number,name=number``."""
     found: dict[str, float] = {}
     for item in (part.strip() for text in items for part in str(text).split(",")):

@@ -335,6 +335,19 @@ class Request(Values):
         "but for --periodic ones: 1000 makes metres of kilometres.",
         default=1.0,
     )
+    truth_scale: tuple[str, ...] = setting(
+        "Files",
+        "--truth-scale NAME=FACTOR",
+        "State columns of TRUTH are multiplied by this, with covariances and particles: "
+        "alt=0.3048 makes metres of feet, alt=30.48 of flight levels. Several with commas.",
+        default=(),
+    )
+    estimate_scale: tuple[str, ...] = setting(
+        "Files",
+        "--estimate-scale NAME=FACTOR",
+        "--truth-scale for ESTIMATE: x=1000,y=1000 makes metres of kilometres.",
+        default=(),
+    )
     time: str | None = setting(
         "Filters",
         "--time A:B",

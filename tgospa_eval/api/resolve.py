@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.api.distance import DistanceOptions
+from tgospa_eval.api.distance import DistanceOptions, numbers_by_name
 from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request
 from tgospa_eval.api.places import check_places
 from tgospa_eval.common.frozen import dataclass
@@ -65,8 +65,8 @@ class Settings:
         The same, with columns and classes of the truth and of the estimate.
     formats : pair of str or None
         Format of truth and estimate; None is guessed.
-    conversion : Conversion
-        From the stamps and states of the estimate to those of the truth.
+    conversions : pair of Conversion
+        From the stamps and states of truth and estimate to those that are compared.
     of_tables : pair of tuple of str
         Options for truth and estimate that only what has rows and headers can follow.
     preprocess : str, optional
@@ -82,7 +82,7 @@ class Settings:
     reading: ReadOptions
     each: tuple[ReadOptions, ReadOptions]
     formats: tuple[str | None, str | None]
-    conversion: Conversion
+    conversions: tuple[Conversion, Conversion]
     of_tables: tuple[tuple[str, ...], tuple[str, ...]]
     preprocess: str | None
     similarity: Calibration | None = None
@@ -102,7 +102,11 @@ class Settings:
                 if options.classes and options.classes != self.reading.classes
             },
             **dict(self.reading.covariances()),
-            **self.conversion.recorded,
+            **{
+                name: value
+                for role, conversion in zip(ROLES, self.conversions, strict=True)
+                for name, value in conversion.recorded_of(role).items()
+            },
             **({"preprocess": self.preprocess} if self.preprocess else {}),
         }
 
@@ -163,7 +167,8 @@ class Settings:
         read = filled(sides, self.evaluation.distance)
         check_as_long(given, read)
         if len(read) == len(ROLES):
-            read = read[0], self._in_units_of_truth(read[0], read[1], given[1])
+            read = self._converted(read, 0, given), read[1]
+            read = read[0], self._converted(read, 1, given)
         with suppress(NothingLeftError) if self.one_of_many else nullcontext():
             self.check(read, names)
         return self.preprocessed(read, names) if roles == ROLES else read
@@ -207,25 +212,23 @@ class Settings:
         made = of_object(given, role, self.evaluation.distance, components)
         return Reading(trajectories=made, rows=len(made.step), format="")
 
-    def _in_units_of_truth(
-        self, truth: Reading, estimate: Reading, given: "TrajectoriesLike | Reading"
-    ) -> Reading:
-        """The estimate with the stamps and states that are asked for, if reading left that open."""
-        conversion, distance = self.conversion, self.evaluation.distance
-        if not conversion.recorded:
-            return estimate
-        if self.each[1].conversion.recorded and (
-            is_path(given) or as_frame(given, "estimate") is not None
+    def _converted(self, read: tuple[Reading, ...], side: int, given: Sequence[object]) -> Reading:
+        """A side with the stamps and states that are asked for, if reading left that open."""
+        conversion, distance = self.conversions[side], self.evaluation.distance
+        role, found = ROLES[side], read[side]
+        if not conversion.recorded_of(role):
+            return found
+        if self.each[side].conversion.recorded_of(role) and (
+            is_path(given[side]) or as_frame(given[side], role) is not None
         ):
-            return estimate
+            return found
         if conversion.unit_scale != 1:
-            check_columns(truth.trajectories, estimate.trajectories)
-            check_states(truth.trajectories, estimate.trajectories, distance)
-            settings = self.measure.distance(truth.trajectories.columns).settings(
-                truth.trajectories.columns
-            )
+            truth, estimate = (one.trajectories for one in read)
+            check_columns(truth, estimate)
+            check_states(truth, estimate, distance)
+            settings = self.measure.distance(truth.columns).settings(truth.columns)
             conversion = replace(conversion, angles=tuple(settings.get("periodic", ())))
-        return replace(estimate, trajectories=conversion(estimate.trajectories, "estimate"))
+        return replace(found, trajectories=conversion(found.trajectories, role))
 
     def preprocessed(
         self, sides: tuple[Reading, ...], paths: tuple[str, ...]
@@ -386,14 +389,22 @@ def _settings(options: Request) -> Settings:
         time_scale=options.time_scale,
         unit_scale=options.unit_scale,
         angles=tuple(measure.period),
+        scale=tuple(numbers_by_name("estimate-scale", options.estimate_scale).items()),
     )
-    if measure.is_record and conversion.recorded and (options.time or options.region):
+    of_truth = Conversion(
+        scale=tuple(numbers_by_name("truth-scale", options.truth_scale).items()),
+        scale_option="--truth-scale",
+    )
+    if measure.is_record and conversion.recorded_of(ROLES[1]) and (options.time or options.region):
         raise ConfigError(
             "--time and --region are in the units of the truth: choose the distance by its name"
         )
     each = _each(reading, measure, options)
     if not measure.is_record:  # whose angles are known when the columns are
-        each = each[0], replace(each[1], conversion=conversion)
+        each = (
+            replace(each[0], conversion=of_truth),
+            replace(each[1], conversion=conversion),
+        )
     if options.preprocess:
         if not measure.boxes:
             raise ConfigError("--preprocess motchallenge: looks at boxes; choose --distance iou")
@@ -428,7 +439,7 @@ def _settings(options: Request) -> Settings:
         reading=reading,
         each=each,
         formats=(options.truth_format, options.estimate_format),
-        conversion=conversion,
+        conversions=(of_truth, conversion),
         of_tables=(_of_tables(options, "truth"), _of_tables(options, "estimate")),
         preprocess=options.preprocess,
         similarity=_calibration(options),
