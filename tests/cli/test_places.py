@@ -23,7 +23,7 @@ def test_heights_in_feet_have_a_factor_of_their_own() -> None:
 def test_scales_of_columns_are_those_of_arrays_and_covariances() -> None:
     truth = np.zeros((3, 1, 2))
     options = {"cutoff": 5, "switch_penalty": 1}
-    found = evaluate(truth, truth + [0.001, 1], **options, estimate_scale=("x=1000",))
+    found = evaluate(truth, truth + np.array([0.001, 1]), **options, estimate_scale=("x=1000",))
     assert found.total == pytest.approx(3 * 2)
     spread = pd.DataFrame({"id": 1, "t": [0], "x": 0.0, "cov_xx": 1.0})
     wide = {"distance": "gaussian-wasserstein", **options, "estimate_scale": "x=3"}

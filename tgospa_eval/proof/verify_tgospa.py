@@ -37,10 +37,11 @@ WORK, MEGABYTE = 5e6, 10**6  # microseconds, about, for a folder of so many byte
 ANY, MAY = type("number or text", (), {}), None  # ANY is also a list or a matrix of these
 RECORDED = """cutoff order switch_penalty rho step_weights existence distance covariance periodic
     scale vertical_weight columns truth_columns estimate_columns truth_format estimate_format
-    time_tolerance grid interpolate max_gap time_offset time_scale unit_scale truth_scale estimate_scale on_duplicate
-    on_invalid steps resample outage decimal time class_ truth_class estimate_class region by
-    preprocess unit solver gap epsilon time_limit fix_cov missing_cov mixed cloud_order inner
-    inner_cov reduce reduce_method directions iterations restarts polish seed no_gating pairwise"""
+    time_tolerance grid interpolate max_gap time_offset time_scale unit_scale truth_scale
+    estimate_scale on_duplicate on_invalid steps resample outage decimal time class_ truth_class
+    estimate_class region by preprocess unit solver gap epsilon time_limit fix_cov missing_cov
+    mixed cloud_order inner inner_cov reduce reduce_method directions iterations restarts polish
+    seed no_gating pairwise"""
 ORIGIN = {"class": str, "classes": [str], "options": {MAY: dict.fromkeys(RECORDED.split(), ANY)}}
 ORIGIN |= {"inputs": {side: {"path": str, "sha256": str} for side in ("truth", "estimate")}}
 ORIGIN["judged"] = dict.fromkeys(("steps", "truth_states", "truth_steps"), int)
