@@ -183,9 +183,16 @@ class DistanceOptions:
         if of_clouds:
             self.named = cloud_distance(options)
 
-    def columns(self, asked: Sequence[str] | None) -> tuple[str, ...] | None:
-        """State columns to read: those asked for, else those that the distance needs."""
-        needed = None if self.boxes else self.named.columns
+    @property
+    def needed(self) -> tuple[str, ...] | None:
+        """State columns that the distance needs; None where readers find them."""
+        return None if self.boxes else self.named.columns
+
+    @staticmethod
+    def columns(
+        asked: Sequence[str] | None, needed: tuple[str, ...] | None
+    ) -> tuple[str, ...] | None:
+        """State columns to read: those asked for, else those that are needed."""
         if needed is None or parse_columns(asked)[1]:
             return None if asked is None else tuple(asked)
         return (*(asked or ()), *needed)

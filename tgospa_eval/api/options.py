@@ -335,6 +335,27 @@ class Request(Values):
         "but for --periodic ones: 1000 makes metres of kilometres.",
         default=1.0,
     )
+    truth_crs: str | None = setting(
+        "Files",
+        "--truth-crs SYSTEM",
+        "What the coordinates of TRUTH are: lat,lon[,alt] (degrees, metres); enu (x east, y north, "
+        "z up, metres from --origin) or ned (north, east, down), enu:30 where the axes are turned "
+        "clockwise; range,bearing[,elevation] of a sensor at --origin; a projected system, "
+        "EPSG:25832. Both files are brought to one: local axes where one has such.",
+        shown="lat,lon where the other file has one",
+        parts=FITTING,
+    )
+    estimate_crs: str | None = setting(
+        "Files",
+        "--estimate-crs SYSTEM",
+        "--truth-crs for ESTIMATE.",
+        parts=FITTING,
+    )
+    origin: str | None = setting(
+        "Files",
+        "--origin LAT,LON[,ALT]",
+        "Where local axes begin, or the sensor is: degrees, and metres above the ellipsoid.",
+    )
     truth_scale: tuple[str, ...] = setting(
         "Files",
         "--truth-scale NAME=FACTOR",

@@ -47,6 +47,7 @@ from tgospa_eval.tracks.existence import EXISTENCE
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.sides import Components
     from tgospa_eval.evaluation.slicing import SliceBy
+    from tgospa_eval.tracks.places import Frames
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,6 +72,8 @@ class Settings:
         Options for truth and estimate that only what has rows and headers can follow.
     preprocess : str, optional
         Rules of a benchmark by which rows are left out.
+    frames : Frames, optional
+        What the coordinates of truth and estimate are, if they are to be brought to one frame.
     similarity : Calibration, optional
         Of the score that is shown.
     one_of_many : bool
@@ -85,6 +88,7 @@ class Settings:
     conversions: tuple[Conversion, Conversion]
     of_tables: tuple[tuple[str, ...], tuple[str, ...]]
     preprocess: str | None
+    frames: "Frames | None" = None
     similarity: Calibration | None = None
     one_of_many: bool = False
 
@@ -102,6 +106,7 @@ class Settings:
                 if options.classes and options.classes != self.reading.classes
             },
             **dict(self.reading.covariances()),
+            **({} if self.frames is None else self.frames.recorded),
             **{
                 name: value
                 for role, conversion in zip(ROLES, self.conversions, strict=True)
@@ -169,6 +174,11 @@ class Settings:
         if len(read) == len(ROLES):
             read = self._converted(read, 0, given), read[1]
             read = read[0], self._converted(read, 1, given)
+            if self.frames is not None:
+                pair = self.frames.joined((read[0].trajectories, read[1].trajectories), names)
+                read = tuple(
+                    replace(one, trajectories=made) for one, made in zip(read, pair, strict=True)
+                )
         with suppress(NothingLeftError) if self.one_of_many else nullcontext():
             self.check(read, names)
         return self.preprocessed(read, names) if roles == ROLES else read
@@ -399,7 +409,8 @@ def _settings(options: Request) -> Settings:
         raise ConfigError(
             "--time and --region are in the units of the truth: choose the distance by its name"
         )
-    each = _each(reading, measure, options)
+    frames = _frames(options)
+    each = _each(reading, measure, options, frames)
     if not measure.is_record:  # whose angles are known when the columns are
         each = (
             replace(each[0], conversion=of_truth),
@@ -442,6 +453,7 @@ def _settings(options: Request) -> Settings:
         conversions=(of_truth, conversion),
         of_tables=(_of_tables(options, "truth"), _of_tables(options, "estimate")),
         preprocess=options.preprocess,
+        frames=frames,
         similarity=_calibration(options),
     )
 
@@ -454,6 +466,25 @@ def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
 
     slices = parse_slices(options.slices, summed=options.summed or options.by is not None)
     return slices, columns_asked(slices)
+
+
+def _frames(options: Request) -> "Frames | None":
+    """What the coordinates of both sides are, if any is said to be."""
+    given = options.truth_crs, options.estimate_crs
+    if given == (None, None):
+        if options.origin is not None:
+            raise ConfigError("--origin is for --truth-crs and --estimate-crs; say which is local")
+        return None
+    from tgospa_eval.tracks.places import Frames, parse_frame, parse_origin  # here: as weights
+
+    truth, estimate = (
+        parse_frame(text or "lat,lon", f"--{role}-crs")
+        for text, role in zip(given, ROLES, strict=True)
+    )
+    origin = options.origin
+    if origin is not None and not isinstance(origin, str):
+        origin = ",".join(map(repr, origin))
+    return Frames(frames=(truth, estimate), origin=None if origin is None else parse_origin(origin))
 
 
 def _of_tables(options: Request, side: str) -> tuple[str, ...]:
@@ -474,7 +505,7 @@ def _calibration(options: Request) -> Calibration | None:
 
 
 def _each(
-    reading: ReadOptions, measure: DistanceOptions, options: Request
+    reading: ReadOptions, measure: DistanceOptions, options: Request, frames: "Frames | None"
 ) -> tuple[ReadOptions, ReadOptions]:
     """How to read truth and estimate: columns and classes of one go before those of both."""
     own = (
@@ -482,15 +513,22 @@ def _each(
         (options.sides[1], _list(options.estimate_columns), _list(options.estimate_class)),
     )
     columns_of = columns_of_each(_list(options.columns), *(columns for _, columns, _ in own))
+    needs = (
+        (measure.needed, measure.needed)
+        if frames is None
+        else [frame.columns for frame in frames.frames]
+    )
     truth, estimate = (
         replace(
             reading,
-            columns=measure.columns(columns),
+            columns=measure.columns(columns, needed),
             classes=classes or reading.classes,
             shared=shared if classes else (*shared, "class"),
             option=f"--{side}-columns",
         )
-        for (side, _, classes), (columns, shared) in zip(own, columns_of, strict=True)
+        for (side, _, classes), (columns, shared), needed in zip(
+            own, columns_of, needs, strict=True
+        )
     )
     return truth, estimate
 

@@ -1,13 +1,12 @@
 """Distance on the ellipsoid of the Earth, with heights."""
 
-import functools
 from collections.abc import Iterable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+from tgospa_eval.common.earth import ellipsoid
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import install
 from tgospa_eval.distances.base import (
     REACH_ROUNDING,
     Distance,
@@ -17,7 +16,7 @@ from tgospa_eval.distances.base import (
 )
 from tgospa_eval.distances.sphere import RADIUS, Haversine
 from tgospa_eval.distances.vector import positive_numbers, shares
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.errors import InputError
 
 SEMI_MAJOR, FLATTENING = 6378137.0, 1 / 298.257223563
 """Of WGS 84, in metres."""
@@ -27,22 +26,6 @@ ECCENTRICITY = FLATTENING * (2 - FLATTENING)
 
 PLACES = ("lat", "lon")
 HEIGHT = "alt"
-
-
-@functools.cache
-def ellipsoid() -> Any:
-    """WGS 84 as pyproj has it.
-
-    Raises
-    ------
-    ConfigError
-        The extra is not installed.
-    """
-    try:
-        from pyproj import Geod  # here: of an extra
-    except ImportError:
-        raise ConfigError(f"--distance geodesic needs the extra geo: {install('geo')}") from None
-    return Geod(ellps="WGS84")
 
 
 @dataclass(frozen=True, kw_only=True)
