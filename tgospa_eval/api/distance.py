@@ -117,6 +117,12 @@ def _spelt(name: str) -> str:
     return name.replace("_", "-")
 
 
+USUAL = "euclidean"
+"""The distance if none is chosen."""
+
+PLACES = ("lat", "lon")
+
+
 class DistanceOptions:
     """The options of a distance, checked as far as they can be without the columns of the files.
 
@@ -134,8 +140,9 @@ class DistanceOptions:
     """
 
     def __init__(self, options: Request) -> None:
-        self.named = as_distance(options.distance)
-        self.is_record = not isinstance(options.distance, str)
+        self.chosen = options.distance is not None
+        self.named = as_distance(USUAL if options.distance is None else options.distance)
+        self.is_record = self.chosen and not isinstance(options.distance, str)
         self.period = numbers_by_name("periodic", options.periodic, 2 * math.pi)
         self.scale = numbers_by_name("scale", options.scale)
         self.path = options.covariance
@@ -209,8 +216,14 @@ class DistanceOptions:
         Raises
         ------
         ConfigError
-            An option names a column that does not enter the distance.
+            An option names a column that does not enter the distance, or states are in degrees, and
+            no distance is chosen.
         """
+        if not self.chosen and columns[:2] == PLACES:
+            raise ConfigError(
+                "lat,lon are degrees, whose differences are no lengths: choose --distance "
+                "haversine or geodesic, in metres; --distance euclidean takes them as plain numbers"
+            )
         period = _by_column("periodic", self.period, columns, math.inf)
         scale = _by_column("scale", self.scale, columns, 1.0)
         given = {"period": period, "scale": scale}

@@ -163,7 +163,7 @@ class Request(Values):
         choices=EXISTENCES,
         parts="leave it out: all objects exist then",
     )
-    distance: str = setting(
+    distance: str | None = setting(
         "Metric",
         "--distance NAME",
         "Distance between two states: euclidean, manhattan, chebyshev, mahalanobis, haversine "
@@ -171,8 +171,8 @@ class Request(Values):
         "lat,lon,alt), iou (1 - IoU of boxes left,top,width,height), "
         "gaussian-wasserstein (means and covariances) or cloud-wasserstein (particles, with a "
         "column weight).",
-        default="euclidean",
         choices=DISTANCES,
+        shown="euclidean; none of lat,lon",
     )
     covariance: str | None = setting(
         "Metric",

@@ -483,7 +483,7 @@ def _frames(options: Request) -> "Frames | None":
     )
     origin = options.origin
     if origin is not None and not isinstance(origin, str):
-        origin = ",".join(map(repr, origin))
+        origin = ",".join(repr(float(number)) for number in origin)
     return Frames(frames=(truth, estimate), origin=None if origin is None else parse_origin(origin))
 
 
