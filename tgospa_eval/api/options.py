@@ -369,6 +369,32 @@ class Request(Values):
         "--truth-scale for ESTIMATE: x=1000,y=1000 makes metres of kilometres.",
         default=(),
     )
+    truth_time_format: str | None = setting(
+        "Files",
+        "--truth-time-format FORMAT",
+        "How TRUTH writes its times: as of strptime, '%d/%m/%Y %H:%M:%S'; s, ms, us or ns since "
+        "1970; gps: week and seconds. Two columns are one: --truth-columns t=DATE+TIME.",
+        shown="numbers or ISO times",
+        parts=FITTING,
+    )
+    estimate_time_format: str | None = setting(
+        "Files",
+        "--estimate-time-format FORMAT",
+        "--truth-time-format for ESTIMATE.",
+        parts=FITTING,
+    )
+    truth_time_zone: str | None = setting(
+        "Files",
+        "--truth-time-zone ZONE",
+        "The zone of times of TRUTH that are written without: UTC, Europe/Copenhagen.",
+        parts=FITTING,
+    )
+    estimate_time_zone: str | None = setting(
+        "Files",
+        "--estimate-time-zone ZONE",
+        "--truth-time-zone for ESTIMATE.",
+        parts=FITTING,
+    )
     time: str | None = setting(
         "Filters",
         "--time A:B",

@@ -47,6 +47,7 @@ from tgospa_eval.tracks.existence import EXISTENCE
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.sides import Components
     from tgospa_eval.evaluation.slicing import SliceBy
+    from tgospa_eval.formats.clocks import TimeForm
     from tgospa_eval.tracks.places import Frames
 
 
@@ -104,6 +105,13 @@ class Settings:
                 f"{role}_class": list(options.classes)
                 for role, options in zip(ROLES, self.each, strict=True)
                 if options.classes and options.classes != self.reading.classes
+            },
+            **{
+                f"{role}_time_{name}": text
+                for role, options in zip(ROLES, self.each, strict=True)
+                if options.form is not None
+                for name, text in vars(options.form).items()
+                if name != "role" and text
             },
             **dict(self.reading.covariances()),
             **({} if self.frames is None else self.frames.recorded),
@@ -174,6 +182,7 @@ class Settings:
         if len(read) == len(ROLES):
             read = self._converted(read, 0, given), read[1]
             read = read[0], self._converted(read, 1, given)
+            read = _in_one_clock(read)
             if self.frames is not None:
                 pair = self.frames.joined((read[0].trajectories, read[1].trajectories), names)
                 read = tuple(
@@ -468,6 +477,30 @@ def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
     return slices, columns_asked(slices)
 
 
+def _in_one_clock(read: tuple[Reading, ...]) -> tuple[Reading, ...]:
+    """Both sides with times of one kind, where numbers are seen to count since 1970."""
+    first, second = (side.trajectories for side in read)
+    if first.clock == second.clock:
+        return read
+    from tgospa_eval.formats.clocks import in_one_clock  # here: as weights
+
+    sides, told = in_one_clock((first, second))
+    return tuple(
+        replace(one, trajectories=side, notices=(*one.notices, *filter(None, [text])))
+        for one, side, text in zip(read, sides, told, strict=True)
+    )
+
+
+def _form(options: Request, role: str) -> "TimeForm | None":
+    """How the times of a side are written, if that is said."""
+    given = [getattr(options, f"{role}_time_{name}") for name in ("format", "zone")]
+    if given == [None, None]:
+        return None
+    from tgospa_eval.formats.clocks import TimeForm  # here: as weights
+
+    return TimeForm(format=given[0] or "", zone=given[1] or "", role=role)
+
+
 def _frames(options: Request) -> "Frames | None":
     """What the coordinates of both sides are, if any is said to be."""
     given = options.truth_crs, options.estimate_crs
@@ -490,7 +523,8 @@ def _frames(options: Request) -> "Frames | None":
 def _of_tables(options: Request, side: str) -> tuple[str, ...]:
     """Options of one side that are for files and tables."""
     of_both = ("columns", "decimal", "on_duplicate", "on_invalid", "time", "class_", "region", "by")
-    names = (f"{side}_columns", f"{side}_class", f"{side}_format", *of_both)
+    own = ("columns", "class", "format", "time_format", "time_zone")
+    names = (*(f"{side}_{name}" for name in own), *of_both)
     return tuple(SETTINGS[name].key for name in names if getattr(options, name) != DEFAULTS[name])
 
 
@@ -525,9 +559,10 @@ def _each(
             classes=classes or reading.classes,
             shared=shared if classes else (*shared, "class"),
             option=f"--{side}-columns",
+            form=_form(options, role),
         )
-        for (side, _, classes), (columns, shared), needed in zip(
-            own, columns_of, needs, strict=True
+        for (side, _, classes), (columns, shared), needed, role in zip(
+            own, columns_of, needs, ROLES, strict=True
         )
     )
     return truth, estimate
