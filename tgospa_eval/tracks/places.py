@@ -9,6 +9,7 @@ any error.
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -126,6 +127,18 @@ def parse_origin(text: str) -> tuple[float, float, float]:
         )
     latitude, longitude, *height = known
     return latitude, longitude, height[0] if height else 0.0
+
+
+def on_earth(states: Floats, origin: Sequence[float]) -> Floats:
+    """Latitude, longitude and perhaps height of local states, east, north and perhaps up."""
+    latitude, longitude, height = origin
+    if states.shape[1] > 2:
+        found = topocentric(latitude, longitude, height).transform(*states.T, direction="INVERSE")
+        return np.column_stack((found[1], found[0], found[2]))
+    centre = np.full(len(states), longitude), np.full(len(states), latitude)
+    direction = np.degrees(np.arctan2(states[:, 0], states[:, 1]))
+    east, north, _ = ellipsoid().fwd(*centre, direction, np.hypot(*states.T))
+    return np.column_stack((north, east))
 
 
 @dataclass(frozen=True, kw_only=True)
