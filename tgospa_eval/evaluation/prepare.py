@@ -255,6 +255,7 @@ def measure(
             "estimate": estimate.state,
             "truth_covariance": _second_moments(truth),
             "estimate_covariance": _second_moments(estimate),
+            "truth_clouds": truth.clouds,
             "estimate_clouds": estimate.clouds,
         }
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)

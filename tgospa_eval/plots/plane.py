@@ -14,6 +14,7 @@ from tgospa_eval.plots.overtime import time_axis
 from tgospa_eval.plots.style import FALSE, INK, MISSED, SOFT, Style, legend, literal, styled, titled
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.plot_data import (
+    NONE,
     TIME,
     DrawnSide,
     PlotData,
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-SIGMAS = 2
 FEW = 30
 """Trajectories up to which shapes do not hide one another."""
 
@@ -43,67 +43,187 @@ CORNERS = 48
 APART = 2.0
 """Distance of two shapes of a trajectory, in sizes of the first."""
 
+ZOOMED = 24
+"""States that are shown enlarged, unless one step has more."""
 
-def outlines(
-    axis: "Axes", seen: PlotData, across: str, up: str, style: Style
+INTERVALS = 24
+"""Intervals along a trajectory over the time."""
+
+WINDOW = 3.0
+"""How far they are from the middle at most, in sizes of a usual ellipse."""
+
+SPECK = 2.0
+"""Area of a particle of usual weight, in square points; twice as much where it is enlarged."""
+
+
+def extents(seen: PlotData, side: DrawnSide, across: str, up: str) -> Floats:
+    """How far what is around each state reaches in both directions, (2, R); 0 where it is nothing.
+
+    Boxes are known of their edges and centres, ellipses of two components or one over the time.
+    """
+    axes, row = seen.axes[side.name], side.row
+    none = np.zeros((2, len(row["track"])))
+    if seen.document["boxes"]:
+        if (across, up) not in (("left", "top"), ("centre x", "centre y")):
+            return none
+        return np.stack([axes["width"], axes["height"]]) / 2
+    if not row["spread"].shape[1] or across == up:
+        return none
+    for k, name in enumerate((across, up)):
+        if name != TIME:
+            i = seen.document["columns"].index(name)
+            none[k] = radius(seen, across, up) * deviations(row["spread"][:, i * (i + 3) // 2])
+    return none
+
+
+def radius(seen: PlotData, across: str, up: str) -> float:
+    """Mahalanobis distance of the outline, of one component or two."""
+    return float(seen.document["spread"]["radius"][int(TIME not in (across, up))])
+
+
+def shapes(seen: PlotData, side: DrawnSide, across: str, up: str, row: Ints) -> Floats:
+    """Outlines (K, corners, 2) around these states.
+
+    With deviations s, t and correlation r of two components, the Mahalanobis distance of
+    (n s cos u, n t sin(u + arcsin r)), 0 <= u < 2 pi, is n.
+    """
+    axes = seen.axes[side.name]
+    if seen.document["boxes"]:
+        left, top, width, height = (axes[name][row] for name in ("left", "top", "width", "height"))
+        return corners(left, left + width, top, top + height)
+    s, t = extents(seen, side, across, up)[:, row, None]
+    turn = np.zeros((len(row), 1))
+    if len(row) and TIME not in (across, up):
+        i, j = sorted((seen.document["columns"].index(name) for name in (across, up)), reverse=True)
+        shared = side.row["spread"][row, i * (i + 1) // 2 + j, None]
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            share = shared * radius(seen, across, up) ** 2 / s / t
+            turn = np.nan_to_num(np.arcsin(np.clip(share, -1, 1)))
+    u = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
+    x = axes[across][row, None] + s * np.cos(u)
+    return np.stack([x, axes[up][row, None] + t * np.sin(u + turn)], axis=2)
+
+
+def surroundings(
+    axis: "Axes",
+    seen: PlotData,
+    across: str,
+    up: str,
+    style: Style,
+    rows: dict[str, Ints],
+    speck: float,
 ) -> "dict[str, Artist]":
-    """Draw them where the two columns show them; returns entries of a legend."""
-    boxes = seen.document["boxes"]
-    if len(seen.truth.ids) + len(seen.estimate.ids) > FEW:
-        return {}
-    if boxes and (across, up) not in (("left", "top"), ("centre x", "centre y")):
-        return {}
-    if not boxes and (not seen.document["spread"] or across == up or TIME in (across, up)):
-        return {}
+    """Draw shapes and particles of these states, and how many are shown; entries of a legend."""
     from matplotlib.collections import PolyCollection
 
     handles: dict[str, Artist] = {}
+    told: list[str] = []
+    boxes, timed = seen.document["boxes"], TIME in (across, up)
+    kind, many = ("box", "boxes") if boxes else ("ellipse", "ellipses")
+    kind, many = ("interval", "intervals") if timed else (kind, many)
     for side in (seen.truth, seen.estimate):
-        axes = seen.axes[side.name]
-        row, shapes = _boxes(axes) if boxes else ellipses(seen, side, across, up)
+        row, word = rows[side.name], seen.word(side.name)
         if not len(row):
             continue
-        reach = (shapes.max(axis=1) / 2 - shapes.min(axis=1) / 2).max(axis=1)
-        middle = np.stack([axes[across][row], axes[up][row]], axis=1)
-        kept = spaced(side.row["track"][row], middle, APART * reach)
         truth = side.name == "truth"
-        colours = np.array(TRACK_COLOURS)[side.row["track"][row[kept]] % len(TRACK_COLOURS)]
-        looks: dict[str, Any] = {"facecolors": "none", "edgecolors": INK if truth else colours}
-        looks |= {"linewidths": 0.9 if style.titles else 0.5, "zorder": 2.3}
+        colours = np.array(TRACK_COLOURS)[side.row["track"] % len(TRACK_COLOURS)]
+        looks: dict[str, Any] = {"facecolors": "none", "edgecolors": INK if truth else colours[row]}
+        looks |= {"linewidths": 0.9 if style.titles else 0.5, "zorder": 2.15 if timed else 2.3}
         looks["linestyles"] = (0, (4, 2)) if truth else "-"
-        made = PolyCollection(list(shapes[kept]), label=f"{side.name}/shapes", **looks)
+        outline = list(shapes(seen, side, across, up, row))
+        made = PolyCollection(outline, label=f"{side.name}/shapes", **looks)
         axis.add_collection(made)
-        what = "box" if boxes else f"{SIGMAS}-sigma"
-        handles[f"{what}, {side.name}"] = made
+        handles[f"{kind if boxes else f'95 % {kind}'}, {word}"] = made
+        known = np.count_nonzero(extents(seen, side, across, up).max(axis=0) > 0)
+        told.append(f"{word}: {len(row):,} of {known:,} {many}")
+        held = side.particles
+        at = np.flatnonzero(np.isin(held["row"], row))
+        if not len(at):
+            continue
+        own = held["row"][at]
+        place = seen.places(held["state"][at], side.row["step"][own])
+        usual = np.bincount(own, minlength=len(colours))[own]  # of one cloud each has 1 / count
+        area = speck * np.clip(held["weight"][at] * usual, 0.05, 20) * (1 if style.titles else 0.4)
+        faint: dict[str, Any] = {"linewidths": 0, "alpha": 0.5, "zorder": 2.2}
+        dots = axis.scatter(
+            place[across],
+            place[up],
+            area,
+            color=SOFT if truth else colours[own],
+            label=f"{side.name}/particles",
+            rasterized=len(at) > VECTOR_POINTS // 8,
+            **faint,
+        )
+        handles[f"particles, {word}"] = dots
+        total = seen.document["particles"][side.name][1]
+        told[-1] += f", {len(at):,} of {total:,} particles, area by weight"
+    if told:
+        axis.annotate(
+            "; ".join(told),
+            (1, 0),
+            (-2, 4),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            ha="right",
+            fontsize="x-small",
+            color=SOFT,
+            zorder=5,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.8},
+        )
     return handles
 
 
-def ellipses(seen: PlotData, side: DrawnSide, across: str, up: str) -> tuple[Ints, Floats]:
-    """Rows with a spread, and outlines (K, CORNERS, 2) of these.
+def rows_along(seen: PlotData, across: str, up: str) -> dict[str, Ints]:
+    """States here and there along few trajectories around which there is something."""
+    found: dict[str, Ints] = {}
+    for side in (seen.truth, seen.estimate):
+        reach = extents(seen, side, across, up).max(axis=0)
+        row = np.flatnonzero(reach > 0)
+        if len(seen.truth.ids) + len(seen.estimate.ids) > FEW or not len(row):
+            found[side.name] = row[:0]
+            continue
+        middle = np.stack([seen.axes[side.name][name][row] for name in (across, up)], axis=1)
+        far = APART * reach[row]
+        if TIME in (across, up):
+            middle = middle[:, [int(up == TIME)]]
+            far = np.full(len(row), np.ptp(middle) / INTERVALS)
+        found[side.name] = row[spaced(side.row["track"][row], middle, far)]
+    return found
 
-    Of two components with deviations s, t and correlation r the n-sigma outline is
-    (n s cos u, n t sin(u + arcsin r)), 0 <= u < 2 pi.
+
+def rows_enlarged(seen: PlotData, across: str, up: str) -> dict[str, Ints] | None:
+    """States around the assigned pair that is farthest apart; None where there are no ellipses.
+
+    Those near to it, of as many steps around its step as there is room for.
     """
-    spread, axes = side.row["spread"], seen.axes[side.name]
-    if not spread.shape[1]:
-        return np.zeros(0, np.int64), np.zeros((0, CORNERS, 2))
-    chosen = [seen.document["columns"].index(name) for name in (across, up)]
-    s, t = (deviations(spread[:, k * (k + 3) // 2]) for k in chosen)
-    i, j = max(chosen), min(chosen)
-    row = np.flatnonzero((s > 0) | (t > 0))
-    s, t, shared = s[row, None], t[row, None], spread[row, i * (i + 1) // 2 + j, None]
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        turn = np.nan_to_num(np.arcsin(np.clip(shared / s / t, -1, 1)))
-    u = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
-    x = axes[across][row, None] + SIGMAS * s * np.cos(u)
-    y = axes[up][row, None] + SIGMAS * t * np.sin(u + turn)
-    return row, np.stack([x, y], axis=2)
-
-
-def _boxes(axes: dict[str, Floats]) -> tuple[Ints, Floats]:
-    """All rows, and corners (R, 4, 2)."""
-    left, top, width, height = (axes[name] for name in ("left", "top", "width", "height"))
-    return np.arange(len(left)), corners(left, left + width, top, top + height)
+    if seen.document["boxes"]:
+        return None
+    for side in (seen.estimate, seen.truth):
+        reach = extents(seen, side, across, up).max(axis=0)
+        known = np.flatnonzero(reach > 0)
+        if len(known):
+            break
+    else:
+        return None
+    error = np.where(side.row["other"] == NONE, -1.0, side.row["error"])
+    middle = known[np.argmax(error[known])]
+    far = WINDOW * float(np.median(reach[known]))
+    near: dict[str, Ints] = {}
+    for one in (seen.truth, seen.estimate):
+        inside = np.ones(len(one.row["track"]), bool)
+        for name in {across, up} - {TIME}:
+            apart = seen.axes[one.name][name] - seen.axes[side.name][name][middle]
+            inside &= np.abs(apart) <= far
+        near[one.name] = np.flatnonzero(inside)
+    later = {
+        name: np.abs(getattr(seen, name).row["step"][row] - side.row["step"][middle])
+        for name, row in near.items()
+    }
+    gaps = np.sort(np.concatenate(list(later.values())))
+    if seen.steps == 1 and len(gaps) == sum(len(seen.axes[name][across]) for name in near):
+        return None  # nothing to enlarge
+    most = gaps[-1] if len(gaps) <= ZOOMED else max(gaps[ZOOMED] - 1, 0)
+    return {name: row[later[name] <= most] for name, row in near.items()}
 
 
 def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
@@ -136,6 +256,9 @@ COVERED = 0.08
 MANY_TRACKS = 100
 """Trajectories from which on lines are thinner and fainter, so that marks stand out."""
 
+FADED = 0.35
+"""Opacity of lines where a part is enlarged."""
+
 STRETCH = 8
 """How much longer one axis may be for both to have one scale."""
 
@@ -156,29 +279,93 @@ def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = Non
         scale = None
     ratio = 0.62 if scale is None else scale * extent[1] / extent[0]
     tall = min(max(ratio, 0.45), 1.0 if style.titles else 0.95) * (style.width - 1.0) + 0.9
-    made, ((axis,),) = figure(style.width, tall)
-    if scale is not None:
-        axis.set_aspect(scale, adjustable="datalim")
+    enlarged = rows_enlarged(seen, across, up) if places else None
+    low = 0.0 if enlarged is None else 0.55 * style.width
+    made, axes = figure(style.width, tall + low, 1 if enlarged is None else 2)
+    axis = axes[0, 0]
     handles: dict[str, Artist] = {}
     many = sum(len(side.row["track"]) for side in sides) > VECTOR_POINTS
-    for side in sides:
-        handles |= _lines(axis, side, places[side.name], style, seen, many=many)
-    handles |= outlines(axis, seen, across, up, style)
+    for panel in axes[:, 0]:
+        if scale is not None:
+            panel.set_aspect(scale, adjustable="datalim")
+        for side in sides:
+            fade = 1.0 if panel is axis else FADED
+            lines = _lines(panel, side, places[side.name], style, seen, many, fade)
+            handles = {**handles, **(lines if panel is axis else {})}
+    if sides:
+        along = rows_along(seen, across, up)
+        handles |= surroundings(axis, seen, across, up, style, along, SPECK)
     handles |= _events(axis, seen, places, style)
     axis.autoscale_view()
-    for name, which, upright in ((across, axis.xaxis, False), (up, axis.yaxis, True)):
-        if name == TIME:
-            time_axis(axis, seen, style, upright=upright)
-        else:
-            which.set_label_text(_named(name, seen.document["unit"]), parse_math=False)
+    if enlarged is not None:
+        axis.get_gridspec().set_height_ratios([tall, low])
+        handles |= _enlarged(axes[1, 0], seen, across, up, style, enlarged)
+    for panel in axes[:, 0]:
+        for name, which, upright in ((across, panel.xaxis, False), (up, panel.yaxis, True)):
+            if name == TIME:
+                time_axis(panel, seen, style, upright=upright)
+            else:
+                which.set_label_text(_named(name, seen.document["unit"]), parse_math=False)
     if boxes and up in ("top", "centre y"):
         axis.invert_yaxis()
     if not sides or not sum(len(side.row["track"]) for side in sides):
         axis.annotate("no positions", (0.5, 0.5), xycoords="axes fraction", ha="center")
     titled(axis, style, "In the plane", seen.about)
     beside = 7 if style.titles else 5 if len(handles) <= 5 else -(-len(handles) // 2)
+    beside = beside if enlarged is None else 5 if style.titles else 3  # longer names
     legend(made, list(handles.values()), list(handles), beside)
     return made
+
+
+def _enlarged(
+    axis: "Axes", seen: PlotData, across: str, up: str, style: Style, rows: dict[str, Ints]
+) -> "dict[str, Artist]":
+    """These states with all that is around them, and lines between those that are assigned."""
+    around = {
+        name: row[extents(seen, getattr(seen, name), across, up)[:, row].max(axis=0) > 0]
+        for name, row in rows.items()
+    }
+    handles = surroundings(axis, seen, across, up, style, around, 2 * SPECK)
+    place = {
+        name: np.stack([seen.axes[name][column] for column in (across, up)], axis=1)
+        for name in rows
+        if seen.axes[name]
+    }
+    size = 4.0 if style.titles else 2.5
+    ring: dict[str, Any] = {"linestyle": "none", "markersize": size, "markeredgewidth": size / 6}
+    for side, fill in ((seen.truth, "none"), (seen.estimate, INK)):
+        axis.plot(
+            *place[side.name][rows[side.name]].T,
+            marker="o",
+            color=INK,
+            markerfacecolor=fill,
+            label=f"{side.name}/states",
+            zorder=3,
+            **ring,
+        )
+    drawn = [place[name][row] for name, row in rows.items()]
+    drawn += [
+        shapes(seen, getattr(seen, n), across, up, row).reshape(-1, 2) for n, row in around.items()
+    ]
+    every = np.concatenate(drawn)
+    low, high = every.min(axis=0), every.max(axis=0)
+    margin = 0.05 * np.where(high > low, high - low, 1.0)
+    truth = rows["truth"]
+    for row in rows["estimate"].tolist():
+        same = truth[
+            (seen.truth.row["track"][truth] == seen.estimate.row["other"][row])
+            & (seen.truth.row["step"][truth] == seen.estimate.row["step"][row])
+        ]
+        pair = np.concatenate([place["estimate"][[row]], place["truth"][same]])
+        axis.plot(*pair.T, color=INK, linewidth=0.8, zorder=2.9)
+    steps = np.concatenate([getattr(seen, name).row["step"][row] for name, row in rows.items()])
+    ends = [str(seen.document["times"][k]) for k in (steps.min(), steps.max())]
+    span = ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}"
+    titled(axis, style, f"Around the farthest pair, t = {literal(span, 50)}")
+    # last, and not fixed: the aspect may widen them
+    axis.set_xlim(low[0] - margin[0], high[0] + margin[0], auto=True)
+    axis.set_ylim(low[1] - margin[1], high[1] + margin[1], auto=True)
+    return handles
 
 
 def plane_columns(
@@ -226,8 +413,8 @@ def _lines(
     place: tuple[Floats, Floats],
     style: Style,
     seen: PlotData,
-    *,
     many: bool,
+    fade: float,
 ) -> "dict[str, Artist]":
     """A line for each stretch of steps, those of estimates in turn in several colours."""
     row, truth = side.row, side.name == "truth"
@@ -244,7 +431,7 @@ def _lines(
     looks: dict[str, Any] = {
         "linestyle": (0, (4, 2)) if truth and not many else "-",
         "linewidth": thin * (0.7 if truth else 1.0) * (0.5 if many else 1),
-        "alpha": min(1.0, (MANY_TRACKS / len(side.ids)) ** 0.5) * (0.7 if many else 1),
+        "alpha": min(1.0, (MANY_TRACKS / len(side.ids)) ** 0.5) * (0.7 if many else 1) * fade,
         "zorder": 2 if truth else 2.1,
     }
     dot: dict[str, Any] = {"marker": ".", "linestyle": "none", "markersize": 2.5 * thin}

@@ -102,7 +102,7 @@ const plane = {
 
   // What does not depend on the selected step is drawn once and kept, so that stepping is quick.
   still(context, width, height) {
-    const ways = [this.axisX.value, this.axisY.value, this.downward.checked, shapes.control.checked, printing];
+    const ways = [this.axisX.value, this.axisY.value, this.downward.checked, shapes.control.checked, shapes.dots.checked, printing];
     const drawn = JSON.stringify([this.view, state.from, state.to, state.side, state.track, state.repair, this.canvas.width, ways]);
     if (drawn !== this.drawn) {
       this.kept.width = this.canvas.width;
@@ -320,6 +320,12 @@ const plane = {
         const [x, y] = this.place(at[this.axisX.value], at[this.axisY.value], width, height);
         places[side.name].set(track, [x, y]);
         fade(side.name, track);
+        const k = rowFrom(side, track, state.step);
+        if (side.row.step[k] === state.step) {
+          context.globalAlpha *= 0.5;
+          shapes.specks(context, side, k, +this.axisX.value, +this.axisY.value, width, height);
+          context.globalAlpha *= 2;
+        }
         const around = shapes.outline(side, track, state.step, at, +this.axisX.value, +this.axisY.value);
         context.lineWidth = 2;
         if (around) shapes.stroke(context, side, track, around.map((point) => this.place(...point, width, height)));
@@ -422,4 +428,4 @@ for (const control of [plane.axisX, plane.axisY, plane.equal]) {
     planeAct("all");
   });
 }
-for (const control of [plane.downward, shapes.control]) control.addEventListener("change", redraw);
+for (const control of [plane.downward, shapes.control, shapes.dots]) control.addEventListener("change", redraw);
