@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.palette import TRACK_COLOURS
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import boxes as corners
@@ -43,8 +45,8 @@ CORNERS = 48
 APART = 2.0
 """Distance of two shapes of a trajectory, in sizes of the first."""
 
-ZOOMED = 24
-"""States that are shown enlarged, unless one step has more."""
+STEPS = 2
+"""Steps before and after the farthest pair that are enlarged."""
 
 INTERVALS = 24
 """Intervals along a trajectory over the time."""
@@ -52,178 +54,171 @@ INTERVALS = 24
 WINDOW = 3.0
 """How far they are from the middle at most, in sizes of a usual ellipse."""
 
+FEW_DOTS = 5000
+"""Particles up to which they are shapes in vector files."""
+
+NO_ROWS = np.zeros(0, np.int64)
+
 SPECK = 2.0
 """Area of a particle of usual weight, in square points; twice as much where it is enlarged."""
 
 
-def extents(seen: PlotData, side: DrawnSide, across: str, up: str) -> Floats:
-    """How far what is around each state reaches in both directions, (2, R); 0 where it is nothing.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plane:
+    """What is drawn, in which two columns, in which style."""
 
-    Boxes are known of their edges and centres, ellipses of two components or one over the time.
+    seen: PlotData
+    across: str
+    up: str
+    style: Style
+
+    @property
+    def timed(self) -> bool:
+        """Whether one of them is the time."""
+        return TIME in (self.across, self.up)
+
+    @cached_property
+    def places(self) -> dict[str, Floats]:
+        """The states of each side that has any, (2, R)."""
+        return {n: np.stack([a[self.across], a[self.up]]) for n, a in self.seen.axes.items() if a}
+
+    @cached_property
+    def extents(self) -> dict[str, Floats]:
+        """How far what is around each state reaches in both directions, (2, R); 0: nothing.
+
+        Boxes are known of their edges and centres, ellipses of two components or one over the time.
+        """
+        found: dict[str, Floats] = {}
+        for side in self.seen.sides:
+            axes, row = self.seen.axes[side.name], side.row
+            found[side.name] = np.zeros((2, len(row["track"])))
+            if self.seen.document["boxes"]:
+                if (self.across, self.up) in (("left", "top"), ("centre x", "centre y")):
+                    found[side.name] = np.stack([axes["width"], axes["height"]]) / 2
+            elif row["spread"].shape[1] and self.across != self.up:
+                radius = self.seen.document["spread"]["radius"][not self.timed]
+                for k, name in enumerate((self.across, self.up)):
+                    if name != TIME:
+                        i = self.seen.document["columns"].index(name)
+                        found[side.name][k] = radius * deviations(
+                            row["spread"][:, i * (i + 3) // 2]
+                        )
+        return found
+
+    def around(self, side: DrawnSide, among: Ints | None = None) -> Ints:
+        """Rows of these, by default of all, around which there is something."""
+        reach = self.extents[side.name].max(axis=0)
+        return np.flatnonzero(reach > 0) if among is None else among[reach[among] > 0]
+
+    def outlines(self, side: DrawnSide, row: Ints) -> Floats:
+        """Outlines (K, corners, 2) around some states."""
+        x, y = self.places[side.name][:, row]
+        s, t = self.extents[side.name][:, row]
+        if self.seen.document["boxes"]:
+            return corners(x - s, x + s, y - t, y + t)
+        shared = np.zeros(len(row))
+        if len(row) and not self.timed:
+            columns = (self.seen.document["columns"].index(name) for name in (self.across, self.up))
+            i, j = sorted(columns, reverse=True)
+            radius = self.seen.document["spread"]["radius"][1]
+            shared = side.row["spread"][row, i * (i + 1) // 2 + j] * radius**2
+        return ellipses(np.stack([x, y]), s, t, shared)
+
+
+def ellipses(middle: Floats, s: Floats, t: Floats, shared: Floats) -> Floats:
+    """Outlines (K, corners, 2): z' C^-1 z = 1 around the middles (2, K), C = [s^2, q; q, t^2].
+
+    With r = q / (s t) these are (s cos u, t sin(u + arcsin r)), 0 <= u < 2 pi.
     """
-    axes, row = seen.axes[side.name], side.row
-    none = np.zeros((2, len(row["track"])))
-    if seen.document["boxes"]:
-        if (across, up) not in (("left", "top"), ("centre x", "centre y")):
-            return none
-        return np.stack([axes["width"], axes["height"]]) / 2
-    if not row["spread"].shape[1] or across == up:
-        return none
-    for k, name in enumerate((across, up)):
-        if name != TIME:
-            i = seen.document["columns"].index(name)
-            none[k] = radius(seen, across, up) * deviations(row["spread"][:, i * (i + 3) // 2])
-    return none
-
-
-def radius(seen: PlotData, across: str, up: str) -> float:
-    """Mahalanobis distance of the outline, of one component or two."""
-    return float(seen.document["spread"]["radius"][int(TIME not in (across, up))])
-
-
-def shapes(seen: PlotData, side: DrawnSide, across: str, up: str, row: Ints) -> Floats:
-    """Outlines (K, corners, 2) around these states.
-
-    With deviations s, t and correlation r of two components, the Mahalanobis distance of
-    (n s cos u, n t sin(u + arcsin r)), 0 <= u < 2 pi, is n.
-    """
-    axes = seen.axes[side.name]
-    if seen.document["boxes"]:
-        left, top, width, height = (axes[name][row] for name in ("left", "top", "width", "height"))
-        return corners(left, left + width, top, top + height)
-    s, t = extents(seen, side, across, up)[:, row, None]
-    turn = np.zeros((len(row), 1))
-    if len(row) and TIME not in (across, up):
-        i, j = sorted((seen.document["columns"].index(name) for name in (across, up)), reverse=True)
-        shared = side.row["spread"][row, i * (i + 1) // 2 + j, None]
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            share = shared * radius(seen, across, up) ** 2 / s / t
-            turn = np.nan_to_num(np.arcsin(np.clip(share, -1, 1)))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        turn = np.nan_to_num(np.arcsin(np.clip(shared / s / t, -1, 1)))[:, None]
     u = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
-    x = axes[across][row, None] + s * np.cos(u)
-    return np.stack([x, axes[up][row, None] + t * np.sin(u + turn)], axis=2)
+    x = middle[0][:, None] + s[:, None] * np.cos(u)
+    return np.stack([x, middle[1][:, None] + t[:, None] * np.sin(u + turn)], axis=2)
 
 
 def surroundings(
-    axis: "Axes",
-    seen: PlotData,
-    across: str,
-    up: str,
-    style: Style,
-    rows: dict[str, Ints],
-    speck: float,
+    axis: "Axes", plane: Plane, rows: dict[str, Ints], speck: float
 ) -> "dict[str, Artist]":
     """Draw shapes and particles of these states, and how many are shown; entries of a legend."""
     from matplotlib.collections import PolyCollection
 
     handles: dict[str, Artist] = {}
     told: list[str] = []
-    boxes, timed = seen.document["boxes"], TIME in (across, up)
-    kind, many = ("box", "boxes") if boxes else ("ellipse", "ellipses")
-    kind, many = ("interval", "intervals") if timed else (kind, many)
-    for side in (seen.truth, seen.estimate):
-        row, word = rows[side.name], seen.word(side.name)
+    large = plane.style.titles
+    what = "interval" if plane.timed else "ellipse"
+    kind, name = ("boxes", "box") if plane.seen.document["boxes"] else (f"{what}s", f"95 % {what}")
+    for side in plane.seen.sides:
+        row, word, truth = rows[side.name], plane.seen.word(side.name), side.name == "truth"
         if not len(row):
             continue
-        truth = side.name == "truth"
         colours = np.array(TRACK_COLOURS)[side.row["track"] % len(TRACK_COLOURS)]
         looks: dict[str, Any] = {"facecolors": "none", "edgecolors": INK if truth else colours[row]}
-        looks |= {"linewidths": 0.9 if style.titles else 0.5, "zorder": 2.15 if timed else 2.3}
-        looks["linestyles"] = (0, (4, 2)) if truth else "-"
-        outline = list(shapes(seen, side, across, up, row))
-        made = PolyCollection(outline, label=f"{side.name}/shapes", **looks)
+        looks |= {"linewidths": 0.9 if large else 0.5, "zorder": 2.15 if plane.timed else 2.3}
+        looks |= {"linestyles": (0, (4, 2)) if truth else "-", "label": f"{side.name}/shapes"}
+        made = PolyCollection(list(plane.outlines(side, row)), **looks)
         axis.add_collection(made)
-        handles[f"{kind if boxes else f'95 % {kind}'}, {word}"] = made
-        known = np.count_nonzero(extents(seen, side, across, up).max(axis=0) > 0)
-        told.append(f"{word}: {len(row):,} of {known:,} {many}")
+        handles[f"{name}, {word}"] = made
+        told.append(f"{word}: {len(row):,} of {len(plane.around(side)):,} {kind}")
         held = side.particles
         at = np.flatnonzero(np.isin(held["row"], row))
         if not len(at):
             continue
         own = held["row"][at]
-        place = seen.places(held["state"][at], side.row["step"][own])
+        place = plane.seen.places(held["state"][at], side.row["step"][own])
         usual = np.bincount(own, minlength=len(colours))[own]  # of one cloud each has 1 / count
-        area = speck * np.clip(held["weight"][at] * usual, 0.05, 20) * (1 if style.titles else 0.4)
-        faint: dict[str, Any] = {"linewidths": 0, "alpha": 0.5, "zorder": 2.2}
-        dots = axis.scatter(
-            place[across],
-            place[up],
-            area,
-            color=SOFT if truth else colours[own],
-            label=f"{side.name}/particles",
-            rasterized=len(at) > VECTOR_POINTS // 8,
-            **faint,
-        )
+        area = speck * np.clip(held["weight"][at] * usual, 0.05, 20) * (1 if large else 0.4)
+        looks = {"color": SOFT if truth else colours[own], "label": f"{side.name}/particles"}
+        looks |= {"linewidths": 0, "alpha": 0.5, "zorder": 2.2, "rasterized": len(at) > FEW_DOTS}
+        dots = axis.scatter(place[plane.across], place[plane.up], area, **looks)
         handles[f"particles, {word}"] = dots
-        total = seen.document["particles"][side.name][1]
+        total = plane.seen.document["particles"][side.name][1]
         told[-1] += f", {len(at):,} of {total:,} particles, area by weight"
     if told:
-        axis.annotate(
-            "; ".join(told),
-            (1, 0),
-            (-2, 4),
-            xycoords="axes fraction",
-            textcoords="offset points",
-            ha="right",
-            fontsize="x-small",
-            color=SOFT,
-            zorder=5,
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.8},
-        )
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.8}
+        looks = {"ha": "right", "fontsize": "x-small", "color": SOFT, "zorder": 5, "bbox": box}
+        looks |= {"xycoords": "axes fraction", "textcoords": "offset points"}
+        axis.annotate("; ".join(told), (1, 0), (-2, 4), **looks)
     return handles
 
 
-def rows_along(seen: PlotData, across: str, up: str) -> dict[str, Ints]:
+def rows_along(plane: Plane) -> dict[str, Ints]:
     """States here and there along few trajectories around which there is something."""
     found: dict[str, Ints] = {}
-    for side in (seen.truth, seen.estimate):
-        reach = extents(seen, side, across, up).max(axis=0)
-        row = np.flatnonzero(reach > 0)
-        if len(seen.truth.ids) + len(seen.estimate.ids) > FEW or not len(row):
-            found[side.name] = row[:0]
-            continue
-        middle = np.stack([seen.axes[side.name][name][row] for name in (across, up)], axis=1)
-        far = APART * reach[row]
-        if TIME in (across, up):
-            middle = middle[:, [int(up == TIME)]]
+    for side in plane.seen.sides:
+        row = plane.around(side) if sum(len(s.ids) for s in plane.seen.sides) <= FEW else NO_ROWS
+        middle = plane.places[side.name][:, row].T if len(row) else np.zeros((0, 2))
+        far = APART * plane.extents[side.name][:, row].max(axis=0, initial=0.0)
+        if plane.timed and len(row):
+            middle = middle[:, [int(plane.up == TIME)]]
             far = np.full(len(row), np.ptp(middle) / INTERVALS)
         found[side.name] = row[spaced(side.row["track"][row], middle, far)]
     return found
 
 
-def rows_enlarged(seen: PlotData, across: str, up: str) -> dict[str, Ints] | None:
-    """States around the assigned pair that is farthest apart; None where there are no ellipses.
+def rows_enlarged(plane: Plane) -> dict[str, Ints]:
+    """States near the assigned pair that is farthest apart, a few steps before and after it.
 
-    Those near to it, of as many steps around its step as there is room for.
+    None where there are no ellipses, or nothing to enlarge.
     """
-    if seen.document["boxes"]:
-        return None
-    for side in (seen.estimate, seen.truth):
-        reach = extents(seen, side, across, up).max(axis=0)
-        known = np.flatnonzero(reach > 0)
-        if len(known):
-            break
-    else:
-        return None
+    around = {side.name: plane.around(side) for side in plane.seen.sides}
+    side = plane.seen.estimate if len(around["estimate"]) else plane.seen.truth
+    known, few = around[side.name], sum(len(side.row["track"]) for side in plane.seen.sides) <= 2
+    if plane.seen.document["boxes"] or not len(known) or few:
+        return {}
     error = np.where(side.row["other"] == NONE, -1.0, side.row["error"])
     middle = known[np.argmax(error[known])]
-    far = WINDOW * float(np.median(reach[known]))
+    far = WINDOW * float(np.median(plane.extents[side.name].max(axis=0)[known]))
     near: dict[str, Ints] = {}
-    for one in (seen.truth, seen.estimate):
-        inside = np.ones(len(one.row["track"]), bool)
-        for name in {across, up} - {TIME}:
-            apart = seen.axes[one.name][name] - seen.axes[side.name][name][middle]
-            inside &= np.abs(apart) <= far
-        near[one.name] = np.flatnonzero(inside)
-    later = {
-        name: np.abs(getattr(seen, name).row["step"][row] - side.row["step"][middle])
-        for name, row in near.items()
-    }
-    gaps = np.sort(np.concatenate(list(later.values())))
-    if seen.steps == 1 and len(gaps) == sum(len(seen.axes[name][across]) for name in near):
-        return None  # nothing to enlarge
-    most = gaps[-1] if len(gaps) <= ZOOMED else max(gaps[ZOOMED] - 1, 0)
-    return {name: row[later[name] <= most] for name, row in near.items()}
+    for one in plane.seen.sides:
+        apart = plane.places[one.name] - plane.places[side.name][:, [middle]]
+        directions = [k for k, name in enumerate((plane.across, plane.up)) if name != TIME]
+        inside = (np.abs(apart[directions]) <= far).all(axis=0)
+        later = np.abs(one.row["step"] - side.row["step"][middle])
+        near[one.name] = np.flatnonzero(
+            inside & (later <= (INTERVALS // 2 if plane.timed else STEPS))
+        )
+    return near
 
 
 def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
@@ -270,36 +265,36 @@ Mark = tuple[str, Floats, Floats, dict[str, Any]]
 def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = None) -> "Figure":
     """Trajectories with misses, false targets and switches."""
     boxes = seen.document["boxes"]
+    boxes = seen.document["boxes"]
     across, up = plane_columns(seen.document["columns"], columns, boxes=boxes)
-    sides = [side for side in (seen.truth, seen.estimate) if seen.axes[side.name]]
-    places = {name: (axes[across], axes[up]) for name, axes in seen.axes.items() if axes}
+    plane = Plane(seen=seen, across=across, up=up, style=style)
+    places = plane.places
+    sides = [side for side in seen.sides if side.name in places]
     extent = [_extent([pair[k] for pair in places.values()]) for k in (0, 1)]
     scale = unit_scale(across, up, seen.document.get("stretch", 1.0))
     if scale is not None and not 1 / STRETCH <= scale * extent[1] / extent[0] <= STRETCH:
         scale = None
     ratio = 0.62 if scale is None else scale * extent[1] / extent[0]
     tall = min(max(ratio, 0.45), 1.0 if style.titles else 0.95) * (style.width - 1.0) + 0.9
-    enlarged = rows_enlarged(seen, across, up) if places else None
-    low = 0.0 if enlarged is None else 0.55 * style.width
-    made, axes = figure(style.width, tall + low, 1 if enlarged is None else 2)
+    enlarged = rows_enlarged(plane) if sides else {}
+    low = 0.55 * style.width
+    made, axes = figure(style.width, tall + low * bool(enlarged), 1 + bool(enlarged))
     axis = axes[0, 0]
     handles: dict[str, Artist] = {}
     many = sum(len(side.row["track"]) for side in sides) > VECTOR_POINTS
-    for panel in axes[:, 0]:
+    for panel in axes[::-1, 0]:
         if scale is not None:
             panel.set_aspect(scale, adjustable="datalim")
         for side in sides:
             fade = 1.0 if panel is axis else FADED
-            lines = _lines(panel, side, places[side.name], style, seen, many, fade)
-            handles = {**handles, **(lines if panel is axis else {})}
+            handles |= _lines(panel, side, places[side.name], style, seen, many, fade)
     if sides:
-        along = rows_along(seen, across, up)
-        handles |= surroundings(axis, seen, across, up, style, along, SPECK)
+        handles |= surroundings(axis, plane, rows_along(plane), SPECK)
     handles |= _events(axis, seen, places, style)
     axis.autoscale_view()
-    if enlarged is not None:
+    if enlarged:
         axis.get_gridspec().set_height_ratios([tall, low])
-        handles |= _enlarged(axes[1, 0], seen, across, up, style, enlarged)
+        handles |= _enlarged(axes[1, 0], plane, enlarged)
     for panel in axes[:, 0]:
         for name, which, upright in ((across, panel.xaxis, False), (up, panel.yaxis, True)):
             if name == TIME:
@@ -312,57 +307,36 @@ def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = Non
         axis.annotate("no positions", (0.5, 0.5), xycoords="axes fraction", ha="center")
     titled(axis, style, "In the plane", seen.about)
     beside = 7 if style.titles else 5 if len(handles) <= 5 else -(-len(handles) // 2)
-    beside = beside if enlarged is None else 5 if style.titles else 3  # longer names
+    beside = min(beside, 5 if style.titles else 3) if enlarged else beside  # longer names
     legend(made, list(handles.values()), list(handles), beside)
     return made
 
 
-def _enlarged(
-    axis: "Axes", seen: PlotData, across: str, up: str, style: Style, rows: dict[str, Ints]
-) -> "dict[str, Artist]":
+def _enlarged(axis: "Axes", plane: Plane, rows: dict[str, Ints]) -> "dict[str, Artist]":
     """These states with all that is around them, and lines between those that are assigned."""
-    around = {
-        name: row[extents(seen, getattr(seen, name), across, up)[:, row].max(axis=0) > 0]
-        for name, row in rows.items()
-    }
-    handles = surroundings(axis, seen, across, up, style, around, 2 * SPECK)
-    place = {
-        name: np.stack([seen.axes[name][column] for column in (across, up)], axis=1)
-        for name in rows
-        if seen.axes[name]
-    }
-    size = 4.0 if style.titles else 2.5
-    ring: dict[str, Any] = {"linestyle": "none", "markersize": size, "markeredgewidth": size / 6}
+    seen, place = plane.seen, plane.places
+    around = {side.name: plane.around(side, rows[side.name]) for side in seen.sides}
+    handles = surroundings(axis, plane, around, 2 * SPECK)
+    size = 4.0 if plane.style.titles else 2.5
+    dot: dict[str, Any] = {"linestyle": "none", "markersize": size, "markeredgewidth": size / 6}
     for side, fill in ((seen.truth, "none"), (seen.estimate, INK)):
-        axis.plot(
-            *place[side.name][rows[side.name]].T,
-            marker="o",
-            color=INK,
-            markerfacecolor=fill,
-            label=f"{side.name}/states",
-            zorder=3,
-            **ring,
-        )
-    drawn = [place[name][row] for name, row in rows.items()]
-    drawn += [
-        shapes(seen, getattr(seen, n), across, up, row).reshape(-1, 2) for n, row in around.items()
-    ]
-    every = np.concatenate(drawn)
-    low, high = every.min(axis=0), every.max(axis=0)
-    margin = 0.05 * np.where(high > low, high - low, 1.0)
-    truth = rows["truth"]
+        looks = dot | {"markerfacecolor": fill, "label": f"{side.name}/states", "zorder": 3}
+        axis.plot(*place[side.name][:, rows[side.name]], marker="o", color=INK, **looks)
+    truth = seen.truth.row
     for row in rows["estimate"].tolist():
-        same = truth[
-            (seen.truth.row["track"][truth] == seen.estimate.row["other"][row])
-            & (seen.truth.row["step"][truth] == seen.estimate.row["step"][row])
-        ]
-        pair = np.concatenate([place["estimate"][[row]], place["truth"][same]])
-        axis.plot(*pair.T, color=INK, linewidth=0.8, zorder=2.9)
-    steps = np.concatenate([getattr(seen, name).row["step"][row] for name, row in rows.items()])
-    ends = [str(seen.document["times"][k]) for k in (steps.min(), steps.max())]
-    span = ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}"
-    titled(axis, style, f"Around the farthest pair, t = {literal(span, 50)}")
+        same = rows["truth"][truth["track"][rows["truth"]] == seen.estimate.row["other"][row]]
+        same = same[truth["step"][same] == seen.estimate.row["step"][row]]
+        pair = np.hstack([place["estimate"][:, [row]], place["truth"][:, same]])
+        axis.plot(*pair, color=INK, linewidth=0.8, zorder=2.9)
+    drawn = [place[side.name][:, rows[side.name]].T for side in seen.sides]
+    drawn += [plane.outlines(side, around[side.name]).reshape(-1, 2) for side in seen.sides]
+    steps = np.concatenate([side.row["step"][rows[side.name]] for side in seen.sides])
+    begin, end = (str(seen.document["times"][k]) for k in (steps.min(), steps.max()))
+    span = begin if begin == end else f"{begin} to {end}"
+    titled(axis, plane.style, f"Around the farthest pair, t = {literal(span, 50)}")
     # last, and not fixed: the aspect may widen them
+    low, high = (end(np.concatenate(drawn), axis=0) for end in (np.min, np.max))
+    margin = 0.05 * np.where(high > low, high - low, 1.0)
     axis.set_xlim(low[0] - margin[0], high[0] + margin[0], auto=True)
     axis.set_ylim(low[1] - margin[1], high[1] + margin[1], auto=True)
     return handles
@@ -410,7 +384,7 @@ def unit_scale(across: str, up: str, stretch: float) -> float | None:
 def _lines(
     axis: "Axes",
     side: DrawnSide,
-    place: tuple[Floats, Floats],
+    place: Floats,
     style: Style,
     seen: PlotData,
     many: bool,
@@ -449,7 +423,7 @@ def _lines(
 
 
 def _events(
-    axis: "Axes", seen: PlotData, places: dict[str, tuple[Floats, Floats]], style: Style
+    axis: "Axes", seen: PlotData, places: dict[str, Floats], style: Style
 ) -> "dict[str, Artist]":
     """Crosses, triangles and diamonds where something is wrong."""
     marks: list[Mark] = []

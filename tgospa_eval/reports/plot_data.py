@@ -148,10 +148,12 @@ class PlotData:
     @cached_property
     def axes(self) -> dict[str, dict[str, Floats]]:
         """Of the rows of each side what the plane can show: columns, centres of boxes, the time."""
-        return {
-            side.name: self.places(side.row["state"], side.row["step"])
-            for side in (self.truth, self.estimate)
-        }
+        return {side.name: self.places(side.row["state"], side.row["step"]) for side in self.sides}
+
+    @property
+    def sides(self) -> tuple[DrawnSide, DrawnSide]:
+        """Truth and estimate."""
+        return self.truth, self.estimate
 
     def places(self, state: Floats, step: Ints) -> dict[str, Floats]:
         """What the plane can show of states (R, d) at these steps."""
@@ -187,17 +189,8 @@ def plot_data(result: Summary) -> PlotData:
     whole = list(result.results.values()) if isinstance(result, ByClass) else [result]
     parts = [part for part in whole if isinstance(part, Result)]
     columns = parts[0].proof.compared.columns if parts else ()
-    split = result.proof.breakdown
-    data = over_time(
-        result.labels.times,
-        {name: result.scale * getattr(split, name) for name in PARTS},
-        {name: getattr(split, f"{name}_count") for name in COUNTED_PARTS},
-        curves(result),
-        len(result.labels.times) if parts else MOST_STRETCHES,
-    ) | {
-        "cutoff": result.proof.parameters.cutoff,
-        "order": result.proof.parameters.order,
-        "unit": result.labels.unit or "",
+    stretches = len(result.labels.times) if parts else MOST_STRETCHES
+    data = over_time(result, stretches) | {
         "switches": _switches(parts),
         "repairs": _repairs(result),
     }
@@ -261,7 +254,7 @@ def drawn_data(
         if name == "truth":
             arrays["truth/row/error"] = np.rint(row["error"] * ERRORS).astype(np.int64)
     data = (
-        {"words": {}}
+        {"words": {}, "parts": list(PARTS)}
         | document
         | {
             "tracks": {name: side.table for name, side in sides.items()},
@@ -652,39 +645,39 @@ def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
     return first, first + padded.reshape(len(first), together).argmax(axis=1)
 
 
-def over_time(
-    shown: Sequence[Time],
-    costs: Mapping[str, Floats],
-    counts: Mapping[str, Floats],
-    curve: Mapping[str, Sequence[float]],
-    stretches: int,
-) -> Json:
+def over_time(result: Summary, stretches: int) -> Json:
     """What is drawn over time, of at most so many stretches of steps: means, the curve at ends."""
-    steps = len(shown)
+    steps = len(result.labels.times)
     together = max(1, -(-steps // max(stretches, 1)))
     first = np.arange(0, steps, together)
     last = np.minimum(first + together, steps) - 1
-    times = readable([shown[k] for k in first.tolist()])
+    times = readable([result.labels.times[k] for k in first.tolist()])
+    split, parameters = result.proof.breakdown, result.proof.parameters
 
     def mean(values: Floats) -> list[float]:
         sums = np.add.reduceat(values, first) if steps else values
         return rounded((sums / (last - first + 1)).tolist())
 
+    costs = {name: result.scale * getattr(split, name) for name in PARTS}
+    counts = {name: getattr(split, f"{name}_count") for name in COUNTED_PARTS}
     total = sum(costs.values(), np.zeros(steps))
     worst = costliest(list(range(steps)), total, SHOWN_ROWS) if together > 1 else []
     return {
         "together": together,
         "worst": {
-            "t": readable([shown[k] for k in worst]),
+            "t": readable([result.labels.times[k] for k in worst]),
             "costs": {name: rounded(cost[worst].tolist()) for name, cost in costs.items()},
             "counts": {name: count[worst].tolist() for name, count in counts.items()},
         },
         "times": times,
         "axis": moments(times),
-        "parts": list(costs),
         "costs": {name: mean(cost) for name, cost in costs.items()},
         "counts": {name: mean(count) for name, count in counts.items()},
         "curve": {
-            name: rounded([values[k] for k in last.tolist()]) for name, values in curve.items()
+            name: rounded([values[k] for k in last.tolist()])
+            for name, values in curves(result).items()
         },
+        "cutoff": parameters.cutoff,
+        "order": parameters.order,
+        "unit": result.labels.unit or "",
     }
