@@ -82,59 +82,73 @@ class Plane:
         """The states of each side that has any, (2, R)."""
         return {n: np.stack([a[self.across], a[self.up]]) for n, a in self.seen.axes.items() if a}
 
+    def spanned(self, packed: Floats, radius: float) -> Floats:
+        """Of z' C^-1 z = radius^2 in both columns how far it reaches, and what they share, (3, R).
+
+        `packed` are lower triangles of C. Over the time it is the interval of the other column.
+        """
+        found, columns = np.zeros((3, len(packed))), self.seen.document["columns"]
+        index = [columns.index(name) for name in (self.across, self.up) if name != TIME]
+        if not packed.shape[1] or self.across == self.up:
+            return found
+        for k, name in enumerate((self.across, self.up)):
+            if name != TIME:
+                i = columns.index(name)
+                found[k] = radius * deviations(packed[:, i * (i + 3) // 2])
+        if not self.timed:
+            i, j = max(index), min(index)
+            found[2] = radius**2 * packed[:, i * (i + 1) // 2 + j]
+        return found
+
     @cached_property
     def extents(self) -> dict[str, Floats]:
-        """How far what is around each state reaches in both directions, (2, R); 0: nothing.
+        """The same of what is around each state, 0 where it is nothing, by side.
 
-        Boxes are known of their edges and centres, ellipses of two components or one over the time.
+        Boxes are known of their edges and centres.
         """
-        found: dict[str, Floats] = {}
-        for side in self.seen.sides:
-            axes, row = self.seen.axes[side.name], side.row
-            found[side.name] = np.zeros((2, len(row["track"])))
-            if self.seen.document["boxes"]:
-                if (self.across, self.up) in (("left", "top"), ("centre x", "centre y")):
-                    found[side.name] = np.stack([axes["width"], axes["height"]]) / 2
-            elif row["spread"].shape[1] and self.across != self.up:
-                radius = self.seen.document["spread"]["radius"][not self.timed]
-                for k, name in enumerate((self.across, self.up)):
-                    if name != TIME:
-                        i = self.seen.document["columns"].index(name)
-                        found[side.name][k] = radius * deviations(
-                            row["spread"][:, i * (i + 3) // 2]
-                        )
-        return found
+        seen = self.seen
+        if not seen.document["boxes"]:
+            radius = seen.document["spread"].get("radius", (0.0, 0.0))[not self.timed]
+            return {side.name: self.spanned(side.row["spread"], radius) for side in seen.sides}
+        known = (self.across, self.up) in (("left", "top"), ("centre x", "centre y"))
+        halves = {
+            n: (a["width"] * known / 2, a["height"] * known / 2) for n, a in seen.axes.items()
+        }
+        return {name: np.stack([*both, np.zeros(len(both[0]))]) for name, both in halves.items()}
+
+    @cached_property
+    def gates(self) -> Floats | None:
+        """The same of the gates around the first side of an association."""
+        gate = self.seen.truth.row.get("gate")
+        return None if gate is None else self.spanned(gate, 1.0)
 
     def around(self, side: DrawnSide, among: Ints | None = None) -> Ints:
         """Rows of these, by default of all, around which there is something."""
-        reach = self.extents[side.name].max(axis=0)
+        reach = self.extents[side.name][:2].max(axis=0)
         return np.flatnonzero(reach > 0) if among is None else among[reach[among] > 0]
 
     def outlines(self, side: DrawnSide, row: Ints) -> Floats:
         """Outlines (K, corners, 2) around some states."""
-        x, y = self.places[side.name][:, row]
-        s, t = self.extents[side.name][:, row]
+        middle, (s, t, shared) = self.places[side.name][:, row], self.extents[side.name][:, row]
         if self.seen.document["boxes"]:
-            return corners(x - s, x + s, y - t, y + t)
-        shared = np.zeros(len(row))
-        if len(row) and not self.timed:
-            columns = (self.seen.document["columns"].index(name) for name in (self.across, self.up))
-            i, j = sorted(columns, reverse=True)
-            radius = self.seen.document["spread"]["radius"][1]
-            shared = side.row["spread"][row, i * (i + 1) // 2 + j] * radius**2
-        return ellipses(np.stack([x, y]), s, t, shared)
+            corner = self.seen.axes[side.name]
+            left, top = corner["left"][row], corner["top"][row]
+            return corners(left, left + 2 * s, top, top + 2 * t)
+        return ellipses(middle, s, t, shared)
 
 
-def ellipses(middle: Floats, s: Floats, t: Floats, shared: Floats) -> Floats:
+def ellipses(middle: Floats, s: Floats, t: Floats, shared: Floats, power: float = 2.0) -> Floats:
     """Outlines (K, corners, 2): z' C^-1 z = 1 around the middles (2, K), C = [s^2, q; q, t^2].
 
-    With r = q / (s t) these are (s cos u, t sin(u + arcsin r)), 0 <= u < 2 pi.
+    With r = q / (s t) these are (s cos u, t sin(u + arcsin r)), 0 <= u < 2 pi. Of another norm,
+    with r = 0, both are divided by that of (cos u, sin u).
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         turn = np.nan_to_num(np.arcsin(np.clip(shared / s / t, -1, 1)))[:, None]
     u = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
-    x = middle[0][:, None] + s[:, None] * np.cos(u)
-    return np.stack([x, middle[1][:, None] + t[:, None] * np.sin(u + turn)], axis=2)
+    size = 1 if power == 2 else np.linalg.norm([np.cos(u), np.sin(u)], ord=power, axis=0)
+    x = middle[0][:, None] + s[:, None] * np.cos(u) / size
+    return np.stack([x, middle[1][:, None] + t[:, None] * np.sin(u + turn) / size], axis=2)
 
 
 def surroundings(
@@ -188,7 +202,7 @@ def rows_along(plane: Plane) -> dict[str, Ints]:
     for side in plane.seen.sides:
         row = plane.around(side) if sum(len(s.ids) for s in plane.seen.sides) <= FEW else NO_ROWS
         middle = plane.places[side.name][:, row].T if len(row) else np.zeros((0, 2))
-        far = APART * plane.extents[side.name][:, row].max(axis=0, initial=0.0)
+        far = APART * plane.extents[side.name][:2, row].max(axis=0, initial=0.0)
         if plane.timed and len(row):
             middle = middle[:, [int(plane.up == TIME)]]
             far = np.full(len(row), np.ptp(middle) / INTERVALS)
@@ -199,26 +213,41 @@ def rows_along(plane: Plane) -> dict[str, Ints]:
 def rows_enlarged(plane: Plane) -> dict[str, Ints]:
     """States near the assigned pair that is farthest apart, a few steps before and after it.
 
-    None where there are no ellipses, or nothing to enlarge.
+    Of associations those of its step. None where there are neither ellipses nor gates, or nothing
+    to enlarge.
     """
-    around = {side.name: plane.around(side) for side in plane.seen.sides}
-    side = plane.seen.estimate if len(around["estimate"]) else plane.seen.truth
-    known, few = around[side.name], sum(len(side.row["track"]) for side in plane.seen.sides) <= 2
-    if plane.seen.document["boxes"] or not len(known) or few:
+    seen, gates = plane.seen, plane.gates
+    reach = {n: sizes[:2].max(axis=0) for n, sizes in plane.extents.items()}
+    reach |= {} if gates is None else {"truth": gates[:2].max(axis=0)}
+    side = seen.estimate if gates is None and (reach["estimate"] > 0).any() else seen.truth
+    known, few = (
+        np.flatnonzero(reach[side.name] > 0),
+        sum(len(s.row["step"]) for s in seen.sides) < 3,
+    )
+    if seen.document["boxes"] or not len(known) or few:
         return {}
     error = np.where(side.row["other"] == NONE, -1.0, side.row["error"])
     middle = known[np.argmax(error[known])]
-    far = WINDOW * float(np.median(plane.extents[side.name].max(axis=0)[known]))
+    far = WINDOW * float(np.median(reach[side.name][known]))
     near: dict[str, Ints] = {}
-    for one in plane.seen.sides:
-        apart = plane.places[one.name] - plane.places[side.name][:, [middle]]
-        directions = [k for k, name in enumerate((plane.across, plane.up)) if name != TIME]
-        inside = (np.abs(apart[directions]) <= far).all(axis=0)
+    steps = INTERVALS // 2 if plane.timed else STEPS if gates is None else 0
+    for one in seen.sides:
+        apart = np.abs(plane.places[one.name] - plane.places[side.name][:, [middle]])
+        apart[[name == TIME for name in (plane.across, plane.up)]] = 0
         later = np.abs(one.row["step"] - side.row["step"][middle])
-        near[one.name] = np.flatnonzero(
-            inside & (later <= (INTERVALS // 2 if plane.timed else STEPS))
-        )
+        near[one.name] = np.flatnonzero((apart <= far).all(axis=0) & (later <= steps))
     return near
+
+
+def pairs(plane: Plane, row: Ints) -> Floats:
+    """Lines from these estimates to those that they are assigned to at the same step, (2, 3 K)."""
+    truth, estimate, key = plane.seen.truth.row, plane.seen.estimate.row, plane.seen.steps + 1
+    held = np.append(truth["track"] * key + truth["step"], NONE)
+    wanted = estimate["other"][row] * key + estimate["step"][row]
+    at = np.searchsorted(held[:-1], wanted)
+    row, at = row[held[at] == wanted], at[held[at] == wanted]
+    ends = plane.places["estimate"][:, row], plane.places["truth"][:, at]
+    return np.stack([*ends, np.full((2, len(at)), np.nan)], axis=2).reshape(2, -1)
 
 
 def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
@@ -258,6 +287,12 @@ STRETCH = 8
 """How much longer one axis may be for both to have one scale."""
 
 
+MARKS: dict[str, dict[str, Any]] = {
+    "missed": {"marker": "x", "color": MISSED},
+    "false": {"marker": "^", "color": FALSE, "markerfacecolor": "none"},
+}
+"""Looks of what has no partner."""
+
 Mark = tuple[str, Floats, Floats, dict[str, Any]]
 """Kind of event, places, looks."""
 
@@ -290,17 +325,17 @@ def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = Non
             handles |= _lines(panel, side, places[side.name], style, seen, many, fade)
     if sides:
         handles |= surroundings(axis, plane, rows_along(plane), SPECK)
+    if seen.document["words"]:  # of an association
+        line = pairs(plane, np.arange(len(seen.estimate.row["step"])))
+        looks: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 2.8, "label": "pairs"}
+        handles["pair"] = axis.plot(*line, **looks)[0]
     handles |= _events(axis, seen, places, style)
     axis.autoscale_view()
     if enlarged:
         axis.get_gridspec().set_height_ratios([tall, low])
         handles |= _enlarged(axes[1, 0], plane, enlarged)
     for panel in axes[:, 0]:
-        for name, which, upright in ((across, panel.xaxis, False), (up, panel.yaxis, True)):
-            if name == TIME:
-                time_axis(panel, seen, style, upright=upright)
-            else:
-                which.set_label_text(_named(name, seen.document["unit"]), parse_math=False)
+        _name_axes(panel, plane)
     if boxes and up in ("top", "centre y"):
         axis.invert_yaxis()
     if not sides or not sum(len(side.row["track"]) for side in sides):
@@ -312,24 +347,43 @@ def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = Non
     return made
 
 
+def _name_axes(axis: "Axes", plane: Plane) -> None:
+    """Names of both directions."""
+    for name, which, upright in ((plane.across, axis.xaxis, False), (plane.up, axis.yaxis, True)):
+        if name == TIME:
+            time_axis(axis, plane.seen, plane.style, upright=upright)
+        else:
+            which.set_label_text(_named(name, plane.seen.document["unit"]), parse_math=False)
+
+
 def _enlarged(axis: "Axes", plane: Plane, rows: dict[str, Ints]) -> "dict[str, Artist]":
     """These states with all that is around them, and lines between those that are assigned."""
+    from matplotlib.collections import PolyCollection
+
     seen, place = plane.seen, plane.places
     around = {side.name: plane.around(side, rows[side.name]) for side in seen.sides}
     handles = surroundings(axis, plane, around, 2 * SPECK)
     size = 4.0 if plane.style.titles else 2.5
     dot: dict[str, Any] = {"linestyle": "none", "markersize": size, "markeredgewidth": size / 6}
-    for side, fill in ((seen.truth, "none"), (seen.estimate, INK)):
-        looks = dot | {"markerfacecolor": fill, "label": f"{side.name}/states", "zorder": 3}
-        axis.plot(*place[side.name][:, rows[side.name]], marker="o", color=INK, **looks)
-    truth = seen.truth.row
-    for row in rows["estimate"].tolist():
-        same = rows["truth"][truth["track"][rows["truth"]] == seen.estimate.row["other"][row]]
-        same = same[truth["step"][same] == seen.estimate.row["step"][row]]
-        pair = np.hstack([place["estimate"][:, [row]], place["truth"][:, same]])
-        axis.plot(*pair, color=INK, linewidth=0.8, zorder=2.9)
+    kinds = ((seen.truth, "none", MARKS["missed"]), (seen.estimate, INK, MARKS["false"]))
+    for side, fill, mark in kinds:
+        row = rows[side.name]
+        alone = side.row["other"][row] == NONE
+        looks = dot | {"label": f"{side.name}/states", "zorder": 3, "color": INK}
+        looks |= {"marker": "o", "markerfacecolor": fill}
+        axis.plot(*place[side.name][:, row[~alone]], **looks)
+        axis.plot(*place[side.name][:, row[alone]], **(looks | mark))
+    axis.plot(*pairs(plane, rows["estimate"]), color=INK, linewidth=0.8, zorder=2.9)
     drawn = [place[side.name][:, rows[side.name]].T for side in seen.sides]
     drawn += [plane.outlines(side, around[side.name]).reshape(-1, 2) for side in seen.sides]
+    if plane.gates is not None:
+        row, power = rows["truth"], seen.document["gate"]["power"] or np.inf
+        gates = ellipses(place["truth"][:, row], *plane.gates[:, row], power)
+        looks = {"facecolors": "none", "edgecolors": MISSED, "linestyles": ":", "linewidths": 1}
+        made = PolyCollection(list(gates), label="gates", **looks)
+        axis.add_collection(made)
+        handles[f"gate of {seen.word('truth')}"] = made
+        drawn.append(gates.reshape(-1, 2))
     steps = np.concatenate([side.row["step"][rows[side.name]] for side in seen.sides])
     begin, end = (str(seen.document["times"][k]) for k in (steps.min(), steps.max()))
     span = begin if begin == end else f"{begin} to {end}"
@@ -418,7 +472,7 @@ def _lines(
         dots = single & (truth | (row["track"] % len(TRACK_COLOURS) == turn))
         if dots.any():
             axis.plot(*(values[dots] for values in place), **both, **dot)
-        handles.setdefault(side.name, line)
+        handles.setdefault(seen.word(side.name), line)
     return handles
 
 
@@ -428,8 +482,8 @@ def _events(
     """Crosses, triangles and diamonds where something is wrong."""
     marks: list[Mark] = []
     for side, name, looks in (
-        (seen.truth, "missed", {"marker": "x", "color": MISSED}),
-        (seen.estimate, "false", {"marker": "^", "color": FALSE, "markerfacecolor": "none"}),
+        (seen.truth, "missed", MARKS["missed"]),
+        (seen.estimate, "false", MARKS["false"]),
     ):
         if side.name in places:
             x, y = places[side.name]
@@ -442,18 +496,18 @@ def _events(
         marks.append(("switch", places["truth"][0][row], places["truth"][1][row], diamond))
     count = sum(len(x) for _, x, _, _ in marks)
     if count > GROUPED:
-        return _grouped(axis, marks, style)
+        return _grouped(axis, seen, marks, style)
     size = (5.0 if style.titles else 3.2) * max(0.35, 1 - 0.4 * math.log10(max(count / CROWDED, 1)))
     common = {"linestyle": "none", "markersize": size, "markeredgewidth": size / 6, "zorder": 3}
     common["rasterized"] = count > VECTOR_POINTS // 8
     return {
-        name: axis.plot(x, y, label=name, **{**common, **looks})[0]
+        seen.word(name): axis.plot(x, y, label=name, **{**common, **looks})[0]
         for name, x, y, looks in marks
         if len(x)
     }
 
 
-def _grouped(axis: "Axes", marks: list[Mark], style: Style) -> "dict[str, Artist]":
+def _grouped(axis: "Axes", seen: PlotData, marks: list[Mark], style: Style) -> "dict[str, Artist]":
     """A mark for each kind and place, whose area is the number of events there."""
     wide = _extent([x for _, x, _, _ in marks]) / CELLS
     tall = _extent([y for _, _, y, _ in marks]) / CELLS
@@ -475,7 +529,7 @@ def _grouped(axis: "Axes", marks: list[Mark], style: Style) -> "dict[str, Artist
         looks |= {"linewidths": 0.7, "rasterized": len(x) > VECTOR_POINTS // 8}
         area = np.maximum(largest * count / most, largest / 40)
         made = axis.scatter(x, y, area, label=name, **looks)
-        handles[f"{name}, {count.min():,} to {count.max():,}"] = made
+        handles[f"{seen.word(name)}, {count.min():,} to {count.max():,}"] = made
     return handles
 
 

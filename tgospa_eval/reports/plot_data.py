@@ -27,6 +27,7 @@ from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
+from tgospa_eval.sensors.association import Association
 from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.covariances import size_of
 
@@ -205,6 +206,67 @@ def plot_data(result: Summary) -> PlotData:
     )
 
 
+WORDS = {"truth": "A", "estimate": "B", "missed": "A alone", "false": "B alone"} | {
+    "localisation": "distance"
+}
+"""How an association calls sides and parts."""
+
+
+def association_data(found: Association) -> PlotData:
+    """What page and picture of an association draw: sides as truth and estimate, costs of order 1.
+
+    A pair costs its distance at the first side, and each state that stays alone half a cutoff.
+    """
+    sides, steps = (found.first, found.second), len(found.first.times)
+    near, own = found.pairs.distance[found.chosen], found.pairs.truth_row[found.chosen]
+    given: dict[str, tuple[Rows, Sequence[Clouds]]] = {}
+    tables: dict[str, Columns] = {}
+    costs = {"localisation": np.bincount(found.first.step[own], near, steps)}
+    counts: dict[str, Floats] = {}
+    for k, (name, kind) in enumerate(KINDS.items()):
+        side, other, partner = sides[k], sides[1 - k], found.partners[k]
+        alone, track = partner == NONE, side.track.astype(np.int64)
+        apart = np.full(len(track), found.cutoff)
+        apart[(own, found.pairs.estimate_row[found.chosen])[k]] = near
+        rows: Rows = {"track": track, "step": side.step.astype(np.int64), "shared": alone & False}
+        rows |= {"other": np.where(alone, NONE, np.append(other.track, 0)[partner])}
+        rows |= {"error": apart / found.cutoff}
+        if k == 0 and found.gates is not None:
+            rows["gate"] = found.gates
+        rows = by_track(rows, side.state, side.second_moments, side.clouds)
+        given[name] = rows, [] if side.clouds is None else [side.clouds]
+        counts[kind] = np.bincount(side.step[alone], minlength=steps)
+        costs[kind] = found.cutoff / 2 * counts[kind]
+        sums = [
+            np.bincount(track, values, len(side.ids))
+            for values in (alone, np.where(alone, 0.0, apart))
+        ]
+        lost = found.cutoff / 2 * sums[0]
+        columns = {"localisation": sums[1], "unassigned": lost, "total": sums[1] + lost}
+        columns |= {
+            "unassigned_count": sums[0],
+            "steps": np.bincount(track, minlength=len(side.ids)),
+        }
+        tables[name] = {"id": list(map(str, side.ids))}
+        tables[name] |= {column: rounded(values.tolist()) for column, values in columns.items()}
+    so_far = np.arange(1, steps + 1)
+    lines = {name: np.cumsum(cost) / so_far for name, cost in costs.items()}
+    lines["total"] = sum(lines.values(), np.zeros(steps))
+    times = readable(found.first.shown.tolist())
+    document: Json = {"words": WORDS, "parts": list(costs), "cutoff": found.cutoff, "order": 1.0}
+    document |= {"unit": "", "together": 1, "times": times, "axis": moments(times)}
+    for name, values in (("costs", costs), ("counts", counts), ("curve", lines)):
+        document[name] = {key: rounded(value.tolist()) for key, value in values.items()}
+    document |= {
+        "switches": _switches([]),
+        "repairs": {"tracks": [], "from": [], "to": [], "text": []},
+    }
+    power = getattr(found.distance, "power", 2.0)
+    document["power"] = power if np.isfinite(power) else None
+    about = f"c = {found.cutoff:g}, {found.distance.name}"
+    return drawn_data(given, found.first.columns, tables, document, about)
+
+
 def drawn_data(
     given: Mapping[str, tuple[Rows, Sequence[Clouds]]],
     columns: Sequence[str],
@@ -251,6 +313,11 @@ def drawn_data(
         if spread:
             entries = encoded(row["track"], row["step"], row["spread"], spread)
             arrays |= {f"{name}/spread/{key}": values for key, values in entries.items()}
+        if "gate" in row:
+            document["gate"] = described([row["gate"]], stride)
+            document["gate"] |= {"radius": (1.0, 1.0), "power": document.pop("power")}
+            entries = encoded(row["track"], row["step"], row["gate"], document["gate"])
+            arrays |= {f"{name}/gate/{key}": values for key, values in entries.items()}
         if name == "truth":
             arrays["truth/row/error"] = np.rint(row["error"] * ERRORS).astype(np.int64)
     data = (

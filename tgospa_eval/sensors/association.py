@@ -5,7 +5,11 @@ unassigned, have the smallest sum: a pair gains ``c - d``, and none at the cutof
 beyond is taken.
 """
 
+import os
+from functools import cached_property
+from importlib import import_module
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +18,16 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import DISTANCES, Distance, Effort, Norm, Pairs, near_pairs
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.distances.clouds.transport import cross_covariance
+from tgospa_eval.distances.sphere import RADIUS
 from tgospa_eval.errors import ConfigError, InputError, real_number
 from tgospa_eval.problem.gospa import assign_pairs
 from tgospa_eval.results.records import Columns
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.covariances import pack
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
 
@@ -47,6 +56,8 @@ class Association:
         Which of them were associated.
     cutoff : float
         The cutoff c.
+    distance : Distance
+        As it was measured.
     """
 
     first: Trajectories
@@ -55,6 +66,7 @@ class Association:
     apart: Floats
     chosen: NDArray[np.bool_]
     cutoff: float
+    distance: Distance
 
     @property
     def unassigned(self) -> tuple[int, int]:
@@ -68,14 +80,86 @@ class Association:
         near = self.pairs.distance[self.chosen].sum()
         return float(near + 0.5 * self.cutoff * sum(self.unassigned))
 
+    @cached_property
+    def partners(self) -> tuple[Ints, Ints]:
+        """Of each row of either side the row of its partner, or `NOBODY`."""
+        found = tuple(np.full(len(side.step), NOBODY) for side in (self.first, self.second))
+        a, b = self.pairs.truth_row[self.chosen], self.pairs.estimate_row[self.chosen]
+        found[0][a], found[1][b] = b, a
+        return found[0], found[1]
+
+    @cached_property
+    def gates(self) -> Floats | None:
+        """Around each state of the first side the lower triangle of G, (R, d (d + 1) / 2).
+
+        Means z apart, with z' G^-1 z >= 1, are not associated: G is c^2 / s^2 on its diagonal with
+        the scales s, c^2 C with a covariance C. Where each pair has its own C it is that of the
+        partner, of a state without one its own twice; of haversine it holds nearby. None of boxes.
+        """
+        side, distance = self.first, self.distance
+        settings, size = distance.settings(side.columns), len(side.columns)
+        given = settings.get("covariance", settings.get("inner_cov"))
+        if distance.name == "iou":
+            return None
+        if given == "pair":
+            none = np.zeros((1, size * (size + 1) // 2))
+            own, other = (
+                np.append(
+                    np.zeros((len(s.step), none.size)) if (m := s.second_moments) is None else m,
+                    none,
+                    axis=0,
+                )
+                for s in (side, self.second)
+            )
+            alone = self.partners[0] == NOBODY
+            found = (own[:-1] + np.where(alone[:, None], own[:-1], other[self.partners[0]])) / 2
+            return np.asarray(self.cutoff**2 * found)
+        scale = np.broadcast_to(np.asarray(distance.scale or 1.0, float), (len(side.step), size))
+        if distance.name == "haversine":
+            metres = np.pi * RADIUS / 180
+            scale = np.stack(
+                [np.full(len(side.step), metres), metres * np.cos(np.radians(side.state[:, 0]))],
+                axis=1,
+            )
+        matrix = np.eye(size) if given is None else np.asarray(given)
+        with np.errstate(divide="ignore", over="ignore"):
+            return pack(self.cutoff**2 * matrix / (scale[:, :, None] * scale[:, None])).T
+
+    @cached_property
+    def drawn(self) -> Any:
+        """What page and picture draw: `reports.plot_data.PlotData`."""
+        return import_module("tgospa_eval.reports.plot_data").association_data(self)
+
+    def plot_plane(
+        self, *, columns: tuple[str, str] | None = None, style: str = "screen"
+    ) -> "Figure":
+        """Both sides in two of the state columns, pairs, what stays alone, and gates.
+
+        Parameters, errors and return value are those of `Result.plot_plane`.
+        """
+        plots = import_module("tgospa_eval.plots.result_pictures")
+        made: Figure = plots.association_plane(self, columns=columns, style=style)
+        return made
+
+    def to_html(self, names: tuple[str, str] = ("A", "B")) -> str:
+        """A page that loads nothing; `names` are those of the sides."""
+        return str(import_module("tgospa_eval.reports.html").association_page(self, names))
+
+    def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
+        """Write page, table and, with the extra `plot`, picture to a folder.
+
+        Raises
+        ------
+        ConfigError
+            The folder holds something else, and `force` is false; or it cannot be written.
+        """
+        import_module("tgospa_eval.plots.result_pictures").save(self, folder, force=force)
+
     def associations_table(self) -> Columns:
         """Each state once: pairs by step, with None for the partner of an unassigned one."""
         pairs = np.flatnonzero(self.chosen)
         both = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
-        alone = [
-            np.setdiff1d(np.arange(len(side.step)), taken)
-            for side, taken in zip((self.first, self.second), both, strict=True)
-        ]
+        alone = [np.flatnonzero(partner == NOBODY) for partner in self.partners]
         kind = np.repeat((0, 1, 2), (len(pairs), len(alone[0]), len(alone[1])))
         a, b, pair = np.full((3, len(kind)), NOBODY)
         a[kind < 2] = np.concatenate((both[0], alone[0]))
@@ -200,6 +284,7 @@ def associate(
         apart=_means_apart(first, second, pairs, measure),
         chosen=chosen,
         cutoff=cutoff,
+        distance=measure,
     )
 
 

@@ -123,7 +123,7 @@ const plane = {
     context.clip();
     // Smaller and thinner marks where they would hide one another.
     let count = 0;
-    for (let k = state.from; k <= state.to; k++) count += doc.counts.missed[k] + doc.counts.false[k] + doc.counts.switch[k];
+    for (let k = state.from; k <= state.to; k++) count += doc.counts.missed[k] + doc.counts.false[k] + (doc.counts.switch?.[k] ?? 0);
     this.crowded = count >= 400;
     this.most = 0;
     this.mark = !this.crowded || state.track !== null ? 1 : Math.max(0.45, 1 - Math.log10(count / 400) * 0.4);
@@ -329,6 +329,12 @@ const plane = {
         const around = shapes.outline(side, track, state.step, at, +this.axisX.value, +this.axisY.value);
         context.lineWidth = 2;
         if (around) shapes.stroke(context, side, track, around.map((point) => this.place(...point, width, height)));
+        const axes = [+this.axisX.value, +this.axisY.value];
+        if (side.gate && axes[0] !== axes[1] && Math.max(...axes) <= TIME) {
+          const gate = shapes.ellipse(side, side.gate, track, state.step, at, ...axes);
+          context.lineWidth = 1.5;
+          if (gate) shapes.stroke(context, side, track, gate.map((point) => this.place(...point, width, height)), "missed", [2, 3]);
+        }
         context.beginPath();
         context.arc(x, y, side.name === "truth" ? 6 : 3.5, 0, 7);
         if (side.name === "truth") {

@@ -25,8 +25,8 @@ const shapes = {
   },
 
   // Deviations of two components at a step and the angle between them; on a line between those that are told.
-  spread(side, track, step, across, up) {
-    const { spread, row } = side;
+  spread(side, spread, track, step, across, up) {
+    const { row } = side;
     if (!spread) return null;
     let low = spread.first[track], high = spread.first[track + 1];
     const [begin, end] = [low, high];
@@ -38,7 +38,7 @@ const shapes = {
     const after = Math.min(low, end - 1), before = Math.max(after - (row.step[spread.row[after]] > step ? 1 : 0), begin);
     const [t0, t1] = [row.step[spread.row[before]], row.step[spread.row[after]]], share = t1 > t0 ? (step - t0) / (t1 - t0) : 0;
     const level = (entry) => spread.levels[entry][before] + share * (spread.levels[entry][after] - spread.levels[entry][before]);
-    const diagonal = (i) => i * (i + 3) / 2, { largest, fine, faint, angle } = doc.spread;
+    const diagonal = (i) => i * (i + 3) / 2, { largest, fine, faint, angle } = spread.how;
     const [s, t] = [across, up].map((i) => i === TIME || level(diagonal(i)) >= faint ? 0 : largest[i] * Math.exp(-level(diagonal(i)) / fine));
     const [i, j] = [Math.max(across, up), Math.min(across, up)];
     return s || t ? [s, t, i === TIME ? 0 : level(i * (i + 1) / 2 + j) / angle] : null;
@@ -48,20 +48,25 @@ const shapes = {
   outline(side, track, step, at, across, up) {
     if (!this.shown(across, up)) return null;
     if (doc.boxes) return [[0, 0], [1, 0], [1, 1], [0, 1]].map(([right, low]) => [at[0] + right * at[2], at[1] + low * at[3]]);
-    const found = this.spread(side, track, step, across, up);
+    return this.ellipse(side, side.spread, track, step, at, across, up);
+  },
+  ellipse(side, spread, track, step, at, across, up) {
+    const found = this.spread(side, spread, track, step, across, up);
     if (!found) return null;
-    const [s, t, turn] = found, points = [], radius = doc.spread.radius[across === TIME || up === TIME ? 0 : 1];
+    const [s, t, turn] = found, points = [], { radius: [one, two], power = 2 } = spread.how;
     for (let k = 0; k < 48; k++) {
       const u = k * Math.PI / 24;
+      const [x, y] = [Math.cos(u), Math.sin(u)].map(Math.abs), norm = power === null ? Math.max(x, y) : power === 2 ? 1 : (x ** power + y ** power) ** (1 / power);
+      const radius = (across === TIME || up === TIME ? one : two) / norm;
       points.push([at[across] + radius * s * Math.cos(u), at[up] + radius * t * Math.sin(u + turn)]);
     }
     return points;
   },
 
-  stroke(context, side, track, points) {
+  stroke(context, side, track, points, name = "ink", dashes = [5, 3]) {
     const truth = side.name === "truth";
-    context.strokeStyle = truth ? colour("ink") : colourOf(track);
-    context.setLineDash(truth ? [5, 3] : []);
+    context.strokeStyle = truth ? colour(name) : colourOf(track);
+    context.setLineDash(truth ? dashes : []);
     context.beginPath();
     for (const point of points) context.lineTo(...point);
     context.closePath();
