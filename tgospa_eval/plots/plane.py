@@ -129,26 +129,27 @@ class Plane:
 
     def outlines(self, side: DrawnSide, row: Ints) -> Floats:
         """Outlines (K, corners, 2) around some states."""
-        middle, (s, t, shared) = self.places[side.name][:, row], self.extents[side.name][:, row]
-        if self.seen.document["boxes"]:
-            corner = self.seen.axes[side.name]
-            left, top = corner["left"][row], corner["top"][row]
-            return corners(left, left + 2 * s, top, top + 2 * t)
-        return ellipses(middle, s, t, shared)
+        sizes = self.extents[side.name][:, row]
+        if not self.seen.document["boxes"]:
+            return ellipses(self.places[side.name][:, row], sizes)
+        left, top = (self.seen.axes[side.name][edge][row] for edge in ("left", "top"))
+        return corners(left, left + 2 * sizes[0], top, top + 2 * sizes[1])
 
 
-def ellipses(middle: Floats, s: Floats, t: Floats, shared: Floats, power: float = 2.0) -> Floats:
+def ellipses(middle: Floats, sizes: Floats, power: float = 2.0) -> Floats:
     """Outlines (K, corners, 2): z' C^-1 z = 1 around the middles (2, K), C = [s^2, q; q, t^2].
 
+    `sizes` are s, t and q, (3, K).
     With r = q / (s t) these are (s cos u, t sin(u + arcsin r)), 0 <= u < 2 pi. Of another norm,
     with r = 0, both are divided by that of (cos u, sin u).
     """
+    s, t, shared = sizes[..., None]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        turn = np.nan_to_num(np.arcsin(np.clip(shared / s / t, -1, 1)))[:, None]
+        turn = np.nan_to_num(np.arcsin(np.clip(shared / s / t, -1, 1)))
     u = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
     size = 1 if power == 2 else np.linalg.norm([np.cos(u), np.sin(u)], ord=power, axis=0)
-    x = middle[0][:, None] + s[:, None] * np.cos(u) / size
-    return np.stack([x, middle[1][:, None] + t[:, None] * np.sin(u + turn) / size], axis=2)
+    x = middle[0][:, None] + s * np.cos(u) / size
+    return np.stack([x, middle[1][:, None] + t * np.sin(u + turn) / size], axis=2)
 
 
 def surroundings(
@@ -378,7 +379,7 @@ def _enlarged(axis: "Axes", plane: Plane, rows: dict[str, Ints]) -> "dict[str, A
     drawn += [plane.outlines(side, around[side.name]).reshape(-1, 2) for side in seen.sides]
     if plane.gates is not None:
         row, power = rows["truth"], seen.document["gate"]["power"] or np.inf
-        gates = ellipses(place["truth"][:, row], *plane.gates[:, row], power)
+        gates = ellipses(place["truth"][:, row], plane.gates[:, row], power)
         looks = {"facecolors": "none", "edgecolors": MISSED, "linestyles": ":", "linewidths": 1}
         made = PolyCollection(list(gates), label="gates", **looks)
         axis.add_collection(made)

@@ -206,63 +206,49 @@ def plot_data(result: Summary) -> PlotData:
     )
 
 
-WORDS = {"truth": "A", "estimate": "B", "missed": "A alone", "false": "B alone"} | {
-    "localisation": "distance"
-}
+WORDS = {"truth": "A", "estimate": "B", "localisation": "distance"}
+WORDS |= {"missed": "A alone", "false": "B alone"}
 """How an association calls sides and parts."""
 
 
 def association_data(found: Association) -> PlotData:
     """What page and picture of an association draw: sides as truth and estimate, costs of order 1.
 
-    A pair costs its distance at the first side, and each state that stays alone half a cutoff.
+    Each state that stays alone costs half a cutoff, each pair its distance.
     """
-    sides, steps = (found.first, found.second), len(found.first.times)
-    near, own = found.pairs.distance[found.chosen], found.pairs.truth_row[found.chosen]
+    sides, steps, power = found.sides, len(found.first.times), getattr(found.distance, "power", 2.0)
     given: dict[str, tuple[Rows, Sequence[Clouds]]] = {}
     tables: dict[str, Columns] = {}
-    costs = {"localisation": np.bincount(found.first.step[own], near, steps)}
+    costs: dict[str, Floats] = {"localisation": np.zeros(steps)}
     counts: dict[str, Floats] = {}
-    for k, (name, kind) in enumerate(KINDS.items()):
-        side, other, partner = sides[k], sides[1 - k], found.partners[k]
+    for (name, kind), side, other, partner, apart in zip(
+        KINDS.items(), sides, sides[::-1], found.partners, found.partings, strict=True
+    ):
         alone, track = partner == NONE, side.track.astype(np.int64)
-        apart = np.full(len(track), found.cutoff)
-        apart[(own, found.pairs.estimate_row[found.chosen])[k]] = near
         rows: Rows = {"track": track, "step": side.step.astype(np.int64), "shared": alone & False}
-        rows |= {"other": np.where(alone, NONE, np.append(other.track, 0)[partner])}
-        rows |= {"error": apart / found.cutoff}
-        if k == 0 and found.gates is not None:
+        rows["other"] = np.where(alone, NONE, np.append(other.track, 0)[partner])
+        rows["error"] = np.where(alone, 1.0, apart / found.cutoff)
+        if name == "truth" and found.gates is not None:
             rows["gate"] = found.gates
         rows = by_track(rows, side.state, side.second_moments, side.clouds)
         given[name] = rows, [] if side.clouds is None else [side.clouds]
-        counts[kind] = np.bincount(side.step[alone], minlength=steps)
-        costs[kind] = found.cutoff / 2 * counts[kind]
-        sums = [
-            np.bincount(track, values, len(side.ids))
-            for values in (alone, np.where(alone, 0.0, apart))
-        ]
-        lost = found.cutoff / 2 * sums[0]
-        columns = {"localisation": sums[1], "unassigned": lost, "total": sums[1] + lost}
-        columns |= {
-            "unassigned_count": sums[0],
-            "steps": np.bincount(track, minlength=len(side.ids)),
-        }
-        tables[name] = {"id": list(map(str, side.ids))}
-        tables[name] |= {column: rounded(values.tolist()) for column, values in columns.items()}
-    so_far = np.arange(1, steps + 1)
-    lines = {name: np.cumsum(cost) / so_far for name, cost in costs.items()}
-    lines["total"] = sum(lines.values(), np.zeros(steps))
+        lost = alone * found.cutoff / 2
+        values = {"localisation": apart, "unassigned": lost, "total": apart + lost}
+        values |= {"unassigned_count": alone, "steps": np.ones(len(track))}
+        sums = {n: np.bincount(track, v, len(side.ids)).tolist() for n, v in values.items()}
+        tables[name] = {"id": list(map(str, side.ids)), **{n: rounded(v) for n, v in sums.items()}}
+        parts = {"localisation": apart, kind: lost}
+        costs |= {n: np.bincount(side.step, v, steps).astype(float) for n, v in parts.items()}
+        counts[kind] = np.bincount(side.step, alone, steps).astype(float)
+    lines = costs | {"total": sum(costs.values(), np.zeros(steps))}
+    lines = {name: np.cumsum(cost) / np.arange(1, steps + 1) for name, cost in lines.items()}
     times = readable(found.first.shown.tolist())
     document: Json = {"words": WORDS, "parts": list(costs), "cutoff": found.cutoff, "order": 1.0}
     document |= {"unit": "", "together": 1, "times": times, "axis": moments(times)}
-    for name, values in (("costs", costs), ("counts", counts), ("curve", lines)):
-        document[name] = {key: rounded(value.tolist()) for key, value in values.items()}
-    document |= {
-        "switches": _switches([]),
-        "repairs": {"tracks": [], "from": [], "to": [], "text": []},
-    }
-    power = getattr(found.distance, "power", 2.0)
-    document["power"] = power if np.isfinite(power) else None
+    for name, each in (("costs", costs), ("counts", counts), ("curve", lines)):
+        document[name] = {key: rounded(value.tolist()) for key, value in each.items()}
+    document |= {"switches": _switches([]), "power": power if np.isfinite(power) else None}
+    document["repairs"] = dict.fromkeys(("tracks", "from", "to", "text"), ())
     about = f"c = {found.cutoff:g}, {found.distance.name}"
     return drawn_data(given, found.first.columns, tables, document, about)
 
@@ -321,7 +307,7 @@ def drawn_data(
         if name == "truth":
             arrays["truth/row/error"] = np.rint(row["error"] * ERRORS).astype(np.int64)
     data = (
-        {"words": {}, "parts": list(PARTS)}
+        {"words": {}, "parts": list(PARTS), "gate": {}}
         | document
         | {
             "tracks": {name: side.table for name, side in sides.items()},

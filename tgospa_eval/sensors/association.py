@@ -80,50 +80,54 @@ class Association:
         near = self.pairs.distance[self.chosen].sum()
         return float(near + 0.5 * self.cutoff * sum(self.unassigned))
 
+    @property
+    def sides(self) -> tuple[Trajectories, Trajectories]:
+        """Both."""
+        return self.first, self.second
+
     @cached_property
     def partners(self) -> tuple[Ints, Ints]:
         """Of each row of either side the row of its partner, or `NOBODY`."""
-        found = tuple(np.full(len(side.step), NOBODY) for side in (self.first, self.second))
-        a, b = self.pairs.truth_row[self.chosen], self.pairs.estimate_row[self.chosen]
-        found[0][a], found[1][b] = b, a
-        return found[0], found[1]
+        a, b = (np.full(len(side.step), NOBODY) for side in self.sides)
+        rows = self.pairs.truth_row[self.chosen], self.pairs.estimate_row[self.chosen]
+        a[rows[0]], b[rows[1]] = rows[1], rows[0]
+        return a, b
+
+    @cached_property
+    def partings(self) -> tuple[Floats, Floats]:
+        """Of each row of either side the distance to its partner; 0 without one."""
+        a, b = (np.zeros(len(side.step)) for side in self.sides)
+        near = self.pairs.distance[self.chosen]
+        a[self.pairs.truth_row[self.chosen]] = b[self.pairs.estimate_row[self.chosen]] = near
+        return a, b
 
     @cached_property
     def gates(self) -> Floats | None:
         """Around each state of the first side the lower triangle of G, (R, d (d + 1) / 2).
 
-        Means z apart, with z' G^-1 z >= 1, are not associated: G is c^2 / s^2 on its diagonal with
-        the scales s, c^2 C with a covariance C. Where each pair has its own C it is that of the
-        partner, of a state without one its own twice; of haversine it holds nearby. None of boxes.
+        Means z apart, with z' G^-1 z >= 1, are not associated: G_ij is c^2 C_ij / (s_i s_j) with
+        the scales s and the covariance C, without one the unit matrix. Where each pair has its own
+        C it is that of the partner, of a state without one that with its equal; of haversine G
+        holds nearby. None of boxes.
         """
-        side, distance = self.first, self.distance
-        settings, size = distance.settings(side.columns), len(side.columns)
-        given = settings.get("covariance", settings.get("inner_cov"))
+        side, distance, size = self.first, self.distance, len(self.first.columns)
+        settings = distance.settings(side.columns)
+        given = settings.get("covariance", settings.get("inner_cov", np.eye(size)))
         if distance.name == "iou":
             return None
-        if given == "pair":
-            none = np.zeros((1, size * (size + 1) // 2))
-            own, other = (
-                np.append(
-                    np.zeros((len(s.step), none.size)) if (m := s.second_moments) is None else m,
-                    none,
-                    axis=0,
-                )
-                for s in (side, self.second)
-            )
-            alone = self.partners[0] == NOBODY
-            found = (own[:-1] + np.where(alone[:, None], own[:-1], other[self.partners[0]])) / 2
-            return np.asarray(self.cutoff**2 * found)
-        scale = np.broadcast_to(np.asarray(distance.scale or 1.0, float), (len(side.step), size))
+        if isinstance(given, str):  # of each pair
+            own, other = (np.zeros((len(s.step) + 1, size * (size + 1) // 2)) for s in self.sides)
+            for moments, one in ((own, side), (other, self.second)):
+                moments[:-1] = 0.0 if one.second_moments is None else one.second_moments
+            alone = (self.partners[0] == NOBODY)[:, None]
+            partner = np.where(alone, own[:-1], other[self.partners[0]])
+            return np.asarray(self.cutoff**2 * (own[:-1] + partner) / 2)
+        scale = np.ones((len(side.step), size)) * (distance.scale or 1.0)
         if distance.name == "haversine":
-            metres = np.pi * RADIUS / 180
-            scale = np.stack(
-                [np.full(len(side.step), metres), metres * np.cos(np.radians(side.state[:, 0]))],
-                axis=1,
-            )
-        matrix = np.eye(size) if given is None else np.asarray(given)
+            scale *= np.radians(RADIUS)
+            scale[:, 1] *= np.cos(np.radians(side.state[:, 0]))
         with np.errstate(divide="ignore", over="ignore"):
-            return pack(self.cutoff**2 * matrix / (scale[:, :, None] * scale[:, None])).T
+            return pack(self.cutoff**2 * np.asarray(given) / (scale[:, :, None] * scale[:, None])).T
 
     @cached_property
     def drawn(self) -> Any:

@@ -165,7 +165,7 @@ function drawDetail() {
     if (state.step !== null) {
       const r = rowFrom(side, k, state.step), at = runAt(side, k, state.step);
       const error = truth && doc.columns.length && at >= 0 && run.other[at] !== NONE && side.row.step[r] === state.step
-        ? `, error ${withUnit(side.row.error[r] / doc.errors * doc.cutoff)}` : "";
+        ? `, ${doc.words.localisation ?? "error"} ${withUnit(side.row.error[r] / doc.errors * doc.cutoff)}` : "";
       parts.push(make("p", laneWords({ side, track: k }, state.step).split("\n")[0] + error + "."));
     }
     const runs = [], first = run.first[k], end = run.first[k + 1];
