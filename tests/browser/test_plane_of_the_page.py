@@ -389,6 +389,17 @@ def test_an_association_has_the_same_views(shown: Callable) -> None:
     assert ink(tab, "#plane") > 10
 
 
+def test_boxes_that_are_associated_by_corners(shown: Callable) -> None:
+    """Their gates are not known of the centres that are shown."""
+    boxes = np.array([[[0.0, 0.0, 10.0, 20.0]], [[30.0, 0.0, 10.0, 20.0]]])
+    side = Trajectories.from_array(boxes, ("left", "top", "width", "height"))
+    tab = shown(associate(side, side, cutoff=5.0), "#step=1")
+    drawn = picture(tab)
+    pick(tab, "#axis-x", "left")
+    pick(tab, "#axis-y", "top")
+    assert picture(tab) != drawn
+
+
 def test_a_gate_is_where_pairs_end(shown: Callable) -> None:
     """Half of a wide picture is 100 units; the gate has a radius of 30."""
     a = Trajectories.from_array(np.array([[[0.0, 0.0], [100.0, 100.0], [50.0, 50.0]]]))
@@ -410,3 +421,38 @@ def test_a_gate_is_where_pairs_end(shown: Callable) -> None:
     on, inside, outside = tab.run(count)
     assert on >= 15  # of dots
     assert inside + outside < 4
+
+
+def test_particles_of_classes_stay_with_their_states() -> None:
+    pandas = pytest.importorskip("pandas")
+    rng = np.random.default_rng(3)
+    rows = [
+        {"id": f"{kind}{k}", "t": t, "class": kind, "x": 10 * k + t, "y": 5.0}
+        for kind, count in (("car", 3), ("van", 2))
+        for k in range(count)
+        for t in range(4)
+    ]
+    truth = pandas.DataFrame(rows)
+    estimate = truth.loc[truth.index.repeat(5)].reset_index(drop=True)
+    estimate["weight"] = rng.uniform(1, 2, len(estimate))
+    estimate[["x", "y"]] += rng.normal(0, 1, (len(estimate), 2))
+    result = evaluate(truth, estimate, cutoff=50.0, distance="cloud-wasserstein", by="class")
+    side = result.drawn.estimate
+    held = side.particles
+    for k, state in enumerate(side.row["state"]):
+        own = held["row"] == k
+        assert own.sum() == 5
+        assert held["weight"][own] @ held["state"][own] == pytest.approx(state)
+
+
+def test_all_that_is_in_a_near_view_has_its_ellipse(shown: Callable) -> None:
+    """Of many tracks none along them, until few states are in view."""
+    tab = shown(particles(20, 30))
+    assert "0 of 80 95 % ellipses; 0 of 2,400 particles" in note(tab)
+    for _ in range(3):
+        tab.run("document.querySelector('[data-plane=in]').click()")
+    picture(tab)
+    found = re.search(r"(\d+) of 80 95 % ellipses; ([\d,]+) of 2,400 particles", note(tab))
+    assert found
+    assert 5 < int(found[1]) <= 60
+    assert int(found[2].replace(",", "")) == 30 * int(found[1])

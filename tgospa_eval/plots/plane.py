@@ -88,15 +88,14 @@ class Plane:
         `packed` are lower triangles of C. Over the time it is the interval of the other column.
         """
         found, columns = np.zeros((3, len(packed))), self.seen.document["columns"]
-        index = [columns.index(name) for name in (self.across, self.up) if name != TIME]
-        if not packed.shape[1] or self.across == self.up:
+        odd = {self.across, self.up} - {*columns, TIME}  # centres of boxes
+        if odd or self.across == self.up or not packed.shape[1]:
             return found
-        for k, name in enumerate((self.across, self.up)):
-            if name != TIME:
-                i = columns.index(name)
-                found[k] = radius * deviations(packed[:, i * (i + 3) // 2])
+        index = {k: columns.index(n) for k, n in enumerate((self.across, self.up)) if n != TIME}
+        for k, i in index.items():
+            found[k] = radius * deviations(packed[:, i * (i + 3) // 2])
         if not self.timed:
-            i, j = max(index), min(index)
+            i, j = max(index.values()), min(index.values())
             found[2] = radius**2 * packed[:, i * (i + 1) // 2 + j]
         return found
 
@@ -221,10 +220,8 @@ def rows_enlarged(plane: Plane) -> dict[str, Ints]:
     reach = {n: sizes[:2].max(axis=0) for n, sizes in plane.extents.items()}
     reach |= {} if gates is None else {"truth": gates[:2].max(axis=0)}
     side = seen.estimate if gates is None and (reach["estimate"] > 0).any() else seen.truth
-    known, few = (
-        np.flatnonzero(reach[side.name] > 0),
-        sum(len(s.row["step"]) for s in seen.sides) < 3,
-    )
+    known = np.flatnonzero(reach[side.name] > 0)
+    few = sum(len(one.row["step"]) for one in seen.sides) < 3
     if seen.document["boxes"] or not len(known) or few:
         return {}
     error = np.where(side.row["other"] == NONE, -1.0, side.row["error"])
@@ -366,15 +363,15 @@ def _enlarged(axis: "Axes", plane: Plane, rows: dict[str, Ints]) -> "dict[str, A
     handles = surroundings(axis, plane, around, 2 * SPECK)
     size = 4.0 if plane.style.titles else 2.5
     dot: dict[str, Any] = {"linestyle": "none", "markersize": size, "markeredgewidth": size / 6}
-    kinds = ((seen.truth, "none", MARKS["missed"]), (seen.estimate, INK, MARKS["false"]))
-    for side, fill, mark in kinds:
+    for side, fill, mark in zip(seen.sides, ("none", INK), MARKS.values(), strict=True):
         row = rows[side.name]
         alone = side.row["other"][row] == NONE
         looks = dot | {"label": f"{side.name}/states", "zorder": 3, "color": INK}
         looks |= {"marker": "o", "markerfacecolor": fill}
         axis.plot(*place[side.name][:, row[~alone]], **looks)
         axis.plot(*place[side.name][:, row[alone]], **(looks | mark))
-    axis.plot(*pairs(plane, rows["estimate"]), color=INK, linewidth=0.8, zorder=2.9)
+    line = pairs(plane, rows["estimate"])
+    axis.plot(*line, color=INK, linewidth=0.8, zorder=2.9)
     drawn = [place[side.name][:, rows[side.name]].T for side in seen.sides]
     drawn += [plane.outlines(side, around[side.name]).reshape(-1, 2) for side in seen.sides]
     if plane.gates is not None:
@@ -388,9 +385,10 @@ def _enlarged(axis: "Axes", plane: Plane, rows: dict[str, Ints]) -> "dict[str, A
     steps = np.concatenate([side.row["step"][rows[side.name]] for side in seen.sides])
     begin, end = (str(seen.document["times"][k]) for k in (steps.min(), steps.max()))
     span = begin if begin == end else f"{begin} to {end}"
-    titled(axis, plane.style, f"Around the farthest pair, t = {literal(span, 50)}")
+    what = "farthest pair" if (seen.truth.row["other"] != NONE).any() else "first state"
+    titled(axis, plane.style, f"Around the {what}, t = {literal(span, 50)}")
     # last, and not fixed: the aspect may widen them
-    low, high = (end(np.concatenate(drawn), axis=0) for end in (np.min, np.max))
+    low, high = (end(np.concatenate([line.T, *drawn]), axis=0) for end in (np.nanmin, np.nanmax))
     margin = 0.05 * np.where(high > low, high - low, 1.0)
     axis.set_xlim(low[0] - margin[0], high[0] + margin[0], auto=True)
     axis.set_ylim(low[1] - margin[1], high[1] + margin[1], auto=True)
@@ -482,10 +480,7 @@ def _events(
 ) -> "dict[str, Artist]":
     """Crosses, triangles and diamonds where something is wrong."""
     marks: list[Mark] = []
-    for side, name, looks in (
-        (seen.truth, "missed", MARKS["missed"]),
-        (seen.estimate, "false", MARKS["false"]),
-    ):
+    for side, (name, looks) in zip(seen.sides, MARKS.items(), strict=True):
         if side.name in places:
             x, y = places[side.name]
             marks.append((name, x[side.unassigned], y[side.unassigned], looks))

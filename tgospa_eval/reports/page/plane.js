@@ -330,7 +330,7 @@ const plane = {
         context.lineWidth = 2;
         if (around) shapes.stroke(context, side, track, around.map((point) => this.place(...point, width, height)));
         const axes = [+this.axisX.value, +this.axisY.value];
-        if (side.gate && axes[0] !== axes[1] && Math.max(...axes) <= TIME) {
+        if (side.gate && axes[0] !== axes[1] && axes.every((axis) => axis === TIME || axis < doc.columns.length)) {
           const gate = shapes.ellipse(side, side.gate, track, state.step, at, ...axes);
           context.lineWidth = 1.5;
           if (gate) shapes.stroke(context, side, track, gate.map((point) => this.place(...point, width, height)), "missed", [2, 3]);

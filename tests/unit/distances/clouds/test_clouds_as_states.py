@@ -626,6 +626,7 @@ def test_a_gate_on_the_map() -> None:
     assert lon == pytest.approx(2 * lat)
     boxes = Trajectories.from_array(np.ones((1, 1, 4)), ("left", "top", "width", "height"))
     assert associate(boxes, boxes, cutoff=0.5, distance="iou").gates is None
+    assert len(associate(boxes, boxes, cutoff=0.5).plot_plane().axes) == 1  # not of centres
 
 
 def test_associate_says_what_a_filter_leaves(write: Write, invoke: Run) -> None:
