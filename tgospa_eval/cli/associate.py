@@ -151,14 +151,17 @@ def command(
     found, distance, texts = run_with_effort(work, request.jobs, quiet=output.quiet)
     for name, path in files.items():
         write_file(path, texts[name], name)
-    document = json_text(_document(found, distance, settings) | settings_field(output.config))
-    page = {"associate.json": document}
-    write_output(output, ASSOCIATION, lambda _: page | association_files(found, (a, b)))
+    used = settings_field(output.config)
     shown = {
         "table": lambda: association_text(found),
-        "json": lambda: document,
+        "json": lambda: json_text(_document(found, distance, settings) | used),
         "csv": lambda: csv_text(found.associations_table()),
     }
+    write_output(
+        output,
+        ASSOCIATION,
+        lambda _: {"associate.json": shown["json"](), **association_files(found, (a, b))},
+    )
     emit(shown[output.format_](), output.format_)
 
 
