@@ -107,8 +107,8 @@ class Association:
 
         Means z apart, with z' G^-1 z >= 1, are not associated: G_ij is c^2 C_ij / (s_i s_j) with
         the scales s and the covariance C, without one the unit matrix. Where each pair has its own
-        C it is that of the partner, of a state without one that with its equal; of haversine G
-        holds nearby. None of boxes.
+        C it is that of the partner, of a state without one that with its equal; of places on
+        the Earth G holds nearby. None of boxes.
         """
         side, distance, size = self.first, self.distance, len(self.first.columns)
         settings = distance.settings(side.columns)
@@ -123,9 +123,10 @@ class Association:
             partner = np.where(alone, own[:-1], other[self.partners[0]])
             return np.asarray(self.cutoff**2 * (own[:-1] + partner) / 2)
         scale = np.ones((len(side.step), size)) * (distance.scale or 1.0)
-        if distance.name == "haversine":
-            scale *= np.radians(RADIUS)
+        if distance.name in ("haversine", "geodesic"):
+            scale[:, :2] *= np.radians(RADIUS)
             scale[:, 1] *= np.cos(np.radians(side.state[:, 0]))
+            scale[:, 2:] = getattr(distance, "vertical_weight", 1.0)
         with np.errstate(divide="ignore", over="ignore"):
             return pack(self.cutoff**2 * np.asarray(given) / (scale[:, :, None] * scale[:, None])).T
 

@@ -262,7 +262,7 @@ def test_maps_have_equal_scales(latitude: float, columns: tuple[str, str] | None
 def test_no_map_is_stretched_beyond_measure() -> None:
     for latitude in (89.9, 500.0):  # the second is no latitude, whatever the column is called
         rows = pd.DataFrame({"id": "a", "t": [0, 1], "lat": latitude, "lon": [0.0, 1.0]})
-        made = plot_plane(evaluate(rows, rows, cutoff=1.0))
+        made = plot_plane(evaluate(rows, rows, cutoff=1.0, distance="euclidean"))
         assert made.axes[0].get_aspect() in (1.0, "auto")
 
 

@@ -21,6 +21,7 @@ from tgospa_eval.distances import (
     Distance,
     Effort,
     GaussianWasserstein,
+    Geodesic,
     Mahalanobis,
     Norm,
     PairMahalanobis,
@@ -624,6 +625,15 @@ def test_a_gate_on_the_map() -> None:
     lat, _, lon = np.sqrt(found.gates[0])
     assert lat == pytest.approx(np.degrees(10_000 / 6371008.8))
     assert lon == pytest.approx(2 * lat)
+    pytest.importorskip("pyproj")
+    high = Trajectories.from_array(np.array([[[60.0, 10.0, 500.0]]]), ("lat", "lon", "alt"))
+    found = associate(high, high, cutoff=100.0, distance=Geodesic(vertical_weight=4.0))
+    lat, _, lon, _, _, alt = np.sqrt(found.gates[0])
+    assert (lon / lat, alt) == pytest.approx((2, 25))
+    for column, size in enumerate((lat, lon, alt)):
+        place = high.dense() + np.eye(3)[column] * size
+        far = found.distance(high.dense(), place)[0, 0]
+        assert far == pytest.approx(100, rel=0.01)
     boxes = Trajectories.from_array(np.ones((1, 1, 4)), ("left", "top", "width", "height"))
     assert associate(boxes, boxes, cutoff=0.5, distance="iou").gates is None
     assert len(associate(boxes, boxes, cutoff=0.5).plot_plane().axes) == 1  # not of centres
