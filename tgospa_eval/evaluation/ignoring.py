@@ -14,6 +14,7 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import parsed
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.evaluation.regions import inside
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.options import class_named
 from tgospa_eval.text import listed, quoted
@@ -21,6 +22,7 @@ from tgospa_eval.tracks.alignment import comparable, joined_to
 from tgospa_eval.tracks.attributes import Values
 from tgospa_eval.tracks.ignored import EXCUSED, IGNORED, Mask, marked, marks_of
 from tgospa_eval.tracks.interpolation import found_at
+from tgospa_eval.tracks.regions import Regions
 from tgospa_eval.tracks.trajectories import Trajectories
 
 MARKED, OUTSIDE, GAPS = "marked", "outside-truth-steps", "truth-gaps"
@@ -93,10 +95,19 @@ class Ignoring:
         As given.
     conditions : tuple of Condition
         Rows of the truth that are ignored.
+    regions : Regions, optional
+        In which states of the estimate are excused.
     """
 
     texts: tuple[str, ...] = ()
     conditions: tuple[Condition, ...] = ()
+    regions: Regions | None = None
+
+    @property
+    def recorded(self) -> dict[str, object]:
+        """What changes the number, by the names of the JSON; regions by their digest."""
+        found: dict[str, object] = {"ignore": list(self.texts)} if self.texts else {}
+        return found | ({} if self.regions is None else {"ignore_regions": self.regions.sha256})
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -109,34 +120,44 @@ class Ignoring:
         marks = (IGNORED, EXCUSED) if MARKED in self.texts else ()
         return (*(one.column for one in self.conditions if one.column != CLASS), *marks)
 
-    def mark(self, sides: Sequence[Reading], names: Sequence[str]) -> tuple[Reading, ...]:
-        """Both sides with the marks that follow from what the files say.
+    def of_files(self, sides: Sequence[Reading], names: Sequence[str]) -> tuple[Reading, ...]:
+        """Both sides with the marks of the files, if those are asked for, and else without.
 
         Raises
         ------
         ConfigError
-            The truth lacks a column, or no file has marks that are asked for.
+            No file has marks that are asked for.
         InputError
             A mark is neither yes nor no.
         """
         truth, estimate = sides
         if MARKED not in self.texts:  # columns of these names that were read for something else
-            truth, estimate = _unmarked(truth, IGNORED), _unmarked(estimate, EXCUSED)
-        else:
-            known = [
-                name in side.trajectories.attributes
-                for side, name in ((truth, IGNORED), (estimate, EXCUSED))
-            ]
-            if not any(known):
-                raise ConfigError(
-                    f"--ignore {MARKED}: {names[0]} has no column {IGNORED}, and {names[1]} no "
-                    f"column {EXCUSED}"
-                )
-            for side, name, column in zip(sides, names, (IGNORED, EXCUSED), strict=True):
-                try:
-                    marks_of(side.trajectories, column)
-                except InputError as error:
-                    raise InputError(f"{name}, {error}") from None
+            return _unmarked(truth, IGNORED), _unmarked(estimate, EXCUSED)
+        known = [
+            name in side.trajectories.attributes
+            for side, name in ((truth, IGNORED), (estimate, EXCUSED))
+        ]
+        if not any(known):
+            raise ConfigError(
+                f"--ignore {MARKED}: {names[0]} has no column {IGNORED}, and {names[1]} no "
+                f"column {EXCUSED}"
+            )
+        for side, name, column in zip(sides, names, (IGNORED, EXCUSED), strict=True):
+            try:
+                marks_of(side.trajectories, column)
+            except InputError as error:
+                raise InputError(f"{name}, {error}") from None
+        return truth, estimate
+
+    def mark(self, sides: Sequence[Reading], names: Sequence[str]) -> tuple[Reading, ...]:
+        """Both sides with the marks, too, that follow from conditions.
+
+        Raises
+        ------
+        ConfigError
+            The truth lacks a column.
+        """
+        truth, estimate = sides
         rows = np.zeros(truth.taken, bool)
         for one in self.conditions:
             rows |= _spelt(one, truth, names[0]).fits(_values(truth, one, names[0]))
@@ -145,14 +166,19 @@ class Ignoring:
     def excuse(
         self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]
     ) -> Trajectories:
-        """The estimate with its rows marked that are at no time of the truth's file."""
-        if OUTSIDE not in self.texts or not len(estimate.step):
+        """The estimate with its rows marked that are in a region, or at no time of the truth."""
+        if not len(estimate.step):
             return estimate
-        mine, theirs = comparable(estimate, truth, (names[1], names[0]))
-        if len(theirs):
-            mine, _ = joined_to(mine, theirs, tolerance, estimate.clock)
-        _, there = found_at(mine, theirs)
-        return marked(estimate, EXCUSED, ~there[estimate.step])
+        rows = np.zeros(len(estimate.step), bool)
+        if OUTSIDE in self.texts:
+            mine, theirs = comparable(estimate, truth, (names[1], names[0]))
+            if len(theirs):
+                mine, _ = joined_to(mine, theirs, tolerance, estimate.clock)
+            _, there = found_at(mine, theirs)
+            rows |= ~there[estimate.step]
+        if self.regions is not None:
+            rows |= inside(self.regions, estimate, tolerance, names[1])
+        return marked(estimate, EXCUSED, rows)
 
 
 def parse_ignoring(texts: Iterable[str]) -> Ignoring:

@@ -1,13 +1,20 @@
-"""What MOTChallenge leaves out before it evaluates, in its benchmarks of 2016 and 2017.
+"""What benchmarks leave out before they evaluate, or what it means in marks.
 
-At each step boxes of the estimate are matched with all boxes of the truth, whatever their class and
-flag: one to one, the sum of their IoU is largest, and only pairs with an IoU of 1/2 or more count.
-A box that is matched with a distractor is left out. Of the truth the pedestrians remain whose flag
-is not 0. The rules, and the order of its steps, are those of TrackEval.
+MOTChallenge of 2016 and 2017, and KITTI in the image, match at each step the boxes of the estimate
+with those of the truth, one to one: the sum of their IoU is largest, and only pairs with an IoU of
+1/2 or more count. Estimates that are matched with a truth that is not judged are left out. KITTI
+leaves out others, too, that are small or in a region `DontCare`: where the shared area is more than
+half of the estimate's, by one region. Their rules, and the order of their steps, are those of
+TrackEval. VisDrone leaves out, on both sides, what has half of its area or more in ignored regions,
+all of a step together (dropObjects of its toolkit, there in whole pixels); so does UA-DETRAC.
+
+Instead of leaving them out by a matching that no metric knows, ``:ignore`` marks: truths that are
+not judged are ignored, estimates that are small or in a region are excused.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,52 +23,106 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.distances.boxes import TRACKEVAL_EPS, overlaps
 from tgospa_eval.distances.pair_search import starts_of_steps
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.regions import inside, shares
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.options import Flags
 from tgospa_eval.formats.text.table import IGNORED
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching, align
+from tgospa_eval.tracks.ignored import EXCUSED, marked
+from tgospa_eval.tracks.ignored import IGNORED as NOT_JUDGED
+from tgospa_eval.tracks.regions import Regions
+from tgospa_eval.tracks.trajectories import Ints
+
+DELETE, IGNORE = "delete", "ignore"
 
 PEDESTRIAN = "1"
 DISTRACTORS = ("2", "7", "8", "12")
 """A person on a vehicle, a static person, a distractor, a reflection."""
 
+NEIGHBOURS = {"car": ("Van",), "pedestrian": ("Person", "Person_sitting")}
+"""Classes that KITTI judges, and those that a tracker may take for them."""
+
+HIDDEN = ("truncated", "occluded")
+MOST_OCCLUDED, LEAST_HEIGHT = 2, 25
+"""A truth that is more occluded, or truncated at all, is not judged; estimates are to be higher."""
+
 LEAST_MATCH = 0.5 - TRACKEVAL_EPS
 """IoU from which boxes match."""
 
-PREPROCESS = "--preprocess motchallenge"
+MOST_INSIDE = 0.5 + TRACKEVAL_EPS
+"""Share of a box in a region DontCare that it may have."""
+
+
+class Verdict(NamedTuple):
+    """What a benchmark says of the rows of both sides.
+
+    `judged` and `neutral` rows of the truth: those that are to be found, and those that may be.
+    Rows of the estimate that the benchmark has `removed`, and those that are `excused` wherever
+    they are matched.
+    """
+
+    truth: Reading
+    judged: Flags
+    neutral: Flags
+    removed: Flags
+    excused: Flags
 
 
 def preprocessed(
-    sides: tuple[Reading, ...], everything: Reading, names: tuple[str, str]
+    rule: str,
+    sides: tuple[Reading, ...],
+    everything: Callable[[], Reading],
+    names: tuple[str, str],
+    regions: Regions | None,
 ) -> tuple[Reading, Reading]:
-    """Truth and estimate as MOTChallenge evaluates them.
+    """Truth and estimate as a benchmark evaluates them.
 
     Parameters
     ----------
+    rule : str
+        Its name, and with ``:ignore`` that rows are marked instead of left out.
     sides : pair of Reading
-        Boxes; of the truth those whose flag is not 0, with their classes.
-    everything : Reading
-        All boxes of the truth, with their classes.
+        Boxes; of the truth those that are judged and those with classes that may be taken for
+        them, with their classes.
+    everything : callable
+        Reads all boxes of the truth, with classes and the attribute ``conf``.
     names : pair of str
         Of the files, for messages.
+    regions : Regions, optional
+        Of the option ``--ignore-regions``.
 
     Raises
     ------
     ConfigError
-        The truth does not say what is a distractor.
+        The truth does not say what is not judged.
     """
+    benchmark, _, how = rule.partition(":")
+    option = f"--preprocess {rule}"
     truth, estimate = sides
-    if everything.format != "motchallenge":
+    if benchmark == "uadetrac":
+        if regions is None:
+            raise ConfigError(f"{option}: needs the regions of the sequence, by --ignore-regions")
+    elif truth.format != benchmark:
         raise ConfigError(
-            f"{PREPROCESS}: {names[0]} is read as {everything.format}; only MOTChallenge text says "
-            "which boxes are distractors"
+            f"{option}: {names[0]} is read as {truth.format or 'a table'}; only files of "
+            f"{benchmark} say what is not judged"
         )
-    if everything.klass is None:
-        raise ConfigError(f"{PREPROCESS}: {names[0]} has no classes, column 8")
-    return (
-        _left(truth, _of_classes(truth, (PEDESTRIAN,))),
-        _left(estimate, ~_on_distractors(everything, estimate, names)),
-    )
+    if benchmark == "motchallenge":
+        if truth.klass is None:
+            raise ConfigError(f"{option}: {names[0]} has no classes, column 8")
+        found = _motchallenge(truth, estimate, everything(), names, whole=how == IGNORE)
+    elif benchmark == "kitti":
+        found = _kitti(truth, estimate, names)
+    else:
+        found = _in_regions(truth, estimate, regions or truth.regions, names)
+    if how != IGNORE:
+        return _left(found.truth, found.judged), _left(estimate, ~found.removed)
+    kept = found.judged | found.neutral
+    truth = _left(found.truth, kept)
+    marks = marked(truth.trajectories, NOT_JUDGED, found.neutral[kept])
+    excused = marked(estimate.trajectories, EXCUSED, found.excused)
+    return replace(truth, trajectories=marks), replace(estimate, trajectories=excused)
 
 
 def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Iterator[Notice]:
@@ -72,20 +133,18 @@ def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Ite
     truth : Reading
         As it is compared.
     everything : callable
-        Reads all boxes of the truth, with the attribute ``class`` if there is one.
+        Reads all boxes of the truth, with classes if there are any.
     """
     if truth.format == "motchallenge":
-        classes = everything().trajectories.attributes.get("class", np.zeros(0))
-        count = int(
-            np.isin(classes.astype(str), [*DISTRACTORS, *map("{}.0".format, DISTRACTORS)]).sum()
-        )
+        whole = everything()
+        count = 0 if whole.klass is None else int(_of_classes(whole, DISTRACTORS).sum())
         if count:
             yield Notice(
                 code="benchmark-rules",
                 text=f"{counted(count, 'box is a distractor', 'boxes are distractors')} "
                 f"(classes {', '.join(DISTRACTORS)}), and a tracker that has them is charged for "
                 "them: HOTA, MOTA and IDF1 are not those of the tables",
-                remedy=f"{PREPROCESS} leaves out what they leave out",
+                remedy="--preprocess motchallenge leaves out what they leave out",
             )
     elif truth.format == "kitti" and IGNORED in truth.left_out:
         yield Notice(
@@ -93,32 +152,105 @@ def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Ite
             text="tables of KITTI are of one class, without what a tracker has in regions "
             f"{IGNORED}, on neighbours of the class (Van, Person_sitting), or too small: here it "
             "is charged for all, and HOTA, MOTA and IDF1 are not those of the tables",
-            remedy="compare these numbers with one another; TrackEval makes those of the tables",
+            remedy="--preprocess kitti --class car, or pedestrian, leaves out what they leave out",
+        )
+    elif truth.format == "visdrone" and truth.regions is not None:
+        yield Notice(
+            code="benchmark-rules",
+            text="tables of VisDrone are without what is in ignored regions and on others: here a "
+            "tracker is charged for it, and MOTA and IDF1 are not those of the tables",
+            remedy="--preprocess visdrone leaves out what they leave out",
         )
 
 
+def judged_class(classes: tuple[str, ...] | None, rule: str) -> str:
+    """The class of KITTI that is judged, of those of the truth that are asked for.
+
+    Raises
+    ------
+    ConfigError
+        It is not one of them.
+    """
+    asked = [name.strip().casefold() for name in classes or ()]
+    if len(asked) != 1 or asked[0] not in NEIGHBOURS:
+        given = f", not for {quoted(','.join(classes))}" if classes else ""
+        raise ConfigError(
+            f"--preprocess {rule}: is for one class{given}: --class car or --class pedestrian"
+        )
+    return asked[0]
+
+
+def _motchallenge(
+    truth: Reading, estimate: Reading, everything: Reading, names: tuple[str, str], *, whole: bool
+) -> Verdict:
+    """Of the truth the pedestrians remain whose flag is not 0; distractors may be followed."""
+    distractors = _of_classes(everything, DISTRACTORS)
+    removed = _on(distractors, _matched(everything, estimate, names))
+    if not whole:
+        pedestrians = _of_classes(truth, (PEDESTRIAN,))
+        return Verdict(truth, pedestrians, ~pedestrians, removed, removed)
+    judged = _of_classes(everything, (PEDESTRIAN,))
+    judged &= everything.trajectories.attributes["conf"] != 0
+    return Verdict(everything, judged, distractors, removed, np.zeros_like(removed))
+
+
+def _kitti(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Verdict:
+    """Of the truth the class that is asked for remains, where it is to be seen."""
+    truncated, occluded = (truth.trajectories.attributes[name] for name in HIDDEN)
+    neighbours = sorted(set().union(*NEIGHBOURS.values()), key=str.casefold)
+    neutral = _of_classes(truth, tuple(neighbours))
+    neutral |= (np.trunc(occluded) > MOST_OCCLUDED) | (np.trunc(truncated) > 0)
+    match = _matched(truth, estimate, names)
+    boxes = estimate.trajectories
+    excused = boxes.state[:, 3] <= LEAST_HEIGHT + TRACKEVAL_EPS
+    if truth.regions is not None:
+        excused |= shares(truth.regions, boxes, 0.0, names[1])[0] > MOST_INSIDE
+    removed = np.where(match >= 0, _on(neutral, match), excused)
+    return Verdict(truth, ~neutral, neutral, removed, excused)
+
+
+def _in_regions(
+    truth: Reading, estimate: Reading, regions: Regions | None, names: tuple[str, str]
+) -> Verdict:
+    """Nothing in a region is judged."""
+    within, excused = (
+        np.zeros(side.taken, bool)
+        if regions is None
+        else inside(regions, side.trajectories, 0.0, name)
+        for side, name in zip((truth, estimate), names, strict=True)
+    )
+    return Verdict(truth, ~within, within, excused, excused)
+
+
 def _of_classes(reading: Reading, names: tuple[str, ...]) -> Flags:
-    """Rows of these classes."""
+    """Rows of these classes, in capitals or not."""
     assert reading.klass is not None
-    return np.isin(reading.klass, [k for k, name in enumerate(reading.classes) if name in names])
+    wanted = {name.casefold() for name in names}
+    return np.isin(
+        reading.klass, [k for k, name in enumerate(reading.classes) if name.casefold() in wanted]
+    )
 
 
-def _on_distractors(everything: Reading, estimate: Reading, names: tuple[str, str]) -> Flags:
-    """Rows of the estimate that match a distractor."""
+def _on(neutral: Flags, match: Ints) -> Flags:
+    """Which rows are matched with a neutral truth."""
+    return (match >= 0) & np.append(neutral, False)[match]
+
+
+def _matched(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Ints:
+    """The row of the truth that each row of the estimate matches; -1 for none."""
     from scipy.optimize import linear_sum_assignment  # here: slow to import
 
-    aligned = align(everything.trajectories, estimate.trajectories, TimeMatching(), names)
+    aligned = align(truth.trajectories, estimate.trajectories, TimeMatching(), names)
     sides = aligned.truth, aligned.estimate
-    wrong = _of_classes(everything, DISTRACTORS)
-    found = np.zeros(len(aligned.estimate.step), bool)
+    found = np.full(len(aligned.estimate.step), -1)
     starts = [starts_of_steps(side) for side in sides]
     for step in range(len(sides[0].times)):
         rows, columns = (slice(start[step], start[step + 1]) for start in starts)
         overlap = overlaps(sides[0].state[rows], sides[1].state[columns])
         overlap[overlap < LEAST_MATCH] = 0.0
         i, j = linear_sum_assignment(-overlap)
-        matched = overlap[i, j] > 0
-        found[columns][j[matched]] = wrong[rows][i[matched]]
+        some = overlap[i, j] > TRACKEVAL_EPS
+        found[columns][j[some]] = rows.start + i[some]
     return found
 
 

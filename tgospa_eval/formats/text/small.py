@@ -28,7 +28,7 @@ def read_matrix(path: str, decimal: str) -> list[list[float]]:
         The file is missing or unreadable, a field is no number, the matrix is not square.
     """
     data = unpack(load(path), path)
-    lines, rows = _rows(data, path, decimal) if data.strip() else ([], [])
+    lines, rows = rows_of(data, path, decimal) if data.strip() else ([], [])
     if not rows:
         raise InputError(f"{path}: the file is empty; {MATRIX_NEEDED}")
     for line, fields in zip(lines, rows, strict=True):
@@ -54,7 +54,7 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
     InputError
         The file is missing, has other columns, a row is wrong, or a time is there twice.
     """
-    lines, rows = _rows(unpack(load(path), path), path, decimal)
+    lines, rows = rows_of(unpack(load(path), path), path, decimal)
     names = [name.strip().lower() for name in rows[0]] if rows else []
     time = next((name for name in names if name in FIRST_ALIASES["t"]), "")
     if not time or "weight" not in names:
@@ -103,7 +103,7 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
     return WeightsByTime(times=found.value, cost=cost, switch=switch, clock=found.clock, name=path)
 
 
-def _rows(data: bytes, path: str, decimal: str) -> tuple[list[int], list[list[str]]]:
+def rows_of(data: bytes, path: str, decimal: str) -> tuple[list[int], list[list[str]]]:
     """Line and fields of each row that is not blank; the first one decides the delimiter."""
     check_text(data, path)
     text = decode(data, path)

@@ -1,0 +1,184 @@
+"""Regions from a CSV file, a table or GeoJSON."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from tgospa_eval.common.words import counted
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats.columns.headers import FIRST_ALIASES
+from tgospa_eval.formats.fields import floats
+from tgospa_eval.formats.loading import load, unpack
+from tgospa_eval.formats.text.lines import decode, numbers
+from tgospa_eval.formats.text.small import rows_of
+from tgospa_eval.formats.times import TimeError, parse_times
+from tgospa_eval.text import listed, quoted
+from tgospa_eval.tracks.regions import GEOJSON, POLYGON, SHAPES, Regions, Shape
+from tgospa_eval.tracks.trajectories import Floats
+
+NEEDED = "; or ".join(",".join(columns) for columns in SHAPES.values())
+"""Columns of a region."""
+
+KNOWN = {name for columns in SHAPES.values() for name in columns}
+
+
+def read_regions(path: str, decimal: str = ".") -> Regions:
+    """Regions of a CSV file, delimited by comma, semicolon or tab, or of a GeoJSON document.
+
+    Raises
+    ------
+    InputError
+        The file is missing, has other columns, or a region is wrong.
+    """
+    data = unpack(load(path), path)
+    if data.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] == b"{":
+        try:
+            return of_geojson(json.loads(decode(data, path)), path)
+        except json.JSONDecodeError as error:
+            place = f"{path}, line {error.lineno}, column {error.colno}"
+            raise InputError(f"{place}: no JSON: {error.msg}") from None
+        except RecursionError:
+            raise InputError(f"{path}: no GeoJSON: lists in lists without end") from None
+    lines, rows = rows_of(data, path, decimal)
+    if not rows:
+        raise InputError(f"{path}: the file is empty; regions need a header with {NEEDED}")
+    for line, row in zip(lines, rows, strict=True):
+        if len(row) != len(rows[0]):
+            raise InputError(
+                f"{path}, line {line}: {counted(len(row), 'field')}, the header has {len(rows[0])}"
+            )
+    places = [f"{path}, line {line}" for line in lines]
+    return of_rows(rows[0], rows[1:], places, decimal, path)
+
+
+def of_rows(
+    header: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    places: Sequence[str],
+    decimal: str,
+    name: str,
+) -> Regions:
+    """Regions of the rows of a table; `places` are those of the header and of each row.
+
+    Raises
+    ------
+    InputError
+        A column is unknown, or a region is wrong.
+    """
+    names = [text.strip().lower() for text in header]
+    time = next((text for text in names if text in FIRST_ALIASES["t"]), "")
+    unknown = [text for text in names if text not in {*KNOWN, time}]
+    if unknown or len({*names}) < len(names) or not KNOWN & {*names}:
+        what = f"column {quoted(unknown[0])} is none of regions" if unknown else "no such columns"
+        raise InputError(f"{places[0]}: {what}; they have t, if they are of one step, and {NEEDED}")
+    shapes, stamps = [], []
+    for place, row in zip(places[1:], rows, strict=True):
+        cells = {key: text.strip() for key, text in zip(names, row, strict=True)}
+        stamps.append(cells.pop(time, ""))
+        given = {key: text for key, text in cells.items() if text}
+        kind = next((kind for kind, columns in SHAPES.items() if {*columns} == {*given}), None)
+        if kind is None:
+            has = f"only {listed(given)}" if given else "nothing"
+            raise InputError(f"{place}: {has} is given; a region has {NEEDED}")
+        if kind == POLYGON:
+            corners = _corners(given[POLYGON], decimal, place)
+        else:
+            cell = [_number(given[key], decimal, f"{place}, column {quoted(key)}")
+                    for key in SHAPES[kind]]  # fmt: skip
+            corners = np.array(cell)
+        shapes.append(Shape(kind=kind, rings=(corners,), where=place))
+    of_time = f", column {quoted(time)}"
+    return _regions(shapes, stamps, lambda row: f"{places[1 + row]}{of_time}", decimal, name)
+
+
+def of_geojson(document: Any, name: str) -> Regions:
+    """Regions of a FeatureCollection, a Feature or a geometry; the property t is their step.
+
+    Raises
+    ------
+    InputError
+        It has other geometries than polygons, or one is wrong.
+    """
+    if not isinstance(document, Mapping):
+        raise InputError(f"{name}: no GeoJSON; a FeatureCollection of polygons is")
+    kind = document.get("type")
+    features = document.get("features") if kind == "FeatureCollection" else [document]
+    shapes, stamps, places = [], [], []
+    for k, feature in enumerate(features if isinstance(features, list) else [features]):
+        where = f"{name}, feature {k}"
+        properties: Any = None
+        geometry = feature
+        if isinstance(feature, Mapping) and feature.get("type") == "Feature":
+            geometry, properties = feature.get("geometry"), feature.get("properties")
+        for rings in _polygons(geometry, where):
+            shapes.append(Shape(kind=GEOJSON, rings=rings, where=where))
+            stamp = properties.get("t") if isinstance(properties, Mapping) else None
+            stamps.append("" if stamp is None else str(stamp))
+            places.append(f'{where}, property "t"')
+    return _regions(shapes, stamps, places.__getitem__, ".", name)
+
+
+def _polygons(geometry: Any, where: str) -> list[tuple[Floats, ...]]:
+    """The rings of each polygon of a geometry; of positions the first two numbers."""
+    kind = geometry.get("type") if isinstance(geometry, Mapping) else None
+    if kind not in ("Polygon", "MultiPolygon"):
+        raise InputError(f"{where}: {quoted(kind)} is no Polygon and no MultiPolygon")
+    try:
+        given = geometry["coordinates"]
+        found = []
+        for rings in [given] if kind == "Polygon" else given:
+            found.append(tuple(np.array([[*map(_plain, p[:2])] for p in ring]) for ring in rings))
+            if not rings or any(ring.shape[1:] != (2,) for ring in found[-1]):
+                raise ValueError
+    except (KeyError, TypeError, ValueError, OverflowError):
+        raise InputError(
+            f"{where}: the coordinates of a {kind} are lists of rings of positions, such as "
+            "[[[0, 0], [4, 0], [4, 3], [0, 0]]]"
+        ) from None
+    return found
+
+
+def _plain(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError
+    return float(value)
+
+
+def _corners(text: str, decimal: str, place: str) -> Floats:
+    """The corners of a polygon, ``x y; x y; x y``."""
+    corners = [corner.split() for corner in text.strip(" ;").split(";")]
+    if any(len(corner) != 2 for corner in corners):
+        raise InputError(
+            f'{place}, column "polygon": {quoted(text)}; write its corners as x y; x y; x y'
+        )
+    of_column = f'{place}, column "polygon"'
+    return np.array([[_number(part, decimal, of_column) for part in pair] for pair in corners])
+
+
+def _number(text: str, decimal: str, where: str) -> float:
+    values, faults = numbers([text], decimal)
+    if faults:
+        raise InputError(f"{where}: {faults[0][1]}")
+    return float(values[0])
+
+
+def _regions(
+    shapes: Sequence[Shape],
+    stamps: Sequence[str],
+    where: Callable[[int], str],
+    decimal: str,
+    name: str,
+) -> Regions:
+    """With the times of those that have any."""
+    if not shapes:
+        raise InputError(f"{name}: there is no region")
+    timed = np.array([k for k, stamp in enumerate(stamps) if stamp.strip()], np.int64)
+    try:
+        times = parse_times([stamps[k] for k in timed], lambda texts: floats(texts, decimal))
+    except TimeError as error:
+        raise InputError(f"{where(int(timed[error.row]))}: {error}") from None
+    return Regions(
+        shapes=tuple(shapes), timed=timed, times=times.value, clock=times.clock, name=name
+    )

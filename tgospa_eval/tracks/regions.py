@@ -1,0 +1,107 @@
+"""Regions of the plane, of an image or of the Earth, in which estimates are not judged.
+
+Knows no file, and of shapes no more than that they have an area.
+"""
+
+import hashlib
+
+import numpy as np
+
+from tgospa_eval.common.arrays import freeze
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.errors import InputError
+from tgospa_eval.tracks.judged import whole
+from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray
+
+BOX, CIRCLE, CAP, POLYGON, GEOJSON = "box", "circle", "cap", "polygon", "geojson"
+
+SHAPES = {
+    BOX: ("left", "top", "width", "height"),
+    CIRCLE: ("x", "y", "radius"),
+    CAP: ("lat", "lon", "radius"),
+    POLYGON: ("polygon",),
+}
+"""Columns of each shape; a polygon of GeoJSON has its corners as x, y or lon, lat."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """One region.
+
+    Parameters
+    ----------
+    kind : str
+        One of `SHAPES`, or ``"geojson"``.
+    rings : tuple of array
+        Of a polygon the corners (n, 2) of its edge and of its holes; otherwise the numbers of the
+        columns, one array.
+    where : str
+        Where it was read, for messages.
+
+    Raises
+    ------
+    InputError
+        It has no area.
+    """
+
+    kind: str
+    rings: tuple[Floats, ...]
+    where: str
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(np.concatenate([ring.ravel() for ring in self.rings])).all():
+            raise InputError(f"{self.where}: a number that is not finite")
+        if self.kind in (POLYGON, GEOJSON):
+            for ring in self.rings:
+                x, y = (ring - ring[0]).T  # near its first corner little is rounded
+                if not np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)):
+                    raise InputError(
+                        f"{self.where}: a polygon without area; it needs three corners or more "
+                        "that are not on one line"
+                    )
+        else:
+            sizes = dict(zip(SHAPES[self.kind], self.rings[0], strict=True))
+            for name in ("width", "height", "radius"):
+                if sizes.get(name, 1.0) <= 0:
+                    raise InputError(
+                        f"{self.where}: a {name} of {sizes[name]:g}, a region without area; it "
+                        "must be > 0"
+                    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Regions:
+    """Regions of all steps, or of one each.
+
+    Parameters
+    ----------
+    shapes : tuple of Shape
+        What they are.
+    timed : (M,) int array
+        Which of them are of one step.
+    times : (M,) array
+        The times of these, as in `Trajectories`.
+    clock : {"number", "local", "zoned"}
+        What the times are.
+    name : str
+        Where they come from, for messages.
+    """
+
+    shapes: tuple[Shape, ...]
+    timed: Ints
+    times: TimeArray
+    clock: str = "number"
+    name: str = "ignore_regions"
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+    @property
+    def sha256(self) -> str:
+        """A digest of where and when they are."""
+        sha = hashlib.sha256(self.clock.encode())
+        for array in (self.timed, whole(self.times)):
+            sha.update(np.ascontiguousarray(array).data)
+        for shape in self.shapes:
+            sha.update(f"{shape.kind} {[ring.tolist() for ring in shape.rings]}".encode())
+        return sha.hexdigest()
