@@ -147,7 +147,7 @@ def test_what_follows_ignored_truths_is_free_and_one_estimate_alone() -> None:
 
 
 def test_an_excused_estimate_far_from_a_judged_truth_is_better_unassigned() -> None:
-    """``w d^p`` against ``c^p / 2``: near half the cutoff price it changes (docs/theory/family.md)."""
+    """``d^p`` against ``c^p / 2`` (docs/theory/family.md)."""
     truth = pd.DataFrame({"id": 1, "t": [0], "x": 0.0})
     options = {"cutoff": 2.0, "order": 1.0, "switch_penalty": 0.5, "ignore": "marked"}
     for place, total in ((0.75, 0.75), (1.25, 1.0)):

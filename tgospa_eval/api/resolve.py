@@ -171,11 +171,9 @@ class Settings:
             self.check(read, names)
         if roles != ROLES:
             return read
-        ignoring = self.evaluation.ignoring if len(read) == len(ROLES) else None
-        if ignoring is not None:
-            read = ignoring.of_files(read, names)
         read = self.preprocessed(read, names)
-        return read if ignoring is None else ignoring.mark(read, names)
+        ignoring = self.evaluation.ignoring
+        return read if ignoring is None or len(read) < len(ROLES) else ignoring.mark(read, names)
 
     def read_side(
         self,

@@ -1,4 +1,4 @@
-"""Which states are not judged: rules by attributes of the truth, marks in files, steps without truth.
+"""Which states are not judged: rules by attributes of the truth, marks, steps without truth.
 
 What they do to the numbers is in `problem.metric_family.ignore_states`.
 """
@@ -115,53 +115,33 @@ class Ignoring:
         return tuple(v for one in self.conditions if one.column == CLASS for v in one.values)
 
     @property
+    def gaps(self) -> bool:
+        """Whether gaps of an interpolated truth are."""
+        return GAPS in self.texts
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """Columns that readers should look for."""
         marks = (IGNORED, EXCUSED) if MARKED in self.texts else ()
         return (*(one.column for one in self.conditions if one.column != CLASS), *marks)
 
-    def of_files(self, sides: Sequence[Reading], names: Sequence[str]) -> tuple[Reading, ...]:
-        """Both sides with the marks of the files, if those are asked for, and else without.
+    def mark(self, sides: Sequence[Reading], names: Sequence[str]) -> tuple[Reading, ...]:
+        """Both sides with the marks that follow from what the files say.
 
         Raises
         ------
         ConfigError
-            No file has marks that are asked for.
+            The truth lacks a column, or no file has marks that are asked for.
         InputError
             A mark is neither yes nor no.
         """
         truth, estimate = sides
-        if MARKED not in self.texts:  # columns of these names that were read for something else
-            return _unmarked(truth, IGNORED), _unmarked(estimate, EXCUSED)
-        known = [
-            name in side.trajectories.attributes
-            for side, name in ((truth, IGNORED), (estimate, EXCUSED))
-        ]
-        if not any(known):
-            raise ConfigError(
-                f"--ignore {MARKED}: {names[0]} has no column {IGNORED}, and {names[1]} no "
-                f"column {EXCUSED}"
-            )
-        for side, name, column in zip(sides, names, (IGNORED, EXCUSED), strict=True):
-            try:
-                marks_of(side.trajectories, column)
-            except InputError as error:
-                raise InputError(f"{name}, {error}") from None
-        return truth, estimate
-
-    def mark(self, sides: Sequence[Reading], names: Sequence[str]) -> tuple[Reading, ...]:
-        """Both sides with the marks, too, that follow from conditions.
-
-        Raises
-        ------
-        ConfigError
-            The truth lacks a column.
-        """
-        truth, estimate = sides
+        if MARKED in self.texts:
+            truth, estimate = _with_marks(sides, names)
         rows = np.zeros(truth.taken, bool)
         for one in self.conditions:
             rows |= _spelt(one, truth, names[0]).fits(_values(truth, one, names[0]))
-        return replace(truth, trajectories=marked(truth.trajectories, IGNORED, rows)), estimate
+        return replace(truth, trajectories=marked(truth.trajectories, rows)), estimate
 
     def excuse(
         self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]
@@ -178,7 +158,7 @@ class Ignoring:
             rows |= ~there[estimate.step]
         if self.regions is not None:
             rows |= inside(self.regions, estimate, tolerance, names[1])
-        return marked(estimate, EXCUSED, rows)
+        return marked(estimate, rows)
 
 
 def parse_ignoring(texts: Iterable[str]) -> Ignoring:
@@ -201,6 +181,8 @@ def parse_ignoring(texts: Iterable[str]) -> Ignoring:
                 f"--ignore {quoted(text)}: must be COLUMN=VALUE[,VALUE], COLUMN<NUMBER, "
                 f"COLUMN>NUMBER, {MARKED}, {OUTSIDE} or {GAPS}, such as class=Van or occlusion>1"
             )
+        if match[1] == CLASS and match[2] != "=":
+            raise ConfigError(f"--ignore {quoted(text)}: classes are compared by =")
         if match[2] != "=" and (len(values) > 1 or parsed(values[0]) is None):
             raise ConfigError(
                 f"--ignore {quoted(text)}: {quoted(match[3])} is no plain, finite number"
@@ -209,12 +191,24 @@ def parse_ignoring(texts: Iterable[str]) -> Ignoring:
     return Ignoring(texts=given, conditions=tuple(conditions))
 
 
-def _unmarked(side: Reading, name: str) -> Reading:
-    known = side.trajectories.attributes
-    if name not in known:
-        return side
-    kept = {other: values for other, values in known.items() if other != name}
-    return replace(side, trajectories=replace(side.trajectories, attributes=kept))
+def _with_marks(sides: Sequence[Reading], names: Sequence[str]) -> list[Reading]:
+    """Both sides with the marks of their columns."""
+    columns = (IGNORED, EXCUSED)
+    if not any(
+        column in side.trajectories.attributes for side, column in zip(sides, columns, strict=True)
+    ):
+        raise ConfigError(
+            f"--ignore {MARKED}: {names[0]} has no column {IGNORED}, and {names[1]} no column "
+            f"{EXCUSED}"
+        )
+    found = []
+    for side, name, column in zip(sides, names, columns, strict=True):
+        try:
+            rows = marks_of(side.trajectories, column)
+        except InputError as error:
+            raise InputError(f"{name}, {error}") from None
+        found.append(replace(side, trajectories=marked(side.trajectories, rows)))
+    return found
 
 
 def _values(truth: Reading, rule: Condition, name: str) -> Values:

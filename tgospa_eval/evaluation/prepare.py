@@ -31,7 +31,7 @@ from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.results.result import ComparedSides, Result
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
-from tgospa_eval.tracks.ignored import EXCUSED, IGNORED, Mask, marks_of
+from tgospa_eval.tracks.ignored import NOT_JUDGED, Mask, marks_of
 from tgospa_eval.tracks.judged import Judged, digest, judge, whole
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -298,7 +298,7 @@ def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, M
     """Ignored rows of the truth and excused rows of the estimate, if there are any."""
     if request.ignoring is None:
         return None
-    found = marks_of(aligned.truth, IGNORED), marks_of(aligned.estimate, EXCUSED)
+    found = marks_of(aligned.truth, NOT_JUDGED), marks_of(aligned.estimate, NOT_JUDGED)
     return found if any(mask.any() for mask in found) else None
 
 
@@ -353,7 +353,8 @@ def fit(
         truth, estimate = expected(truth, estimate, names)
     given = truth, estimate
     if placed is None:
-        axis = on_axis(given, time_matching, distance, names, request.parameters.cutoff)
+        across = NOT_JUDGED if request.ignoring is not None and request.ignoring.gaps else ""
+        axis = on_axis(given, time_matching, distance, names, request.parameters.cutoff, across)
     else:
         axis, time_matching = placed(given), TimeMatching()
     truth, estimate = axis.sides

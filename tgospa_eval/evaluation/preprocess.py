@@ -29,8 +29,7 @@ from tgospa_eval.formats.options import Flags
 from tgospa_eval.formats.text.table import IGNORED
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching, align
-from tgospa_eval.tracks.ignored import EXCUSED, marked
-from tgospa_eval.tracks.ignored import IGNORED as NOT_JUDGED
+from tgospa_eval.tracks.ignored import marked
 from tgospa_eval.tracks.regions import Regions
 from tgospa_eval.tracks.trajectories import Ints
 
@@ -120,9 +119,10 @@ def preprocessed(
         return _left(found.truth, found.judged), _left(estimate, ~found.removed)
     kept = found.judged | found.neutral
     truth = _left(found.truth, kept)
-    marks = marked(truth.trajectories, NOT_JUDGED, found.neutral[kept])
-    excused = marked(estimate.trajectories, EXCUSED, found.excused)
-    return replace(truth, trajectories=marks), replace(estimate, trajectories=excused)
+    return (
+        replace(truth, trajectories=marked(truth.trajectories, found.neutral[kept])),
+        replace(estimate, trajectories=marked(estimate.trajectories, found.excused)),
+    )
 
 
 def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Iterator[Notice]:

@@ -220,7 +220,7 @@ def _holds(shape: Shape, points: Floats, *, earth: bool) -> Mask:
     if (abs(corners[:, latitude]) > 90).any() or (abs(corners[:, longitude]) > 360).any():
         order = "lon, lat" if shape.kind == GEOJSON else "lat lon"
         raise InputError(f"{shape.where}: corners are {order}, in degrees, and one is out of range")
-    turned = [points + (0.0, turn) for turn in (-360.0, 0.0, 360.0)]
+    turned = [points + np.array([0.0, turn]) for turn in (-360.0, 0.0, 360.0)]
     held = [
         _shapely().intersects_xy(_polygon(shape), each[:, 1 - longitude], each[:, 1 - latitude])
         for each in turned

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.problem import Floats, Ints, Mask, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, assigned, changes, spare
 
@@ -80,6 +80,25 @@ def read_unjudged(states: States, weights: Ints) -> Unjudged | None:
         excused=excused,
         absorbed=sum_by(at, weight[absorbed] / ONE, problem.steps),
     )
+
+
+def judged_rows(states: States, weights: Ints) -> tuple[Mask, Mask]:
+    """Rows of either side that other metrics count, by a feasible assignment (S,).
+
+    Without ignored truths, the estimates that mostly follow one, and excused estimates that follow
+    no truth.
+    """
+    problem = states.problem
+    truths, estimates = problem.sides
+    assert truths.unjudged is not None
+    assert estimates.unjudged is not None
+    _, entry, weight = assigned(states, weights)
+    ignored = truths.unjudged[truths.row[entry]]
+    follows, judged = (
+        2 * sum_by(estimates.row[entry[of]], weight[of].astype(float), len(estimates.step)) >= ONE
+        for of in (ignored, ~ignored)
+    )
+    return ~truths.unjudged, ~follows & (judged | ~estimates.unjudged)
 
 
 def read_assigned(states: States, weights: Ints) -> AssignedPairs:

@@ -9,9 +9,10 @@ at some steps k. An assignment has weights W_ij(k) >= 0; at each step those of a
 an estimate, sum to at most 1. It costs, in units of c^p (cutoff c, order p, switch penalty g),
     sum over existing objects of P  -  sum_ijk G_ij(k) W_ij(k)  +  L sum_ijk |W_ij(k+1) - W_ij(k)|
 where P = 1/2, or 1 - rho of truths, rho of estimates, G = 1 - (d / c)^p if both exist with d < c,
-else 0, L = (g / c)^p / 2. Where states are masked, P is 0 of truths with the weight w = 0 and of
-estimates that are excused, and G = P_i + P_j - w (d / c)^p if that is positive and d < c, else 0. The least cost is (TGOSPA / c)^p. The folder has an assignment, which is
-checked and of which the cost is an upper bound, and prices v_j(k) >= 0. For any such prices
+else 0, L = (g / c)^p / 2. Of masked states P is 0, of truths with the weight w = 0 and of excused
+estimates; then G = P_i + P_j - w (d / c)^p if positive and d < c, else 0. The least cost is
+(TGOSPA / c)^p. The folder has an assignment, which is checked and of which the cost is an upper
+bound, and prices v_j(k) >= 0. For any such prices
     sum over existing objects of P  -  sum_jk v_j(k)  -  sum_i R_i
 is a lower bound, where R_i is the most that truth i can gain when it pays v_j(k) for using j at k,
 L for taking an estimate and L for leaving it. (Add the prices times sum_i W_ij(k) - 1 <= 0 to the
@@ -23,7 +24,7 @@ from fractions import Fraction
 
 SCHEMA = "tgospa-eval/proof/1"
 CLOSED = ("euclidean", "manhattan", "chebyshev", "iou")  # distances with a formula here
-MARKS = ("weight", "excused")  # columns of truth.csv and estimate.csv, 0 or 1
+MARKS, JUDGED = ("weight", "excused"), ("1", "0")  # columns of truth.csv and estimate.csv
 STATES, BOXES = ("truth.csv", "estimate.csv"), ["left", "top", "width", "height"]
 MORE_BITS = 120  # of costs, beyond those of prices
 DAMAGED = OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError
@@ -37,13 +38,13 @@ WORK, MEGABYTE = 5e6, 10**6  # microseconds, about, for a folder of so many byte
 
 # What proof.json holds, and nothing else: [x] is a list of x, (x, y) a row, fields of MAY may lack.
 ANY, MAY = type("number or text", (), {}), None  # ANY is also a list or a matrix of these
-RECORDED = """cutoff order switch_penalty rho step_weights existence distance covariance periodic
-    scale columns truth_columns estimate_columns truth_format estimate_format time_tolerance grid
-    interpolate max_gap ignore ignore_regions time_offset time_scale unit_scale on_duplicate on_invalid
-    steps resample
-    outage decimal time class_ truth_class estimate_class region by preprocess unit solver gap
-    epsilon time_limit fix_cov missing_cov mixed cloud_order inner inner_cov reduce reduce_method
-    directions iterations restarts polish seed no_gating pairwise"""
+RECORDED = """cutoff order switch_penalty rho step_weights existence distance covariance
+    periodic scale columns truth_columns estimate_columns truth_format estimate_format
+    time_tolerance grid interpolate max_gap ignore ignore_regions time_offset time_scale
+    unit_scale on_duplicate on_invalid steps resample outage decimal time class_ truth_class
+    estimate_class region by preprocess unit solver gap epsilon time_limit fix_cov missing_cov
+    mixed cloud_order inner inner_cov reduce reduce_method directions iterations restarts
+    polish seed no_gating pairwise"""
 ORIGIN = {"class": str, "classes": [str], "options": {MAY: dict.fromkeys(RECORDED.split(), ANY)}}
 ORIGIN |= {"inputs": {side: {"path": str, "sha256": str} for side in ("truth", "estimate")}}
 ORIGIN["judged"] = dict.fromkeys(("steps", "truth_states", "truth_steps"), int)
@@ -227,15 +228,14 @@ class ClaimedScene:
         times = {x[1]: decimal.Decimal(x[1]) for x in itertools.chain(*tables) if number(x[1])}
         self.times, sides = sorted(times, key=times.get), [{}, {}]
         self.step = Known((t, k) for k, t in enumerate(self.times))
-        prices, free = (1 - rho, rho), ("0", "1")  # no price has what has this mark
-        price, one, unmarked = [{}, {}], 1 << self.bits, ("1", "0")
-        for side, rows, of in zip(sides, tables, (0, 1)):
-            for name, t, *state in rows:
-                mark = state.pop() if marks[of] else unmarked[of]
-                if mark not in free:
+        one, price = 1 << self.bits, [{}, {}]
+        for of, full in enumerate((1 - rho, rho)):
+            for name, t, *state in tables[of]:
+                mark = state.pop() if marks[of] else JUDGED[of]
+                if mark not in JUDGED:
                     raise ValueError(f"{MARKS[of]} is {mark!r:.80}: must be 0 or 1")
-                side[name, self.step[t]] = list(map(number, state))
-                price[of][name, self.step[t]] = prices[of] * one * (mark != free[of])
+                sides[of][name, self.step[t]] = list(map(number, state))
+                price[of][name, self.step[t]] = full * one * (mark == JUDGED[of])
         self.all = sum(itertools.chain(*map(dict.values, price)))
         if sum(map(len, sides)) < sum(map(len, tables)) or len({*times.values()}) < len(times):
             raise ValueError("an object is there twice, or one time is spelt in two ways")
@@ -250,18 +250,20 @@ class ClaimedScene:
         for truth, estimate, k, a, b in pairs:  # (d / c)^2 or d / c is a / b
             if a < b:
                 folder.spend(power_work(exponent, b.bit_length(), self.bits))
-                low, high = power(a, b, exponent, self.bits)
-                if marks[0]:  # as costs less than `one` of which the rest is the gain
-                    judged = price[0][truth, k]
-                    lost = one - judged - price[1][estimate, k]
-                    low = math.floor(lost + (low if judged else 0))
-                    high = min(math.ceil(lost + (high if judged else 0)), one)
+                both = price[0][truth, k], price[1][estimate, k]
+                low, high = self._lost(*power(a, b, exponent, self.bits), *both)
                 if low < one:
                     self.near[truth][estimate].append((k, low, high))
         for costs in itertools.chain(*map(dict.values, self.near.values())):
             costs.sort()
             if any(one[0] == two[0] for one, two in itertools.pairwise(costs)):
                 raise ValueError("distances.csv has a pair twice at one time")
+
+    def _lost(self, low, high, missed, false):
+        """What is left of 1 when a pair gains P_i + P_j - w (d / c)^p, as integers around it."""
+        rest = (1 << self.bits) - missed - false
+        cost = [rest + (power if missed else 0) for power in (low, high)]
+        return math.floor(cost[0]), min(math.ceil(cost[1]), 1 << self.bits)
 
     def _listed(self, sides, rows):
         """Pairs of distances.csv, with two integers of which the ratio is d / c."""

@@ -21,7 +21,7 @@ from tgospa_eval._version import __version__
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.certificate import fair_prices, lower_bounds, of_whole
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.problem import Floats, Ints, Problem
+from tgospa_eval.problem.problem import Floats, Ints, Mask, Problem
 from tgospa_eval.problem.smaller_cutoff import vertex_cover
 from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import States
@@ -60,11 +60,11 @@ def proof_tables(
     ids = [_fields(names) for names in (labels.truths, labels.estimates)]
     tables = {
         f"{name}.csv": _csv(
-            ("id", "t", *compared.columns, *([mark] if mark else [])),
+            ("id", "t", *compared.columns, *filter(None, [mark])),
             _chosen(names, side.track),
             _chosen(times, side.step),
             *(map(repr, column) for column in states.T.tolist()),
-            *([map("01".__getitem__, (side.unjudged ^ (mark == WEIGHT)).tolist())] if mark else []),
+            *_marks(mark, side.unjudged),
         )
         for name, names, side, states, mark in zip(
             ("truth", "estimate"),
@@ -85,6 +85,13 @@ def proof_tables(
             map(repr, distance.tolist()),
         )
     return tables
+
+
+def _marks(name: str, unjudged: Mask | None) -> list[Iterable[str]]:
+    """The column of marks of a side, if there is one."""
+    if unjudged is None:
+        return []
+    return [map("01".__getitem__, (unjudged ^ (name == WEIGHT)).tolist())]
 
 
 def times_of(compared: ComparedSides) -> list[str]:

@@ -120,20 +120,8 @@ def meaning(result: Summary) -> list[tuple[str, str]]:
         ),
         *((WEIGHTED,) if "step_weights" in result.parameters else ()),
         *((UNCERTAIN,) if result.probabilistic else ()),
-        *_not_judged(result),
+        *((("w, e", result.not_judged),) if result.not_judged else ()),
     ]
-
-
-def _not_judged(result: Summary) -> Iterator[tuple[str, str]]:
-    """What is ignored, in words."""
-    if result.ignored is not None:
-        truths, absorbed, excused = result.ignored.values()
-        yield (
-            "w, e",
-            f"not judged: {counted(int(truths), 'truth state')}, followed by {number(absorbed)} "
-            f"estimate states at no cost, and {counted(int(excused), 'excused estimate state')}. "
-            "With them it is no metric",
-        )
 
 
 def _unassigned(result: Summary) -> str:
@@ -206,6 +194,7 @@ def document(result: Summary) -> Document:
         lines=[result.parameters_in_words()],
         tables=tables,
         notes=[
+            *filter(None, [result.not_judged]),
             *scored,
             *(() if result.nees is None else (f"NEES {result.nees.in_words}",)),
             *similarity(result.with_),

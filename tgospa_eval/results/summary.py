@@ -16,7 +16,7 @@ import numpy as np
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
-from tgospa_eval.common.words import number
+from tgospa_eval.common.words import counted, number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.metric_family import POWER
 from tgospa_eval.problem.problem import Floats, Ints
@@ -25,12 +25,12 @@ from tgospa_eval.problem.solution import Brackets, Windows
 from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.numbers import (
-    PROBABILITIES,
     SPLIT_PARTS,
     USUAL_SCORE,
     Calibration,
     Similarity,
     costliest,
+    members_in_words,
     outward,
 )
 from tgospa_eval.results.records import (
@@ -316,6 +316,18 @@ class Summary(ABC):
         return None if self.unjudged is None else self.unjudged.totals
 
     @property
+    def not_judged(self) -> str:
+        """The same in words, blank where all are."""
+        if self.ignored is None:
+            return ""
+        truths, absorbed, excused = self.ignored.values()
+        return (
+            f"not judged: {counted(int(truths), 'truth state')}, which "
+            f"{number(absorbed)} estimate states follow at no cost, and "
+            f"{counted(int(excused), 'excused estimate state')}; with them it is no metric"
+        )
+
+    @property
     def normalised(self) -> dict[str, float]:
         """``(total / T) ** (1 / order)`` over the T steps of the horizon."""
         return {"tgospa": self._root(self.proof.breakdown.total / self.judged_on.each)}
@@ -340,9 +352,7 @@ class Summary(ABC):
 
     def parameters_in_words(self, unit: str | None = None) -> str:
         """Cutoff, order, switch penalty, and what makes it another metric of the family."""
-        weighted = ", weighted steps" if "step_weights" in self.settings else ""
-        uncertain = f", {PROBABILITIES}" if self.probabilistic else ""
-        return self.proof.parameters.in_words(unit) + weighted + uncertain
+        return self.proof.parameters.in_words(unit) + members_in_words(self.settings)
 
     @property
     def judged(self) -> dict[str, object]:

@@ -11,7 +11,11 @@ from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
 IGNORED, EXCUSED = "ignored", "excused"
-"""Attributes: a truth that is not judged, an estimate that may be false for nothing."""
+"""Columns of truth and estimate that say what is not judged."""
+
+NOT_JUDGED = "not judged"
+"""The attribute of what is not judged, whatever says so: of truths ignored, of estimates excused.
+"""
 
 Mask = NDArray[np.bool_]
 
@@ -34,11 +38,10 @@ def marks_of(side: Trajectories, name: str) -> Mask:
     if given is None:
         return np.zeros(len(side.step), bool)
     if given.dtype.kind == "f":
-        found, odd = given == 1, ~((given == 0) | (given == 1) | np.isnan(given))
+        meant = [MEANINGS.get(value) for value in np.nan_to_num(given).tolist()]
     else:
         meant = [MEANINGS.get(text.strip().lower()) for text in given.tolist()]
-        found = np.array([mark is True for mark in meant], bool)
-        odd = np.array([mark is None for mark in meant], bool)
+    found, odd = (np.array([mark is kind for mark in meant], bool) for kind in (True, None))
     if odd.any():
         row = int(np.argmax(odd))
         raise InputError(
@@ -49,9 +52,9 @@ def marks_of(side: Trajectories, name: str) -> Mask:
     return found
 
 
-def marked(side: Trajectories, name: str, rows: Mask) -> Trajectories:
-    """With these rows marked, beside those that are."""
+def marked(side: Trajectories, rows: Mask) -> Trajectories:
+    """With these rows not judged, beside those that are not."""
     if not rows.any():
         return side
-    marks = (marks_of(side, name) | rows).astype(np.float64)
-    return replace(side, attributes={**side.attributes, name: marks})
+    marks = (marks_of(side, NOT_JUDGED) | rows).astype(np.float64)
+    return replace(side, attributes={**side.attributes, NOT_JUDGED: marks})
