@@ -133,11 +133,13 @@ def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Ite
     truth : Reading
         As it is compared.
     everything : callable
-        Reads all boxes of the truth, with classes if there are any.
+        Reads all boxes of the truth, with the attribute ``class`` if there is one.
     """
     if truth.format == "motchallenge":
-        whole = everything()
-        count = 0 if whole.klass is None else int(_of_classes(whole, DISTRACTORS).sum())
+        classes = everything().trajectories.attributes.get("class", np.zeros(0))
+        count = int(
+            np.isin(classes.astype(str), [*DISTRACTORS, *map("{}.0".format, DISTRACTORS)]).sum()
+        )
         if count:
             yield Notice(
                 code="benchmark-rules",
@@ -226,9 +228,8 @@ def _of_classes(reading: Reading, names: tuple[str, ...]) -> Flags:
     """Rows of these classes, in capitals or not."""
     assert reading.klass is not None
     wanted = {name.casefold() for name in names}
-    return np.isin(
-        reading.klass, [k for k, name in enumerate(reading.classes) if name.casefold() in wanted]
-    )
+    known = [k for k, name in enumerate(reading.classes) if name.casefold() in wanted]
+    return np.asarray(np.isin(reading.klass, known))
 
 
 def _on(neutral: Flags, match: Ints) -> Flags:

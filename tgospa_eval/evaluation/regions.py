@@ -15,7 +15,7 @@ from tgospa_eval.tracks.alignment import comparable, joined_to
 from tgospa_eval.tracks.ignored import Mask
 from tgospa_eval.tracks.interpolation import found_at
 from tgospa_eval.tracks.regions import BOX, CAP, CIRCLE, GEOJSON, POLYGON, SHAPES, Regions, Shape
-from tgospa_eval.tracks.trajectories import CLOCKS, Floats, Trajectories
+from tgospa_eval.tracks.trajectories import CLOCKS, Floats, TimeArray, Trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,7 +36,7 @@ HALF = 0.5 - 1e-12
 PLANE, EARTH = ("x", "y"), ("lat", "lon")
 
 
-def as_regions(given: RegionsLike | None, decimal: str = ".") -> Regions | None:
+def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | None:
     """Any accepted form of regions; `decimal` is the mark in a file.
 
     Raises
@@ -146,7 +146,8 @@ def _placed(regions: Regions, side: Trajectories, tolerance: float, name: str) -
                 f"{regions.name} has {CLOCKS[regions.clock]}, {name} has {CLOCKS[side.clock]}; "
                 "write both alike"
             )
-        stamps = Trajectories.of_times(np.unique(regions.times), (), regions.clock)
+        moments: TimeArray = np.unique(regions.times)
+        stamps = Trajectories.of_times(moments, (), regions.clock)
         mine, theirs = comparable(stamps, side, (regions.name, name))
         if len(theirs):
             mine, _ = joined_to(mine, theirs, tolerance, side.clock)
@@ -171,7 +172,8 @@ def _share(shape: Shape, state: Floats) -> Floats:
     else:
         shapely, polygon = _shapely(), _in_plane(shape)
         shared = shapely.area(shapely.intersection(polygon, _boxes(state)))
-    return np.divide(shared, area, out=np.zeros(len(area)), where=area > 0)
+    share: Floats = np.divide(shared, area, out=np.zeros(len(area)), where=area > 0)
+    return share
 
 
 def _share_of_all(state: Floats, shapes: Sequence[Shape]) -> float:

@@ -9,9 +9,9 @@ import numpy as np
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import FIRST_ALIASES
-from tgospa_eval.formats.fields import floats
+from tgospa_eval.formats.fields import floats, is_number
 from tgospa_eval.formats.loading import load, unpack
-from tgospa_eval.formats.text.lines import decode, numbers
+from tgospa_eval.formats.text.lines import decode
 from tgospa_eval.formats.text.small import rows_of
 from tgospa_eval.formats.times import TimeError, parse_times
 from tgospa_eval.text import listed, quoted
@@ -33,6 +33,8 @@ def read_regions(path: str, decimal: str = ".") -> Regions:
         The file is missing, has other columns, or a region is wrong.
     """
     data = unpack(load(path), path)
+    if not data.strip():
+        raise InputError(f"{path}: the file is empty; regions need a header with {NEEDED}")
     if data.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] == b"{":
         try:
             return of_geojson(json.loads(decode(data, path)), path)
@@ -42,8 +44,6 @@ def read_regions(path: str, decimal: str = ".") -> Regions:
         except RecursionError:
             raise InputError(f"{path}: no GeoJSON: lists in lists without end") from None
     lines, rows = rows_of(data, path, decimal)
-    if not rows:
-        raise InputError(f"{path}: the file is empty; regions need a header with {NEEDED}")
     for line, row in zip(lines, rows, strict=True):
         if len(row) != len(rows[0]):
             raise InputError(
@@ -80,8 +80,8 @@ def of_rows(
         given = {key: text for key, text in cells.items() if text}
         kind = next((kind for kind, columns in SHAPES.items() if {*columns} == {*given}), None)
         if kind is None:
-            has = f"only {listed(given)}" if given else "nothing"
-            raise InputError(f"{place}: {has} is given; a region has {NEEDED}")
+            has = listed(given) or "nothing"
+            raise InputError(f"{place}: has {has}; a region has {NEEDED}")
         if kind == POLYGON:
             corners = _corners(given[POLYGON], decimal, place)
         else:
@@ -158,10 +158,9 @@ def _corners(text: str, decimal: str, place: str) -> Floats:
 
 
 def _number(text: str, decimal: str, where: str) -> float:
-    values, faults = numbers([text], decimal)
-    if faults:
-        raise InputError(f"{where}: {faults[0][1]}")
-    return float(values[0])
+    if not is_number(text, decimal):
+        raise InputError(f"{where}: not a number: {quoted(text)}")
+    return float(floats([text], decimal)[0])
 
 
 def _regions(

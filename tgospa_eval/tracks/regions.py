@@ -53,8 +53,7 @@ class Shape:
             raise InputError(f"{self.where}: a number that is not finite")
         if self.kind in (POLYGON, GEOJSON):
             for ring in self.rings:
-                x, y = (ring - ring[0]).T  # near its first corner little is rounded
-                if not np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)):
+                if np.linalg.matrix_rank(ring - ring[0]) < 2:
                     raise InputError(
                         f"{self.where}: a polygon without area; it needs three corners or more "
                         "that are not on one line"

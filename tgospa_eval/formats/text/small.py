@@ -108,7 +108,7 @@ def rows_of(data: bytes, path: str, decimal: str) -> tuple[list[int], list[list[
     check_text(data, path)
     text = decode(data, path)
     head = text.lstrip("\n").partition("\n")[0]
-    delimiter = max(";\t,", key=lambda mark: (mark != decimal and mark in head, head.count(mark)))
+    delimiter = max("\t;,", key=lambda mark: (mark != decimal and mark in head, head.count(mark)))
     reader = csv.reader(text.split("\n"), delimiter=delimiter, strict=True, skipinitialspace=True)
     lines: list[int] = []
     rows: list[list[str]] = []
