@@ -32,8 +32,7 @@ def kitti_row(step: int, name: int, kind: str, hidden: str, box: np.ndarray) -> 
 def kitti_scene(seed: int) -> tuple[str, str]:
     """Labels and results of a street: all that the rules look at, some of it at their limits.
 
-    Cars, vans, people who sit, hidden and cut objects, small reports, and reports in regions of
-    which up to two overlap.
+    Cars, vans, people who sit, hidden and cut objects, small reports, and reports in regions.
     """
     rng = np.random.default_rng(seed)
     kinds = ("Car", "Car", "Van", "Pedestrian", "Person", "Pedestrian", "Cyclist", "Truck")
@@ -45,6 +44,10 @@ def kitti_scene(seed: int) -> tuple[str, str]:
     for step in range(STEPS):
         for region in regions[: 1 + step % 3]:
             truth += kitti_row(step, -1, "DontCare", "-1 -1", region)
+        for left in (700, 750):  # one report is half in each of these
+            truth += kitti_row(step, -1, "DontCare", "-1 -1", np.array([left, 0, 50, 60]))
+        halves = np.array([728, 5, 44, 40])
+        results += kitti_row(step, 300, ("Car", "Pedestrian")[step % 2], "-1 -1", halves)
         places = places + speed
         for k, (place, size) in enumerate(zip(places, sizes, strict=True)):
             kind = kinds[k % len(kinds)]
