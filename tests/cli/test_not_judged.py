@@ -8,6 +8,7 @@ import pytest
 from answer import Answer
 
 from tgospa_eval import Trajectories, evaluate
+from tgospa_eval.errors import ConfigError
 
 TRUTH = """id,t,x,y,class,occlusion
 1,0,0,0,Car,0
@@ -80,7 +81,8 @@ def test_every_report_says_what_is_not_judged(files, invoke) -> None:
     result = evaluate(*files, cutoff=4, switch_penalty=1, ignore="class=Van")
     assert "3 truth states" in result.to_html()
     assert "3 truth states" in result._repr_html_()
-    text = invoke("compare", *files, *files[1:], *METRIC, "--ignore", "class=Van").out
+    Path("other.csv").write_text(ESTIMATE, encoding="utf-8")
+    text = invoke("compare", *files, "other.csv", *METRIC, "--ignore", "class=Van").out
     assert "not judged: class=Van" in text
 
 
@@ -164,6 +166,32 @@ def test_a_ship_between_its_reports_is_not_false() -> None:
             ship, radar.assign(x=radar.x + 60), **options, **clock_of, ignore="truth-gaps"
         )
         assert far.counts["false"] == 61
+
+
+def test_the_reach_of_a_gap_grows_with_the_speed_that_is_allowed(tmp_path: Path) -> None:
+    ship = pd.DataFrame({"id": "ship", "t": [0, 10, 110, 120], "x": [0.0, 10, 110, 120], "y": 0.0})
+    radar = pd.DataFrame({"id": 1, "t": range(0, 121, 10)}).assign(x=lambda rows: 1.0 * rows.t)
+    radar["y"] = 1.5 * (radar.t.clip(10, 110) - 10).combine(110 - radar.t.clip(10, 110), min)
+    options = {"cutoff": 20, "switch_penalty": 5, "resample": 10, "max_gap": 10}
+    found = [
+        evaluate(ship, radar, **options, ignore="truth-gaps", max_speed=speed)
+        for speed in (None, 0.6, 1.5)
+    ]
+    # 15, 30, 45, 60, 75, 60, 45, 30 and 15 off the line, 10 to 50 s from the nearer report
+    assert [one.counts["false"] for one in found] == [7, 5, 0]
+    assert max(found[2].table("assignments")["distance"]) == 75
+    assert found[2].parameters["max_speed"] == 1.5
+    iso = [
+        side.assign(t=pd.Timestamp("2026-01-01") + pd.to_timedelta(side.t, unit="s"))
+        for side in (ship, radar)
+    ]
+    clock = {"resample": "10s", "max_gap": "10s"}
+    again = evaluate(*iso, **options | clock, ignore="truth-gaps", max_speed=0.6)
+    assert again.counts == found[1].counts
+    with pytest.raises(ConfigError, match="no place for a reach that grows"):
+        found[2].proof.save(tmp_path / "proof")
+    with pytest.raises(ConfigError, match="is for ignore"):
+        evaluate(ship, radar, **options, max_speed=2)
 
 
 def test_other_metrics_are_without_what_is_not_judged() -> None:

@@ -396,6 +396,15 @@ class Request(Values):
         kind="path",
         parts=FITTING,
     )
+    max_speed: float | None = setting(
+        "Filters",
+        "--max-speed V",
+        "With --ignore truth-gaps: how fast a truth may leave the line across a gap, in state "
+        "units per second. What is within c, and V times the time to the nearer end, is not "
+        "judged.",
+        shown="0",
+        parts=FITTING,
+    )
     unit: str | None = setting(
         "Output",
         "--unit TEXT",

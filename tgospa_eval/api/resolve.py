@@ -1,5 +1,6 @@
 """From a request to records, and with them to two sides that fit each other."""
 
+import math
 import os
 from collections.abc import Iterable, Sequence
 from contextlib import nullcontext, suppress
@@ -106,7 +107,7 @@ class Settings:
             **dict(self.reading.covariances()),
             **self.conversion.recorded,
             **({"preprocess": self.preprocess} if self.preprocess else {}),
-            **(self.evaluation.ignoring.recorded if self.evaluation.ignoring else {}),
+            **({} if self.evaluation.ignoring is None else self.evaluation.ignoring.recorded),
         }
 
     def read(
@@ -456,6 +457,13 @@ def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
 
 def _ignoring(options: Request) -> "Ignoring | None":
     """What is not judged, if there is such."""
+    speed = options.max_speed or 0.0
+    if options.max_speed is not None and not (
+        "truth-gaps" in options.ignore and 0 <= speed < math.inf
+    ):
+        raise ConfigError(
+            f"--max-speed {speed:g}: must be >= 0 and finite, and is for --ignore truth-gaps"
+        )
     marks = (options.preprocess or "").endswith(":ignore")
     given = {
         "--ignore": options.ignore,
@@ -470,9 +478,9 @@ def _ignoring(options: Request) -> "Ignoring | None":
 
     if options.existence == "use":
         raise ConfigError(f"{option} and --existence use do not go together; leave one of them out")
+    texts = (options.ignore,) if isinstance(options.ignore, str) else options.ignore
     found = replace(
-        parse_ignoring((options.ignore,) if isinstance(options.ignore, str) else options.ignore),
-        regions=as_regions(options.ignore_regions, options.decimal),
+        parse_ignoring(texts, speed), regions=as_regions(options.ignore_regions, options.decimal)
     )
     if found.classes and options.by:
         raise ConfigError(

@@ -97,22 +97,30 @@ class Ignoring:
         Rows of the truth that are ignored.
     regions : Regions, optional
         In which states of the estimate are excused.
+    max_speed : float
+        How fast truths may leave the line across a gap, in units of states per second, or per unit
+        of the stamps.
     """
 
     texts: tuple[str, ...] = ()
     conditions: tuple[Condition, ...] = ()
     regions: Regions | None = None
-
-    @property
-    def recorded(self) -> dict[str, object]:
-        """What changes the number, by the names of the JSON; regions by their digest."""
-        found: dict[str, object] = {"ignore": list(self.texts)} if self.texts else {}
-        return found | ({} if self.regions is None else {"ignore_regions": self.regions.sha256})
+    max_speed: float = 0.0
 
     @property
     def classes(self) -> tuple[str, ...]:
         """Classes of the truth that are ignored."""
         return tuple(v for one in self.conditions if one.column == CLASS for v in one.values)
+
+    @property
+    def recorded(self) -> dict[str, object]:
+        """What changes the number, by the names of the JSON; regions by their digest."""
+        given = {
+            "ignore": list(self.texts),
+            "max_speed": self.max_speed,
+            "ignore_regions": self.regions and self.regions.sha256,
+        }
+        return {name: value for name, value in given.items() if value}
 
     @property
     def gaps(self) -> bool:
@@ -161,8 +169,8 @@ class Ignoring:
         return marked(estimate, rows)
 
 
-def parse_ignoring(texts: Iterable[str]) -> Ignoring:
-    """What each of the texts asks for.
+def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
+    """What each of the texts asks for; `max_speed` is for gaps.
 
     Raises
     ------
@@ -188,7 +196,7 @@ def parse_ignoring(texts: Iterable[str]) -> Ignoring:
                 f"--ignore {quoted(text)}: {quoted(match[3])} is no plain, finite number"
             )
         conditions.append(Condition(text=text, column=match[1], sign=match[2], values=values))
-    return Ignoring(texts=given, conditions=tuple(conditions))
+    return Ignoring(texts=given, conditions=tuple(conditions), max_speed=max_speed)
 
 
 def _with_marks(sides: Sequence[Reading], names: Sequence[str]) -> list[Reading]:

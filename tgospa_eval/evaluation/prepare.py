@@ -31,7 +31,7 @@ from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.results.result import ComparedSides, Result
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
-from tgospa_eval.tracks.ignored import NOT_JUDGED, Mask, marks_of
+from tgospa_eval.tracks.ignored import AWAY, NOT_JUDGED, Mask, marks_of
 from tgospa_eval.tracks.judged import Judged, digest, judge, whole
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -98,6 +98,8 @@ class MeasuredSides(ComparedSides):
         Probability of each row of either side.
     unjudged : pair of (R,) bool arrays, optional
         Ignored rows of the truth, excused rows of the estimate.
+    reach : (R_truth,) float array, optional
+        How far beyond the cutoff an ignored truth may be followed.
     """
 
     sides: tuple[Trajectories, Trajectories]
@@ -106,6 +108,7 @@ class MeasuredSides(ComparedSides):
     step_weights: StepWeights | None = None
     existence: tuple[Floats, Floats] | None = None
     unjudged: tuple[Mask, Mask] | None = None
+    reach: Floats | None = None
 
     @property
     def input(self) -> Mapping[str, Json]:
@@ -114,7 +117,11 @@ class MeasuredSides(ComparedSides):
 
     def problem(self, pairs: Pairs, parameters: Parameters) -> Problem:
         """The problem of pairs that include all nearer than the cutoff."""
-        problem = problem_of_pairs(self.sides, self.distance, pairs, parameters)
+        near = None
+        if self.reach is not None:
+            reach = self.reach[pairs.truth_row]
+            near = (reach > 0) & (pairs.distance < parameters.cutoff + reach)
+        problem = problem_of_pairs(self.sides, self.distance, pairs, parameters, near)
         if self.unjudged is not None:
             problem = ignore_states(problem, *self.unjudged)
         if self.existence is not None:
@@ -197,9 +204,13 @@ def near_pairs(
 
 
 def problem_of_pairs(
-    sides: Sides, distance: Distance, pairs: Pairs, parameters: Parameters
+    sides: Sides,
+    distance: Distance,
+    pairs: Pairs,
+    parameters: Parameters,
+    near: Mask | None = None,
 ) -> Problem:
-    """The problem of what `near_pairs` found."""
+    """The problem of what `near_pairs` found; `near` as of `tgospa_problem`."""
     truth, estimate = sides
     return tgospa_problem(
         parameters=parameters,
@@ -215,6 +226,7 @@ def problem_of_pairs(
         distance=pairs.distance,
         distance_error=distance.error(truth.state.shape[1]),
         last_place=distance.last_place(sides),
+        near=near,
     )
 
 
@@ -266,6 +278,11 @@ def measure(
         }
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
         (truth, estimate), prepared, pairs = near_pairs(seen, distance, cutoff, effort)
+        reach = None
+        if request.ignoring is not None and request.ignoring.max_speed:
+            away = np.asarray(aligned.truth.attributes[AWAY], np.float64)
+            reach = request.ignoring.max_speed * away
+            pairs = _with_far_pairs(pairs, (truth, estimate), prepared, cutoff, reach, effort)
     weights = None
     if request.step_weights is not None:
         cost, switch = request.step_weights.on(truth)
@@ -290,8 +307,30 @@ def measure(
             else None
         ),
         unjudged=unjudged_of(aligned, request),
+        reach=reach,
     )
     return measured, pairs
+
+
+def _with_far_pairs(
+    pairs: Pairs, sides: Sides, distance: Distance, cutoff: float, reach: Floats, effort: Effort
+) -> Pairs:
+    """Near pairs, and those of truths in gaps that are within their `reach` beyond the cutoff."""
+    rows = np.flatnonzero(reach > 0)
+    if not len(rows):
+        return pairs
+    gaps = sides[0].chosen(rows)
+    far = prepared_pairs((gaps, sides[1]), cutoff + float(reach.max()), distance, effort)
+    row = rows[far.truth_row]
+    kept = (far.distance >= cutoff) & (far.distance < cutoff + reach[row])
+    truth_row = np.concatenate((pairs.truth_row, row[kept]))
+    estimate_row = np.concatenate((pairs.estimate_row, far.estimate_row[kept]))
+    order = np.lexsort((estimate_row, truth_row))
+    return Pairs(
+        truth_row=truth_row[order],
+        estimate_row=estimate_row[order],
+        distance=np.concatenate((pairs.distance, far.distance[kept]))[order],
+    )
 
 
 def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, Mask] | None:

@@ -132,6 +132,7 @@ def tgospa_problem(
     distance: Floats,
     distance_error: float = 0.0,
     last_place: float = 0.0,
+    near: Mask | None = None,
 ) -> Problem:
     """``D = (d/c)^p, A = 1 - rho, B = rho, lambda = gamma^p / (2 c^p)`` of pairs below the cutoff.
 
@@ -144,6 +145,9 @@ def tgospa_problem(
         Largest relative error of the distances.
     last_place : float
         What the last places of the states can change of a distance.
+    near : (N,) bool array, optional
+        Pairs that count as nearer than the cutoff, whatever their distance is: `ignore_states` is
+        to follow.
 
     Raises
     ------
@@ -162,6 +166,8 @@ def tgospa_problem(
         cost[lifted] = np.maximum(cost[lifted], least)
         slack = least * min(len(truth_step), len(estimate_step))
     keep = (distance < parameters.cutoff) & (cost < 1.0)
+    if near is not None:
+        keep |= near
     if not keep.all():
         truth_row, estimate_row, cost = truth_row[keep], estimate_row[keep], cost[keep]
     objects = len(truth_step) + len(estimate_step)
@@ -184,6 +190,7 @@ def tgospa_problem(
         cost_slack=slack,
         cost_error=max(_cost_error(order, distance_error), _price_error(parameters)),
         rounding=objects * blur**order if blur < 1 else 0.0,
+        signed=near is not None,
     )
 
 
@@ -374,6 +381,7 @@ def ignore_states(problem: Problem, ignored: Mask, excused: Mask) -> Problem:
         distance_power=problem.cost,
         pair_share=share,
         unjudged=(ignored, excused),
+        signed=False,
     )
     prices = problem.truth_price * judged, problem.estimate_price * ~excused
     return _repriced(changed, *prices, changed.cost, error=0.0)  # products with 0 and 1

@@ -349,6 +349,7 @@ def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
     for name, what in (
         ("step_weights", "weights of steps"),
         (EXISTENCE, "probabilities of existence"),
+        ("max_speed", "a reach that grows with time"),
     ):
         if name in settings:
             raise ConfigError(f"a proof folder has no place for {what}: leave one of them out")

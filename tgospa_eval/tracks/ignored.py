@@ -17,6 +17,9 @@ NOT_JUDGED = "not judged"
 """The attribute of what is not judged, whatever says so: of truths ignored, of estimates excused.
 """
 
+AWAY = "time to the nearer state"
+"""The attribute of states in gaps, in seconds or the unit of the stamps; 0 of others."""
+
 Mask = NDArray[np.bool_]
 
 MEANINGS: Mapping[object, bool] = {

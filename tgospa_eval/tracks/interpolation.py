@@ -10,7 +10,8 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.tracks.alignment import Times, apart_of, comparable, joined_to, within
 from tgospa_eval.tracks.attributes import chosen
-from tgospa_eval.tracks.ignored import marks_of
+from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.ignored import AWAY, marks_of
 from tgospa_eval.tracks.trajectories import Floats, Ints, Trajectories
 
 HALF_TURN = 180.0
@@ -70,7 +71,7 @@ def interpolated(
         Of the two, for messages.
     across : str
         Where two states are farther apart there are states between them as well, marked by this
-        attribute. Blank: there are none.
+        attribute, and with `tracks.ignored.AWAY`. Blank: there are none.
 
     Raises
     ------
@@ -103,9 +104,9 @@ def interpolated(
         covariance = np.concatenate((covariance[own], mixed))[order]
     attributes = chosen(side.attributes, source[order])
     if across:
-        attributes[across] = np.concatenate((marks_of(side, across)[own], wide))[order].astype(
-            float
-        )
+        marks, away = np.concatenate((marks_of(side, across)[own], wide)), np.zeros(len(order))
+        away[len(own) :] = wide * np.minimum(share, 1 - share) * _apart(side, before, after)
+        attributes |= {across: marks[order].astype(np.float64), AWAY: away[order]}
     found = replace(
         side,
         step=steps[order],
@@ -170,6 +171,12 @@ def _between(
     first, gap = np.repeat(first, count), np.repeat(gap[first], count)
     share = apart_of(theirs[step], time[first]).astype(np.float64) / gap.astype(np.float64)
     return order[first], order[first + 1], step, share, wide
+
+
+def _apart(side: Trajectories, before: Ints, after: Ints) -> Floats:
+    """Time between some rows and others, in seconds or the unit of the stamps."""
+    apart = side.times[side.step[after]] - side.times[side.step[before]]
+    return apart / (1 if side.clock == "number" else SECOND)
 
 
 def on_lines(
