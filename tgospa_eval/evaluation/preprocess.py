@@ -234,7 +234,7 @@ def _of_classes(reading: Reading, names: tuple[str, ...]) -> Flags:
 
 def _on(neutral: Flags, match: Ints) -> Flags:
     """Which rows are matched with a neutral truth."""
-    return (match >= 0) & np.append(neutral, False)[match]
+    return np.asarray((match >= 0) & np.append(neutral, False)[match])
 
 
 def _matched(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Ints:

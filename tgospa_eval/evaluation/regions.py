@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 
@@ -146,7 +146,7 @@ def _placed(regions: Regions, side: Trajectories, tolerance: float, name: str) -
                 f"{regions.name} has {CLOCKS[regions.clock]}, {name} has {CLOCKS[side.clock]}; "
                 "write both alike"
             )
-        moments: TimeArray = np.unique(regions.times)
+        moments = cast("TimeArray", np.unique(regions.times))
         stamps = Trajectories.of_times(moments, (), regions.clock)
         mine, theirs = comparable(stamps, side, (regions.name, name))
         if len(theirs):
