@@ -53,7 +53,7 @@ MOST_INSIDE = 0.5 + TRACKEVAL_EPS
 """Share of a box in a region DontCare that it may have."""
 
 
-class Verdict(NamedTuple):
+class Judgement(NamedTuple):
     """What a benchmark says of the rows of both sides.
 
     `judged` and `neutral` rows of the truth: those that are to be found, and those that may be.
@@ -184,19 +184,19 @@ def judged_class(classes: tuple[str, ...] | None, rule: str) -> str:
 
 def _motchallenge(
     truth: Reading, estimate: Reading, everything: Reading, names: tuple[str, str], *, whole: bool
-) -> Verdict:
+) -> Judgement:
     """Of the truth the pedestrians remain whose flag is not 0; distractors may be followed."""
     distractors = _of_classes(everything, DISTRACTORS)
     removed = _on(distractors, _matched(everything, estimate, names))
     if not whole:
         pedestrians = _of_classes(truth, (PEDESTRIAN,))
-        return Verdict(truth, pedestrians, ~pedestrians, removed, removed)
+        return Judgement(truth, pedestrians, ~pedestrians, removed, removed)
     judged = _of_classes(everything, (PEDESTRIAN,))
     judged &= everything.trajectories.attributes["conf"] != 0
-    return Verdict(everything, judged, distractors, removed, np.zeros_like(removed))
+    return Judgement(everything, judged, distractors, removed, np.zeros_like(removed))
 
 
-def _kitti(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Verdict:
+def _kitti(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Judgement:
     """Of the truth the class that is asked for remains, where it is to be seen."""
     truncated, occluded = (truth.trajectories.attributes[name] for name in HIDDEN)
     neighbours = sorted(set().union(*NEIGHBOURS.values()), key=str.casefold)
@@ -208,12 +208,12 @@ def _kitti(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Verdict
     if truth.regions is not None:
         excused |= shares(truth.regions, boxes, 0.0, names[1])[0] > MOST_INSIDE
     removed = np.where(match >= 0, _on(neutral, match), excused)
-    return Verdict(truth, ~neutral, neutral, removed, excused)
+    return Judgement(truth, ~neutral, neutral, removed, excused)
 
 
 def _in_regions(
     truth: Reading, estimate: Reading, regions: Regions | None, names: tuple[str, str]
-) -> Verdict:
+) -> Judgement:
     """Nothing in a region is judged."""
     within, excused = (
         np.zeros(side.taken, bool)
@@ -221,7 +221,7 @@ def _in_regions(
         else inside(regions, side.trajectories, 0.0, name)
         for side, name in zip((truth, estimate), names, strict=True)
     )
-    return Verdict(truth, ~within, within, excused, excused)
+    return Judgement(truth, ~within, within, excused, excused)
 
 
 def _of_classes(reading: Reading, names: tuple[str, ...]) -> Flags:

@@ -147,13 +147,13 @@ def _placed(regions: Regions, side: Trajectories, tolerance: float, name: str) -
                 "write both alike"
             )
         moments = cast("TimeArray", np.unique(regions.times))
-        stamps = Trajectories.of_times(moments, (), regions.clock)
-        mine, theirs = comparable(stamps, side, (regions.name, name))
+        own_times = Trajectories.of_times(moments, (), regions.clock)
+        mine, theirs = comparable(own_times, side, (regions.name, name))
         if len(theirs):
             mine, _ = joined_to(mine, theirs, tolerance, side.clock)
         at, there = found_at(mine, theirs)
         for k, stamp in zip(regions.timed.tolist(), regions.times, strict=True):
-            own = int(np.searchsorted(stamps.times, stamp))
+            own = int(np.searchsorted(moments, stamp))
             if there[own]:
                 step[k] = int(at[own])
             else:

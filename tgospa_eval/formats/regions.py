@@ -73,10 +73,10 @@ def of_rows(
     if unknown or len({*names}) < len(names) or not KNOWN & {*names}:
         what = f"column {quoted(unknown[0])} is none of regions" if unknown else "no such columns"
         raise InputError(f"{places[0]}: {what}; they have t, if they are of one step, and {NEEDED}")
-    shapes, stamps = [], []
+    shapes, moments = [], []
     for place, row in zip(places[1:], rows, strict=True):
         cells = {key: text.strip() for key, text in zip(names, row, strict=True)}
-        stamps.append(cells.pop(time, ""))
+        moments.append(cells.pop(time, ""))
         given = {key: text for key, text in cells.items() if text}
         kind = next((kind for kind, columns in SHAPES.items() if {*columns} == {*given}), None)
         if kind is None:
@@ -90,7 +90,7 @@ def of_rows(
             corners = np.array(cell)
         shapes.append(Shape(kind=kind, rings=(corners,), where=place))
     of_time = f", column {quoted(time)}"
-    return _regions(shapes, stamps, lambda row: f"{places[1 + row]}{of_time}", decimal, name)
+    return _regions(shapes, moments, lambda row: f"{places[1 + row]}{of_time}", decimal, name)
 
 
 def of_geojson(document: Any, name: str) -> Regions:
@@ -105,7 +105,7 @@ def of_geojson(document: Any, name: str) -> Regions:
         raise InputError(f"{name}: no GeoJSON; a FeatureCollection of polygons is")
     kind = document.get("type")
     features = document.get("features") if kind == "FeatureCollection" else [document]
-    shapes, stamps, places = [], [], []
+    shapes, moments, places = [], [], []
     for k, feature in enumerate(features if isinstance(features, list) else [features]):
         where = f"{name}, feature {k}"
         properties: Any = None
@@ -115,9 +115,9 @@ def of_geojson(document: Any, name: str) -> Regions:
         for rings in _polygons(geometry, where):
             shapes.append(Shape(kind=GEOJSON, rings=rings, where=where))
             stamp = properties.get("t") if isinstance(properties, Mapping) else None
-            stamps.append("" if stamp is None else str(stamp))
+            moments.append("" if stamp is None else str(stamp))
             places.append(f'{where}, property "t"')
-    return _regions(shapes, stamps, places.__getitem__, ".", name)
+    return _regions(shapes, moments, places.__getitem__, ".", name)
 
 
 def _polygons(geometry: Any, where: str) -> list[tuple[Floats, ...]]:
@@ -165,7 +165,7 @@ def _number(text: str, decimal: str, where: str) -> float:
 
 def _regions(
     shapes: Sequence[Shape],
-    stamps: Sequence[str],
+    moments: Sequence[str],
     where: Callable[[int], str],
     decimal: str,
     name: str,
@@ -173,9 +173,9 @@ def _regions(
     """With the times of those that have any."""
     if not shapes:
         raise InputError(f"{name}: there is no region")
-    timed = np.array([k for k, stamp in enumerate(stamps) if stamp.strip()], np.int64)
+    timed = np.array([k for k, stamp in enumerate(moments) if stamp.strip()], np.int64)
     try:
-        times = parse_times([stamps[k] for k in timed], lambda texts: floats(texts, decimal))
+        times = parse_times([moments[k] for k in timed], lambda texts: floats(texts, decimal))
     except TimeError as error:
         raise InputError(f"{where(int(timed[error.row]))}: {error}") from None
     return Regions(
