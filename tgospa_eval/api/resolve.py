@@ -508,7 +508,10 @@ def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions
     rule = str(options.preprocess)
     if not measure.boxes:
         raise ConfigError(f"--preprocess {rule}: looks at boxes; choose --distance iou")
-    if rule.startswith(("visdrone", "uadetrac")):
+    if rule.startswith("uadetrac"):
+        return truth
+    truth = replace(truth, regions=True)
+    if rule.startswith("visdrone"):
         return truth
     if options.by:
         raise ConfigError(f"--preprocess {rule}: is of one class, not --by class")

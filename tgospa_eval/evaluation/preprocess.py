@@ -26,6 +26,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.regions import inside, shares
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.options import Flags
+from tgospa_eval.formats.rows import AS_REGIONS
 from tgospa_eval.formats.text.table import IGNORED
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching, align
@@ -156,7 +157,7 @@ def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Ite
             "is charged for all, and HOTA, MOTA and IDF1 are not those of the tables",
             remedy="--preprocess kitti --class car, or pedestrian, leaves out what they leave out",
         )
-    elif truth.format == "visdrone" and truth.regions is not None:
+    elif truth.format == "visdrone" and not truth.left_out.keys().isdisjoint(AS_REGIONS):
         yield Notice(
             code="benchmark-rules",
             text="tables of VisDrone are without what is in ignored regions and on others: here a "

@@ -92,11 +92,12 @@ def inside(regions: Regions, side: Trajectories, tolerance: float, name: str) ->
     placed = _placed(regions, side, tolerance, name)
     most, total = _shares(placed, side, regions.name, name)
     found = most >= HALF
-    doubtful = np.flatnonzero(~found & (total >= HALF))
-    for step in np.unique(side.step[doubtful]).tolist():
-        together = [shape for shape, at in placed if at in (None, step)]
-        for row in doubtful[side.step[doubtful] == step].tolist():
-            found[row] = _share_of_all(side.state[row], together) >= HALF
+    at_step: dict[int | None, list[Shape]] = {None: []}
+    for shape, step in placed:
+        at_step.setdefault(step, []).append(shape)
+    for row in np.flatnonzero(~found & (total >= HALF)).tolist():
+        together = at_step[None] + at_step.get(int(side.step[row]), [])
+        found[row] = _share_of_all(side.state[row], together) >= HALF
     return found
 
 
@@ -186,6 +187,7 @@ def _share_of_all(state: Floats, shapes: Sequence[Shape]) -> float:
         return float(shapely.area(shapely.intersection(every, _boxes(state[None])[0])) / area)
     boxes = np.array([shape.rings[0] for shape in shapes])
     edges = np.stack((boxes[:, :2], boxes[:, :2] + boxes[:, 2:])).clip(begin, end)  # (2, N, axis)
+    edges = edges[:, (edges[0] < edges[1]).all(axis=1)]
     cuts = [np.unique(edges[:, :, axis]) for axis in (0, 1)]
     across, along = (  # which stretches between two cuts each region has
         (edges[0, :, axis, None] <= cuts[axis][:-1]) & (cuts[axis][1:] <= edges[1, :, axis, None])
@@ -215,19 +217,20 @@ def _holds(shape: Shape, points: Floats, *, earth: bool) -> Mask:
     if shape.kind == BOX:
         edges = (points >= ring[:2]) & (points <= ring[:2] + ring[2:])
         return np.asarray(edges.all(axis=1))
+    shapely, polygon = _shapely(), _polygon(shape)
+    shapely.prepare(polygon)
     if not earth:
-        return np.asarray(_shapely().intersects_xy(_polygon(shape), *points.T))
+        return np.asarray(shapely.intersects_xy(polygon, *points.T))
     corners = np.concatenate(shape.rings)
     latitude, longitude = (1, 0) if shape.kind == GEOJSON else (0, 1)
     if (abs(corners[:, latitude]) > 90).any() or (abs(corners[:, longitude]) > 360).any():
         order = "lon, lat" if shape.kind == GEOJSON else "lat lon"
         raise InputError(f"{shape.where}: corners are {order}, in degrees, and one is out of range")
-    turned = [points + np.array([0.0, turn]) for turn in (-360.0, 0.0, 360.0)]
-    held = [
-        _shapely().intersects_xy(_polygon(shape), each[:, 1 - longitude], each[:, 1 - latitude])
-        for each in turned
-    ]
-    return np.asarray(np.any(held, axis=0))
+    held = np.zeros(len(points), bool)
+    for turn in (-360.0, 0.0, 360.0):
+        turned = points[:, 0], points[:, 1] + turn
+        held |= shapely.intersects_xy(polygon, turned[1 - longitude], turned[1 - latitude])
+    return held
 
 
 def _in_plane(shape: Shape) -> Any:

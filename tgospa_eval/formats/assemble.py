@@ -129,7 +129,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         headers=roles.called,
         centres=roles.centres,
         pixels=roles.centres and roles.fixed,
-        regions=_regions(rows, state) if options.boxes else None,
+        regions=_regions(rows, state) if options.regions else None,
     )
 
 

@@ -202,6 +202,8 @@ class ReadOptions:
         Classes that a filter by class leaves in as well, as far as there are such.
     kept : tuple of str
         Rules of the format itself that leave nothing out.
+    regions : bool
+        The reading has the boxes that are no objects but regions.
     region : str, optional
         ``"x=-50:50,y=0:100"``: rows inside these ranges, ends included; either end may be blank.
     by_class : bool
@@ -251,6 +253,7 @@ class ReadOptions:
     classes: tuple[str, ...] | None = None
     also: tuple[str, ...] = ()
     kept: tuple[str, ...] = ()
+    regions: bool = False
     region: str | None = None
     by_class: bool = False
     class_for: str = "--by class"

@@ -48,7 +48,8 @@ class Reading:
     pixels : bool
         They are in an image, by the rules of the format.
     regions : Regions, optional
-        Boxes of the file that are no objects but regions in which nothing is judged.
+        Boxes of the file that are no objects but regions in which nothing is judged, if
+        `ReadOptions.regions` asks for them.
     """
 
     trajectories: Trajectories
