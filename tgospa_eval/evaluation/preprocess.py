@@ -6,7 +6,8 @@ with those of the truth, one to one: the sum of their IoU is largest, and only p
 leaves out others, too, that are small or in a region `DontCare`: where the shared area is more than
 half of the estimate's, by one region. Their rules, and the order of their steps, are those of
 TrackEval. VisDrone leaves out, on both sides, what has half of its area or more in ignored regions,
-all of a step together (dropObjects of its toolkit, there in whole pixels); so does UA-DETRAC.
+all of a step together (dropObjects of its toolkit, but for the edge of the image, which no file
+has); so does UA-DETRAC.
 
 Instead of leaving them out by a matching that no metric knows, ``:ignore`` marks: truths that are
 not judged are ignored, estimates that are small or in a region are excused.
@@ -32,7 +33,7 @@ from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.ignored import marked
 from tgospa_eval.tracks.regions import Regions
-from tgospa_eval.tracks.trajectories import Ints
+from tgospa_eval.tracks.trajectories import Floats, Ints
 
 DELETE, IGNORE = "delete", "ignore"
 
@@ -114,8 +115,10 @@ def preprocessed(
         found = _motchallenge(truth, estimate, everything(), names, whole=how == IGNORE)
     elif benchmark == "kitti":
         found = _kitti(truth, estimate, names)
+    elif benchmark == "visdrone":
+        found = _visdrone(truth, estimate, names)
     else:
-        found = _in_regions(truth, estimate, regions or truth.regions, names)
+        found = _in_regions(truth, estimate, regions, names)
     if how != IGNORE:
         return _left(found.truth, found.judged), _left(estimate, ~found.removed)
     kept = found.judged | found.neutral
@@ -210,6 +213,27 @@ def _kitti(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Judgeme
         excused |= shares(truth.regions, boxes, 0.0, names[1])[0] > MOST_INSIDE
     removed = np.where(match >= 0, _on(neutral, match), excused)
     return Judgement(truth, ~neutral, neutral, removed, excused)
+
+
+def _visdrone(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Judgement:
+    """As of UA-DETRAC, in whole pixels: a region begins one before its left and upper edge."""
+    regions = truth.regions
+    if regions is not None:
+        wider = np.array([-1.0, -1.0, 1.0, 1.0])
+        shapes = [
+            replace(shape, rings=(_pixels(shape.rings[0]) + wider,)) for shape in regions.shapes
+        ]
+        regions = replace(regions, shapes=tuple(shapes))
+    first, second = (
+        replace(side, trajectories=replace(whole, state=_pixels(whole.state)))
+        for side, whole in ((truth, truth.trajectories), (estimate, estimate.trajectories))
+    )
+    return _in_regions(first, second, regions, names)._replace(truth=truth)
+
+
+def _pixels(boxes: Floats) -> Floats:
+    """Boxes in whole pixels, from 1 on, halves up."""
+    return np.maximum(np.floor(boxes + 0.5), 1.0)
 
 
 def _in_regions(

@@ -192,6 +192,41 @@ def test_regions_of_visdrone(write: Write, invoke: Invoke, how: str) -> None:
         assert document["ignored"] == {"truth_states": 3, "absorbed": 0, "excused": 2}
 
 
+def by_counting_pixels(rows: np.ndarray, truth: np.ndarray) -> int:
+    """Rows whose pixels are to less than a half in ignored regions and others: an image for each.
+
+    A box l, w has the pixels l + 1 to l + w, and a region those from l on, rounded and from 1 on.
+    """
+    left = 0
+    for frame in np.unique(rows[:, 0]):
+        image = np.zeros((500, 500), bool)
+        here = (truth[:, 0] == frame) & np.isin(truth[:, 7], (0, 11))
+        for x, y, width, height in np.maximum(np.floor(truth[here, 2:6] + 0.5), 1).astype(int):
+            image[y : y + height + 1, x : x + width + 1] = True
+        there = (rows[:, 0] == frame) & ~np.isin(rows[:, 7], (0, 11))
+        for x, y, width, height in np.maximum(np.floor(rows[there, 2:6] + 0.5), 1).astype(int):
+            left += image[y + 1 : y + height + 1, x + 1 : x + width + 1].mean() < 0.5
+    return left
+
+
+def test_visdrone_counts_pixels(write: Write) -> None:
+    rng = np.random.default_rng(3)
+    texts, tables = [], []
+    for side in (0, 1):
+        classes = rng.choice([0, 11, 4, 4, 4], 400) if side == 0 else np.full(400, 4)
+        boxes = np.column_stack((rng.uniform(-5, 360, (400, 2)), rng.uniform(4, 90, (400, 2))))
+        boxes = boxes.round(side)
+        considered = ~np.isin(classes, (0, 11))
+        of_row = (np.arange(400) // 40, np.arange(400), boxes, considered, classes)
+        table = np.column_stack((*of_row, np.zeros((400, 2))))
+        tables.append(table)
+        texts.append("".join(",".join(f"{v:g}" for v in row) + "\n" for row in table))
+    result = evaluate(write("gt.txt", texts[0]), write("res.txt", texts[1]), distance="iou",
+                      preprocess="visdrone", truth_format="visdrone",
+                      estimate_format="visdrone")  # fmt: skip
+    assert result.objects == tuple(by_counting_pixels(table, tables[0]) for table in tables)
+
+
 def test_regions_of_uadetrac_are_given(write: Write, invoke: Invoke) -> None:
     regions = write("r.csv", "left,top,width,height\n0,0,100,100\n300,300,40,40\n")
     head = "id,t,left,top,width,height\n"
