@@ -458,14 +458,14 @@ def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[JobTask]:
             first, last = job.frames
             chosen = replace(shared, steps=f"{first}:{last}")
         if isinstance(chosen.ignore_regions, str):
-            pattern = chosen.ignore_regions
-            unknown = [name for name in patterns.fields(pattern) if name not in job.labels]
-            if unknown:
+            try:
+                path = patterns.fill(chosen.ignore_regions, job.labels)
+            except KeyError as error:
                 raise ConfigError(
-                    f"--ignore-regions {quoted(pattern)}: no job has a label {quoted(unknown[0])}; "
-                    f"they have {listed(job.labels)}"
-                )
-            chosen = replace(chosen, ignore_regions=patterns.fill(pattern, job.labels))
+                    f"--ignore-regions {quoted(chosen.ignore_regions)}: jobs have no label "
+                    f"{quoted(error.args[0])}, but {listed(job.labels)}"
+                ) from None
+            chosen = replace(chosen, ignore_regions=path)
         folder = folder_of(batch.output, job.labels, job.options) if batch.reports else None
         yield JobTask(
             job=job,

@@ -465,19 +465,16 @@ def _ignoring(options: Request) -> "Ignoring | None":
             f"--max-speed {speed:g}: must be >= 0 and finite, and is for --ignore truth-gaps"
         )
     marks = (options.preprocess or "").endswith(":ignore")
-    given = {
-        "--ignore": options.ignore,
-        "--ignore-regions": options.ignore_regions is not None,
-        f"--preprocess {options.preprocess}": marks,
-    }
-    option = next((name for name, is_given in given.items() if is_given), "")
-    if not option:
+    if not (options.ignore or marks) and options.ignore_regions is None:
         return None
     from tgospa_eval.evaluation.ignoring import GAPS, OUTSIDE, parse_ignoring  # here: as weights
     from tgospa_eval.evaluation.regions import as_regions
 
     if options.existence == "use":
-        raise ConfigError(f"{option} and --existence use do not go together; leave one of them out")
+        raise ConfigError(
+            "--existence use does not go together with --ignore, --ignore-regions and --preprocess "
+            "NAME:ignore; leave one of them out"
+        )
     texts = (options.ignore,) if isinstance(options.ignore, str) else options.ignore
     found = replace(
         parse_ignoring(texts, speed), regions=as_regions(options.ignore_regions, options.decimal)

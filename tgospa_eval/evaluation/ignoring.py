@@ -18,10 +18,9 @@ from tgospa_eval.evaluation.regions import inside
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.options import class_named
 from tgospa_eval.text import listed, quoted
-from tgospa_eval.tracks.alignment import comparable, joined_to
 from tgospa_eval.tracks.attributes import Values
 from tgospa_eval.tracks.ignored import EXCUSED, IGNORED, Mask, marked, marks_of
-from tgospa_eval.tracks.interpolation import found_at
+from tgospa_eval.tracks.interpolation import found_near
 from tgospa_eval.tracks.regions import Regions
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -159,10 +158,7 @@ class Ignoring:
             return estimate
         rows = np.zeros(len(estimate.step), bool)
         if OUTSIDE in self.texts:
-            mine, theirs = comparable(estimate, truth, (names[1], names[0]))
-            if len(theirs):
-                mine, _ = joined_to(mine, theirs, tolerance, estimate.clock)
-            _, there = found_at(mine, theirs)
+            _, there = found_near(estimate, truth, tolerance, (names[1], names[0]))
             rows |= ~there[estimate.step]
         if self.regions is not None:
             rows |= inside(self.regions, estimate, tolerance, names[1])

@@ -24,7 +24,7 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.distances.boxes import TRACKEVAL_EPS, overlaps
 from tgospa_eval.distances.pair_search import starts_of_steps
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.regions import inside, shares
+from tgospa_eval.evaluation.regions import inside
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.options import Flags
 from tgospa_eval.formats.rows import AS_REGIONS
@@ -35,7 +35,7 @@ from tgospa_eval.tracks.ignored import marked
 from tgospa_eval.tracks.regions import Regions
 from tgospa_eval.tracks.trajectories import Floats, Ints
 
-DELETE, IGNORE = "delete", "ignore"
+IGNORE = "ignore"
 
 PEDESTRIAN = "1"
 DISTRACTORS = ("2", "7", "8", "12")
@@ -139,33 +139,32 @@ def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Ite
     everything : callable
         Reads all boxes of the truth, with the attribute ``class`` if there is one.
     """
+    text = ""
     if truth.format == "motchallenge":
-        classes = everything().trajectories.attributes.get("class", np.zeros(0))
-        count = int(
-            np.isin(classes.astype(str), [*DISTRACTORS, *map("{}.0".format, DISTRACTORS)]).sum()
-        )
+        classes = everything().trajectories.attributes.get("class", np.zeros(0)).astype(str)
+        count = int(np.isin(classes, [*DISTRACTORS, *map("{}.0".format, DISTRACTORS)]).sum())
         if count:
-            yield Notice(
-                code="benchmark-rules",
-                text=f"{counted(count, 'box is a distractor', 'boxes are distractors')} "
-                f"(classes {', '.join(DISTRACTORS)}), and a tracker that has them is charged for "
-                "them: HOTA, MOTA and IDF1 are not those of the tables",
-                remedy="--preprocess motchallenge leaves out what they leave out",
+            text = (
+                f"{counted(count, 'box is a distractor', 'boxes are distractors')} (classes "
+                f"{', '.join(DISTRACTORS)}), and a tracker that has them is charged for them"
             )
     elif truth.format == "kitti" and IGNORED in truth.left_out:
-        yield Notice(
-            code="benchmark-rules",
-            text="tables of KITTI are of one class, without what a tracker has in regions "
+        text = (
+            "tables of KITTI are of one class, without what a tracker has in regions "
             f"{IGNORED}, on neighbours of the class (Van, Person_sitting), or too small: here it "
-            "is charged for all, and HOTA, MOTA and IDF1 are not those of the tables",
-            remedy="--preprocess kitti --class car, or pedestrian, leaves out what they leave out",
+            "is charged for all"
         )
     elif truth.format == "visdrone" and not truth.left_out.keys().isdisjoint(AS_REGIONS):
+        text = (
+            "tables of VisDrone are without what is in ignored regions and on others: here a "
+            "tracker is charged for it"
+        )
+    if text:
+        rule = truth.format + " --class car, or pedestrian," * (truth.format == "kitti")
         yield Notice(
             code="benchmark-rules",
-            text="tables of VisDrone are without what is in ignored regions and on others: here a "
-            "tracker is charged for it, and MOTA and IDF1 are not those of the tables",
-            remedy="--preprocess visdrone leaves out what they leave out",
+            text=f"{text}: HOTA, MOTA and IDF1 are not those of the tables",
+            remedy=f"--preprocess {rule} leaves out what they leave out",
         )
 
 
@@ -210,20 +209,21 @@ def _kitti(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Judgeme
     boxes = estimate.trajectories
     excused = boxes.state[:, 3] <= LEAST_HEIGHT + TRACKEVAL_EPS
     if truth.regions is not None:
-        excused |= shares(truth.regions, boxes, 0.0, names[1])[0] > MOST_INSIDE
+        excused |= inside(truth.regions, boxes, 0.0, names[1], MOST_INSIDE)
     removed = np.where(match >= 0, _on(neutral, match), excused)
     return Judgement(truth, ~neutral, neutral, removed, excused)
 
 
 def _visdrone(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Judgement:
     """As of UA-DETRAC, in whole pixels: a region begins one before its left and upper edge."""
-    regions = truth.regions
-    if regions is not None:
-        wider = np.array([-1.0, -1.0, 1.0, 1.0])
-        shapes = [
-            replace(shape, rings=(_pixels(shape.rings[0]) + wider,)) for shape in regions.shapes
-        ]
-        regions = replace(regions, shapes=tuple(shapes))
+    wider = np.array([-1.0, -1.0, 1.0, 1.0])
+    regions = truth.regions and replace(
+        truth.regions,
+        shapes=tuple(
+            replace(shape, rings=(_pixels(shape.rings[0]) + wider,))
+            for shape in truth.regions.shapes
+        ),
+    )
     first, second = (
         replace(side, trajectories=replace(whole, state=_pixels(whole.state)))
         for side, whole in ((truth, truth.trajectories), (estimate, estimate.trajectories))

@@ -11,11 +11,10 @@ from tgospa_eval.distances.pair_search import starts_of_steps
 from tgospa_eval.distances.sphere import Haversine
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.sides import as_frame, is_path
-from tgospa_eval.tracks.alignment import comparable, joined_to
 from tgospa_eval.tracks.ignored import Mask
-from tgospa_eval.tracks.interpolation import found_at
+from tgospa_eval.tracks.interpolation import found_near
 from tgospa_eval.tracks.regions import BOX, CAP, CIRCLE, GEOJSON, POLYGON, SHAPES, Regions, Shape
-from tgospa_eval.tracks.trajectories import CLOCKS, Floats, TimeArray, Trajectories
+from tgospa_eval.tracks.trajectories import Floats, TimeArray, Trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,9 +23,6 @@ if TYPE_CHECKING:
 
 RegionsLike: TypeAlias = "str | os.PathLike[str] | pd.DataFrame | ArrowTable | Mapping[str, Any]"
 """A path, a table, or a GeoJSON document."""
-
-Placed: TypeAlias = "tuple[Shape, int | None]"
-"""A region and its step; None is all."""
 
 GIVEN = "ignore_regions"
 
@@ -57,32 +53,47 @@ def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | Non
     else:
         frame = as_frame(given, GIVEN)
         if frame is None:
-            raise ConfigError(
-                f"{GIVEN} is of the type {type(given).__name__}: must be a path, a table or a "
-                "GeoJSON document"
-            )
+            kind = type(given).__name__
+            raise ConfigError(f"{GIVEN} is of the type {kind}: must be a path, a table or GeoJSON")
         rows = [[_text(value) for value in row] for row in frame.itertuples(index=False)]
         places = [GIVEN, *(f"{GIVEN}, row {row}" for row in range(len(rows)))]
         found = of_rows([*map(str, frame.columns)], rows, places, ".", GIVEN)
     for shape in found.shapes:
-        if shape.kind in (POLYGON, GEOJSON):
-            shapely = _shapely()
-            polygon = _polygon(shape)
-            if not shapely.is_valid(polygon):
-                why = shapely.is_valid_reason(polygon).partition("[")
-                place = f" at {why[2].rstrip(']')}" if why[2] else ""
-                raise InputError(
-                    f"{shape.where}: a polygon whose edges cross or overlap{place}; write its "
-                    "corners in order around it, or two polygons"
-                )
+        if shape.kind in (POLYGON, GEOJSON) and not _shapely().is_valid(_polygon(shape)):
+            place = _shapely().is_valid_reason(_polygon(shape)).partition("[")[2].rstrip("]")
+            raise InputError(
+                f"{shape.where}: a polygon whose edges cross or overlap, at {place or 'a hole'}; "
+                "write its corners in order around it, or two polygons"
+            )
     return found
 
 
-def inside(regions: Regions, side: Trajectories, tolerance: float, name: str) -> Mask:
-    """Which rows (R,) are in the regions of their step; `name` is that of the side, for messages.
+def inside(
+    regions: Regions,
+    side: Trajectories,
+    tolerance: float,
+    name: str,
+    more_than: float | None = None,
+) -> Mask:
+    """Which rows are in the regions of their step.
 
     Points are in a region or on its edge; boxes are, if at least half of their area is in all
-    regions of the step together.
+    regions of the step together. The share of a box with edges a_1 <= b_1, a_2 <= b_2 in that of a
+    region is that of TrackEval, ``prod_k max(0, min(b_k, b'_k) - max(a_k, a'_k)) / prod_k (b_k -
+    a_k)``; 0 where it has no area.
+
+    Parameters
+    ----------
+    regions : Regions
+        What they are in.
+    side : Trajectories
+        Its rows (R,).
+    tolerance : float
+        Of times that are one step.
+    name : str
+        Of the side, for messages.
+    more_than : float, optional
+        Instead of a half the share that has to be exceeded in one region alone.
 
     Raises
     ------
@@ -90,76 +101,45 @@ def inside(regions: Regions, side: Trajectories, tolerance: float, name: str) ->
         Regions and states are not of one kind, or their times are not.
     """
     placed = _placed(regions, side, tolerance, name)
-    most, total = _shares(placed, side, regions.name, name)
-    found = most >= HALF
-    at_step: dict[int | None, list[Shape]] = {None: []}
-    for shape, step in placed:
-        at_step.setdefault(step, []).append(shape)
-    for row in np.flatnonzero(~found & (total >= HALF)).tolist():
-        together = at_step[None] + at_step.get(int(side.step[row]), [])
-        found[row] = _share_of_all(side.state[row], together) >= HALF
-    return found
-
-
-def shares(
-    regions: Regions, side: Trajectories, tolerance: float, name: str
-) -> tuple[Floats, Floats]:
-    """Share of the area of each row (R,) in the region that has most of it, and their sum.
-
-    Of a box with the edges a_1 <= b_1, a_2 <= b_2 and a box of a region the share is that of
-    TrackEval, ``prod_k max(0, min(b_k, b'_k) - max(a_k, a'_k)) / prod_k (b_k - a_k)``; 0 where it
-    has no area. That of a point is 1 inside and 0 outside.
-    """
-    return _shares(_placed(regions, side, tolerance, name), side, regions.name, name)
-
-
-def _shares(
-    placed: Sequence[Placed], side: Trajectories, source: str, name: str
-) -> tuple[Floats, Floats]:
     most, total = np.zeros((2, len(side.step)))
     begins = starts_of_steps(side)
-    boxes = side.columns == SHAPES[BOX]
-    axes = [side.columns.index(c) for c in (EARTH if "lat" in side.columns else PLANE)
-            if not boxes and c in side.columns]  # fmt: skip
+    boxes, earth = side.columns == SHAPES[BOX], "lat" in side.columns
+    axes = [side.columns.index(c) for c in (EARTH if earth else PLANE) if c in side.columns]
     if not boxes and len(axes) < 2:
         raise InputError(
-            f"{source}: regions are of states x,y, lat,lon or left,top,width,height; those "
+            f"{regions.name}: regions are of states x,y, lat,lon or left,top,width,height; those "
             f"of {name} are {','.join(side.columns)}"
         )
-    for shape, step in placed:
+    for step, shapes in placed.items():
         rows = slice(None) if step is None else slice(begins[step], begins[step + 1])
         state = side.state[rows]
-        if boxes:
-            share = _share(shape, state)
-        else:
-            share = _holds(shape, state[:, axes], earth="lat" in side.columns).astype(float)
-        most[rows] = np.maximum(most[rows], share)
-        total[rows] += share
-    return most, total
+        for shape in shapes:
+            share = _share(shape, state) if boxes else _holds(shape, state[:, axes], earth=earth)
+            most[rows] = np.maximum(most[rows], share)
+            total[rows] += share
+    if more_than is not None:
+        return np.asarray(most > more_than)
+    found = most >= HALF
+    for row in np.flatnonzero(~found & (total >= HALF)).tolist():
+        together = placed.get(None, []) + placed.get(int(side.step[row]), [])
+        found[row] = _share_of_all(side.state[row], together) >= HALF
+    return np.asarray(found)
 
 
-def _placed(regions: Regions, side: Trajectories, tolerance: float, name: str) -> list[Placed]:
-    """The regions that are at a step of the side."""
-    step: dict[int, int | None] = dict.fromkeys(range(len(regions.shapes)))
-    if len(regions.timed):
-        if regions.clock != side.clock and len(side.times):
-            raise InputError(
-                f"{regions.name} has {CLOCKS[regions.clock]}, {name} has {CLOCKS[side.clock]}; "
-                "write both alike"
-            )
-        moments = cast("TimeArray", np.unique(regions.times))
-        own_times = Trajectories.of_times(moments, (), regions.clock)
-        mine, theirs = comparable(own_times, side, (regions.name, name))
-        if len(theirs):
-            mine, _ = joined_to(mine, theirs, tolerance, side.clock)
-        at, there = found_at(mine, theirs)
-        for k, stamp in zip(regions.timed.tolist(), regions.times, strict=True):
-            own = int(np.searchsorted(moments, stamp))
-            if there[own]:
-                step[k] = int(at[own])
-            else:
-                del step[k]
-    return [(regions.shapes[k], at) for k, at in step.items()]
+def _placed(
+    regions: Regions, side: Trajectories, tolerance: float, name: str
+) -> dict[int | None, list[Shape]]:
+    """The regions of each step of the side; those of all steps under None."""
+    times = cast("TimeArray", np.unique([s.moment for s in regions.shapes if s.moment is not None]))
+    own = Trajectories.of_times(times, (), regions.clock)
+    at, there = found_near(own, side, tolerance, (regions.name, name))
+    step: dict[int | float | None, int | None] = {None: None}
+    step |= dict(zip(times[there].tolist(), at[there].tolist(), strict=True))
+    placed: dict[int | None, list[Shape]] = {}
+    for shape in regions.shapes:
+        if shape.moment in step:
+            placed.setdefault(step[shape.moment], []).append(shape)
+    return placed
 
 
 def _share(shape: Shape, state: Floats) -> Floats:
@@ -171,8 +151,7 @@ def _share(shape: Shape, state: Floats) -> Floats:
         edges = np.minimum(end, box[:2] + box[2:]) - np.maximum(begin, box[:2])
         shared = np.maximum(edges, 0.0).prod(axis=1)
     else:
-        shapely, polygon = _shapely(), _in_plane(shape)
-        shared = shapely.area(shapely.intersection(polygon, _boxes(state)))
+        shared = _shared([shape], state)
     share: Floats = np.divide(shared, area, out=np.zeros(len(area)), where=area > 0)
     return share
 
@@ -182,9 +161,7 @@ def _share_of_all(state: Floats, shapes: Sequence[Shape]) -> float:
     begin, end = state[:2], state[:2] + state[2:]
     area = float((end - begin).prod())
     if any(shape.kind != BOX for shape in shapes):
-        shapely = _shapely()
-        every = shapely.union_all([_in_plane(shape) for shape in shapes])
-        return float(shapely.area(shapely.intersection(every, _boxes(state[None])[0])) / area)
+        return float(_shared(shapes, state[None])[0] / area)
     boxes = np.array([shape.rings[0] for shape in shapes])
     edges = np.stack((boxes[:, :2], boxes[:, :2] + boxes[:, 2:])).clip(begin, end)  # (2, N, axis)
     edges = edges[:, (edges[0] < edges[1]).all(axis=1)]
@@ -217,38 +194,37 @@ def _holds(shape: Shape, points: Floats, *, earth: bool) -> Mask:
     if shape.kind == BOX:
         edges = (points >= ring[:2]) & (points <= ring[:2] + ring[2:])
         return np.asarray(edges.all(axis=1))
-    shapely, polygon = _shapely(), _polygon(shape)
-    shapely.prepare(polygon)
-    if not earth:
-        return np.asarray(shapely.intersects_xy(polygon, *points.T))
-    corners = np.concatenate(shape.rings)
-    latitude, longitude = (1, 0) if shape.kind == GEOJSON else (0, 1)
-    if (abs(corners[:, latitude]) > 90).any() or (abs(corners[:, longitude]) > 360).any():
+    shapely, polygon = _shapely(), _polygon(shape, turned=earth and shape.kind == GEOJSON)
+    if earth and (abs(np.reshape(polygon.bounds, (2, 2))) > (90, 360)).any():
         order = "lon, lat" if shape.kind == GEOJSON else "lat lon"
         raise InputError(f"{shape.where}: corners are {order}, in degrees, and one is out of range")
-    held = np.zeros(len(points), bool)
-    for turn in (-360.0, 0.0, 360.0):
-        turned = points[:, 0], points[:, 1] + turn
-        held |= shapely.intersects_xy(polygon, turned[1 - longitude], turned[1 - latitude])
-    return held
+    shapely.prepare(polygon)
+    x, y = points.T
+    turns = (-360, 0, 360) if earth else (0,)
+    return np.asarray(np.any([shapely.intersects_xy(polygon, x, y + t) for t in turns], axis=0))
 
 
-def _in_plane(shape: Shape) -> Any:
-    """A region as shapely has it, among boxes."""
-    if shape.kind in (CIRCLE, CAP):
-        raise InputError(
-            f"{shape.where}: a circle holds points, and the states are boxes; give a box or a "
-            "polygon"
-        )
-    return _boxes(shape.rings[0][None])[0] if shape.kind == BOX else _polygon(shape)
+def _shared(shapes: Sequence[Shape], state: Floats) -> Floats:
+    """Area of boxes (N, 4) that is in several regions together, by shapely."""
+    for shape in shapes:
+        if shape.kind in (CIRCLE, CAP):
+            raise InputError(
+                f"{shape.where}: a circle holds points, and the states are boxes; give a box or a "
+                "polygon"
+            )
+    shapely = _shapely()
+    every = shapely.union_all([_polygon(shape) for shape in shapes])
+    boxes = shapely.box(*state[:, :2].T, *(state[:, :2] + state[:, 2:]).T)
+    return np.asarray(shapely.area(shapely.intersection(every, boxes)))
 
 
-def _boxes(state: Floats) -> Any:
-    return _shapely().box(*state[:, :2].T, *(state[:, :2] + state[:, 2:]).T)
-
-
-def _polygon(shape: Shape) -> Any:
-    return _shapely().Polygon(shape.rings[0], shape.rings[1:])
+def _polygon(shape: Shape, *, turned: bool = False) -> Any:
+    """A box or polygon as shapely has it; `turned` exchanges its coordinates."""
+    if shape.kind == BOX:
+        left, top, width, height = shape.rings[0]
+        return _shapely().box(left, top, left + width, top + height)
+    edge, *holes = (ring[:, ::-1] if turned else ring for ring in shape.rings)
+    return _shapely().Polygon(edge, holes)
 
 
 def _shapely() -> Any:

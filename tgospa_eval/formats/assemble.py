@@ -140,13 +140,12 @@ def _regions(rows: Rows, state: Floats) -> Regions | None:
     found = found[(state[found, 2:] > 0).all(axis=1)]
     if not len(found):
         return None
-    return Regions(
-        shapes=tuple(Shape(kind=BOX, rings=(state[k],), where=rows.where(k)) for k in found),
-        timed=np.arange(len(found)),
-        times=rows.times.value[found],
-        clock=rows.times.clock,
-        name=rows.name,
+    moments = rows.times.value[found].tolist()
+    shapes = (
+        Shape(kind=BOX, rings=(state[k],), where=rows.where(k), moment=moment)
+        for k, moment in zip(found.tolist(), moments, strict=True)
     )
+    return Regions(shapes=tuple(shapes), clock=rows.times.clock, name=rows.name)
 
 
 def said_of(rule: str, count: int, which: str) -> str:

@@ -2,11 +2,11 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import FIRST_ALIASES
 from tgospa_eval.formats.fields import floats, is_number
@@ -43,14 +43,8 @@ def read_regions(path: str, decimal: str = ".") -> Regions:
             raise InputError(f"{place}: no JSON: {error.msg}") from None
         except RecursionError:
             raise InputError(f"{path}: no GeoJSON: lists in lists without end") from None
-    lines, rows = rows_of(data, path, decimal)
-    for line, row in zip(lines, rows, strict=True):
-        if len(row) != len(rows[0]):
-            raise InputError(
-                f"{path}, line {line}: {counted(len(row), 'field')}, the header has {len(rows[0])}"
-            )
-    places = [f"{path}, line {line}" for line in lines]
-    return of_rows(rows[0], rows[1:], places, decimal, path)
+    lines, rows = rows_of(data, path, decimal, even=True)
+    return of_rows(rows[0], rows[1:], [f"{path}, line {line}" for line in lines], decimal, path)
 
 
 def of_rows(
@@ -82,13 +76,17 @@ def of_rows(
         if kind is None:
             has = listed(given) or "nothing"
             raise InputError(f"{place}: has {has}; a region has {NEEDED}")
+        of_column = {key: f"{place}, column {quoted(key)}" for key in given}
         if kind == POLYGON:
-            corners = _corners(given[POLYGON], decimal, place)
+            corners = [corner.split() for corner in given[kind].strip(" ;").split(";")]
+            if any(len(corner) != 2 for corner in corners):
+                raise InputError(
+                    f"{of_column[kind]}: {quoted(given[kind])}; write its corners as x y; x y; x y"
+                )
+            numbers = [_numbers(corner, decimal, of_column[kind]) for corner in corners]
         else:
-            cell = [_number(given[key], decimal, f"{place}, column {quoted(key)}")
-                    for key in SHAPES[kind]]  # fmt: skip
-            corners = np.array(cell)
-        shapes.append(Shape(kind=kind, rings=(corners,), where=place))
+            numbers = [_numbers([given[k]], decimal, of_column[k])[0] for k in SHAPES[kind]]
+        shapes.append(Shape(kind=kind, rings=(np.array(numbers),), where=place))
     of_time = f", column {quoted(time)}"
     return _regions(shapes, moments, lambda row: f"{places[1 + row]}{of_time}", decimal, name)
 
@@ -108,14 +106,14 @@ def of_geojson(document: Any, name: str) -> Regions:
     shapes, moments, places = [], [], []
     for k, feature in enumerate(features if isinstance(features, list) else [features]):
         where = f"{name}, feature {k}"
-        properties: Any = None
-        geometry = feature
-        if isinstance(feature, Mapping) and feature.get("type") == "Feature":
-            geometry, properties = feature.get("geometry"), feature.get("properties")
+        whole = isinstance(feature, Mapping) and feature.get("type") == "Feature"
+        geometry, known = (
+            (feature.get("geometry"), feature.get("properties")) if whole else (feature, None)
+        )
+        moment = known.get("t") if isinstance(known, Mapping) else None
         for rings in _polygons(geometry, where):
             shapes.append(Shape(kind=GEOJSON, rings=rings, where=where))
-            stamp = properties.get("t") if isinstance(properties, Mapping) else None
-            moments.append("" if stamp is None else str(stamp))
+            moments.append("" if moment is None else str(moment))
             places.append(f'{where}, property "t"')
     return _regions(shapes, moments, places.__getitem__, ".", name)
 
@@ -127,17 +125,16 @@ def _polygons(geometry: Any, where: str) -> list[tuple[Floats, ...]]:
         raise InputError(f"{where}: {quoted(kind)} is no Polygon and no MultiPolygon")
     try:
         given = geometry["coordinates"]
-        found = []
-        for rings in [given] if kind == "Polygon" else given:
-            found.append(tuple(np.array([[*map(_plain, p[:2])] for p in ring]) for ring in rings))
-            if not rings or any(ring.shape[1:] != (2,) for ring in found[-1]):
-                raise ValueError
-    except (KeyError, TypeError, ValueError, OverflowError):
+        return [
+            tuple(np.array([(_plain(x), _plain(y)) for x, y, *_ in ring]) for ring in (*rings,))
+            for rings in ([given] if kind == "Polygon" else given)
+            if rings[0][2]  # an edge of three corners or more
+        ]
+    except (LookupError, TypeError, ValueError, OverflowError):
         raise InputError(
             f"{where}: the coordinates of a {kind} are lists of rings of positions, such as "
             "[[[0, 0], [4, 0], [4, 3], [0, 0]]]"
         ) from None
-    return found
 
 
 def _plain(value: Any) -> float:
@@ -146,21 +143,11 @@ def _plain(value: Any) -> float:
     return float(value)
 
 
-def _corners(text: str, decimal: str, place: str) -> Floats:
-    """The corners of a polygon, ``x y; x y; x y``."""
-    corners = [corner.split() for corner in text.strip(" ;").split(";")]
-    if any(len(corner) != 2 for corner in corners):
-        raise InputError(
-            f'{place}, column "polygon": {quoted(text)}; write its corners as x y; x y; x y'
-        )
-    of_column = f'{place}, column "polygon"'
-    return np.array([[_number(part, decimal, of_column) for part in pair] for pair in corners])
-
-
-def _number(text: str, decimal: str, where: str) -> float:
-    if not is_number(text, decimal):
-        raise InputError(f"{where}: not a number: {quoted(text)}")
-    return float(floats([text], decimal)[0])
+def _numbers(texts: Sequence[str], decimal: str, where: str) -> Floats:
+    for text in texts:
+        if not is_number(text, decimal):
+            raise InputError(f"{where}: not a number: {quoted(text)}")
+    return floats(texts, decimal)
 
 
 def _regions(
@@ -173,11 +160,12 @@ def _regions(
     """With the times of those that have any."""
     if not shapes:
         raise InputError(f"{name}: there is no region")
-    timed = np.array([k for k, stamp in enumerate(moments) if stamp.strip()], np.int64)
+    timed = [k for k, moment in enumerate(moments) if moment.strip()]
     try:
         times = parse_times([moments[k] for k in timed], lambda texts: floats(texts, decimal))
     except TimeError as error:
-        raise InputError(f"{where(int(timed[error.row]))}: {error}") from None
-    return Regions(
-        shapes=tuple(shapes), timed=timed, times=times.value, clock=times.clock, name=name
-    )
+        raise InputError(f"{where(timed[error.row])}: {error}") from None
+    found = list(shapes)
+    for k, moment in zip(timed, times.value.tolist(), strict=True):
+        found[k] = replace(found[k], moment=moment)
+    return Regions(shapes=tuple(found), clock=times.clock, name=name)

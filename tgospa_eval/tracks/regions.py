@@ -7,11 +7,10 @@ import hashlib
 
 import numpy as np
 
-from tgospa_eval.common.arrays import freeze
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
 from tgospa_eval.tracks.judged import whole
-from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray
+from tgospa_eval.tracks.trajectories import Floats
 
 BOX, CIRCLE, CAP, POLYGON, GEOJSON = "box", "circle", "cap", "polygon", "geojson"
 
@@ -37,6 +36,8 @@ class Shape:
         columns, one array.
     where : str
         Where it was read, for messages.
+    moment : int or float, optional
+        Its time, as in `Trajectories`; None is all.
 
     Raises
     ------
@@ -47,9 +48,10 @@ class Shape:
     kind: str
     rings: tuple[Floats, ...]
     where: str
+    moment: int | float | None = None
 
     def __post_init__(self) -> None:
-        if not np.isfinite(np.concatenate([ring.ravel() for ring in self.rings])).all():
+        if not all(np.isfinite(ring).all() for ring in self.rings):
             raise InputError(f"{self.where}: a number that is not finite")
         if self.kind in (POLYGON, GEOJSON):
             for ring in self.rings:
@@ -76,31 +78,22 @@ class Regions:
     ----------
     shapes : tuple of Shape
         What they are.
-    timed : (M,) int array
-        Which of them are of one step.
-    times : (M,) array
-        The times of these, as in `Trajectories`.
     clock : {"number", "local", "zoned"}
-        What the times are.
+        What their times are.
     name : str
         Where they come from, for messages.
     """
 
     shapes: tuple[Shape, ...]
-    timed: Ints
-    times: TimeArray
     clock: str = "number"
     name: str = "ignore_regions"
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     @property
     def sha256(self) -> str:
         """A digest of where and when they are."""
         sha = hashlib.sha256(self.clock.encode())
-        for array in (self.timed, whole(self.times)):
-            sha.update(np.ascontiguousarray(array).data)
         for shape in self.shapes:
-            sha.update(f"{shape.kind} {[ring.tolist() for ring in shape.rings]}".encode())
+            rings = [ring.tolist() for ring in shape.rings]
+            time = None if shape.moment is None else whole(np.array([shape.moment])).tolist()
+            sha.update(f"{shape.kind} {time} {rings}".encode())
         return sha.hexdigest()

@@ -254,7 +254,7 @@ def test_regions_of_uadetrac_are_given(write: Write, invoke: Invoke) -> None:
         ("visdrone", (), "read as kitti; only files of visdrone say what is not judged"),
         ("motchallenge:ignore", (), "read as kitti; only files of motchallenge say"),
         ("kitti:ignore", ("--class", "car", "--existence", "use"),
-         "--preprocess kitti:ignore and --existence use"),
+         "--existence use does not go together with"),
         ("kitti:drop", (), "'kitti:drop' is not one of"),
     ],
 )  # fmt: skip

@@ -228,7 +228,7 @@ def test_wrong_uses(write: Write, invoke: Invoke, monkeypatch: pytest.MonkeyPatc
     point = write("p.csv", "id,t,x,y\n1,0,0,0\n")
     asked = (point, point, "-c", "1", "-g", "1", "-q", "--ignore-regions")
     answer = invoke(*asked, circle, "--existence", "use")
-    assert (answer.status, "--ignore-regions and --existence use" in answer.err) == (2, True)
+    assert (answer.status, "--existence use does not go together with" in answer.err) == (2, True)
     assert invoke(*asked, "none.csv").status == 3
     with pytest.raises(ConfigError, match="ignore_regions is of the type int"):
         evaluate(point, point, ignore_regions=3)
@@ -259,4 +259,4 @@ def test_each_job_of_a_batch_may_have_its_own(write: Write, invoke: Invoke, tmp_
     assert [job["total"] for job in document["jobs"]] == [0.0, 12.5]
     wrong = invoke(*asked, "--ignore-regions", "{sequence}.csv", "-o", str(tmp_path / "w"))
     assert wrong.status == 2
-    assert 'no job has a label "sequence"; they have run, tracker' in wrong.err
+    assert 'jobs have no label "sequence", but run, tracker' in wrong.err
