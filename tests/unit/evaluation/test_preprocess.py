@@ -119,7 +119,7 @@ KITTI = [
 ]
 
 
-def test_kitti_in_marks(write: Write, invoke: Invoke) -> None:
+def test_kitti_in_marks(write: Write, invoke: Invoke, tmp_path: Path) -> None:
     truth, results = "", ""
     for k, (kind, hidden, box, found) in enumerate(KITTI):
         name = -1 if kind == "DontCare" else k
@@ -136,6 +136,10 @@ def test_kitti_in_marks(write: Write, invoke: Invoke) -> None:
     assert ignore["metric"].startswith("masked-")
     assert ignore["parameters"]["preprocess"] == "kitti:ignore"
     assert ignore["judged"]["truth_states"] == delete["judged"]["truth_states"] == 2
+    folder = str(tmp_path / "r")
+    assert invoke(*asked, "kitti:ignore", "-o", folder, "--proof", "--pictures", "none").status == 0
+    verdict = invoke("verify", folder, *paths)
+    assert (verdict.status, "--preprocess 'kitti:ignore'" in verdict.out) == (0, True)
 
 
 MOT = "1,1,0,0,20,40,1,1,1\n1,2,100,0,20,40,0,12,1\n1,3,200,0,20,40,0,1,1\n1,4,300,0,20,40,0,3,1\n"
