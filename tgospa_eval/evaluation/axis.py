@@ -10,6 +10,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.pair_search import prepared_pairs
+from tgospa_eval.distances.registry import ON_EARTH
 from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, comparable
@@ -79,7 +80,7 @@ class Axis:
 def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]:
     """Periods of the state columns that wrap around."""
     periods = dict(distance.settings(columns).get("periodic", {}))
-    if distance.name == "haversine":
+    if distance.name in ON_EARTH:
         periods["lon"] = TURN
     return periods
 

@@ -38,13 +38,15 @@ WORK, MEGABYTE = 5e6, 10**6  # microseconds, about, for a folder of so many byte
 
 # What proof.json holds, and nothing else: [x] is a list of x, (x, y) a row, fields of MAY may lack.
 ANY, MAY = type("number or text", (), {}), None  # ANY is also a list or a matrix of these
-RECORDED = """cutoff order switch_penalty rho step_weights existence distance covariance
-    periodic scale columns truth_columns estimate_columns truth_format estimate_format
-    time_tolerance grid interpolate max_gap ignore ignore_regions time_offset time_scale
-    unit_scale on_duplicate on_invalid steps resample outage decimal time class_ truth_class
-    estimate_class region by preprocess unit solver gap epsilon time_limit fix_cov missing_cov
-    mixed cloud_order inner inner_cov reduce reduce_method directions iterations restarts
-    polish seed no_gating pairwise"""
+RECORDED = """cutoff order switch_penalty rho step_weights existence distance covariance periodic
+    scale columns truth_columns estimate_columns truth_format estimate_format time_tolerance grid
+    interpolate max_gap ignore ignore_regions time_offset time_scale unit_scale on_duplicate
+    on_invalid steps resample outage decimal time class_ truth_class estimate_class region by
+    preprocess unit solver gap epsilon time_limit fix_cov missing_cov mixed cloud_order inner
+    inner_cov reduce reduce_method directions iterations restarts polish seed no_gating pairwise
+    vertical_weight
+    truth_scale estimate_scale truth_crs estimate_crs origin truth_time_format estimate_time_format
+    truth_time_zone estimate_time_zone"""
 ORIGIN = {"class": str, "classes": [str], "options": {MAY: dict.fromkeys(RECORDED.split(), ANY)}}
 ORIGIN |= {"inputs": {side: {"path": str, "sha256": str} for side in ("truth", "estimate")}}
 ORIGIN["judged"] = dict.fromkeys(("steps", "truth_states", "truth_steps"), int)
@@ -53,7 +55,11 @@ DOCUMENT = {"schema": str, "version": str, "lower_bound": str, "upper_bound": st
 DOCUMENT |= {"parameters": dict, "price_bits": int, "weight_unit": int, "prices": [(str, str, int)]}
 DOCUMENT |= {"assignment": [(str, str, str, str, int)], MAY: ORIGIN}
 ALWAYS = dict.fromkeys(("cutoff", "order", "switch_penalty", "distance"), str) | {"columns": [str]}
-EXTRAS = dict.fromkeys(CLOSED[:3], "scale periodic") | {"iou": "", "haversine": ""}
+EXTRAS = dict.fromkeys(CLOSED[:3], "scale periodic") | {
+    "iou": "",
+    "haversine": "",
+    "geodesic": "vertical_weight",
+}
 EXTRAS |= {"mahalanobis": "scale covariance", "gaussian-wasserstein": "scale periodic mixed"}
 EXTRAS["cloud-wasserstein"] = """scale cloud_order inner inner_cov reduce reduce_method seed
     iterations restarts directions polish"""

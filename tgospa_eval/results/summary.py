@@ -74,7 +74,7 @@ PUBLIC = (
     *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
     *("windows", "with_", "slices", "nees", "ignored"),
     *("metrics", "similarity", "gradient", "proof", "explain"),
-    *("to_dict", "to_json", "to_html", "save"),
+    *("to_dict", "to_json", "to_html", "to_geojson", "save"),
     *("plot_costs", "plot_cumulative", "plot_lanes", "plot_plane", "plot_windows"),
     "plot_worst",
 )
@@ -759,6 +759,16 @@ class Summary(ABC):
     def to_html(self) -> str:
         """The report as one page that loads nothing."""
         return str(import_module("tgospa_eval.reports.html").page(self))
+
+    def to_geojson(self) -> str:
+        """Tracks, misses, false targets, errors and switches as GeoJSON, for programs with maps.
+
+        Raises
+        ------
+        ConfigError
+            The states are not on the Earth, or it is a sum of several evaluations.
+        """
+        return str(import_module("tgospa_eval.reports.geojson").geojson(self))
 
     def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
         """Write the result folder of ``-o``: JSON, tables, the page and the pictures.
