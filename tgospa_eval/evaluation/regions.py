@@ -68,6 +68,7 @@ def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | Non
     return found
 
 
+@np.errstate(over="ignore")  # infinitely far is right
 def inside(
     regions: Regions,
     side: Trajectories,
@@ -184,7 +185,11 @@ def _holds(shape: Shape, points: Floats, *, earth: bool) -> Mask:
             f"{shape.where}: {','.join(SHAPES[shape.kind])} is no region of states "
             f"{','.join(EARTH if earth else PLANE)}"
         )
-    ring = shape.rings[0]
+    ring, turned = shape.rings[0], earth and shape.kind == GEOJSON
+    corners = ring[None, :2] if shape.kind == CAP else np.concatenate(shape.rings)
+    if earth and (abs(corners[:, ::-1] if turned else corners) > (90, 360)).any():
+        order = "lon, lat" if turned else "lat lon"
+        raise InputError(f"{shape.where}: places are {order}, in degrees, and one is out of range")
     if shape.kind == CAP:
         sides = ((points[:, axis], ring[axis]) for axis in (0, 1))
         near: Mask = Haversine().between(sides) <= ring[2]
@@ -194,10 +199,7 @@ def _holds(shape: Shape, points: Floats, *, earth: bool) -> Mask:
     if shape.kind == BOX:
         edges = (points >= ring[:2]) & (points <= ring[:2] + ring[2:])
         return np.asarray(edges.all(axis=1))
-    shapely, polygon = _shapely(), _polygon(shape, turned=earth and shape.kind == GEOJSON)
-    if earth and (abs(np.reshape(polygon.bounds, (2, 2))) > (90, 360)).any():
-        order = "lon, lat" if shape.kind == GEOJSON else "lat lon"
-        raise InputError(f"{shape.where}: corners are {order}, in degrees, and one is out of range")
+    shapely, polygon = _shapely(), _polygon(shape, turned=turned)
     shapely.prepare(polygon)
     x, y = points.T
     turns = (-360, 0, 360) if earth else (0,)

@@ -23,6 +23,10 @@ SHAPES = {
 """Columns of each shape; a polygon of GeoJSON has its corners as x, y or lon, lat."""
 
 
+FARTHEST = 1e150
+"""Of coordinates and sizes, so that areas are doubles."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Shape:
     """One region.
@@ -42,7 +46,7 @@ class Shape:
     Raises
     ------
     InputError
-        It has no area.
+        It has no area, or a number is too large for one.
     """
 
     kind: str
@@ -51,8 +55,8 @@ class Shape:
     moment: int | float | None = None
 
     def __post_init__(self) -> None:
-        if not all(np.isfinite(ring).all() for ring in self.rings):
-            raise InputError(f"{self.where}: a number that is not finite")
+        if not all((np.abs(ring) <= FARTHEST).all() for ring in self.rings):
+            raise InputError(f"{self.where}: a number beyond {FARTHEST:g}, or none")
         if self.kind in (POLYGON, GEOJSON):
             for ring in self.rings:
                 if np.linalg.matrix_rank(ring - ring[0]) < 2:

@@ -88,7 +88,9 @@ def test_regions_of_the_earth(write: Write) -> None:
     text = "; ".join(f"{lat} {lon}" for lon, lat in ring)
     assert held(write("p.csv", f"polygon\n{text}\n"), ships)[0] == [0, 4]
     wrong = [[25, 95], [26, 95], [26, 96]]
-    with pytest.raises(InputError, match=r"feature 0: corners are lon, lat, in degrees"):
+    with pytest.raises(InputError, match=r"line 2: places are lat lon, in degrees"):
+        held(write("w.csv", "lat,lon,radius\n99,25,1\n"), ships)
+    with pytest.raises(InputError, match=r"feature 0: places are lon, lat, in degrees"):
         held({"type": "Polygon", "coordinates": [wrong]}, ships)
 
 
@@ -182,7 +184,8 @@ def test_what_it_does_to_the_number(write: Write, invoke: Invoke, tmp_path: Path
         ("t,left,top,width,height\n0,0,0,0,4\n", "line 2: a width of 0, a region without area"),
         ("x,y,radius\n0,0,-1\n", "line 2: a radius of -1, a region without area"),
         ("left,top,width,height\n0,0,4,x\n", 'line 2, column "height": not a number: "x"'),
-        ("left,top,width,height\n0,0,4,inf\n", "line 2: a number that is not finite"),
+        ("left,top,width,height\n0,0,4,inf\n", "line 2: a number beyond 1e+150, or none"),
+        ("polygon\n0 0; 1e200 0; 0 1\n", "line 2: a number beyond 1e+150, or none"),
         ("left,top,width,height\n0,0,4,\n", "line 2: has left, top, width; a region has left,"),
         ("left,top,width,height\n0,0,4\n", "line 2: 3 fields, the header has 4"),
         ("left,top,wide,height\n0,0,4,5\n", 'line 1: column "wide" is none of regions'),
