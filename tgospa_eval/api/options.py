@@ -424,9 +424,10 @@ class Request(Values):
     )
     region: str | None = setting(
         "Filters",
-        "--region RANGES",
-        "Only rows inside ranges of columns, ends included: x=-50:50,y=0:100. Either end may be "
-        "left out.",
+        "--region REGION",
+        "Only rows inside ranges of columns, ends included: x=-50:50,y=0:100, either end may be "
+        "left out; inside circle=LAT,LON,RADIUS or circle=X,Y,RADIUS; or inside the regions of a "
+        "file, as of --ignore-regions.",
     )
     by: str | None = setting(
         "Filters",
@@ -726,6 +727,11 @@ class Request(Values):
             for name, default in OF_THE_NUMBER.items()
             if getattr(self, name) != default
         }
+
+
+def is_coverage(region: str | None) -> bool:
+    """Whether a region is a circle or a file, and not ranges of columns."""
+    return region is not None and (region.startswith("circle=") or "=" not in region)
 
 
 SETTINGS: dict[str, Setting] = {

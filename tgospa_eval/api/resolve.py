@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.distance import DistanceOptions, numbers_by_name
-from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request
+from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request, is_coverage
 from tgospa_eval.api.places import check_places
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.checks import check_columns, check_states
@@ -78,6 +78,8 @@ class Settings:
         Rules of a benchmark by which rows are left out.
     frames : Frames, optional
         What the coordinates of truth and estimate are, if they are to be brought to one frame.
+    coverage : str, optional
+        A circle, or a file of regions: only rows inside take part.
     similarity : Calibration, optional
         Of the score that is shown.
     one_of_many : bool
@@ -93,6 +95,7 @@ class Settings:
     of_tables: tuple[tuple[str, ...], tuple[str, ...]]
     preprocess: str | None
     frames: "Frames | None" = None
+    coverage: str | None = None
     similarity: Calibration | None = None
     one_of_many: bool = False
 
@@ -118,6 +121,7 @@ class Settings:
             },
             **dict(self.reading.covariances()),
             **({} if self.frames is None else self.frames.recorded),
+            **({} if self.coverage is None else {"region": self.coverage}),
             **{
                 name: value
                 for role, conversion in zip(ROLES, self.conversions, strict=True)
@@ -192,6 +196,8 @@ class Settings:
                 read = tuple(
                     replace(one, trajectories=made) for one, made in zip(read, pair, strict=True)
                 )
+        if self.coverage is not None:
+            read = self._covered(read, names)
         with suppress(NothingLeftError) if self.one_of_many else nullcontext():
             self.check(read, names)
         if roles != ROLES:
@@ -256,6 +262,20 @@ class Settings:
             settings = self.measure.distance(truth.columns).settings(truth.columns)
             conversion = replace(conversion, angles=tuple(settings.get("periodic", ())))
         return replace(found, trajectories=conversion(found.trajectories, role))
+
+    def _covered(self, read: tuple[Reading, ...], names: tuple[str, ...]) -> tuple[Reading, ...]:
+        """The rows of all sides that are inside the regions of --region."""
+        from tgospa_eval.evaluation.preprocess import kept_rows  # here: few have regions
+        from tgospa_eval.evaluation.regions import coverage, inside
+
+        assert self.coverage is not None
+        found = []
+        for side, name in zip(read, names, strict=True):
+            regions = coverage(self.coverage, side.trajectories.columns, self.reading.decimal)
+            near = self.evaluation.time_matching.near
+            rows = inside(regions, side.trajectories, near, name)
+            found.append(kept_rows(side, rows, "region"))
+        return tuple(found)
 
     def preprocessed(
         self, sides: tuple[Reading, ...], paths: tuple[str, ...]
@@ -390,6 +410,9 @@ def _settings(options: Request) -> Settings:
         )
     if options.similarity is not None and options.step_weights is not None:
         raise ConfigError("--similarity is of the mean over steps, not for --step-weights")
+    region, coverage = options.region, None
+    if is_coverage(region):
+        region, coverage = None, region
     measure = DistanceOptions(options)
     slices, columns = _slices(options)
     ignoring = _ignoring(options)
@@ -402,7 +425,7 @@ def _settings(options: Request) -> Settings:
         boxes=measure.boxes,
         time=options.time,
         classes=_list(options.class_),
-        region=options.region,
+        region=region,
         by_class=options.by == "class",
         covariance=bool(measure.named.kinds),
         fix_covariance=options.fix_cov,
@@ -473,6 +496,7 @@ def _settings(options: Request) -> Settings:
         of_tables=(_of_tables(options, "truth"), _of_tables(options, "estimate")),
         preprocess=(options.preprocess or "").removesuffix(":delete") or None,
         frames=frames,
+        coverage=coverage,
         similarity=_calibration(options),
     )
 

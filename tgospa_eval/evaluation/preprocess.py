@@ -120,9 +120,9 @@ def preprocessed(
     else:
         found = _in_regions(truth, estimate, regions, names)
     if how != IGNORE:
-        return _left(found.truth, found.judged), _left(estimate, ~found.removed)
+        return kept_rows(found.truth, found.judged), kept_rows(estimate, ~found.removed)
     kept = found.judged | found.neutral
-    truth = _left(found.truth, kept)
+    truth = kept_rows(found.truth, kept)
     return (
         replace(truth, trajectories=marked(truth.trajectories, found.neutral[kept])),
         replace(estimate, trajectories=marked(estimate.trajectories, found.excused)),
@@ -280,8 +280,8 @@ def _matched(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Ints:
     return found
 
 
-def _left(reading: Reading, keep: Flags) -> Reading:
-    """The rows that stay, at the steps of the whole file, and how many do not."""
+def kept_rows(reading: Reading, keep: Flags, rule: str = "preprocess") -> Reading:
+    """The rows that stay, at the steps of the whole file, and how many an option leaves out."""
     count = int(np.count_nonzero(~keep))
     if not count:
         return reading
@@ -290,6 +290,6 @@ def _left(reading: Reading, keep: Flags) -> Reading:
         reading,
         trajectories=reading.trajectories.chosen(rows),
         klass=None if reading.klass is None else reading.klass[rows],
-        left_out={**reading.left_out, "preprocess": count},
-        notices=(*reading.notices, f"{counted(count, 'row')} left out by --preprocess"),
+        left_out={**reading.left_out, rule: count},
+        notices=(*reading.notices, f"{counted(count, 'row')} left out by --{rule}"),
     )

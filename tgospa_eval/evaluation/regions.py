@@ -11,6 +11,8 @@ from tgospa_eval.distances.pair_search import starts_of_steps
 from tgospa_eval.distances.sphere import Haversine
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.sides import as_frame, is_path
+from tgospa_eval.formats.fields import is_number
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.ignored import Mask
 from tgospa_eval.tracks.interpolation import found_near
 from tgospa_eval.tracks.regions import BOX, CAP, CIRCLE, GEOJSON, POLYGON, SHAPES, Regions, Shape
@@ -66,6 +68,33 @@ def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | Non
                 "write its corners in order around it, or two polygons"
             )
     return found
+
+
+def coverage(text: str, columns: tuple[str, ...], decimal: str = ".") -> Regions:
+    """A circle, ``circle=LAT,LON,RADIUS`` or ``circle=X,Y,RADIUS``, or regions of a file.
+
+    Raises
+    ------
+    ConfigError
+        It is no circle.
+    InputError
+        The file is missing, or a region in it is wrong.
+    """
+    circle, equals, numbers = text.partition("=")
+    if circle != CIRCLE or not equals:
+        found = as_regions(text, decimal)
+        assert found is not None
+        return found
+    from tgospa_eval.formats.regions import of_rows  # here: few have any
+
+    row = [part.strip() for part in numbers.split(",")]
+    header = SHAPES[CAP if "lat" in columns else CIRCLE]
+    if len(row) != len(header) or not all(map(is_number, row)):
+        raise ConfigError(
+            f"--region {quoted(text)}: must be circle=LAT,LON,RADIUS, in degrees and metres, or "
+            "circle=X,Y,RADIUS"
+        )
+    return of_rows(header, [row], ["--region"] * 2, ".", f"--region {text}")
 
 
 @np.errstate(over="ignore")  # infinitely far is right

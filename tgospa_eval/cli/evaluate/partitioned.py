@@ -4,7 +4,7 @@ import os
 from dataclasses import replace
 
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.options import DEFAULTS, FITTING, SETTINGS, Request
+from tgospa_eval.api.options import DEFAULTS, FITTING, SETTINGS, Request, is_coverage
 from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.cli.evaluate.in_parts import memory_of
 from tgospa_eval.cli.evaluate.run import about_run, show
@@ -53,6 +53,8 @@ def check_parts(options: Request, output: OutputOptions, why: str, *, sweep: boo
     ]
     if output.proof:
         asked.append(("proof", FITTING))
+    if is_coverage(options.region):
+        asked.append(("region", "name ranges of columns, x=-50:50"))
     if output.geojson:
         asked.append(("geojson", FITTING))
     if output.plane is not None:
