@@ -124,6 +124,8 @@ class DistanceOptions:
     ----------
     options : Request
         Values of the options.
+    nees : bool
+        Whether covariances are read for NEES, whatever the distance.
 
     Raises
     ------
@@ -133,7 +135,7 @@ class DistanceOptions:
         The covariance file is missing or wrong.
     """
 
-    def __init__(self, options: Request) -> None:
+    def __init__(self, options: Request, *, nees: bool = False) -> None:
         self.named = as_distance(options.distance)
         self.is_record = not isinstance(options.distance, str)
         self.period = _numbers("periodic", options.periodic, 2 * math.pi)
@@ -157,8 +159,8 @@ class DistanceOptions:
                 of_norms or of_matrix or of_clouds,
                 "the norms, mahalanobis, gaussian-wasserstein and cloud-wasserstein",
             ),
-            ("fix-cov", options.fix_cov, of_gaussians, "gaussian-wasserstein"),
-            ("missing-cov", zero, of_gaussians, "gaussian-wasserstein"),
+            ("fix-cov", options.fix_cov, of_gaussians or nees, "gaussian-wasserstein and --with nees"),
+            ("missing-cov", zero, of_gaussians or nees, "gaussian-wasserstein and --with nees"),
             ("mixed", self.mixed != "error", moments, "gaussian-wasserstein"),
             ("covariance", self.path is not None, of_matrix, "mahalanobis"),
             *((name, True, of_clouds, "cloud-wasserstein") for name in given_particles(options)),

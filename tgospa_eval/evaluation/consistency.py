@@ -13,6 +13,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.distances import Distance
+from tgospa_eval.evaluation.axis import periods_of
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.readout import read_assigned
 from tgospa_eval.results.consistency import BINS, NeesSums, nees_sums
@@ -40,7 +41,8 @@ def pair_nees(proof: Proof, distance: Distance) -> tuple[Floats, NeesSums]:
     if compared.truth_covariance is not None:
         packed = packed + compared.truth_covariance[rows[0]].T
     truth, estimate = compared.truth[rows[0]], compared.estimate[rows[1]]
-    periods, clouds = getattr(distance, "period", None), compared.estimate_clouds
+    wrapped, clouds = periods_of(distance, compared.columns), compared.estimate_clouds
+    periods = [wrapped.get(name, np.inf) for name in compared.columns] if wrapped else None
     nees = squared(apart(truth - estimate, periods).T, covariances.factor(packed))
     histogram = None if clouds is None else ranks(truth, clouds, rows[1], found.weight, periods)
     return nees, nees_sums(found, nees, truth.shape[1], histogram)
