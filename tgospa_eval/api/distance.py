@@ -159,7 +159,12 @@ class DistanceOptions:
                 of_norms or of_matrix or of_clouds,
                 "the norms, mahalanobis, gaussian-wasserstein and cloud-wasserstein",
             ),
-            ("fix-cov", options.fix_cov, of_gaussians or nees, "gaussian-wasserstein and --with nees"),
+            (
+                "fix-cov",
+                options.fix_cov,
+                of_gaussians or nees,
+                "gaussian-wasserstein and --with nees",
+            ),
             ("missing-cov", zero, of_gaussians or nees, "gaussian-wasserstein and --with nees"),
             ("mixed", self.mixed != "error", moments, "gaussian-wasserstein"),
             ("covariance", self.path is not None, of_matrix, "mahalanobis"),

@@ -263,7 +263,7 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
                 times=named,
                 judged=document["judged"],
                 split={name: document[name] for name in SPLIT_PARTS if name in document},
-                nees=NeesSums(**document[NEES]["sums"]) if NEES in document else None,
+                nees=NeesSums.of_values(document),
             )
         )
     return found

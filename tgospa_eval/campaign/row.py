@@ -50,7 +50,7 @@ def row_of(result: Summary) -> Row:
             name: result.input[role]["left_out"].get("steps", 0) for role, name in OFF_STEPS.items()
         },
         **result.other_numbers,
-        **({} if result.nees is None else result.nees.numbers()),
+        **({} if result.nees is None else result.nees.row()),
         **{f"with.{name}": value for name, value in result.sums.items()},
     }
 

@@ -37,15 +37,33 @@ def pair_nees(proof: Proof, distance: Distance) -> tuple[Floats, NeesSums]:
     assert compared.estimate_covariance is not None
     found = read_assigned(proof.states, proof.weights)
     rows = problem.truth_row[found.entry], problem.estimate_row[found.entry]
-    packed = compared.estimate_covariance[rows[1]].T
-    if compared.truth_covariance is not None:
-        packed = packed + compared.truth_covariance[rows[0]].T
-    truth, estimate = compared.truth[rows[0]], compared.estimate[rows[1]]
-    wrapped, clouds = periods_of(distance, compared.columns), compared.estimate_clouds
-    periods = [wrapped.get(name, np.inf) for name in compared.columns] if wrapped else None
-    nees = squared(apart(truth - estimate, periods).T, covariances.factor(packed))
-    histogram = None if clouds is None else ranks(truth, clouds, rows[1], found.weight, periods)
-    return nees, nees_sums(found, nees, truth.shape[1], histogram)
+    states = compared.truth, compared.estimate
+    spreads = compared.truth_covariance, compared.estimate_covariance
+    periods, clouds = periods_in(distance, compared.columns), compared.estimate_clouds
+    nees, histogram = nees_of(states, spreads, rows, periods), None
+    if clouds is not None:
+        histogram = ranks(states[0][rows[0]], clouds, rows[1], found.weight, periods)
+    return nees, nees_sums(found, nees, states[0].shape[1], histogram)
+
+
+def periods_in(distance: Distance, columns: tuple[str, ...]) -> list[float] | None:
+    """That of each component, infinite where it has none; None if none has."""
+    found = periods_of(distance, columns)
+    return [found.get(name, np.inf) for name in columns] if found else None
+
+
+def nees_of(
+    states: tuple[Floats, Floats],
+    spreads: tuple[Floats | None, Floats],
+    rows: tuple[Ints, Ints],
+    periods: Sequence[float] | None,
+) -> Floats:
+    """NEES of pairs of rows of truth and estimate, of states and of what is around each."""
+    packed = spreads[1][rows[1]].T
+    if spreads[0] is not None:
+        packed = packed + spreads[0][rows[0]].T
+    errors = apart(states[0][rows[0]] - states[1][rows[1]], periods)
+    return squared(errors.T, covariances.factor(packed))
 
 
 def apart(differences: Floats, periods: Sequence[float] | None) -> Floats:

@@ -249,13 +249,15 @@ def measure(
 
     with stopwatch.span("distances"):
         seen = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
-        truth, estimate = (side.seen_as(request.kinds) for side in (aligned.truth, aligned.estimate))
+        truth, estimate = (
+            side.seen_as(request.kinds) for side in (aligned.truth, aligned.estimate)
+        )
         scene: dict[str, Any] = {  # as they were read, not as a distance scales or whitens them
             "columns": truth.columns,
             "truth": truth.state,
             "estimate": estimate.state,
-            "truth_covariance": _second_moments(truth),
-            "estimate_covariance": _second_moments(estimate),
+            "truth_covariance": second_moments(truth),
+            "estimate_covariance": second_moments(estimate),
             "estimate_clouds": estimate.clouds,
         }
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
@@ -362,7 +364,7 @@ def fit(
     )
 
 
-def _second_moments(side: Trajectories) -> Floats | None:
+def second_moments(side: Trajectories) -> Floats | None:
     """Lower triangles of what is around each state, if anything is."""
     if side.clouds is None:
         return side.covariance

@@ -27,6 +27,12 @@ class AssignedPairs:
     entry: Ints
     weight: Floats
 
+    @classmethod
+    def of(cls, rows: NDArray[np.void]) -> "AssignedPairs":
+        """Of rows with such columns, each its own entry."""
+        columns = {name: rows[name] for name in ("step", "truth", "estimate", "weight")}
+        return cls(**columns, entry=np.arange(len(rows)))
+
 
 def read_assigned(states: States, weights: Ints) -> AssignedPairs:
     """Of a feasible assignment (S,), in units of 1/ONE."""

@@ -7,7 +7,9 @@ is chi-square distributed with d degrees of freedom where errors are Gaussian an
 2001). The sums of several evaluations, or of pieces of one, add up.
 """
 
-from collections.abc import Iterable
+import json
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -18,10 +20,13 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import number
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.readout import AssignedPairs
-from tgospa_eval.results.records import Columns, Json
+from tgospa_eval.results.records import Arrays, Columns, Json
 
 NEES = "nees"
 """Name of the column, and of the record."""
+
+SUMS = f"{NEES}.sums"
+"""Column of a store with them, as text."""
 
 ABOUT_COVARIANCES = ("overconfident", "underconfident", "order-by-covariances")
 """Codes of notices."""
@@ -93,6 +98,21 @@ class NeesSums:
     def plain(self) -> dict[str, Any]:
         """As values of a row; `NeesSums(**values)` is the way back."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
+
+    def row(self) -> dict[str, Any]:
+        """What a row of a store has; `of_row` is the way back."""
+        return self.numbers() | {SUMS: json.dumps(self.plain())}
+
+    @classmethod
+    def of_row(cls, row: Mapping[str, Any]) -> "NeesSums | None":
+        """Of a row of a store, if it has any."""
+        text = row.get(SUMS)
+        return cls(**json.loads(text)) if isinstance(text, str) else None
+
+    @classmethod
+    def of_values(cls, values: Json) -> "NeesSums | None":
+        """Of a document that may have its record."""
+        return cls(**values[NEES]["sums"]) if values.get(NEES) else None
 
     @classmethod
     def joined(cls, several: Iterable["NeesSums"]) -> "NeesSums | None":
@@ -194,6 +214,26 @@ class NeesSums:
         )
 
 
+def right_record(record: Any) -> bool:
+    """Whether it is one that `NeesSums.record` can have made, with the numbers of its sums."""
+    try:
+        sums = NeesSums(**record["sums"])
+        ranks = np.asarray(sums.ranks, float)
+        numbers = [value for name, value in sums.plain().items() if name != "ranks"]
+        own = sums.record()
+        return (
+            isinstance(sums.components, int)
+            and sums.components > 0
+            and ranks.shape in ((0,), (sums.components, BINS))
+            and bool(np.isfinite(ranks).all())
+            and not any(isinstance(value, bool) for value in numbers)
+            and all(0 <= value < math.inf for value in numbers)
+            and all(record[name] == own[name] for name in ("mean", "anees", "inside"))
+        )
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError):
+        return False
+
+
 def nees_sums(
     found: AssignedPairs, nees: Floats, components: int, ranks: Floats | None = None
 ) -> NeesSums:
@@ -228,11 +268,15 @@ def mean_nees(index: Ints, weight: Floats, nees: Floats, components: int, size: 
     known = ~np.isnan(nees)
     count = sum_by(index[known], weight[known], size)
     total = sum_by(index[known], (weight * nees)[known], size)
-    columns = np.full((3, size), np.nan)
-    some = count > 0
+    found = mean_columns(count, total, components)
+    return {name: or_none(column) for name, column in found.items()}
+
+
+def mean_columns(count: Floats, total: Floats, components: int) -> Arrays:
+    """The same of so many pairs and the sums of their NEES; NaN where there is no pair."""
+    columns, some = np.full((3, len(count)), np.nan), count > 0
     columns[:, some] = total[some] / count[some], *band(count[some], components)
-    names = (NEES, f"{NEES}_lower", f"{NEES}_upper")
-    return dict(zip(names, map(or_none, columns), strict=True))
+    return dict(zip((NEES, f"{NEES}_lower", f"{NEES}_upper"), columns, strict=True))
 
 
 def or_none(values: Floats) -> list[float | None]:

@@ -184,6 +184,11 @@ class PartitionedResult(Summary):
     def _worst_tracks(self, kind: str, count: int) -> list[str]:
         return [row["id"] for row in self.costliest_tracks(kind, count)]
 
+    def _per_step(self) -> Columns:
+        return (
+            super()._per_step() if self.split is self.nees is None else self._of_tracks("per_step")
+        )
+
     def _records(self) -> Json:
         """The tables by their names in the result folder, and those records that are not many."""
         found: Json = {"tables": {name: name_of(name) for name in STORED_TABLES}}
