@@ -433,7 +433,7 @@ def ranking_document(
                 },
             }
         )
-    warnings = [*warnings, *(notice.record() for notice in _about_covariances(estimates))]
+    warnings = [*warnings, *(notice.record() for notice in about_covariances(estimates))]
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -449,7 +449,7 @@ def ranking_document(
     }
 
 
-def _about_covariances(estimates: Sequence[Json]) -> Iterator[Notice]:
+def about_covariances(estimates: Sequence[Json]) -> Iterator[Notice]:
     """What an order by a distance of covariances does not say: `estimates` are in this order."""
     for item in estimates:
         if item.get(NEES):

@@ -7,6 +7,8 @@ from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import number
 from tgospa_eval.reports.phrases import best_cells
 from tgospa_eval.reports.rendering import Row, Table
+from tgospa_eval.results.consistency import NEES
+from tgospa_eval.results.numbers import MEAN, SPREAD
 from tgospa_eval.results.records import Columns, OtherMetrics
 
 PARTS_SHOWN = {
@@ -84,6 +86,41 @@ def grouped_table(
                 rivals,
             ),
         )
+
+
+def covariances_table(
+    head: tuple[str, ...], names: Sequence[tuple[str, ...]], items: Sequence[Mapping[Any, Any]]
+) -> Iterator[Table]:
+    """Whether covariances say how large errors are, and what they cost; if all say so.
+
+    Items have the costs of means and of spreads, and the record of NEES.
+    """
+    found = [item.get(NEES) or {"mean": None} for item in items]
+    if not found or any(record["mean"] is None for record in found):
+        return
+    costs = [
+        (title, [number(item[part], 5) for item in items])
+        for title, part in (("means", MEAN), ("spreads", SPREAD))
+        if all(part in item for item in items)
+    ]
+    rows = [
+        (
+            *name,
+            *(column[k] for _, column in costs),
+            number(record["mean"], 4),
+            str(record["sums"]["components"]),
+            f"{record['lower']:.3g}-{record['upper']:.3g}",
+            f"{record['inside']:.1%}",
+            record["verdict"],
+        )
+        for k, (name, record) in enumerate(zip(names, found, strict=True))
+    ]
+    columns = ("NEES", "ideal", "band", "in 95 %", "verdict")
+    yield Table(
+        head=(*head, *(title for title, _ in costs), *columns),
+        rows=rows,
+        align="l" * len(head) + "r" * (len(costs) + len(columns)),
+    )
 
 
 def _falls_short(part: str, values: Sequence[float]) -> list[Interval]:

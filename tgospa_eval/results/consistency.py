@@ -25,7 +25,7 @@ from tgospa_eval.results.records import Arrays, Columns, Json
 NEES = "nees"
 """Name of the column, and of the record."""
 
-SUMS = f"{NEES}.sums"
+STORED_NEES = f"{NEES}.sums"
 """Column of a store with them, as text."""
 
 ABOUT_COVARIANCES = ("overconfident", "underconfident", "order-by-covariances")
@@ -101,12 +101,13 @@ class NeesSums:
 
     def row(self) -> dict[str, Any]:
         """What a row of a store has; `of_row` is the way back."""
-        return self.numbers() | {SUMS: json.dumps(self.plain())}
+        record = {f"{NEES}.{name}": value for name, value in self.record().items()}
+        return {NEES: record.pop(f"{NEES}.mean"), **record, STORED_NEES: json.dumps(self.plain())}
 
     @classmethod
     def of_row(cls, row: Mapping[str, Any]) -> "NeesSums | None":
         """Of a row of a store, if it has any."""
-        text = row.get(SUMS)
+        text = row.get(STORED_NEES)
         return cls(**json.loads(text)) if isinstance(text, str) else None
 
     @classmethod
