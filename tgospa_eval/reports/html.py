@@ -75,6 +75,7 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
             repairs=[] if repaired is None else repair_table(result, repaired).rows,
             repair_notes=[] if repaired is None else list(repair_notes(repaired)),
             data=drawn.document,
+            tracks=len(TRACK_COLOURS),
             arrays=packed(drawn.arrays),
             style=page_colours() + inlined("page.css"),
             script="".join(inlined(f"{name}.js") for name in SCRIPTS),

@@ -20,7 +20,8 @@ from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports.time_axis import TimeAxis, moments, readable
 from tgospa_eval.results.by_class import ByClass
-from tgospa_eval.results.numbers import costliest
+from tgospa_eval.results.consistency import NEES, or_none
+from tgospa_eval.results.numbers import SPREAD, costliest
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
 from tgospa_eval.results.result import Result
@@ -526,6 +527,26 @@ def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
     return first, first + padded.reshape(len(first), together).argmax(axis=1)
 
 
+def _consistency(result: Summary, table: Columns, first: Ints) -> Json:
+    """NEES of each stretch of steps, its mean where there is any, and ranks of particles."""
+    assert result.nees is not None
+    lines = {}
+    for name in ("nees", "nees_lower", "nees_upper"):
+        values = np.array(table[name], float)  # None is NaN
+        known = ~np.isnan(values)
+        with np.errstate(invalid="ignore"):
+            sums = np.add.reduceat(np.where(known, values, 0.0), first)
+            lines[name] = or_none(sums / np.add.reduceat(known, first, dtype=float))
+    words, ranks = result.nees.in_words, result.nees.ranks
+    return {
+        "lines": lines,
+        "ideal": result.nees.components,
+        "words": words,
+        "ranks": ranks,
+        "columns": result.settings["columns"],
+    }
+
+
 def over_time(result: Summary, stretches: int) -> Json:
     """What is drawn over time, of at most so many stretches of steps: means, the curve at ends."""
     steps = len(result.labels.times)
@@ -533,15 +554,17 @@ def over_time(result: Summary, stretches: int) -> Json:
     first = np.arange(0, steps, together)
     last = np.minimum(first + together, steps) - 1
     times = readable([result.labels.times[k] for k in first.tolist()])
-    split, parameters = result.proof.breakdown, result.proof.parameters
+    breakdown, parameters = result.proof.breakdown, result.proof.parameters
 
     def mean(values: Floats) -> list[float]:
         sums = np.add.reduceat(values, first) if steps else values
         return rounded((sums / (last - first + 1)).tolist())
 
-    costs = {name: result.scale * getattr(split, name) for name in PARTS}
-    counts = {name: getattr(split, f"{name}_count") for name in COUNTED_PARTS}
+    costs = {name: result.scale * getattr(breakdown, name) for name in PARTS}
+    counts = {name: getattr(breakdown, f"{name}_count") for name in COUNTED_PARTS}
     total = sum(costs.values(), np.zeros(steps))
+    split = {} if result.split is None and result.nees is None else result.table("per_step")
+    spread = {SPREAD: mean(np.array(split[SPREAD], float))} if SPREAD in split else {}
     worst = costliest(list(range(steps)), total, SHOWN_ROWS) if together > 1 else []
     return {
         "together": together,
@@ -552,7 +575,8 @@ def over_time(result: Summary, stretches: int) -> Json:
         },
         "times": times,
         "axis": moments(times),
-        "costs": {name: mean(cost) for name, cost in costs.items()},
+        "costs": {name: mean(cost) for name, cost in costs.items()} | spread,
+        **({"nees": _consistency(result, split, first)} if NEES in split else {}),
         "counts": {name: mean(count) for name, count in counts.items()},
         "curve": {
             name: rounded([values[k] for k in last.tolist()])
