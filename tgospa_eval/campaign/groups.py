@@ -15,13 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tgospa_eval.campaign.baseline import (
-    Baseline,
-    Measured,
-    differences,
-    nees_values,
-    value_at,
-)
+from tgospa_eval.campaign.baseline import Baseline, Measured, differences, nees_values, value_at
 from tgospa_eval.campaign.outcome import PairOutcome, combined_outcome, judged_by_past
 from tgospa_eval.campaign.permutation import Stratum, fewest, noticeable, p_value
 from tgospa_eval.campaign.rules import (
@@ -365,21 +359,15 @@ def _summed(
     if part is None or group.faults:
         return None
     if rule.path in OF_NEES:
-        now, old = (
+        old = [NeesSums.of_values(entry["values"]) for scene in group.scenes for entry in scene.old]
+        both = (
             nees_values(NeesSums.joined(filter(None, each)))
-            for each in (
-                [one.nees for one in runs],
-                [
-                    NeesSums.of_values(entry["values"])
-                    for scene in group.scenes
-                    for entry in scene.old
-                ],
-            )
+            for each in ((one.nees for one in runs), old)
         )
-        own, past_value = now.get(rule.path), old.get(rule.path)
-        if own is None or (past_value is None and not rule.absolute):
+        own, base_value = (values.get(rule.path) for values in both)
+        if own is None or (base_value is None and not rule.absolute):
             return None
-        finding = judge(rule, own, past_value and past_value.upper)
+        finding = judge(rule, own, base_value and base_value.upper)
         return Summed(finding=finding, group=group, part=part, base=0.0, limit=0.0, of_sum=float)
     tail, order, steps, old_steps = part[1], 1.0, 1.0, 1.0
     if tail.endswith("tgospa"):

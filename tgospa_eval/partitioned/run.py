@@ -4,11 +4,12 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
@@ -24,7 +25,7 @@ from tgospa_eval.partitioned.shards import (
     sort_entries,
 )
 from tgospa_eval.partitioned.steps import BlockPlan
-from tgospa_eval.partitioned.tables import add_beside, found_in, sums_beside
+from tgospa_eval.partitioned.tables import found_in, looked_up, sums_beside
 from tgospa_eval.partitioned.tasks import Task, run_tasks
 from tgospa_eval.problem.certificate import lower_cost, upper_cost
 from tgospa_eval.problem.metric_family import Parameters
@@ -377,13 +378,12 @@ def evaluate_parts(
     with span("solve/sweeps"):
         stages.expect(parameters, (int(truths.rows.sum()), int(estimates.rows.sum())))
         solved = _solve(cut.request, work, folders, shards, most, stages)
-        assigned = found_in(solved, "assigned.npy")
-        if any((block.folder / BESIDE).exists() for block in blocks):
-            assigned = _beside(work, blocks, (truths, estimates), assigned, stages)
     stages.end()
     with span("certify"):
-        sizes = len(cut.times), len(truths.ids), len(estimates.ids)
-        beside, nees = sums_beside(assigned, sizes, len(cut.sides[0].columns))
+        sizes, assigned = (len(cut.times), len(truths.ids), len(estimates.ids)), []
+        assigned += found_in(solved, "assigned.npy")
+        pieces = _beside(work, blocks, (truths, estimates), assigned)
+        beside, nees = sums_beside(pieces, sizes, len(cut.sides[0].columns))
         fixed = constants(cut.request, cut.sides[0].columns, blocks)
         proof, objects, iterations = add_up(solved, blocks, len(cut.times), fixed, parameters)
         track_costs = tuple(
@@ -433,25 +433,22 @@ def _shuffle(
 
 
 def _beside(
-    work: Path,
-    blocks: Sequence[Scanned],
-    tracks: tuple[Tracks, Tracks],
-    assigned: Sequence[Path],
-    stages: Stages,
-) -> list[Path]:
-    """Files of the assigned pairs of each range of steps, with what is beside their cost."""
-    tasks: dict[str, Task] = {
-        str(work / "assigned" / f"{k:08d}"): partial(
-            add_beside,
-            scanned=str(block.folder),
-            numbers=(tracks[0].numbers[k], tracks[1].numbers[k]),
-            pieces=tuple(map(str, assigned)),
-        )
-        for k, block in enumerate(blocks)
-        if block.near
-    }
-    stages.run("looking at assigned pairs", tasks)
-    return [Path(folder, "assigned.npy") for folder in tasks]
+    work: Path, blocks: Sequence[Scanned], numbers: Sequence[Tracks], assigned: list[Path]
+) -> Iterator[NDArray[np.void]]:
+    """The assigned pairs of each range of steps with what is beside their cost, if anything is.
+
+    They are written as well, each in the place of what is in `assigned`.
+    """
+    if not any((block.folder / BESIDE).exists() for block in blocks):
+        return
+    pieces, folder = [*map(str, assigned)], work / "assigned"
+    assigned.clear()
+    folder.mkdir(exist_ok=True)
+    for k, block in enumerate(blocks):
+        found = looked_up(block, [side.numbers[k] for side in numbers], pieces)
+        assigned.append(folder / f"{k:08d}.npy")
+        np.save(assigned[-1], found)
+        yield found
 
 
 def _solve(

@@ -20,7 +20,7 @@ from tgospa_eval.common.arrays import stretches
 from tgospa_eval.common.files import named
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.partitioned.scan import BESIDE
+from tgospa_eval.partitioned.scan import BESIDE, Scanned
 from tgospa_eval.partitioned.shards import ASSIGNED_PAIR, SWITCHED
 from tgospa_eval.partitioned.tasks import Run, Task, run_tasks, writing, writing_folder
 from tgospa_eval.problem.metric_family import Parameters
@@ -231,57 +231,45 @@ def in_order(pieces: Sequence[str], edges: Ints) -> Iterator[NDArray[np.void]]:
             yield joined[np.lexsort(keys)]
 
 
-def add_beside(
-    output: str, *, scanned: str, numbers: tuple[Ints, Ints], pieces: Sequence[str]
-) -> None:
-    """Write the assigned pairs of a range of steps with what `scan` found beside their cost.
+def looked_up(block: Scanned, numbers: Sequence[Ints], pieces: Sequence[str]) -> NDArray[np.void]:
+    """The assigned pairs of a range of steps with what `scan` found beside their cost.
 
     Parameters
     ----------
-    output : str
-        The folder that is written, with ``assigned.npy``.
-    scanned : str
-        That of the range.
+    block : Scanned
+        The range.
     numbers : pair of int arrays
         Global numbers of its truths and estimates, sorted.
     pieces : sequence of str
         Files of ASSIGNED_PAIR, each by time.
     """
-    entry = np.load(Path(scanned, "entries.npy"))
-    low, width = int(entry["step"][0]), len(numbers[1])
+    steps = np.array([block.first, block.first + len(block.objects[0])])
+    rows = next(in_order(pieces, steps), np.zeros(0, ASSIGNED_PAIR))
+    entry, width = np.load(block.folder / "entries.npy"), len(numbers[1])
     pair, place = np.unique(
         entry["truth"].astype(np.int64) * width + entry["estimate"], return_inverse=True
     )
-    steps = np.array([low, int(entry["step"][-1]) + 1])
-    rows = next(in_order(pieces, steps), np.zeros(0, ASSIGNED_PAIR))
-    truth, estimate = (
-        np.searchsorted(known, rows[name]) for known, name in zip(numbers, ORDER[1:], strict=True)
-    )
-    own = np.searchsorted(pair, truth * width + estimate)
-    found = np.searchsorted(
-        (entry["step"] - low) * np.int64(len(pair)) + place,  # sorted, as entries are
-        (rows["step"] - low) * np.int64(len(pair)) + own,
-    )
-    with np.load(Path(scanned, BESIDE)) as beside:
+    truth, estimate = map(np.searchsorted, numbers, (rows["truth"], rows["estimate"]))
+    own, size = np.searchsorted(pair, truth * width + estimate), np.int64(len(pair))
+    found = np.searchsorted(entry["step"] * size + place, rows["step"] * size + own)
+    with np.load(block.folder / BESIDE) as beside:
         names = [(name, "<f8") for name in beside]
         made = np.empty(len(rows), [*ASSIGNED_PAIR.descr, *names])
-        for name in ASSIGNED_PAIR.names or ():
-            made[name] = rows[name]
+        made[[*ORDER, "cost", "weight"]] = rows
         for name, _ in names:
             made[name] = beside[name][found] * (1.0 if name == NEES else rows["weight"])
-    with writing_folder(output) as folder:
-        np.save(folder / "assigned.npy", made)
+    return made
 
 
 def sums_beside(
-    pieces: Sequence[Path], sizes: Sequence[int], components: int
+    pieces: Iterable[NDArray[np.void]], sizes: Sequence[int], components: int
 ) -> tuple[dict[str, Arrays], NeesSums | None]:
     """Sums of what is beside the cost of assigned pairs, by `ORDER`; and those of NEES.
 
     Parameters
     ----------
-    pieces : sequence of Path
-        What `add_beside` wrote, in order of time.
+    pieces : iterable
+        What `looked_up` gives, in the order of time.
     sizes : sequence of int
         Steps, truths and estimates.
     components : int
@@ -289,28 +277,25 @@ def sums_beside(
     """
     by: dict[str, Arrays] = {index: {} for index in ORDER}
     nees: list[NeesSums] = []
-    last = None
-    for piece in pieces:
-        rows = np.load(piece)
-        weight = rows["weight"]
+    last = np.zeros(0, ASSIGNED_PAIR)
+    for rows in pieces:
+        weight, step = rows["weight"], rows["step"]
         values = {name: rows[name] for name in rows.dtype.names[len(ASSIGNED_PAIR) :]}
-        if NEES in values and len(rows):
+        if NEES in values:
             known = ~np.isnan(values[NEES])
-            values[NEES] = np.where(known, weight * values[NEES], 0.0)
-            values |= {"count": weight * known}
-            seam = rows[rows["step"] == rows["step"][0]]
-            seam = seam[:0] if last is None else np.concatenate((last, seam))
-            across = nees_sums(AssignedPairs.of(seam), seam[NEES], components)
-            own = nees_sums(AssignedPairs.of(rows), rows[NEES], components)
+            values |= {NEES: np.where(known, weight * values[NEES], 0.0), "count": weight * known}
+            seam = np.concatenate((last, rows[step == step[:1]])) if len(last) else rows[:0]
+            across, own = (
+                nees_sums(AssignedPairs.of(some), some[NEES], components) for some in (seam, rows)
+            )
             between = {name: getattr(across, name) for name in ("neighbours", "products", "ends")}
             nees += [own, NeesSums(components=components, **between)]
-            last = rows[rows["step"] == rows["step"][-1]]
+            last = rows[step == step[-1:]]
         for (index, sums), size in zip(by.items(), sizes, strict=True):
             for name, value in values.items():
                 sums[name] = sums.get(name, 0.0) + np.bincount(rows[index], value, size)
-    for sums in by.values():
-        if "count" in sums:
-            sums |= mean_columns(sums.pop("count"), sums.pop(NEES), components)
+    for sums in by.values() if nees else ():
+        sums |= mean_columns(sums.pop("count"), sums.pop(NEES), components)
     return by, NeesSums.joined(nees)
 
 

@@ -97,8 +97,8 @@ def result_pictures(
 ) -> dict[str, bytes]:
     """Files by name: costs, lanes, plane, cumulative and worst, each in all formats.
 
-    And NEES, where there is any, and windows, where they were asked for. `notify` takes the name of each before it is drawn, and
-    the share that is done.
+    And NEES, where there is any, and windows, where they were asked for. `notify` takes the name of
+    each before it is drawn, and the share that is done.
     """
     if not wanted.formats:
         return {}

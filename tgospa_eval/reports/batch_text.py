@@ -36,7 +36,6 @@ from tgospa_eval.reports.phrases import (
 from tgospa_eval.reports.rendering import Document, Table, rendered
 from tgospa_eval.reports.slices import about_slices, group_tables
 from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums
-from tgospa_eval.results.numbers import SPLIT_PARTS
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text, records
 from tgospa_eval.results.slices import Slicing, slices_columns
 from tgospa_eval.text import listed
@@ -238,15 +237,9 @@ def other_tables(tables: BatchTables) -> Iterator[Table]:
     names = [tables.named(row) for row in rows]
     found = list(other_records(rows))
     yield from grouped_table(tuple(heads.values()), names, found, _rivals(tables, rows))
-    parts = [{name: row[name] for name in SPLIT_PARTS if _is_there(row, name)} for row in rows]
-    for item, row in zip(parts, rows, strict=True):
-        nees = NeesSums.of_row(row)
-        item[NEES] = nees and nees.record()
-    yield from covariances_table(tuple(heads.values()), names, parts)
-
-
-def _is_there(row: Mapping[Hashable, Any], name: str) -> bool:
-    return name in row and row[name] == row[name]
+    nees = [NeesSums.of_row(row) for row in rows]
+    items = [{**row, NEES: own and own.record()} for row, own in zip(rows, nees, strict=True)]
+    yield from covariances_table(tuple(heads.values()), names, items)
 
 
 def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:

@@ -101,7 +101,7 @@ def covariances_table(
     costs = [
         (title, [number(item[part], 5) for item in items])
         for title, part in (("means", MEAN), ("spreads", SPREAD))
-        if all(part in item for item in items)
+        if all(item.get(part) is not None and item[part] == item[part] for item in items)
     ]
     rows = [
         (

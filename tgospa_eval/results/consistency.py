@@ -219,16 +219,14 @@ def right_record(record: Any) -> bool:
     """Whether it is one that `NeesSums.record` can have made, with the numbers of its sums."""
     try:
         sums = NeesSums(**record["sums"])
-        ranks = np.asarray(sums.ranks, float)
+        ranks, own = np.asarray(sums.ranks, float), sums.record()
         numbers = [value for name, value in sums.plain().items() if name != "ranks"]
-        own = sums.record()
+        shapes = (0,), (sums.components, BINS)
         return (
-            isinstance(sums.components, int)
-            and sums.components > 0
-            and ranks.shape in ((0,), (sums.components, BINS))
+            (type(sums.components) is int and sums.components > 0)
+            and ranks.shape in shapes
             and bool(np.isfinite(ranks).all())
-            and not any(isinstance(value, bool) for value in numbers)
-            and all(0 <= value < math.inf for value in numbers)
+            and all(type(value) is not bool and 0 <= value < math.inf for value in numbers)
             and all(record[name] == own[name] for name in ("mean", "anees", "inside"))
         )
     except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError):
