@@ -43,7 +43,7 @@ def partitioned(result: Result, work: Path, shards: int = 3) -> PartitionedResul
         ),
         folders,
         assigned=[folder / "assigned.npy" for folder in folders],
-        further=dict.fromkeys(("step", "truth", "estimate"), {}),
+        further={name: {} for name in ("step", "truth", "estimate")},
     )
     return PartitionedResult(
         proof=costs,

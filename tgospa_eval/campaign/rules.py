@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from enum import StrEnum
 
 from tgospa_eval.common.frozen import dataclass
@@ -278,7 +278,7 @@ def judge(rule: Rule, now: Value, base: float | None) -> Finding:
 
 
 def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
-    """The rule of ``PATH:+N``, ``PATH:+N%`` or one end of a range, ``PATH:N..`` or ``PATH:..N``.
+    """The rule of ``PATH:+N`` or ``PATH:+N%``.
 
     ``PATH:-N`` is how much less than the baseline NEES, or the share of states inside, may be.
 
@@ -287,25 +287,7 @@ def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
     ConfigError
         The text has another form, or names a value that cannot be judged.
     """
-    found, ends = re.fullmatch(_RULE, text.strip()), re.fullmatch(_RANGE, text.strip())
-    if ends is not None:
-        least = bool(ends["least"])
-        given = ends["least"] or ends["most"]
-        limit = None if least and ends["most"] else _not_negative(given)
-        if limit is None:
-            raise ConfigError(
-                f"--{option} {quoted(text)}: must be PATH:LEAST..MOST, PATH:LEAST.. or "
-                "PATH:..MOST, as nees:1.5..2.5"
-            )
-        path = _path(ends["path"].strip(), option, text)
-        return Rule(
-            text=f"{path}{'>=' if least else '<='}{given}",
-            path=path,
-            slack=limit,
-            absolute=True,
-            least=least,
-            warns=option == "warn-on",
-        )
+    found = re.fullmatch(_RULE, text.strip())
     slack = _not_negative(found["slack"]) if found else None
     if found is None or slack is None:
         raise ConfigError(
@@ -364,15 +346,26 @@ def parse_rules(
     ]
 
 
-def _parsed(rules: Iterable[str], option: str) -> list[Rule]:
-    """Those of one option; a range with two ends is two rules."""
-    ends = [
-        [f"{found['path']}:{found['least']}..", f"{found['path']}:..{found['most']}"]
-        if (found := re.fullmatch(_RANGE, text.strip())) and found["least"] and found["most"]
-        else [text]
-        for text in rules
-    ]
-    return [parse_rule(text, option=option) for texts in ends for text in texts]
+def _parsed(rules: Iterable[str], option: str) -> Iterator[Rule]:
+    """Those of one option; a range ``PATH:LEAST..MOST`` is a rule for each end that it has."""
+    for text in rules:
+        ends = re.fullmatch(_RANGE, text.strip())
+        if ends is None:
+            yield parse_rule(text, option=option)
+            continue
+        given = {sign: ends[sign] for sign in ("least", "most") if ends[sign]}
+        limits = {sign: _not_negative(number) for sign, number in given.items()}
+        path = _path(ends["path"].strip(), option, text)
+        for sign, limit in (limits or {"": None}).items():
+            if limit is None:
+                raise ConfigError(
+                    f"--{option} {quoted(text)}: must be PATH:LEAST..MOST, PATH:LEAST.. or "
+                    "PATH:..MOST, as nees:1.5..2.5"
+                )
+            least = sign == "least"
+            shown = f"{path}{'>=' if least else '<='}{given[sign]}"
+            about = {"path": path, "least": least, "warns": option == "warn-on"}
+            yield Rule(text=shown, slack=limit, absolute=True, **about)
 
 
 def meanings(path: str) -> list[tuple[str | None, str]]:

@@ -79,10 +79,8 @@ def draw_nees(seen: PlotData, style: Style) -> "Figure":
         axis.axhline(ideal, color=SOFT, linestyle="--"),
         *axis.plot(at, value, color=LIGHT["localisation"], marker=".", markersize=3),
     ]
-    most = max(
-        (end.max() for end in (value[value == value], high[high == high]) if len(end)), default=0
-    )
-    axis.set_ylim(0, max(1.05 * float(most), ideal))
+    most = np.nan_to_num(np.concatenate((value, high)), nan=ideal).max(initial=ideal)
+    axis.set_ylim(0, 1.05 * float(most))
     time_axis(axis, seen, style)
     axis.set_ylabel("NEES", parse_math=False)
     titled(axis, style, "NEES of assigned states, mean of each step", seen.about)
