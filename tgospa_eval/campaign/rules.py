@@ -340,7 +340,7 @@ def parse_rules(
         One is wrong.
     """
     return [
-        *(_parsed(fail_on, "fail-on") or [DEFAULT][:default]),
+        *([*_parsed(fail_on, "fail-on")] or [DEFAULT][:default]),
         *_parsed(warn_on, "warn-on"),
         *(parse_maximum(text) for text in maximum),
     ]
