@@ -360,14 +360,11 @@ def _summed(
         return None
     if rule.path in OF_NEES:
         old = [NeesSums.of_values(entry["values"]) for scene in group.scenes for entry in scene.old]
-        both = (
-            nees_values(NeesSums.joined(filter(None, each)))
-            for each in ((one.nees for one in runs), old)
-        )
-        own, base_value = (values.get(rule.path) for values in both)
-        if own is None or (base_value is None and not rule.absolute):
+        sums = (NeesSums.joined(filter(None, each)) for each in ([one.nees for one in runs], old))
+        own, before = (nees_values(each).get(rule.path) for each in sums)
+        if own is None or (before is None and not rule.absolute):
             return None
-        finding = judge(rule, own, base_value and base_value.upper)
+        finding = judge(rule, own, before.upper if before else None)
         return Summed(finding=finding, group=group, part=part, base=0.0, limit=0.0, of_sum=float)
     tail, order, steps, old_steps = part[1], 1.0, 1.0, 1.0
     if tail.endswith("tgospa"):

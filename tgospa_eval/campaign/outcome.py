@@ -282,10 +282,10 @@ def _judged(rule: Rule, now: Measured, old: Json, past: Past | None) -> Finding:
         best = past(rule.path, rule.last) if past else None
         return judged_by_past(rule, now.values[rule.path], best)
     if rule.path in OF_NEES:
-        own, base = now.values.get(rule.path), value_at(old, rule.path)
-        if own is None or (base is None and not rule.absolute):
-            return replace(_unknown(rule), now=own) if own else _unknown(rule)
-        return judge(rule, own, base)
+        found, base = now.values.get(rule.path), value_at(old, rule.path)
+        if found is None or (base is None and not rule.absolute):
+            return replace(_unknown(rule), now=found) if found else _unknown(rule)
+        return judge(rule, found, base)
     for name, path in meanings(rule.path):
         own = now.values if name is None else now.classes.get(name)
         before = old if name is None else old.get("by_class", {}).get(name)

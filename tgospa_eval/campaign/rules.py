@@ -364,8 +364,8 @@ def _parsed(rules: Iterable[str], option: str) -> Iterator[Rule]:
                 )
             least = sign == "least"
             shown = f"{path}{'>=' if least else '<='}{given[sign]}"
-            about = {"path": path, "least": least, "warns": option == "warn-on"}
-            yield Rule(text=shown, slack=limit, absolute=True, **about)
+            warns = option == "warn-on"
+            yield Rule(text=shown, path=path, slack=limit, absolute=True, least=least, warns=warns)
 
 
 def meanings(path: str) -> list[tuple[str | None, str]]:

@@ -212,7 +212,7 @@ def write_part(
             "weight": weight,
             "distance": parameters.cutoff * cost ** (1 / parameters.order),
             "cost": parameters.scale * cost * weight,
-            **{name: chunk[name] for name in kind.names[len(ASSIGNED_PAIR) :]},
+            **{name: chunk[name] for name in _further(kind)},
         }
 
     kind = np.load(pieces[0], mmap_mode="r").dtype if pieces else ASSIGNED_PAIR
@@ -229,6 +229,11 @@ def in_order(pieces: Sequence[str], edges: Ints) -> Iterator[NDArray[np.void]]:
             names = joined.dtype.names or ()
             keys = [joined[name] for name in reversed(ORDER) if name in names]
             yield joined[np.lexsort(keys)]
+
+
+def _further(kind: np.dtype[Any]) -> tuple[str, ...]:
+    """Columns beside those of ASSIGNED_PAIR."""
+    return (kind.names or ())[len(ASSIGNED_PAIR.names or ()) :]
 
 
 def looked_up(block: Scanned, numbers: Sequence[Ints], pieces: Sequence[str]) -> NDArray[np.void]:
@@ -280,7 +285,7 @@ def sums_beside(
     last = np.zeros(0, ASSIGNED_PAIR)
     for rows in pieces:
         weight, step = rows["weight"], rows["step"]
-        values = {name: rows[name] for name in rows.dtype.names[len(ASSIGNED_PAIR) :]}
+        values = {name: rows[name] for name in _further(rows.dtype)}
         if NEES in values:
             known = ~np.isnan(values[NEES])
             values |= {NEES: np.where(known, weight * values[NEES], 0.0), "count": weight * known}

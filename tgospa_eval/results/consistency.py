@@ -105,7 +105,7 @@ class NeesSums:
         return {NEES: record.pop(f"{NEES}.mean"), **record, STORED_NEES: json.dumps(self.plain())}
 
     @classmethod
-    def of_row(cls, row: Mapping[str, Any]) -> "NeesSums | None":
+    def of_row(cls, row: Mapping[Any, Any]) -> "NeesSums | None":
         """Of a row of a store, if it has any."""
         text = row.get(STORED_NEES)
         return cls(**json.loads(text)) if isinstance(text, str) else None

@@ -185,9 +185,8 @@ class PartitionedResult(Summary):
         return [row["id"] for row in self.costliest_tracks(kind, count)]
 
     def _per_step(self) -> Columns:
-        return (
-            super()._per_step() if self.split is self.nees is None else self._of_tracks("per_step")
-        )
+        beside = self.split is not None or self.nees is not None
+        return self._of_tracks("per_step") if beside else super()._per_step()
 
     def _records(self) -> Json:
         """The tables by their names in the result folder, and those records that are not many."""
