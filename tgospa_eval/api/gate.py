@@ -891,7 +891,7 @@ def gate(
     baseline : str or path
         The JSON file that an update makes; the command reads and makes the same.
     fail_on : str or iterable of str
-        Rules, ``"total:+2%"`` or ``"counts.switch:+1"``; ``"total:+0.001%"`` by default.
+        Rules, ``"total:+2%"`` or ``"nees:1.5..2.5"``; ``"total:+0.001%"`` by default.
     warn_on : str or iterable of str
         Rules that only warn.
     limits : mapping of str to float, optional

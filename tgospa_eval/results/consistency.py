@@ -7,7 +7,6 @@ is chi-square distributed with d degrees of freedom where errors are Gaussian an
 2001). The sums of several evaluations, or of pieces of one, add up.
 """
 
-import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
@@ -101,12 +100,16 @@ class NeesSums:
 
     def row(self) -> dict[str, Any]:
         """What a row of a store has; `of_row` is the way back."""
+        import json  # here, as below: a small evaluation does without
+
         record = {f"{NEES}.{name}": value for name, value in self.record().items()}
         return {NEES: record.pop(f"{NEES}.mean"), **record, STORED_NEES: json.dumps(self.plain())}
 
     @classmethod
     def of_row(cls, row: Mapping[Any, Any]) -> "NeesSums | None":
         """Of a row of a store, if it has any."""
+        import json
+
         text = row.get(STORED_NEES)
         return cls(**json.loads(text)) if isinstance(text, str) else None
 
