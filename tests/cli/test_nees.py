@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tgospa_eval import Trajectories, evaluate
+from tgospa_eval import TgospaWarning, Trajectories, compare, evaluate
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.partitioned import components, run
 from tgospa_eval.results.consistency import NeesSums, band
@@ -288,6 +288,24 @@ def test_who_reads_only_the_order_sees_what_covariances_made(invoke: Invoke, for
         assert word in tables
     if format == "table":
         assert max(map(len, lines.splitlines())) <= 80
+
+
+def test_python_is_warned_as_well() -> None:
+    write_sides("right", 1.0, 1.0)
+    write_sides("sure", 1.2, 0.3)
+    files = {name: f"{name}.csv" for name in ("right", "sure")}
+    with pytest.warns(TgospaWarning, match="covariances make this order"):
+        found = compare("truth.csv", files, 12, 2, 5, distance="gaussian-wasserstein")
+    assert list(found.table["name"]) == ["sure", "right"]
+    assert found.table["nees_mean"][0] > 10 * found.table["nees_anees"][1]
+    codes = [record["code"] for record in found.to_dict()["warnings"]]
+    assert codes == ["overconfident", "order-by-covariances"]
+    with pytest.warns(TgospaWarning, match="sure: covariances are too small"):
+        found = compare("truth.csv", files, 12, 2, 5, with_=("nees", "gospa"))
+    assert list(found.table["name"]) == ["right", "sure"]
+    assert {"nees_mean", "gospa_total"} <= {*found.table}
+    with pytest.raises(ConfigError, match="not for solvers"):
+        compare("truth.csv", "sure.csv", 12, 2, 5, solvers=["exact"], with_="nees")
 
 
 def test_a_batch_says_it_by_tracker(invoke: Invoke) -> None:
