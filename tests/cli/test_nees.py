@@ -383,3 +383,17 @@ def test_the_picture_of_costs_tells_means_from_spreads() -> None:
     height = {name: np.nansum(data.values - data.baseline) for name, data in bars.items()}
     assert height["means"] == pytest.approx(result.localisation_mean)
     assert height["spreads"] == pytest.approx(result.localisation_spread)
+
+
+def test_covariances_are_interpolated_for_it_and_particles_are_not(invoke: Invoke) -> None:
+    write_sides("kf", 1.0, 1.0)
+    asked = (*METRIC, "--resample", "1", "--max-gap", "4", "--format", "json")
+    found = [
+        json.loads(invoke("truth.csv", "kf.csv", *asked, *more).out)["nees"]
+        for more in (GAUSSIAN, ("--with", "nees"))
+    ]
+    assert found[0]["mean"] == pytest.approx(found[1]["mean"])
+    write_particles()
+    answer = invoke("truth.csv", "cloud.csv", *asked, "--with", "nees")
+    assert answer.status == 3
+    assert "particles, which are not interpolated" in answer.err

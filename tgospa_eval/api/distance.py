@@ -147,7 +147,7 @@ class DistanceOptions:
         of_matrix = self.named.name == "mahalanobis" and not self.is_record
         of_pairs = of_matrix and self.path is None and options.pairwise
         moments = self.named.name == "gaussian-wasserstein" and not self.is_record
-        of_gaussians = moments or of_pairs
+        of_gaussians = moments or of_pairs or nees
         of_norms = (isinstance(self.named, Norm) and not self.is_record) or moments
         zero = options.missing_cov != "error"
         of_clouds = self.named.name == "cloud-wasserstein" and not self.is_record
@@ -159,13 +159,8 @@ class DistanceOptions:
                 of_norms or of_matrix or of_clouds,
                 "the norms, mahalanobis, gaussian-wasserstein and cloud-wasserstein",
             ),
-            (
-                "fix-cov",
-                options.fix_cov,
-                of_gaussians or nees,
-                "gaussian-wasserstein and NEES",
-            ),
-            ("missing-cov", zero, of_gaussians or nees, "gaussian-wasserstein and NEES"),
+            ("fix-cov", options.fix_cov, of_gaussians, "gaussian-wasserstein and NEES"),
+            ("missing-cov", zero, of_gaussians, "gaussian-wasserstein and NEES"),
             ("mixed", self.mixed != "error", moments, "gaussian-wasserstein"),
             ("covariance", self.path is not None, of_matrix, "mahalanobis"),
             *((name, True, of_clouds, "cloud-wasserstein") for name in given_particles(options)),

@@ -333,11 +333,6 @@ def fit(
     distance, time_matching = request.distance, request.time_matching
     check_columns(truth, estimate, names)
     check_states(truth, estimate, distance, names)
-    if request.nees and len(estimate.step) and estimate.kind == "point":
-        raise InputError(
-            f"{names[1]}: --with {NEES}: its states have neither covariances (columns cov_xx, "
-            "cov_xy, cov_yy or std_x, std_y) nor particles"
-        )
     if request.probabilistic:
         truth, estimate = expected(truth, estimate, names)
     given = truth, estimate
@@ -351,6 +346,11 @@ def fit(
         raise ConfigError(
             f"--grid {time_matching.grid}: no step is left, none of {aligned.union:,} counts; if "
             "the clocks differ, see --time-tolerance"
+        )
+    if request.nees and len(aligned.estimate.step) and aligned.estimate.kind == "point":
+        raise InputError(
+            f"{names[1]}: --with {NEES}: its states have neither covariances (columns cov_xx, "
+            "cov_xy, cov_yy or std_x, std_y) nor particles, which are not interpolated"
         )
     if request.sliding is not None:
         request.sliding.check(aligned.truth.clock)

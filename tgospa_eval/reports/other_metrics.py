@@ -6,8 +6,8 @@ from typing import Any
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import number
 from tgospa_eval.reports.phrases import best_cells
-from tgospa_eval.reports.rendering import Row, Table
-from tgospa_eval.results.consistency import NEES
+from tgospa_eval.reports.rendering import Row, Table, table_of
+from tgospa_eval.results.consistency import NEES, band_in_words
 from tgospa_eval.results.numbers import MEAN, SPREAD
 from tgospa_eval.results.records import Columns, OtherMetrics
 
@@ -98,29 +98,16 @@ def covariances_table(
     found = [item.get(NEES) or {"mean": None} for item in items]
     if not found or any(record["mean"] is None for record in found):
         return
-    costs = [
-        (title, [number(item[part], 5) for item in items])
-        for title, part in (("means", MEAN), ("spreads", SPREAD))
-        if all(item.get(part) is not None and item[part] == item[part] for item in items)
-    ]
-    rows = [
-        (
-            *name,
-            *(column[k] for _, column in costs),
-            number(record["mean"], 4),
-            str(record["sums"]["components"]),
-            f"{record['lower']:.3g}-{record['upper']:.3g}",
-            f"{record['inside']:.1%}",
-            record["verdict"],
-        )
-        for k, (name, record) in enumerate(zip(names, found, strict=True))
-    ]
-    columns = ("NEES", "ideal", "band", "in 95 %", "verdict")
-    yield Table(
-        head=(*head, *(title for title, _ in costs), *columns),
-        rows=rows,
-        align="l" * len(head) + "r" * (len(costs) + len(columns)),
-    )
+    columns = dict(zip(head, map(list, zip(*names, strict=True)), strict=True))
+    for title, part in (("means", MEAN), ("spreads", SPREAD)):
+        if all(item.get(part) is not None and item[part] == item[part] for item in items):
+            columns[title] = [number(item[part], 5) for item in items]
+    columns["NEES"] = [number(record["mean"], 4) for record in found]
+    columns["ideal"] = [str(record["sums"]["components"]) for record in found]
+    columns["band"] = [band_in_words(record["lower"], record["upper"], "-") for record in found]
+    columns["in 95 %"] = [f"{record['inside']:.1%}" for record in found]
+    columns["verdict"] = [record["verdict"] for record in found]
+    yield table_of(columns, align="l" * len(head) + "r" * (len(columns) - len(head)))
 
 
 def _falls_short(part: str, values: Sequence[float]) -> list[Interval]:

@@ -60,6 +60,12 @@ def band(count: Floats | float, components: int, share: float = INSIDE) -> tuple
     return (low, high) if np.ndim(count) else (float(low), float(high))
 
 
+def band_in_words(low: float, high: float, between: str = " to ") -> str:
+    """Both ends, with more digits where it is narrow."""
+    digits = 3 if high > 1.02 * low else 5
+    return f"{number(low, digits)}{between}{number(high, digits)}"
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NeesSums:
     """What the numbers of all pairs are made of.
@@ -194,10 +200,11 @@ class NeesSums:
         if not self.pairs:
             return f"none: {self.verdict}"
         low, high = band(self.independent, self.components)
+        share = f"{100 * self.inside / self.pairs:.1f} %"
         return (
-            f"{number(self.mean, 4)} where {self.components} is expected ({number(low, 3)} to "
-            f"{number(high, 3)}), {100 * self.inside / self.pairs:.1f} % of states inside "
-            f"{100 * INSIDE:g} %: {self.verdict}"
+            f"{number(self.mean, 4)} where {self.components} is expected "
+            f"({band_in_words(low, high)}), {share} of states inside {100 * INSIDE:g} %: "
+            f"{self.verdict}"
         )
 
     def warnings(self, spread: float | None) -> tuple[Notice, ...]:
