@@ -397,3 +397,21 @@ def test_covariances_are_interpolated_for_it_and_particles_are_not(invoke: Invok
     answer = invoke("truth.csv", "cloud.csv", *asked, "--with", "nees")
     assert answer.status == 3
     assert "particles, which are not interpolated" in answer.err
+
+
+def test_nobody_is_judged_by_ignored_truths() -> None:
+    write_sides("kf", 1.0, 1.0)
+    truth = pd.read_csv("truth.csv")
+    truth.assign(ignored=(truth["id"] == 3).astype(int)).to_csv("marked.csv", index=False)
+    truth[truth["id"] != 3].to_csv("less.csv", index=False)
+    for more in ({"distance": "gaussian-wasserstein"}, {"with_": "nees"}):
+        all_of, marked, less = (
+            evaluate(f"{name}.csv", "kf.csv", 12, 2, 5, **more, **ignore)
+            for name, ignore in (("truth", {}), ("marked", {"ignore": "marked"}), ("less", {}))
+        )
+        assert all_of.nees is not None
+        assert marked.nees is not None
+        assert less.nees is not None
+        assert marked.nees.plain() == {k: pytest.approx(v) for k, v in less.nees.plain().items()}
+        assert marked.nees.pairs < all_of.nees.pairs
+        assert marked.per_step["nees"].to_numpy() == pytest.approx(less.per_step["nees"].to_numpy())

@@ -8,6 +8,7 @@ the filter, as of a reference that was measured apart.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,6 +42,10 @@ def pair_nees(proof: Proof, distance: Distance) -> tuple[Floats, NeesSums]:
     spreads = compared.truth_covariance, compared.estimate_covariance
     periods, clouds = periods_in(distance, compared.columns), compared.estimate_clouds
     nees, histogram = nees_of(states, spreads, rows, periods), None
+    if problem.unjudged is not None:  # nobody is judged by an ignored truth
+        ignored = problem.unjudged[0][rows[0]]
+        nees[ignored] = np.nan
+        found = replace(found, weight=np.where(ignored, 0.0, found.weight))
     if clouds is not None:
         histogram = ranks(states[0][rows[0]], clouds, rows[1], found.weight, periods)
     return nees, nees_sums(found, nees, states[0].shape[1], histogram)

@@ -83,7 +83,8 @@ def draw_nees(seen: PlotData, style: Style) -> "Figure":
     axis.set_ylim(0, 1.05 * float(most))
     time_axis(axis, seen, style)
     axis.set_ylabel("NEES", parse_math=False)
-    titled(axis, style, "NEES of assigned states, mean of each step", seen.about)
+    which = "each step" if seen.document["together"] == 1 else "some steps"
+    titled(axis, style, f"NEES of assigned states, mean of {which}", seen.about)
     legend(made, handles, ["95 % band of a calibrated filter", f"expected: {ideal}", "NEES"], 3)
     if len(ranks):
         below = axes[1][0]

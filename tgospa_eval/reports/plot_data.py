@@ -20,7 +20,7 @@ from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports.time_axis import TimeAxis, moments, readable
 from tgospa_eval.results.by_class import ByClass
-from tgospa_eval.results.consistency import NEES, or_none
+from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.numbers import SPREAD, costliest
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
@@ -528,21 +528,14 @@ def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
 
 
 def _consistency(result: Summary, table: Columns, first: Ints) -> Json:
-    """NEES of each stretch of steps, its mean where there is any, and ranks of particles."""
+    """NEES of the first step of each stretch, whose band is its own, and ranks of particles."""
     assert result.nees is not None
-    lines = {}
-    for name in ("nees", "nees_lower", "nees_upper"):
-        values = np.array(table[name], float)  # None is NaN
-        known = ~np.isnan(values)
-        with np.errstate(invalid="ignore"):
-            sums = np.add.reduceat(np.where(known, values, 0.0), first)
-            lines[name] = or_none(sums / np.add.reduceat(known, first, dtype=float))
-    words, ranks = result.nees.in_words, result.nees.ranks
+    names = ("nees", "nees_lower", "nees_upper")
     return {
-        "lines": lines,
+        "lines": {name: [table[name][k] for k in first.tolist()] for name in names},
         "ideal": result.nees.components,
-        "words": words,
-        "ranks": ranks,
+        "words": result.nees.in_words,
+        "ranks": result.nees.ranks,
         "columns": result.settings["columns"],
     }
 
