@@ -18,7 +18,6 @@ from tgospa_eval.evaluation.prepare import (
     fit,
     near_pairs,
     problem_of_pairs,
-    second_moments,
 )
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.shards import ENTRY
@@ -220,12 +219,12 @@ def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[Problem, float,
     entries, rows = np.arange(len(problem.cost)), (problem.truth_row, problem.estimate_row)
     beside = parts_of_distances(compared, distance, request.parameters, problem, entries)
     told = aligned.truth.seen_as(request.kinds), aligned.estimate.seen_as(request.kinds)
-    spread = second_moments(told[1])
+    spread = told[1].second_moments
     if spread is not None:
         from tgospa_eval.evaluation.consistency import nees_of, periods_in  # here: as in memory
 
         periods = periods_in(distance, told[0].columns)
-        spreads = second_moments(told[0]), spread
+        spreads = told[0].second_moments, spread
         beside[NEES] = nees_of((told[0].state, told[1].state), spreads, rows, periods)
     return problem, blur, beside
 
