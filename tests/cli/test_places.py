@@ -177,8 +177,9 @@ def test_messages_lead_from_the_files_of_a_coast_to_the_number(invoke) -> None:
     found = json.loads(answer.out)
     assert found["sizes"]["truth"] == 4
     pairs = found["judged"]["truth_states"] - found["counts"]["missed"]
-    assert (found["localisation"] / pairs) ** 0.5 == pytest.approx(15 * 2**0.5, rel=0.1)
-    assert (found["counts"]["missed"], found["counts"]["false"]) == (16, 10)
+    # Noise of 15 m on two axes; between two scans it is that of a mean.
+    assert 15 < (found["localisation"] / pairs) ** 0.5 < 15 * 2**0.5
+    assert (found["counts"]["missed"], found["counts"]["false"]) == (15, 16)
 
 
 def test_feet_beside_metres_are_proposed_by_column(invoke) -> None:
