@@ -178,7 +178,7 @@ const nees = doc.nees && {
     });
     context.fillStyle = colour("soft");
     context.textAlign = "center";
-    for (let k = 0; k <= 10; k += 2) context.fillText(`${k * 10} %`, LEFT + k / 10 * (width - LEFT - RIGHT), bottom + 13);
+    for (let k = 0; k < 10; k += 2) context.fillText(`${k * 10} %`, LEFT + k / 10 * (width - LEFT - RIGHT), bottom + 13);
     context.fillText("weight of the particles below the truth", LEFT + (width - LEFT - RIGHT) / 2, bottom + 30);
     upright(context, "/ expected", top, bottom);
   },
