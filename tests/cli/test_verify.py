@@ -238,6 +238,7 @@ NAMED: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
     "truth_class": (KITTI, ("Car", "--distance", "iou")),
     "estimate_class": (KITTI, ("Car", "--distance", "iou")),
     "region": (QUICK, ("x=0:50",)),
+    "ignore_regions": (QUICK, ("r.csv",)),
     "by": (KITTI, ("class", "--distance", "iou")),
     "preprocess": (MOT, ("motchallenge", "--distance", "iou")),
     "fix_cov": (GAUSSIANS, GAUSSIAN),
@@ -272,6 +273,7 @@ def test_every_option_that_a_proof_records_is_one_of_these() -> None:
 @pytest.mark.parametrize("name", NAMED)
 def test_a_verdict_names_how_the_files_were_read(invoke: Invoke, write: Write, name: str) -> None:
     write("t.csv", "id;t;x\na;0;0,5\n")
+    write("r.csv", "x,y,radius\n90,90,40\n")
     files, values = NAMED[name]
     option = f"--{name.strip('_').replace('_', '-')}"
     answer = invoke(*files, option, *values, "-o", "r", "--proof", "-q")

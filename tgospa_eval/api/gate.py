@@ -67,7 +67,7 @@ if TYPE_CHECKING:
 WITHOUT_EFFECT = ("jobs", "max-input")
 """Options of an evaluation that change neither the number nor its bracket."""
 
-PATHS_GIVEN = ("covariance", "step-weights")
+PATHS_GIVEN = ("covariance", "step-weights", "ignore-regions")
 """Options that name a file."""
 
 RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}

@@ -26,6 +26,11 @@ FILE_FORMATS = (
     *("csv", "parquet", "feather", "motchallenge", "visdrone", "kitti", "npz", "npy", "mat"),
     *("nuscenes", "argoverse"),
 )
+PREPROCESS = tuple(
+    f"{name}{how}"
+    for name in ("motchallenge", "kitti", "visdrone", "uadetrac")
+    for how in ("", ":delete", ":ignore")
+)
 REDUCTIONS = (
     *("sliced", "recursive", "atl", "kmeans"),
     *("systematic", "stratified", "multinomial", "top"),
@@ -432,10 +437,11 @@ class Request(Values):
     )
     preprocess: str | None = setting(
         "Filters",
-        "--preprocess motchallenge",
-        "With boxes: leave out estimates that match a distractor, and truths that are no "
-        "pedestrians, as MOTChallenge 2016 and 2017 do before they evaluate.",
-        choices=("motchallenge",),
+        "--preprocess RULES",
+        "With boxes: leave out what a benchmark leaves out before it evaluates: motchallenge (2016 "
+        "and 2017), kitti (with --class), visdrone or uadetrac (with --ignore-regions); "
+        "NAME:ignore marks as not judged what NAME, or NAME:delete, leaves out.",
+        choices=PREPROCESS,
         parts=FITTING,
     )
     ignore: tuple[str, ...] = setting(
@@ -447,6 +453,15 @@ class Request(Values):
         "times at which TRUTH has no row; truth-gaps: the straight line across gaps longer than "
         "--max-gap. Repeatable.",
         default=(),
+        parts=FITTING,
+    )
+    ignore_regions: str | None = setting(
+        "Filters",
+        "--ignore-regions FILE",
+        "Regions in which estimates may be false for nothing: CSV of boxes, circles or polygons, "
+        "with t if they are of one step, or GeoJSON. Points inside, and boxes with half of their "
+        "area inside. Polygons need the extra regions.",
+        kind="path",
         parts=FITTING,
     )
     max_speed: float | None = setting(

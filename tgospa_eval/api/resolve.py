@@ -39,6 +39,7 @@ from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.headers import columns_of_each
 from tgospa_eval.formats.options import parse_moments, parse_steps
 from tgospa_eval.formats.reading import check_classes
+from tgospa_eval.formats.rows import NOT_CONSIDERED
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.numbers import Calibration
 from tgospa_eval.solvers import Solver, solver_class
@@ -277,24 +278,25 @@ class Settings:
         if len(sides) < len(ROLES) or not (self.preprocess or in_tables):
             return sides
         from tgospa_eval.evaluation.preprocess import (  # here: for boxes only
-            PREPROCESS,
             benchmark_warnings,
             preprocessed,
         )
 
-        if self.preprocess and not sides[0].format:
-            raise ConfigError(f"{PREPROCESS}: the truth is no file of MOTChallenge")
-
         def everything(**changes: Any) -> Reading:
-            """As an estimate, of which nothing is left out by a flag."""
-            options = replace(self.each[0], **changes)
-            return read(paths[0], options, "estimate", self.formats[0])
+            """With the rows that a flag leaves out, of all classes."""
+            options = replace(self.each[0], classes=None, kept=(NOT_CONSIDERED,), **changes)
+            return read(paths[0], options, "truth", self.formats[0])
 
         if self.preprocess:
-            return preprocessed(sides, everything(), (paths[0], paths[1]))
-        found = benchmark_warnings(
-            sides[0], lambda: everything(classes=None, attributes=("class",))
-        )
+            ignoring = self.evaluation.ignoring
+            return preprocessed(
+                self.preprocess,
+                sides,
+                lambda: everything(attributes=(*self.each[0].attributes, "conf")),
+                (paths[0], paths[1]),
+                None if ignoring is None else ignoring.regions,
+            )
+        found = benchmark_warnings(sides[0], lambda: everything(attributes=("class",)))
         return replace(sides[0], warnings=(*sides[0].warnings, *found)), *sides[1:]
 
     def check(self, sides: tuple[Reading, ...], paths: tuple[str, ...]) -> None:
@@ -371,7 +373,7 @@ def make_settings(options: Request) -> Settings:
         The file of a covariance is missing or wrong.
     """
     # A file may change from one job of a batch to the next; options do not, if they are texts.
-    named = options.covariance, options.inner_cov, options.step_weights
+    named = options.covariance, options.inner_cov, options.step_weights, options.ignore_regions
     if any(name is not None for name in named):
         return _settings(options)
     try:
@@ -445,12 +447,7 @@ def _settings(options: Request) -> Settings:
     if ignoring is not None and ignoring.classes:
         each = replace(each[0], by_class=True, class_for="--ignore", also=ignoring.classes), each[1]
     if options.preprocess:
-        if not measure.boxes:
-            raise ConfigError("--preprocess motchallenge: looks at boxes; choose --distance iou")
-        if options.by:
-            raise ConfigError("--preprocess motchallenge: leaves pedestrians alone, not --by class")
-        # Distractors are classes of the truth.
-        each = replace(each[0], by_class=True, class_for="--preprocess"), each[1]
+        each = _of_benchmark(options, measure, each[0]), each[1]
     return Settings(
         evaluation=EvaluationRequest(
             parameters=parameters,
@@ -482,7 +479,7 @@ def _settings(options: Request) -> Settings:
         formats=(options.truth_format, options.estimate_format),
         conversions=(of_truth, conversion),
         of_tables=(_of_tables(options, "truth"), _of_tables(options, "estimate")),
-        preprocess=options.preprocess,
+        preprocess=(options.preprocess or "").removesuffix(":delete") or None,
         frames=frames,
         similarity=_calibration(options),
     )
@@ -507,14 +504,20 @@ def _ignoring(options: Request) -> "Ignoring | None":
         raise ConfigError(
             f"--max-speed {speed:g}: must be >= 0 and finite, and is for --ignore truth-gaps"
         )
-    if not options.ignore:
+    marks = (options.preprocess or "").endswith(":ignore")
+    if not (options.ignore or marks) and options.ignore_regions is None:
         return None
     from tgospa_eval.evaluation.ignoring import GAPS, OUTSIDE, parse_ignoring  # here: as weights
+    from tgospa_eval.evaluation.regions import as_regions
 
     if options.existence == "use":
-        raise ConfigError("--ignore and --existence use do not go together; leave one of them out")
-    found = parse_ignoring(
-        (options.ignore,) if isinstance(options.ignore, str) else options.ignore, speed
+        raise ConfigError(
+            "--existence use does not go together with --ignore, --ignore-regions and --preprocess "
+            "NAME:ignore; leave one of them out"
+        )
+    texts = (options.ignore,) if isinstance(options.ignore, str) else options.ignore
+    found = replace(
+        parse_ignoring(texts, speed), regions=as_regions(options.ignore_regions, options.decimal)
     )
     if found.classes and options.by:
         raise ConfigError(
@@ -533,6 +536,30 @@ def _ignoring(options: Request) -> "Ignoring | None":
             "what a gap is"
         )
     return found
+
+
+def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions) -> ReadOptions:
+    """How to read a truth with all that the rules of a benchmark look at."""
+    from tgospa_eval.evaluation.preprocess import HIDDEN, NEIGHBOURS, judged_class  # here: as above
+
+    rule = str(options.preprocess)
+    if not measure.boxes:
+        raise ConfigError(f"--preprocess {rule}: looks at boxes; choose --distance iou")
+    if rule.startswith("uadetrac"):
+        return truth
+    truth = replace(truth, regions=True)
+    if rule.startswith("visdrone"):
+        return truth
+    if options.by:
+        raise ConfigError(f"--preprocess {rule}: is of one class, not --by class")
+    truth = replace(truth, by_class=True, class_for="--preprocess")
+    if rule.startswith("motchallenge"):
+        return truth
+    return replace(
+        truth,
+        also=(*truth.also, *NEIGHBOURS[judged_class(truth.classes, rule)]),
+        attributes=(*truth.attributes, *HIDDEN),
+    )
 
 
 def _in_one_clock(read: tuple[Reading, ...]) -> tuple[Reading, ...]:

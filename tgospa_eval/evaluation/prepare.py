@@ -359,6 +359,9 @@ def _recorded(
     if unjudged is not None and unjudged[0].any():
         counts = counts.chosen(np.flatnonzero(~unjudged[0]))
         sha256 = hashlib.sha256(f"{sha256} {digest(counts)}".encode()).hexdigest()
+    regions = None if request.ignoring is None else request.ignoring.regions
+    if regions is not None:
+        sha256 = hashlib.sha256(f"{sha256} {regions.sha256}".encode()).hexdigest()
     judged = judge(sides.axis.horizon, counts, sha256)
     left_out = zip(aligned.left_out, sides.axis.left_out, strict=True)
     found = {

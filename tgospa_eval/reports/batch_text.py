@@ -370,7 +370,8 @@ def _notes(tables: BatchTables) -> Iterator[str]:
             yield f"{_where(ranking)}{names}: no job with a value, and no place"
     texts = tables.rows["parameters"].dropna().unique() if "parameters" in tables.rows else ()
     for name in sorted({str(json.loads(text).get("preprocess") or "") for text in texts} - {""}):
-        yield f"boxes were left out by --preprocess {name} before all metrics"
+        done = "are not judged" if name.endswith(":ignore") else "were left out before all metrics"
+        yield f"by --preprocess {name} boxes {done}"
     yield from about_others(tables)
     yield from about_slices_of(tables)
 
