@@ -647,7 +647,8 @@ class Request(Values):
         "Output",
         "--with NAMES",
         "Other metrics beside TGOSPA: hota, clear (MOTA), identity (IDF1), which need the extra "
-        "mot; gospa, of each step by itself. Several with commas.",
+        "mot; gospa, of each step by itself; nees, whether covariances are as large as errors, "
+        "also where the distance compares points. Several with commas.",
         number=False,
         everywhere=False,
         stored=False,

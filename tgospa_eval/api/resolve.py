@@ -40,6 +40,7 @@ from tgospa_eval.formats.columns.headers import columns_of_each
 from tgospa_eval.formats.options import parse_moments, parse_steps
 from tgospa_eval.formats.reading import check_classes
 from tgospa_eval.formats.rows import NOT_CONSIDERED
+from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.numbers import Calibration
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.tracks.alignment import TimeMatching
@@ -119,7 +120,11 @@ class Settings:
                 for name, text in vars(options.form).items()
                 if name != "role" and text
             },
-            **dict(self.reading.covariances()),
+            **{
+                name: value
+                for name, value in self.reading.covariances()
+                if self.measure.named.kinds or value not in (False, "error")
+            },
             **({} if self.frames is None else self.frames.recorded),
             **({} if self.coverage is None else {"region": self.coverage}),
             **{
@@ -242,7 +247,7 @@ class Settings:
                 f"--{self.of_tables[side][0]} is for files and tables, and {role} is none: choose "
                 "its rows and columns before"
             )
-        made = of_object(given, role, self.evaluation.distance, components)
+        made = of_object(given, role, self.evaluation, components)
         return Reading(trajectories=made, rows=len(made.step), format="")
 
     def _converted(self, read: tuple[Reading, ...], side: int, given: Sequence[object]) -> Reading:
@@ -404,7 +409,9 @@ def _kept(options: Request) -> Settings:
 
 
 def _settings(options: Request) -> Settings:
-    if options.by and options.with_:
+    asked = () if options.with_ is None else chosen_metrics(options.with_)
+    others, nees = tuple(name for name in asked if name != NEES), NEES in asked
+    if options.by and others:
         raise ConfigError(
             "--with takes all rows together, not --by class; choose one class by --class NAME"
         )
@@ -413,7 +420,7 @@ def _settings(options: Request) -> Settings:
     region, coverage = options.region, None
     if is_coverage(region):
         region, coverage = None, region
-    measure = DistanceOptions(options)
+    measure = DistanceOptions(options, nees=nees)
     slices, columns = _slices(options)
     ignoring = _ignoring(options)
     if ignoring is not None:
@@ -427,10 +434,10 @@ def _settings(options: Request) -> Settings:
         classes=_list(options.class_),
         region=region,
         by_class=options.by == "class",
-        covariance=bool(measure.named.kinds),
+        covariance=nees or bool(measure.named.kinds),
         fix_covariance=options.fix_cov,
         missing_covariance=options.missing_cov,
-        clouds="cloud" in measure.named.kinds,
+        clouds="cloud" in measure.named.kinds or (nees and not measure.named.kinds),
         fault=measure.fault,
         attributes=(*columns, *((EXISTENCE,) if options.existence == "use" else ())),
         max_input=options.max_input,
@@ -481,7 +488,8 @@ def _settings(options: Request) -> Settings:
             unit=options.unit,
             curve=options.curve,
             sliding=Sliding.asked(options.window, options.every),
-            with_=() if options.with_ is None else chosen_metrics(options.with_),
+            with_=others,
+            nees=nees,
             defaults=defaults,
             slices=slices,
             step_weights=as_step_weights(options.step_weights, options.decimal),

@@ -20,6 +20,7 @@ from tgospa_eval.engines.processes import Processes
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.partitioned.evaluate import evaluate_partitioned
 from tgospa_eval.reports.files import WORK_FOLDER
+from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.partitioned import IN_PARTS, STORED_TABLES, name_of
 
 TABLE_FILES = (*map(name_of, STORED_TABLES[:-1]), f"{IN_PARTS}/part-00000.parquet")
@@ -49,7 +50,7 @@ def check_parts(options: Request, output: OutputOptions, why: str, *, sweep: boo
     asked = [
         (about.key, about.parts)
         for name, about in SETTINGS.items()
-        if about.parts and getattr(options, name) != DEFAULTS[name]
+        if about.parts and getattr(options, name) not in (DEFAULTS[name], NEES)
     ]
     if output.proof:
         asked.append(("proof", FITTING))
