@@ -78,6 +78,7 @@ SPELLINGS = (
 whether these are standard deviations. {0} and {1} are state columns, {2} and {3} their numbers from
 1 on; names that are joined have one letter each."""
 
+
 def spelt(first: int, second: int, names: Sequence[str], spelling: int = 0) -> list[str]:
     """Headers of an entry of a covariance, the usual one first."""
     beside, diagonal, _ = SPELLINGS[spelling]
