@@ -31,9 +31,11 @@ from tgospa_eval.evaluation.sides import (
     check_as_long,
     components_of,
     filled,
+    has_rows,
     is_empty,
     is_path,
     of_object,
+    rows_of,
 )
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.headers import columns_of_each
@@ -46,6 +48,7 @@ from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.existence import EXISTENCE
+from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.ignoring import Ignoring
@@ -242,13 +245,26 @@ class Settings:
             from tgospa_eval.formats.frames import from_frame  # here: pandas
 
             return replace(from_frame(frame, options, name=role), format="")
+        if self._has_rows(given, side):
+            from tgospa_eval.formats.assemble import assemble
+
+            columns = self.evaluation.distance.columns
+            rows = rows_of(given, role, options, columns, components)
+            if rows is not None:
+                return replace(assemble(rows, options, "frame"), format="")
         if self.of_tables[side]:
             raise ConfigError(
                 f"--{self.of_tables[side][0]} is for files and tables, and {role} is none: choose "
                 "its rows and columns before"
             )
-        made = of_object(given, role, self.evaluation, components)
-        return Reading(trajectories=made, rows=len(made.step), format="")
+        return of_object(given, role, self.evaluation, components)
+
+    def _has_rows(self, given: object, side: int) -> bool:
+        """Whether options of reading are followed row by row."""
+        if isinstance(given, Trajectories):
+            return False
+        is_table = is_path(given) or as_frame(given, ROLES[side]) is not None
+        return is_table or has_rows(given) or bool(self.of_tables[side])
 
     def _converted(self, read: tuple[Reading, ...], side: int, given: Sequence[object]) -> Reading:
         """A side with the stamps and states that are asked for, if reading left that open."""
@@ -256,9 +272,7 @@ class Settings:
         role, found = ROLES[side], read[side]
         if not conversion.recorded_of(role):
             return found
-        if self.each[side].conversion.recorded_of(role) and (
-            is_path(given[side]) or as_frame(given[side], role) is not None
-        ):
+        if self.each[side].conversion.recorded_of(role) and self._has_rows(given[side], side):
             return found
         if conversion.unit_scale != 1:
             truth, estimate = (one.trajectories for one in read)

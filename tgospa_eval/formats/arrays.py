@@ -7,7 +7,7 @@ letter: T steps, n tracks, d coordinates, N particles; ``Tnd`` is an array (T, n
 import io
 import struct
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from math import prod
@@ -17,14 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.errors import InputError
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns.headers import BOX, find_roles
-from tgospa_eval.formats.frames import frame_rows
 from tgospa_eval.formats.loading import TABLE, check_memory, unreadable
 from tgospa_eval.formats.options import Flags, ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import listed
-from tgospa_eval.tracks.trajectories import column_names
+from tgospa_eval.tracks.trajectories import as_doubles, column_names
 
 AXES = 3
 NAMES = {
@@ -122,6 +121,7 @@ def array_rows(
     axes: Mapping[str, tuple[str, ...]] = NUMPY,
     there: Flags | None = None,
     names: tuple[str, ...] | None = None,
+    chosen: Sequence[int] | None = None,
 ) -> Rows:
     """The rows of states or particles, with what is beside them.
 
@@ -141,13 +141,17 @@ def array_rows(
         Which states there are; by default those without NaN.
     names : tuple of str, optional
         Of the d coordinates, where there are so many.
+    chosen : sequence of int, optional
+        Coordinates to compare, by number.
 
     Raises
     ------
     InputError
         Sizes do not fit each other, or fit in several ways; or see `formats.read`.
     """
-    import pandas as pd
+    import pandas as pd  # here: other formats do without
+
+    from tgospa_eval.formats.frames import frame_rows
 
     found, unused = _sorted(path, arrays)
     told = {kind: sized(name, array.shape) for kind, (name, array) in found.items()}
@@ -155,6 +159,7 @@ def array_rows(
     known = {axis: found[kind][1].size for axis, kind in lengths.items() if kind in found}
     tables = _oriented(path, {k: v for k, v in found.items() if k in axes}, known, axes)
     what = "particles" if "particles" in tables else "x"
+    tables = _chosen(tables, chosen, path)
     steps, tracks, size = (tables[what].shape[k] for k in (0, 1, -1))
     if not size:
         raise InputError(f"{path}: {told[what]}: no coordinates")
@@ -183,7 +188,7 @@ def array_rows(
     warnings = ()
     if options.columns is None and not options.boxes and not STATE_NAMES & set(names):
         options = replace(options, columns=names)  # states of other names all the same
-        warnings = () if "columns" in found else (all_compared(names),)
+        warnings = () if "columns" in found or chosen else (all_compared(names),)
     roles = find_roles(list(table), options, path)
     unused += [told[k] for k in {"particles": ("x", "P"), "x": ("weights",)}[what] if k in told]
     if unused:
@@ -223,6 +228,38 @@ def _weights(points: NDArray[np.float64], given: NDArray[np.float64] | None) -> 
         there = ~np.isnan(points).any(axis=2)
         given = there / np.maximum(there.sum(axis=1, keepdims=True), 1)
     return given.ravel()
+
+
+def _chosen(
+    tables: dict[str, NDArray[np.float64]], chosen: Sequence[int] | None, path: str
+) -> dict[str, NDArray[np.float64]]:
+    """Arrays with some of the coordinates."""
+    if chosen is None:
+        return tables
+    found = dict(tables)
+    for kind in ("x", "P", "particles"):
+        if kind in tables:
+            places = components(chosen, tables[kind].shape[-1], path)
+            found[kind] = tables[kind][..., places]
+            found[kind] = found[kind][..., places, :] if kind == "P" else found[kind]
+    return found
+
+
+def components(chosen: Sequence[int] | None, size: int, name: str) -> list[int]:
+    """Which components of states of a size are compared; all if none are chosen.
+
+    Raises
+    ------
+    ConfigError
+        They are not there.
+    """
+    found = list(range(size) if chosen is None else chosen)
+    if not found or len(set(found)) < len(found) or not set(found) <= set(range(size)):
+        raise ConfigError(
+            f"mapping is {tuple(found)}: must be different components of the states of {name}, "
+            f"from 0 to {size - 1}"
+        )
+    return found
 
 
 def spread_columns(names: tuple[str, ...], matrices: NDArray[np.float64]) -> dict[str, Any]:
@@ -339,7 +376,7 @@ def _turned(array: Array, way: str, kind: str) -> NDArray[np.float64]:
     for axis in NUMPY[kind][0]:
         order.append(left.index(axis))
         left[order[-1]] = ""
-    return array.transpose(order).astype(np.float64, copy=False)
+    return as_doubles(array.transpose(order))
 
 
 def _spelt(way: str) -> str:
@@ -366,6 +403,8 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
         The file is no npz, or see `formats.read`. Rows count from 0.
     """
     import pandas as pd
+
+    from tgospa_eval.formats.frames import frame_rows
 
     if not data:
         raise InputError(f"{path}: the file is empty; a set without objects has empty arrays")
