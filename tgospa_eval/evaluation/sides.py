@@ -195,8 +195,8 @@ def is_path(side: object) -> TypeGuard["str | os.PathLike[str]"]:
     return isinstance(side, str | os.PathLike)
 
 
-def check_as_long(given: Sequence[object], sides: Sequence[Reading]) -> None:
-    """Whether sides that only count their steps have as many.
+def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequence[str]) -> None:
+    """Whether sides that only count their steps have as many; `names` are for messages.
 
     Raises
     ------
@@ -210,7 +210,7 @@ def check_as_long(given: Sequence[object], sides: Sequence[Reading]) -> None:
     ]
     if len(set(counted)) > 1:
         raise InputError(
-            f"truth has {counted[0]} steps and estimate {counted[1]}: arrays "
+            f"{names[0]} has {counted[0]} steps and {names[1]} {counted[1]}: arrays "
             "(T, k, d) have the same T; rows of NaN mean that nothing exists at a step, and a pair "
             "(times, array) says when the steps are"
         )

@@ -188,7 +188,9 @@ def array_rows(
     warnings = ()
     if options.columns is None and not options.boxes and not STATE_NAMES & set(names):
         options = replace(options, columns=names)  # states of other names all the same
-        warnings = () if "columns" in found or chosen else (all_compared(names),)
+        if "columns" not in found and chosen is None:
+            way = "mapping=(0, 2)" if file is None else f"--columns x={names[0]},y={names[2]}"
+            warnings = (all_compared(names, way),)
     roles = find_roles(list(table), options, path)
     unused += [told[k] for k in {"particles": ("x", "P"), "x": ("weights",)}[what] if k in told]
     if unused:
@@ -271,13 +273,13 @@ def spread_columns(names: tuple[str, ...], matrices: NDArray[np.float64]) -> dic
     }
 
 
-def all_compared(names: tuple[str, ...]) -> Notice:
-    """A warning about states of which nobody said which are positions."""
+def all_compared(names: tuple[str, ...], way: str = "mapping=(0, 2)") -> Notice:
+    """A warning about states of which nobody said which are positions; `way` says it."""
     return Notice(
         code="all-components",
         text=f"states have {len(names)} components, {names[0]} to {names[-1]}, and all are "
         "compared",
-        remedy="of positions and velocities choose the positions: --columns x=x0,y=x2",
+        remedy=f"of positions and velocities choose the positions: {way}",
     )
 
 

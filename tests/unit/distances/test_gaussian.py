@@ -706,7 +706,7 @@ def test_python_warns_of_what_is_clamped(write: Write) -> None:
     pd = pytest.importorskip("pandas")
     with pytest.warns(UserWarning, match=r'by up to 0.00025 .*estimate, row 0 \(id "4", t 9\)'):
         evaluate(found, pd.read_csv(path), 5.0, distance="gaussian-wasserstein")
-    with pytest.warns(UserWarning, match=r"not quite .*covariance of row 0"):
+    with pytest.warns(UserWarning, match=r"not quite .*covariance of id .0., t 0"):
         Trajectories.from_array(np.zeros((1, 1, 2)), covariance=[[1, 1.0005], [1.0005, 1]])
 
 
@@ -817,8 +817,8 @@ def test_trajectories_carry_covariances() -> None:
     ("matrices", "message"),
     [
         (np.eye(3), "does not fit states (1, 1, 2)"),
-        (-np.eye(2), "covariance of row 0: negative variance"),
-        (np.full((2, 2), np.inf), "covariances must be finite"),
+        (-np.eye(2), 'covariance of id "0", t 0: negative variance'),
+        (np.full((2, 2), np.inf), 'covariance of id "0", t 0: not finite'),
     ],
 )
 def test_wrong_covariances_of_arrays(matrices: Array, message: str) -> None:
