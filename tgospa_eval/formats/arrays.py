@@ -173,24 +173,20 @@ def array_rows(
         width = size + (size * size + 2 if "P" in tables else 2)
         check_memory(path, TABLE * 8 * len(step) * each * width, file, options.max_input, about)
     table: dict[str, Any] = {}
-    for header, kind, place in (("id", "id", track), ("t", "t", step)):
-        values = np.arange(there.shape[int(kind == "id")]) + first
-        if kind in found:
-            values = found[kind][1].ravel()
-            values = _whole(values) if axes is MATLAB else values
-        table[header] = np.repeat(values[place], each)
+    for kind, count, place in (("id", tracks, track), ("t", steps, step)):
+        values = found[kind][1].ravel() if kind in found else np.arange(count) + first
+        table[kind] = np.repeat((_whole(values) if first else values)[place], each)
     points = tables[what][at]
     if what == "particles":
         table["weight"] = _weights(points, tables["weights"][at] if "weights" in tables else None)
     table |= dict(zip(names, points.reshape(-1, size).T, strict=True))
     if what == "x" and "P" in tables:
         table |= spread_columns(names, tables["P"][at])
-    warnings = ()
+    warnings: tuple[Notice, ...] = ()
     if options.columns is None and not options.boxes and not STATE_NAMES & set(names):
         options = replace(options, columns=names)  # states of other names all the same
         if "columns" not in found and chosen is None:
-            way = "mapping=(0, 2)" if file is None else f"--columns x={names[0]},y={names[2]}"
-            warnings = (all_compared(names, way),)
+            warnings = (all_compared(names),)
     roles = find_roles(list(table), options, path)
     unused += [told[k] for k in {"particles": ("x", "P"), "x": ("weights",)}[what] if k in told]
     if unused:
@@ -236,14 +232,11 @@ def _chosen(
     tables: dict[str, NDArray[np.float64]], chosen: Sequence[int] | None, path: str
 ) -> dict[str, NDArray[np.float64]]:
     """Arrays with some of the coordinates."""
-    if chosen is None:
-        return tables
     found = dict(tables)
-    for kind in ("x", "P", "particles"):
-        if kind in tables:
-            places = components(chosen, tables[kind].shape[-1], path)
-            found[kind] = tables[kind][..., places]
-            found[kind] = found[kind][..., places, :] if kind == "P" else found[kind]
+    for kind in tables.keys() - {"weights"} if chosen is not None else ():
+        places = components(chosen, tables[kind].shape[-1], path)
+        found[kind] = tables[kind][..., places]
+        found[kind] = found[kind][..., places, :] if kind == "P" else found[kind]
     return found
 
 
@@ -273,13 +266,13 @@ def spread_columns(names: tuple[str, ...], matrices: NDArray[np.float64]) -> dic
     }
 
 
-def all_compared(names: tuple[str, ...], way: str = "mapping=(0, 2)") -> Notice:
-    """A warning about states of which nobody said which are positions; `way` says it."""
+def all_compared(names: tuple[str, ...]) -> Notice:
+    """A warning about states of which nobody said which are positions."""
     return Notice(
         code="all-components",
-        text=f"states have {len(names)} components, {names[0]} to {names[-1]}, and all are "
-        "compared",
-        remedy=f"of positions and velocities choose the positions: {way}",
+        text=f"all {len(names)} components of the states, {names[0]} to {names[-1]}, are compared",
+        remedy=f"if some are velocities choose the positions, --columns x={names[0]},y={names[2]} "
+        "(in Python also mapping=(0, 2))",
     )
 
 
@@ -329,13 +322,14 @@ def _oriented(
     for chosen in product(*allowed.values()):
         sizes = dict(known)
         if all(
-            _fits(array.shape, way, sizes, dropped=axes is MATLAB)
+            _fits(array.shape, way, sizes, drop=axes is MATLAB and (way[-1] != "d" or "n" in known))
             for (_, array), way in zip(found.values(), chosen, strict=True)
         ):
             fits.append(dict(zip(found, chosen, strict=True)))
-    told = ", ".join(sized(name, array.shape) for name, array in found.values())
-    for axis, kind in (("T", "t"), ("n", "id"), ("d", "columns")):
-        told += f", {known[axis]} in {kind}" if axis in known else ""
+    told = ", ".join(
+        [sized(name, array.shape) for name, array in found.values()]
+        + [f"{axis} = {size}" for axis, size in known.items()]
+    )
     if not fits:
         rules = "; ".join(
             f"{found[kind][0]} is {' or '.join(map(_spelt, way))}" for kind, way in allowed.items()
@@ -351,10 +345,8 @@ def _oriented(
     for other, way in zip(made[1:], fits[1:], strict=True):
         for kind, array in other.items():
             if not np.array_equal(array, made[0][kind], equal_nan=True):
-                both = fits[0][kind], way[kind]
-                base = NAMES[kind][0]
-                beside = [k for axis, k in (("T", "t"), ("n", "id")) if axis not in known]
-                also = f", or save {' and '.join(beside)} with it" if beside else ""
+                both, base = (fits[0][kind], way[kind]), NAMES[kind][0]
+                also = ", or save t and id with it" if kind != "P" and len(known) < 2 else ""
                 raise InputError(
                     f"{path}: {told}: {found[kind][0]} may be {' or '.join(map(_spelt, both))}; "
                     f"name it {base}_{both[0]} or {base}_{both[1]}{also}"
@@ -362,9 +354,9 @@ def _oriented(
     return made[0]
 
 
-def _fits(shape: tuple[int, ...], way: str, sizes: dict[str, int], *, dropped: bool) -> bool:
-    """Whether an array has these axes, whose sizes are noted; last ones of 1 may be dropped."""
-    if dropped:
+def _fits(shape: tuple[int, ...], way: str, sizes: dict[str, int], *, drop: bool) -> bool:
+    """Whether an array has these axes, whose sizes are noted; last ones of 1 may be missing."""
+    if drop:
         shape += (1,) * (len(way) - len(shape))
     return len(shape) == len(way) and all(
         sizes.setdefault(axis, size) == size for axis, size in zip(way, shape, strict=True)

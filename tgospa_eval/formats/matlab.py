@@ -205,7 +205,7 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables
         return value(group[name], name) if is_here(group, name) else None
 
     def sizes(name: str) -> tuple[int, ...]:
-        item = file[name] if is_here(file, name) else None
+        item: Any = file[name] if is_here(file, name) else None
         is_array = isinstance(item, h5py.Dataset) and item.dtype.kind in "iuf"
         return tuple(item.shape[::-1]) if is_array else ()
 
@@ -354,7 +354,8 @@ class _Sets:
     def _count(self, name: str) -> int | None:
         """Elements of a cell that has a set, 0 of a set, or an array of states; None of others."""
         if name in self.arrays:
-            return 0
+            is_timed = any(meant(k)[0] == "t" for k in self.arrays)
+            return 0 if is_timed or len(self.arrays[name]) > 2 else None
         value = self.value(name) if name in self.found else None
         if isinstance(value, list):
             return len(value) if any(_is_set(read()) for read in value) else None
