@@ -105,14 +105,19 @@ def find_spread(
     """The columns of the covariances of these state columns; None if there are none.
 
     Spellings are taken in the order of `SPELLINGS`. Entries by number are those of the states only
-    if there is none of a further one. `find` gives the position of a header.
+    if these are in the order of the table, and there is none of a further one. `find` gives the
+    position of a header.
 
     Raises
     ------
     InputError
         There are some columns, and that of a variance is missing.
     """
+    columns = [find(name) for name in names]
+    in_order = None not in columns and columns == sorted(columns)  # type: ignore[type-var]
     for spelling in range(len(SPELLINGS)):
+        if spelling == NUMBERED and not in_order:
+            continue
         wider = [*names, *"?" * (spelling == NUMBERED)]
         entries = []
         for k in range(len(wider)):
