@@ -514,7 +514,8 @@ class Roles:
             yield f"columns not used: {listed(unused)}{way}"
         if self.spread is not None and not clouds:
             read = [self.headers[column] for column in self.spread.columns]
-            if not all(name.casefold().startswith(PREFIXES) for name in read):
+            folded = [name.casefold() for name in read]
+            if self.spread.is_unusual or any(n.startswith(("var_", "sigma_")) for n in folded):
                 what = "standard deviations" if self.spread.deviations else "covariances"
                 yield f"{what} are read from {listed(read)}"
         if self.asked and self.spread is None and not clouds:

@@ -46,6 +46,11 @@ class SpreadColumns:
         return SPELLINGS[self.spelling][2]
 
     @property
+    def is_unusual(self) -> bool:
+        """Whether their headers begin with P."""
+        return self.spelling in (NAMED, NUMBERED)
+
+    @property
     def columns(self) -> tuple[int, ...]:
         """Columns that are read."""
         return tuple(column for entry in self.entries for column in entry)
@@ -65,8 +70,8 @@ First = Callable[[NDArray[np.bool_]], tuple[int, str, str]]
 """Position and place of the wrong one that comes first in the file; how many more."""
 
 
-NUMBERED = 2
-"""The spelling by numbers: P11, P12, P22."""
+NAMED, NUMBERED = 1, 2
+"""The spellings Pxx, Pxy, Pyy and P11, P12, P22."""
 
 SPELLINGS = (
     (("cov_{0}{1}", "cov_{0}_{1}"), ("cov_{0}{1}", "cov_{0}_{1}", "var_{0}"), False),
