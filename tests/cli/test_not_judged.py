@@ -90,14 +90,16 @@ def test_every_report_says_what_is_not_judged(files, invoke) -> None:
     ("options", "message"),
     [
         (("--ignore", "colour=red"), 'truth.csv has no column "colour"; it has id, t, x, y, class'),
-        (("--ignore", "class=Bus"), 'truth.csv has no class "Bus"; there are Car, Van'),
+        (("--ignore", "x==3"), "must be COLUMN=VALUE[,VALUE]"),
+        (("--ignore", "x!=3"), "must be COLUMN=VALUE[,VALUE]"),
+        (("--ignore", "x=far"), 'column "x" has numbers, and "far" is none'),
         (("--ignore", "class>3"), "classes are compared by ="),
         (("--ignore", "x>a"), '"a" is no plain, finite number'),
         (("--ignore", "x"), "must be COLUMN=VALUE[,VALUE]"),
         (("--ignore", "marked"), "truth.csv has no column ignored, and estimate.csv no column"),
         (("--ignore", "truth-gaps"), "is for --interpolate truth and --resample"),
         (("--ignore", "class=Van", "--by", "class"), "each class is judged by itself"),
-        (("--ignore", "x>1", "--existence", "use"), "do not go together"),
+        (("--ignore", "x>1", "--existence", "use"), "does not go together"),
         (
             ("--ignore", "outside-truth-steps", "--resample", "1", "--max-gap", "2"),
             "--ignore truth-gaps leaves",
@@ -212,3 +214,13 @@ def test_marks_of_trajectories(files) -> None:
     assert not side.attributes
     found = evaluate(truth, truth, cutoff=4, switch_penalty=1, ignore=["class=Van", "occlusion>1"])
     assert found.ignored == {"truth_states": 4, "absorbed": 4.0, "excused": 0}
+
+
+def test_a_rule_that_fits_nothing_is_told(files, invoke) -> None:
+    """One recording of many may have no Bus: that is no error."""
+    answer = invoke(*files, *METRIC[:-1], "--ignore", "class=Bus,Van")
+    assert answer.status == 0
+    assert '--ignore class=Bus,Van: no row of class "Bus"; there are Car, Van' in answer.err
+    assert "no state fits" not in answer.err
+    answer = invoke(*files, *METRIC[:-1], "--ignore", "occlusion>7")
+    assert "--ignore occlusion>7: no state fits, all are judged" in answer.err
