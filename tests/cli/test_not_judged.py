@@ -196,6 +196,28 @@ def test_the_reach_of_a_gap_grows_with_the_speed_that_is_allowed(tmp_path: Path)
         evaluate(ship, radar, **options, max_speed=2)
 
 
+@pytest.mark.parametrize("clock_of", [{"interpolate": "truth"}, {"resample": 1}])
+def test_what_is_between_two_ignored_states_is_ignored(clock_of) -> None:
+    """Beside gaps, of which there is none here, as without."""
+    truth = pd.DataFrame({"id": [1, 1, 2, 2], "t": [0, 4] * 2, "x": [0.0, 0, 9, 9]})
+    truth["class"] = ["Car", "Car", "Van", "Van"]
+    estimate = pd.DataFrame({"id": 7, "t": range(5), "x": 0.0})
+    options = {"cutoff": 2, "switch_penalty": 1, "max_gap": 10, **clock_of}
+    for rules in (["class=Van"], ["class=Van", "truth-gaps"]):
+        found = evaluate(truth, estimate, **options, ignore=rules)
+        assert (found.total, found.ignored["truth_states"]) == (0, 5)
+
+
+@pytest.mark.parametrize("empty", [0, 1])
+@pytest.mark.parametrize("clock_of", [{"interpolate": "truth"}, {"resample": 1}])
+def test_an_empty_side_has_no_gaps(clock_of, empty) -> None:
+    sides = [pd.DataFrame({"id": 1, "t": [0, 5], "x": 0.0}) for _ in range(2)]
+    sides[empty] = sides[empty].iloc[:0]
+    options = {"cutoff": 2, "switch_penalty": 1, "max_gap": 1, **clock_of}
+    found = evaluate(*sides, **options, ignore="truth-gaps", max_speed=1)
+    assert found.total == 2 * 2
+
+
 def test_other_metrics_are_without_what_is_not_judged() -> None:
     pytest.importorskip("trackeval")
     truth = pd.DataFrame({"id": 1, "t": range(10), "x": 0.0})
