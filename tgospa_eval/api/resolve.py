@@ -277,6 +277,8 @@ class Settings:
         found = []
         for side, name in zip(read, names, strict=True):
             regions = coverage(self.coverage, side.trajectories.columns, self.reading.decimal)
+            if self.frames is not None:
+                regions = replace(regions, origin=self.frames.begin)
             near = self.evaluation.time_matching.near
             rows = inside(regions, side.trajectories, near, name)
             found.append(kept_rows(side, rows, "region"))
@@ -461,6 +463,9 @@ def _settings(options: Request) -> Settings:
             "--time and --region are in the units of the truth: choose the distance by its name"
         )
     frames = _frames(options)
+    if frames is not None and ignoring is not None and ignoring.regions is not None:
+        placed = replace(ignoring.regions, origin=frames.begin)
+        ignoring = replace(ignoring, regions=placed)
     each = _each(reading, measure, options, frames)
     if not measure.is_record:  # whose angles are known when the columns are
         each = (
@@ -625,7 +630,8 @@ def _frames(options: Request) -> "Frames | None":
     )
     origin = options.origin
     if origin is not None and not isinstance(origin, str):
-        origin = ",".join(repr(float(number)) for number in origin)
+        values = tuple(origin) if isinstance(origin, Iterable) else (origin,)
+        origin = ",".join(map(str, values))
     return Frames(frames=(truth, estimate), origin=None if origin is None else parse_origin(origin))
 
 
