@@ -246,3 +246,14 @@ def test_a_rule_that_fits_nothing_is_told(files, invoke) -> None:
     assert "no state fits" not in answer.err
     answer = invoke(*files, *METRIC[:-1], "--ignore", "occlusion>7")
     assert "--ignore occlusion>7: no state fits, all are judged" in answer.err
+
+
+def test_several_rules_with_commas_are_those_of_a_list(files, invoke) -> None:
+    rules = ["class=Van,Bus", "occlusion>1", "outside-truth-steps"]
+    Path("s.toml").write_text(f"ignore = {json.dumps(rules)}\n", encoding="utf-8")
+    asked = (ignoring(*rules), ("--ignore", ",".join(rules)), ("--config", "s.toml"))
+    texts = [invoke(*files, *METRIC, *given, "--format", "json").out for given in asked]
+    first, *others = map(json.loads, texts)
+    assert first["parameters"]["ignore"] == rules
+    for other in others:
+        assert (other["total"], other["parameters"]) == (first["total"], first["parameters"])

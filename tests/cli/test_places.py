@@ -237,8 +237,8 @@ def test_what_no_sensor_reports_is_an_error() -> None:
     options = {"cutoff": 50, "switch_penalty": 1, "origin": "55.6,12.8"}
     with pytest.raises(InputError, match="has the range -1; must be >= 0"):
         evaluate(truth, seen, **options, estimate_crs="range,bearing")
+    polar = {"truth_crs": "lat,lon,alt", "estimate_crs": "range,bearing,elevation"}
     with pytest.raises(InputError, match="has the elevation 91; must be from -90 to 90"):
-        polar = {"truth_crs": "lat,lon,alt", "estimate_crs": "range,bearing,elevation"}
         evaluate(truth, seen.assign(range=1.0), **options, **polar)
     for origin in (5, (1,), ("a", 2), (55, 400)):
         with pytest.raises(ConfigError, match="must be LAT,LON or LAT,LON,ALT"):

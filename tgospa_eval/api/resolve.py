@@ -527,14 +527,9 @@ def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
 def _ignoring(options: Request) -> "Ignoring | None":
     """What is not judged, if there is such."""
     speed = options.max_speed or 0.0
-    if options.max_speed is not None and not (
-        "truth-gaps" in options.ignore and 0 <= speed < math.inf
-    ):
-        raise ConfigError(
-            f"--max-speed {speed:g}: must be >= 0 and finite, and is for --ignore truth-gaps"
-        )
     marks = (options.preprocess or "").endswith(":ignore")
-    if not (options.ignore or marks) and options.ignore_regions is None:
+    asked = (options.max_speed, options.ignore_regions) != (None, None)
+    if not (options.ignore or marks or asked):
         return None
     from tgospa_eval.evaluation.ignoring import GAPS, OUTSIDE, parse_ignoring  # here: as weights
     from tgospa_eval.evaluation.regions import as_regions
@@ -548,6 +543,10 @@ def _ignoring(options: Request) -> "Ignoring | None":
     found = replace(
         parse_ignoring(texts, speed), regions=as_regions(options.ignore_regions, options.decimal)
     )
+    if options.max_speed is not None and not (found.gaps and 0 <= speed < math.inf):
+        raise ConfigError(
+            f"--max-speed {speed:g}: must be >= 0 and finite, and is for --ignore truth-gaps"
+        )
     if found.classes and options.by:
         raise ConfigError(
             "--ignore class=NAME: with --by class each class is judged by itself; choose one by "

@@ -24,7 +24,7 @@ from tgospa_eval.tracks.interpolation import found_near
 from tgospa_eval.tracks.regions import Regions
 from tgospa_eval.tracks.trajectories import Trajectories
 
-MARKED, OUTSIDE, GAPS = "marked", "outside-truth-steps", "truth-gaps"
+WORDS = MARKED, OUTSIDE, GAPS = "marked", "outside-truth-steps", "truth-gaps"
 
 CLASS = "class"
 
@@ -174,17 +174,17 @@ class Ignoring:
 
 
 def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
-    """What each of the texts asks for; `max_speed` is for gaps.
+    """What the texts ask for, each one rule or several with commas; `max_speed` is for gaps.
 
     Raises
     ------
     ConfigError
         One cannot be understood.
     """
-    given = tuple(dict.fromkeys(text.strip() for text in texts))
+    given = tuple(dict.fromkeys(rule for text in texts for rule in _rules(text)))
     conditions = []
     for text in given:
-        if text in (MARKED, OUTSIDE, GAPS):
+        if text in WORDS:
             continue
         match = RULE.fullmatch(text)
         values = tuple(v.strip() for v in match[3].split(",")) if match else ()
@@ -201,6 +201,20 @@ def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
             )
         conditions.append(Condition(text=text, column=match[1], sign=match[2], values=values))
     return Ignoring(texts=given, conditions=tuple(conditions), max_speed=max_speed)
+
+
+def _rules(text: str) -> list[str]:
+    """One rule or several: ``class=Van,Person,marked`` has two, as a list of a settings file has.
+
+    What is no rule of itself is another value of the one before.
+    """
+    found: list[str] = []
+    for part in (part.strip() for part in text.split(",")):
+        if found and part not in WORDS and not set("<>=") & {*part}:
+            found[-1] += f",{part}"
+        else:
+            found.append(part)
+    return found
 
 
 def _with_marks(sides: Sequence[Reading], names: Sequence[str]) -> list[Reading]:
