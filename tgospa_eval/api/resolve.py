@@ -528,7 +528,7 @@ def _ignoring(options: Request) -> "Ignoring | None":
     """What is not judged, if there is such."""
     speed = options.max_speed or 0.0
     marks = (options.preprocess or "").endswith(":ignore")
-    asked = (options.max_speed, options.ignore_regions) != (None, None)
+    asked = options.max_speed is not None or options.ignore_regions is not None
     if not (options.ignore or marks or asked):
         return None
     from tgospa_eval.evaluation.ignoring import GAPS, OUTSIDE, parse_ignoring  # here: as weights
