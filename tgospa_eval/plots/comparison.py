@@ -59,6 +59,10 @@ def error_over_epsilon(document: Json) -> "Figure":
     lines = {
         "upper bound (TGOSPA)": [floored(run["error"]) for run in runs],
         "lower bound": [floored(run["lower_error"]) for run in runs],
+        "entropic value": [floored((run["entropic"] or {}).get("error")) for run in runs],
+        "its cost, without entropy": [
+            floored((run["entropic"] or {}).get("cost_error")) for run in runs
+        ],
     }
     for k, (title, y) in enumerate(lines.items()):
         axis.plot(x, y, f"-{MARKERS[k]}", color=COLOURS[k], label=title, clip_on=False, zorder=3)
