@@ -44,9 +44,7 @@ def given_particles(options: Request) -> Iterator[str]:
             yield _spelt(name)
 
 
-def reduction(
-    options: Request, size: int | None, shared: Sequence[str] = ()
-) -> "Reduction | None":
+def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) -> "Reduction | None":
     """How to reduce; None without a size. Some options are `shared` with the distance.
 
     Raises

@@ -53,9 +53,7 @@ def reduce_trajectories(
     return side.with_clouds(after), _table(side, _changes(side.clouds, after, effort), histories)
 
 
-def _table(
-    side: Trajectories, changes: list[CloudChange], histories: list[list[float]]
-) -> Columns:
+def _table(side: Trajectories, changes: list[CloudChange], histories: list[list[float]]) -> Columns:
     table = {"id": side.ids[side.track].tolist(), "t": side.shown[side.step].tolist()}
     table |= {name: [change[k] for change in changes] for k, name in enumerate(CHANGES)}
     return table | {HISTORY: histories or [[] for _ in changes]}

@@ -136,7 +136,10 @@ def _masses(states: States, prices: Floats, epsilon: float) -> tuple[Floats, Flo
     node = np.flatnonzero((np.diff(row, prepend=-1) != 0) | (np.diff(step, prepend=-1) != 0))
     sizes = np.diff(np.append(node, len(order)))
     ends = np.flatnonzero(np.diff(step[node], prepend=-1, append=-1))  # nodes of a step
-    spans = [(slice(m, n), slice(node[m], node[m] + sizes[m:n].sum())) for m, n in itertools.pairwise(ends)]
+    spans = [
+        (slice(m, n), slice(node[m], node[m] + sizes[m:n].sum()))
+        for m, n in itertools.pairwise(ends)
+    ]
     ahead, behind, into, none = *np.zeros((3, len(order))), np.zeros(states.nodes)
     for nodes, at in spans:
         into[at] = np.where(fresh[at], -np.inf, ahead[before[at]])

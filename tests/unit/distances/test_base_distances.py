@@ -12,7 +12,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tgospa_eval import ConfigError, InputError, evaluate
-from tgospa_eval.distances import DISTANCES, Distance, Haversine, IoU, Mahalanobis, Norm, near_pairs
+from tgospa_eval.distances import (
+    DISTANCES,
+    Distance,
+    Haversine,
+    IoU,
+    Mahalanobis,
+    Norm,
+    SlicedWasserstein,
+    near_pairs,
+)
 from tgospa_eval.distances import pair_search as search
 
 Invoke = Callable[..., Any]
@@ -35,6 +44,8 @@ METRICS: dict[str, Distance] = {
     "mahalanobis, scaled": Mahalanobis(covariance=COVARIANCE, scale=(2.0, 0.5, 1.0)),
     "haversine": Haversine(),
     "iou": IoU(),
+    "sliced, order 1": SlicedWasserstein(order=1, directions=9),
+    "max-sliced": SlicedWasserstein(maximum=True, scale=(2.0, 0.5, 1.0)),
 }
 
 
@@ -167,7 +178,8 @@ def test_near_pairs_of_odd_sizes(kind: str) -> None:
         x, cutoff = x * 1e-140, 3e-140
     truth, estimate = (table(np.repeat(np.arange(3), 30), side, 3) for side in x)
     for name in METRICS:
-        if name not in ("haversine", "iou"):
+        huge = kind in ("outlier", "overflow") and "sliced" in name  # of particles an error
+        if name not in ("haversine", "iou") and not huge:
             assert_as_by_brute_force(truth, estimate, cutoff, METRICS[name])
 
 
