@@ -25,7 +25,10 @@ MOST_SWEEPS, MOST_LINKS = 1000, 5_000_000
 """Of a larger problem nothing is found: all states make more links than those that compete."""
 
 MET, STILL = 1e-7, 1e-9
-"""Of the dual: the difference of the primal, or its own change since the last look, that ends it."""
+"""Of the dual: the difference of the primal, or its change since the last look, that ends it."""
+
+NEVER = 700.0
+"""Temperatures from which on the mass that pays a switch price is no number above 0."""
 
 Trace = list[dict[str, float]]
 """For each look: sweep, epsilon, violation, and in units of c^p primal, dual and cost."""
@@ -82,7 +85,7 @@ def entropic_trace(states: States, epsilon: float, late: Callable[[], bool]) -> 
 def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float, float]:
     """What the masses at some prices v gain with entropy and without, and the dual at v.
 
-    theta = exp((value_v - alpha) / epsilon) with alpha_i = epsilon log sum_pi exp(value_v / epsilon),
+    theta = exp((value_v - alpha) / epsilon), alpha_i = epsilon log sum_pi exp(value_v / epsilon),
     sigma = exp(-v / epsilon), and so ([Wernholm], the Lagrangian dual)
 
         primal  sum_i alpha_i + sum_r v_r load_r + sum_r (epsilon + v_r) sigma_r,
@@ -112,13 +115,14 @@ def gains(states: States, prices: Floats, epsilon: float) -> tuple[float, float,
     dual = value.sum() + prices.sum() + epsilon * slack.sum()
     arc = np.flatnonzero(np.diff(states.pair) == 0) + 1
     changing = mass[arc] + mass[arc - 1] - 2 * stay[arc]
-    gain = (mass * states.gain).sum()
-    gain -= (states.problem.switch_price_at[states.begin[arc]] * changing).sum()
+    half = states.problem.switch_price_at[states.begin[arc]]
+    half = np.where(half < NEVER * epsilon, half, 0.0)  # nothing changes there but by rounding
+    gain = (mass * states.gain).sum() - (half * changing).sum()
     return float(primal), float(dual), float(gain)
 
 
 def _masses(states: States, prices: Floats, epsilon: float) -> tuple[Floats, Floats, Floats]:
-    """alpha of each row, mass of each state, and how much of it comes from the state before.
+    """Value of each row, mass of each state, and how much of it comes from the state before.
 
     Messages in logarithms, with q = exp(-lambda / epsilon) (docs/theory/solvers.md, "Messages"):
     A_0' = a_0 + q sum a_s,  A_s' = (1 - q^2) a_s + q A_0', and backward in time alike.
@@ -134,12 +138,10 @@ def _masses(states: States, prices: Floats, epsilon: float) -> tuple[Floats, Flo
     with np.errstate(divide="ignore"):
         rest = np.where(fresh, 0.0, np.log(-np.expm1(2 * q)))
     node = np.flatnonzero((np.diff(row, prepend=-1) != 0) | (np.diff(step, prepend=-1) != 0))
-    sizes = np.diff(np.append(node, len(order)))
     ends = np.flatnonzero(np.diff(step[node], prepend=-1, append=-1))  # nodes of a step
-    spans = [
-        (slice(m, n), slice(node[m], node[m] + sizes[m:n].sum()))
-        for m, n in itertools.pairwise(ends)
-    ]
+    begins = np.append(node, len(order))
+    sizes = np.diff(begins)
+    spans = [(slice(m, n), slice(begins[m], begins[n])) for m, n in itertools.pairwise(ends)]
     ahead, behind, into, none = *np.zeros((3, len(order))), np.zeros(states.nodes)
     for nodes, at in spans:
         into[at] = np.where(fresh[at], -np.inf, ahead[before[at]])

@@ -115,7 +115,7 @@ class CloudPairs(Distance):
         rows = i[at], j[at]
         sizes = a.counts[rows[0]], b.counts[rows[1]]
         works = self.works(sizes, rows, sides)
-        most = max((int(size.max(initial=0)) for size in sizes))
+        most = max(int(size.max(initial=0)) for size in sizes)
         what = f"{counted(len(at), 'distance')} of clouds of up to {most} particles"
         what += "; --reduce 50 makes them small" if most > MANY_PARTICLES else ""
         value[at] = _solved(partial(self.one, (a, b)), rows, works, what, effort)
@@ -443,7 +443,7 @@ class CloudWasserstein(Distance):
         clouds = single(side.state) if side.clouds is None else side.clouds
         return clouds if self.scale is None else clouds.moved(clouds.points * self.scale)
 
-    def _measure(self, size: int) -> Distance:  # noqa: ARG002
+    def _measure(self, size: int) -> Distance:
         """Of clouds as they are prepared."""
         return CloudPairs(order=self.order, gating=self.gating)
 
@@ -465,7 +465,7 @@ class PairCloudWasserstein(CloudWasserstein):
         """As of other clouds, with the word for it."""
         return {**super().settings(columns), "inner_cov": "pair"}
 
-    def _measure(self, size: int) -> Distance:  # noqa: ARG002
+    def _measure(self, size: int) -> Distance:
         return OwnCovariance(order=self.order, gating=self.gating)
 
 

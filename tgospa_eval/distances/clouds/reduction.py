@@ -124,7 +124,7 @@ class Reduction:
         """As when it is called, and the distance to the cloud before each iteration and at the end.
 
         The root of what the method makes smaller: of sliced and recursive the mean of W_2^2 along
-        the directions ([Prossel] equation 13), of atl W_2^2 (equation 3), of kmeans the mean
+        the directions ([Prossel] equation 12), of atl W_2^2 (equation 3), of kmeans the mean
         squared distance to the nearest centre. Empty for other methods, or if nothing is reduced.
         Without `whole` the end, for which one iteration more is computed, is left out.
         """

@@ -4,8 +4,8 @@
 
 with W_q of the projections in one dimension, which sorting solves: no transport, no extra. Every
 W_q is a metric, so that both keep the triangle inequality over any directions; over all of the
-sphere they are metrics ([Bonneel], [Deshpande]), over V of them pseudometrics, for different clouds
-may have the same V projections. The directions are the same for all pairs and runs.
+sphere they are metrics ([Kolouri]), over V of them pseudometrics, for different clouds may have the
+same V projections. SW_2^2 is [Prossel] equation 12. The directions are the same for all pairs and runs.
 
 Of the means W_q(v'X, v'Y) >= |v'(m_X - m_Y)|, with equality for points. The directions are a tight
 frame, ``sum_k (v_k'x)^2 = V |x|^2 / d``, from which ``|x| <= sqrt(d) SW_2`` of two points at the
@@ -80,7 +80,7 @@ class SlicedPairs(CloudPairs):
         factor = size if self.order == 1 and not self.maximum else np.sqrt(size)
         return super().reach(cutoff * factor * (1 + REACH_ROUNDING), axes)
 
-    def works(self, sizes: tuple[Ints, Ints], rows: tuple[Ints, Ints], sides: Sides) -> Floats:  # noqa: ARG002
+    def works(self, sizes: tuple[Ints, Ints], rows: tuple[Ints, Ints], sides: Sides) -> Floats:
         """Of sorting along each direction."""
         return np.asarray(0.05 + 5e-5 * len(self.directions) * (sizes[0] + sizes[1]))
 
@@ -175,7 +175,7 @@ class SlicedWasserstein(CloudWasserstein):
         measure = self._measure(len(pairs))
         lines = measure.directions
         if self.covariance is not None:
-            lines = np.linalg.solve(cholesky(self.covariance).T, lines.T).T
+            lines = np.asarray(np.linalg.solve(cholesky(self.covariance).T, lines.T).T)
         if self.scale is not None:
             lines = lines * np.asarray(self.scale)
         return replace(measure, directions=lines).between(pairs)
@@ -190,7 +190,7 @@ class SlicedWasserstein(CloudWasserstein):
         count = len(self._measure(len(columns)).directions)
         return super().settings(columns) | {"directions": count, "seed": self.seed}
 
-    def particle_slopes(self, pairs: object, sides: object) -> NoReturn:  # noqa: ARG002
+    def particle_slopes(self, pairs: object, sides: object) -> NoReturn:
         """None is known.
 
         Raises

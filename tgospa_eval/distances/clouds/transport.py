@@ -466,8 +466,8 @@ def distance(a: Cloud, b: Cloud, order: int) -> float:
     if are_alike(a, b):
         return 0.0
     if a[0].shape[1] == 1:
-        lines = (on_lines(each, np.ones((1, 1))) for each in (a, b))
-        return float(line_costs(*lines, order)[0] ** (1 / order))
+        along = np.ones((1, 1))
+        return float(line_costs(on_lines(a, along), on_lines(b, along), order)[0] ** (1 / order))
     _check_size(a, b)
     costs = _costs(a[0], b[0], order)
     return float(np.vdot(_optimal(a[1], b[1], costs), costs) ** (1 / order))

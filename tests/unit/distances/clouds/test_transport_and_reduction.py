@@ -458,7 +458,7 @@ def test_the_history_of_a_reduction(method: str) -> None:
         return float(np.sqrt(np.mean(each)))
 
     after = [Reduction(size=7, iterations=k, **made)((points, weights)) for k in range(1, 6)]
-    (x, mass), history = Reduction(size=7, iterations=5, **made).trace((points, weights))
+    (x, _), history = Reduction(size=7, iterations=5, **made).trace((points, weights))
     assert np.array_equal(x, after[-1][0])
     costs = [apart(*each) for each in after[: len(history) - 1]]
     assert history[1:] == pytest.approx(costs, rel=1e-9)
