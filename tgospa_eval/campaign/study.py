@@ -315,11 +315,11 @@ def measure(study: Study, targets: int, steps: int, run: int) -> Json:
         stopwatch.spans[name] for name in ("distances", "solve/preparation")
     )
     found = compare_solvers(prepared, study.solvers)
-    for run in found:
-        run |= {"history": [], "memory": None}
-        if run["entropic"] is not None:
-            judge_entropic(run, referee(found))
-            del run["entropic"]["history"]
+    for made in found:
+        made |= {"history": [], "memory": None}
+        if made["entropic"] is not None:
+            judge_entropic(made, referee(found))
+            del made["entropic"]["history"]
     record["runs"] = found
     return record
 

@@ -215,7 +215,7 @@ class Limit:
 # Where the time went: a stopwatch that adds up named, nestable spans.
 
 
-PACED_FROM, ANNOUNCED_FROM = 1.0, 2.0
+PACED_FROM, ANNOUNCED_FROM = 2.0, 5.0
 """Seconds of work that show its pace; of what is left, from which on the user is notified."""
 
 
@@ -281,13 +281,15 @@ class Stopwatch:
         much each of them is, in any unit; `what` all of them are.
         """
         works = list(works)
-        begin, done, whole, told = self._clock(), 0.0, sum(works), False
+        begin, first, done, whole, told = -1.0, 0.0, 0.0, sum(works), False
         try:
             for piece, work in zip(pieces, works, strict=True):
                 done += work
+                if begin < 0:  # threads have other pieces under way then, as they have later on
+                    begin, first = self._clock(), done
                 spent = self._clock() - begin
-                if spent > PACED_FROM and done:
-                    left = self.progress.left = spent * (whole / done - 1)
+                if spent > PACED_FROM and done > first:
+                    left = self.progress.left = spent / (done - first) * (whole - done)
                     if not told and left > ANNOUNCED_FROM:
                         shown = f"{left:.0f} s" if left < 120 else f"{left / 60:.0f} min"
                         self.notify(f"{what}, about {shown} left{hint}")

@@ -5,7 +5,8 @@
 with W_q of the projections in one dimension, which sorting solves: no transport, no extra. Every
 W_q is a metric, so that both keep the triangle inequality over any directions; over all of the
 sphere they are metrics ([Kolouri]), over V of them pseudometrics, for different clouds may have the
-same V projections. SW_2^2 is [Prossel] equation 12. The directions are the same for all pairs and runs.
+same V projections. SW_2^2 is [Prossel] equation 12. The directions are the same for all pairs and
+runs.
 
 Of the means W_q(v'X, v'Y) >= |v'(m_X - m_Y)|, with equality for points. The directions are a tight
 frame, ``sum_k (v_k'x)^2 = V |x|^2 / d``, from which ``|x| <= sqrt(d) SW_2`` of two points at the
@@ -45,14 +46,6 @@ def fixed_directions(size: int, count: int | None, seed: int) -> Floats:
     return found
 
 
-def _mean(sizes: Iterable[Floats], order: int, count: int, *, maximum: bool) -> Floats:
-    """Of the distances along so many directions the mean of order q, or the largest."""
-    total: Floats = np.zeros(())
-    for size in sizes:
-        total = np.maximum(total, size) if maximum else total + size**order
-    return total if maximum else np.asarray((total / count) ** (1 / order))
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SlicedPairs(CloudPairs):
     """Of clouds of distinct particles, in the space of the directions (V, d)."""
@@ -67,12 +60,12 @@ class SlicedPairs(CloudPairs):
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
         """Distance of the means."""
-        apart = [a - b for a, b in components]
-        sizes = (
-            np.abs(sum(v * part for v, part in zip(direction, apart, strict=True)))
-            for direction in self.directions
-        )
-        return _mean(sizes, self.order, len(self.directions), maximum=self.maximum)
+        apart, total = [a - b for a, b in components], np.zeros(())
+        for direction in self.directions:  # one after the other: there may be many pairs
+            size = np.abs(sum(v * part for v, part in zip(direction, apart, strict=True)))
+            total = np.maximum(total, size) if self.maximum else total + size**self.order
+        whole = total if self.maximum else (total / len(self.directions)) ** (1 / self.order)
+        return np.asarray(whole)
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
         """That of the Euclidean distance that two means may have."""
@@ -114,7 +107,7 @@ class SlicedWasserstein(CloudWasserstein):
 
     A pseudometric on clouds: over finitely many directions different clouds may be at the distance
     0. Exactly computed, by sorting; POT is not needed. Two points at the Euclidean distance r are
-    r / sqrt(d) apart with q = 2, and no further with the others.
+    r / sqrt(d) apart with q = 2, less with q = 1, and more, up to r, by the largest.
 
     Parameters
     ----------
@@ -123,7 +116,7 @@ class SlicedWasserstein(CloudWasserstein):
     maximum : bool
         The largest over the directions, max-sliced, instead of the mean.
     directions : int, optional
-        How many, >= 1; by default 32 in two dimensions and 24 d in more, where they are rounded up
+        How many, >= 2; by default 32 in two dimensions and 24 d in more, where they are rounded up
         to whole orthonormal frames. In two dimensions their angles are pi (k + 1/2) / V, V >= 2.
     seed : int
         Of the frames.
