@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from tgospa_eval.api.distance import notices
+from tgospa_eval.api.distance import USUAL, notices
 from tgospa_eval.api.options import Request
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.evaluation.diagnosis import (
@@ -15,6 +15,7 @@ from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
 
 
 def slow_notice() -> Iterator[Notice]:
@@ -50,6 +51,9 @@ def pair_notices(
     yield from axis_notices(sides.axis, request.time_matching)
     for text in alignment_notices(aligned, request.time_matching):
         yield Notice(text=text)
+    regions = None if request.ignoring is None else request.ignoring.regions
+    if regions is not None and not marks_of(aligned.estimate, NOT_JUDGED).any():
+        yield Notice(text=f"{regions.name}: no state of the estimate is inside")
     found = diagnose(sides, request)
     yield from found
     if request.defaults:
@@ -78,10 +82,10 @@ def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
     """What nobody chose, once for all jobs, in the words that a single evaluation has for it."""
     from tgospa_eval.distances import DISTANCES  # here: the command line does without
 
-    if boxes and options.distance == "euclidean" and not options.columns:
+    if boxes and options.distance in (None, "euclidean") and not options.columns:
         yield "boxes are compared by their centres (x, y); overlap: --distance iou"
     given = {"cutoff": options.cutoff, "switch-penalty": options.switch_penalty}
-    values = zip(given, DISTANCES[options.distance].defaults, strict=True)
+    values = zip(given, DISTANCES[options.distance or USUAL].defaults, strict=True)
     used = {name: value for name, value in values if given[name] is None}
     if used:
         shown = " and ".join(

@@ -15,7 +15,7 @@ from tgospa_eval.text import quoted
 
 # Spelled out here, because importing the members costs numpy; tests hold them together.
 DISTANCES = (
-    *("euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "iou"),
+    *("euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "geodesic", "iou"),
     *("gaussian-wasserstein", "cloud-wasserstein", "sliced-wasserstein", "max-sliced-wasserstein"),
 )
 OF_CLOUDS = DISTANCES[-3:]
@@ -26,6 +26,11 @@ INTERPOLATED = ("estimate", "truth")
 FILE_FORMATS = (
     *("csv", "parquet", "feather", "motchallenge", "visdrone", "kitti", "npz", "npy", "mat"),
     *("nuscenes", "argoverse"),
+)
+PREPROCESS = tuple(
+    f"{name}{how}"
+    for name in ("motchallenge", "kitti", "visdrone", "uadetrac")
+    for how in ("", ":delete", ":ignore")
 )
 REDUCTIONS = (
     *("sliced", "recursive", "atl", "kmeans"),
@@ -164,15 +169,16 @@ class Request(Values):
         choices=EXISTENCES,
         parts="leave it out: all objects exist then",
     )
-    distance: str = setting(
+    distance: str | None = setting(
         "Metric",
         "--distance NAME",
         "Distance between two states: euclidean, manhattan, chebyshev, mahalanobis, haversine "
-        "(metres, from lat,lon), iou (1 - IoU of boxes left,top,width,height), "
+        "(metres on a sphere, from lat,lon), geodesic (on the ellipsoid, also with heights, from "
+        "lat,lon,alt), iou (1 - IoU of boxes left,top,width,height), "
         "gaussian-wasserstein (means and covariances), cloud-wasserstein (particles, with a column "
         "weight), or, on projections of these, sliced-wasserstein and max-sliced-wasserstein.",
-        default="euclidean",
         choices=DISTANCES,
+        shown="euclidean; none of lat,lon",
     )
     covariance: str | None = setting(
         "Metric",
@@ -180,6 +186,13 @@ class Request(Values):
         "Covariance matrix for mahalanobis: a CSV file without header, with a row and a column for "
         "each state column.",
         kind="path",
+    )
+    vertical_weight: float | None = setting(
+        "Metric",
+        "--vertical-weight W",
+        "With --distance geodesic of lat,lon,alt: how much a metre of height counts, beside one "
+        "along the surface.",
+        shown="1",
     )
     periodic: tuple[str, ...] = setting(
         "Metric",
@@ -328,6 +341,66 @@ class Request(Values):
         "but for --periodic ones: 1000 makes metres of kilometres.",
         default=1.0,
     )
+    truth_crs: str | None = setting(
+        "Files",
+        "--truth-crs SYSTEM",
+        "What the coordinates of TRUTH are: lat,lon[,alt] (degrees, metres); enu (x east, y north, "
+        "z up, metres from --origin) or ned (north, east, down), enu:30 where the axes are turned "
+        "clockwise; range,bearing[,elevation] of a sensor at --origin; a projected system, "
+        "EPSG:25832. Both files are brought to one: local axes where one has such.",
+        shown="lat,lon where the other file has one",
+        parts=FITTING,
+    )
+    estimate_crs: str | None = setting(
+        "Files",
+        "--estimate-crs SYSTEM",
+        "--truth-crs for ESTIMATE.",
+        parts=FITTING,
+    )
+    origin: str | None = setting(
+        "Files",
+        "--origin LAT,LON[,ALT]",
+        "Where local axes begin, or the sensor is: degrees, and metres above the ellipsoid.",
+    )
+    truth_scale: tuple[str, ...] = setting(
+        "Files",
+        "--truth-scale NAME=FACTOR",
+        "State columns of TRUTH are multiplied by this, with covariances and particles: "
+        "alt=0.3048 makes metres of feet, alt=30.48 of flight levels. Several with commas.",
+        default=(),
+    )
+    estimate_scale: tuple[str, ...] = setting(
+        "Files",
+        "--estimate-scale NAME=FACTOR",
+        "--truth-scale for ESTIMATE: x=1000,y=1000 makes metres of kilometres.",
+        default=(),
+    )
+    truth_time_format: str | None = setting(
+        "Files",
+        "--truth-time-format FORMAT",
+        "How TRUTH writes its times: as of strptime, '%d/%m/%Y %H:%M:%S'; s, ms, us or ns since "
+        "1970; gps: week and seconds. Two columns are one: --truth-columns t=DATE+TIME.",
+        shown="numbers or ISO times",
+        parts=FITTING,
+    )
+    estimate_time_format: str | None = setting(
+        "Files",
+        "--estimate-time-format FORMAT",
+        "--truth-time-format for ESTIMATE.",
+        parts=FITTING,
+    )
+    truth_time_zone: str | None = setting(
+        "Files",
+        "--truth-time-zone ZONE",
+        "The zone of times of TRUTH that are written without: UTC, Europe/Copenhagen.",
+        parts=FITTING,
+    )
+    estimate_time_zone: str | None = setting(
+        "Files",
+        "--estimate-time-zone ZONE",
+        "--truth-time-zone for ESTIMATE.",
+        parts=FITTING,
+    )
     time: str | None = setting(
         "Filters",
         "--time A:B",
@@ -352,9 +425,10 @@ class Request(Values):
     )
     region: str | None = setting(
         "Filters",
-        "--region RANGES",
-        "Only rows inside ranges of columns, ends included: x=-50:50,y=0:100. Either end may be "
-        "left out.",
+        "--region REGION",
+        "Only rows inside ranges of columns, ends included: x=-50:50,y=0:100, either end may be "
+        "left out; inside circle=LAT,LON,RADIUS or circle=X,Y,RADIUS; or inside the regions of a "
+        "file, as of --ignore-regions.",
     )
     by: str | None = setting(
         "Filters",
@@ -365,10 +439,40 @@ class Request(Values):
     )
     preprocess: str | None = setting(
         "Filters",
-        "--preprocess motchallenge",
-        "With boxes: leave out estimates that match a distractor, and truths that are no "
-        "pedestrians, as MOTChallenge 2016 and 2017 do before they evaluate.",
-        choices=("motchallenge",),
+        "--preprocess RULES",
+        "With boxes: leave out what a benchmark leaves out before it evaluates: motchallenge (2016 "
+        "and 2017), kitti (with --class), visdrone or uadetrac (with --ignore-regions); "
+        "NAME:ignore marks as not judged what NAME, or NAME:delete, leaves out.",
+        choices=PREPROCESS,
+        parts=FITTING,
+    )
+    ignore: tuple[str, ...] = setting(
+        "Filters",
+        "--ignore SPEC",
+        "What is not judged: an estimate that follows an ignored truth costs nothing, nor does its "
+        "absence. Truths by a column (class=Van,Person, occlusion>1, height<25); marked: as the "
+        "columns ignored of TRUTH and excused of ESTIMATE say; outside-truth-steps: estimates at "
+        "times at which TRUTH has no row; truth-gaps: the straight line across gaps longer than "
+        "--max-gap. Repeatable.",
+        default=(),
+        parts=FITTING,
+    )
+    ignore_regions: str | None = setting(
+        "Filters",
+        "--ignore-regions FILE",
+        "Regions in which estimates may be false for nothing: CSV of boxes, circles or polygons, "
+        "with t if they are of one step, or GeoJSON. Points inside, and boxes with half of their "
+        "area inside. Polygons need the extra regions.",
+        kind="path",
+        parts=FITTING,
+    )
+    max_speed: float | None = setting(
+        "Filters",
+        "--max-speed V",
+        "With --ignore truth-gaps: how fast a truth may leave the line across a gap, in state "
+        "units per second. What is within c, and V times the time to the nearer end, is not "
+        "judged.",
+        shown="0",
         parts=FITTING,
     )
     unit: str | None = setting(
@@ -544,7 +648,8 @@ class Request(Values):
         "Output",
         "--with NAMES",
         "Other metrics beside TGOSPA: hota, clear (MOTA), identity (IDF1), which need the extra "
-        "mot; gospa, of each step by itself. Several with commas.",
+        "mot; gospa, of each step by itself; nees, whether covariances are as large as errors, "
+        "also where the distance compares points. Several with commas.",
         number=False,
         everywhere=False,
         stored=False,
@@ -624,6 +729,11 @@ class Request(Values):
             for name, default in OF_THE_NUMBER.items()
             if getattr(self, name) != default
         }
+
+
+def is_coverage(region: str | None) -> bool:
+    """Whether a region is a circle or a file, and not ranges of columns."""
+    return region is not None and (region.startswith("circle=") or "=" not in region)
 
 
 SETTINGS: dict[str, Setting] = {
