@@ -96,7 +96,8 @@ def cloud_distance(options: Request) -> "CloudWasserstein":
         matrix = path
     elif path not in ("global", "pair"):
         matrix = read_matrix(path, options.decimal)
-    sliced = as_distance(options.distance) if options.distance != "cloud-wasserstein" else None
+    named = as_distance(options.distance or OF_CLOUDS[0])
+    sliced = named if isinstance(named, SlicedWasserstein) else None
     shared = ("directions", "seed") if sliced else ()
     settings: dict[str, Any] = {
         "order": options.cloud_order or 2,
@@ -113,7 +114,7 @@ def cloud_distance(options: Request) -> "CloudWasserstein":
             )
         return PairCloudWasserstein(**settings)
     try:
-        if isinstance(sliced, SlicedWasserstein):
+        if sliced:
             return replace(sliced, inner=inner, covariance=matrix, **settings)
         return CloudWasserstein(inner=inner, covariance=matrix, **settings)
     except ConfigError as error:
