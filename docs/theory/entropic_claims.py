@@ -35,7 +35,7 @@ def scene(targets: int, steps: int, seed: int) -> tuple[Trajectories, Trajectori
 def errors(sizes: list[tuple[int, int]], runs: int) -> None:
     """Relative errors of the total: of masses and bounds."""
     print(f"relative error of the total in %, means of {runs} scenes; [largest]")
-    print("  m    T  epsilon      masses: cost alone   with entropy    TGOSPA   lower bound")
+    print("  m    T  epsilon   cost of masses with entropy          TGOSPA       lower bound")
     for targets, steps in sizes:
         found: dict[float, list[list[float]]] = {epsilon: [] for epsilon in TEMPERATURES}
         for seed in range(runs):
@@ -51,8 +51,8 @@ def errors(sizes: list[tuple[int, int]], runs: int) -> None:
             shown = zip(mean, most, strict=True)
             cells = ["0 [0]" if b < 1e-7 else f"{a:.2g} [{b:.2g}]" for a, b in shown]
             print(
-                f"{targets:3} {steps:4} {epsilon:8g} {cells[0]:>24}{cells[1]:>15}"
-                f"{cells[2]:>18}{cells[3]:>16}"
+                f"{targets:3} {steps:4} {epsilon:8g} {cells[0]:>16}{cells[1]:>13}"
+                f"{cells[2]:>16}{cells[3]:>18}"
             )
 
 

@@ -198,7 +198,11 @@ def study_pictures(document: Json) -> Draw:
     if not any(s["seconds"]["mean"] is not None for size in sizes for s in size["solvers"]):
         return {}  # all failed, or all contradict each other
     errors = (
-        s["error"]["max"] for size in sizes for s in size["solvers"] if s["epsilon"] is not None
+        s[name]["max"]
+        for size in sizes
+        for s in size["solvers"]
+        if s["epsilon"] is not None
+        for name in ("error", "entropic_error")
     )
     if len(temperatures) > 1 and _seen(errors):
         draw["error_over_epsilon"] = partial(study_errors, document)

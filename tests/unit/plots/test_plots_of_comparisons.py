@@ -133,7 +133,12 @@ def test_no_panel_is_empty() -> None:
     widths = [bar.get_width() for bar in made["time_over_error"]().axes[0].patches]
     assert widths == [1.25, 0.625, 2.5]
     exact = [
-        {**size, "solvers": [{**s, "error": spread(0)} for s in size["solvers"]]}
+        {
+            **size,
+            "solvers": [
+                {**s, "error": spread(0), "entropic_error": spread(0)} for s in size["solvers"]
+            ],
+        }
         for size in STUDY["sizes"]
     ]
     made = comparison.study_pictures({"sizes": exact})
