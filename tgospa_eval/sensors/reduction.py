@@ -18,7 +18,7 @@ CloudChange = tuple[int, int, float | None, float, float | None, float]
 
 CHANGES = ("particles", "kept", "wasserstein", "sliced_wasserstein", "trace_kept", "mean_shift")
 HISTORY = "history"
-"""Distance to the cloud before each iteration of the reduction and at the end: a list each."""
+"""Distance to the cloud before each iteration of the reduction: a list each."""
 
 
 def reduce_trajectories(

@@ -233,7 +233,7 @@ def _solved(
     together = np.add.reduceat(works, np.arange(0, count, step))[1:]
     with effort.stopwatch.showing():
         for done in effort.stopwatch.paced(in_order(solve, begins, jobs), together, what):
-            effort.stopwatch.stage = f"transports, {done:,} of {count:,}"
+            effort.stopwatch.stage = f"distances of clouds, {done:,} of {count:,}"
     return answer
 
 
@@ -474,14 +474,13 @@ def reduced(
 ) -> Clouds:
     """Every cloud reduced; the user is notified if that takes long.
 
-    `histories` get the distance to each cloud before each iteration and at the end.
+    `histories` get the distance to each cloud before each iteration.
     """
     is_large = clouds.counts > reduction.size
     if not is_large.any():
         return clouds
     what = counted(int(np.count_nonzero(is_large)), "cloud")
     works = (clouds.counts * is_large).tolist()
-    trace = partial(reduction.trace, whole=histories is not None)
 
     def passed(found: Iterator[tuple[Cloud, list[float]]]) -> Iterator[Cloud]:
         for cloud, history in effort.stopwatch.paced(found, works, f"{what} to reduce"):
@@ -490,4 +489,4 @@ def reduced(
             yield cloud
 
     with effort.stopwatch.showing(f"reducing {what}"):
-        return clouds.changed(trace, effort.jobs, passed)
+        return clouds.changed(reduction.trace, effort.jobs, passed)

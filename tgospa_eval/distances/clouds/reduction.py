@@ -116,17 +116,14 @@ class Reduction:
 
         `start` are positions (size, d) to begin with, instead of those drawn systematically.
         """
-        return self.trace(cloud, start, whole=False)[0]
+        return self.trace(cloud, start)[0]
 
-    def trace(
-        self, cloud: Cloud, start: Floats | None = None, *, whole: bool = True
-    ) -> tuple[Cloud, list[float]]:
-        """As when it is called, and the distance to the cloud before each iteration and at the end.
+    def trace(self, cloud: Cloud, start: Floats | None = None) -> tuple[Cloud, list[float]]:
+        """As when it is called, and the distance to the cloud before each iteration.
 
         The root of what the method makes smaller: of sliced and recursive the mean of W_2^2 along
         the directions ([Prossel] equation 12), of atl W_2^2 (equation 3), of kmeans the mean
         squared distance to the nearest centre. Empty for other methods, or if nothing is reduced.
-        Without `whole` the end, for which one iteration more is computed, is left out.
         """
         points, weights = cloud
         if self.size >= len(points):
@@ -151,16 +148,14 @@ class Reduction:
                 first = start - centre
             else:
                 first = centred[0][drawn(weights, self.size, "systematic", 0.5)]
-            found.append(self._improved(centred, first, step, whole=whole))
+            found.append(self._improved(centred, first, step))
         best = found[0]
         if len(found) > 1:
             best = min(found, key=lambda each: distance(merged(each[0]), centred, 2))
         (x, mass), costs = best
         return (x + centre, mass), costs
 
-    def _improved(
-        self, cloud: Cloud, x: Floats, step: "Step", *, whole: bool
-    ) -> tuple[Cloud, list[float]]:
+    def _improved(self, cloud: Cloud, x: Floats, step: "Step") -> tuple[Cloud, list[float]]:
         """Positions after so many steps, or where they stay; then polished."""
         costs = []
         for _ in range(self.iterations):
@@ -169,8 +164,6 @@ class Reduction:
             costs.append(cost)
             if np.array_equal(before, x):
                 break
-        if whole:
-            costs.append(step(x)[1])
         if self.method in ("sliced", "recursive"):
             for _ in range(self.polish):
                 x = _relocated(cloud, x)[0][0]

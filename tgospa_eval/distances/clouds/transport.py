@@ -25,6 +25,7 @@ from tgospa_eval.text import quoted
 from tgospa_eval.tracks.clouds import LARGEST_COORDINATE, UNEVEN_SUM, are_normalised
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
 
 RESAMPLING = ("systematic", "stratified", "multinomial")
 
@@ -502,14 +503,25 @@ def plan(a: Cloud, b: Cloud, order: int) -> Floats:
 
 def north_west(u: Floats, v: Floats) -> Floats:
     """The plan of sorted clouds: from the first corner on, row or column is used up in turn."""
-    ends = np.cumsum(u), np.cumsum(v)
-    cuts = np.sort(np.concatenate((ends[0][:-1], ends[1][:-1])))
-    cuts = np.concatenate(([0.0], cuts.clip(0, 1), [1.0]))
-    middle = 0.5 * (cuts[1:] + cuts[:-1])
     table = np.zeros((len(u), len(v)))
-    i, j = (np.searchsorted(end[:-1], middle) for end in ends)
-    np.add.at(table, (i, j), np.diff(cuts))
+    i, j, mass = (part[0] for part in _pieces(np.cumsum(u)[None], np.cumsum(v)[None]))
+    np.add.at(table, (i, j), mass)
     return table
+
+
+def _pieces(u: Floats, v: Floats) -> tuple[Ints, Ints, Floats]:
+    """Which particles share each piece of the mass, and how much it is, (V, N + M - 1) each.
+
+    By the running weights (V, N) and (V, M) of particles in order, or one line of them for all.
+    """
+    rows = max(len(u), len(v))
+    inner = [np.broadcast_to(ends[:, :-1], (rows, ends.shape[1] - 1)) for ends in (u, v)]
+    cuts = np.concatenate(inner, axis=1)
+    by_place = np.argsort(cuts, axis=1, kind="stable")
+    cuts = np.take_along_axis(cuts, by_place, axis=1).clip(0.0, 1.0)
+    of_u = by_place < u.shape[1] - 1  # and else of v
+    i = np.concatenate((np.zeros((rows, 1), np.intp), np.cumsum(of_u, axis=1)), axis=1)
+    return i, np.arange(i.shape[1]) - i, np.diff(cuts, prepend=0.0, append=1.0, axis=1)
 
 
 Lines = tuple[Floats, Floats]
@@ -541,17 +553,9 @@ def line_costs(a: Lines, b: Lines, order: int) -> Floats:
     (x, u), (y, v) = a, b
     if u.shape == v.shape and (u == v).all():
         return np.asarray((np.diff(u, prepend=0.0) * np.abs(x - y) ** order).sum(axis=1))
-    rows = max(len(u), len(v))
-    inner = [np.broadcast_to(ends[:, :-1], (rows, ends.shape[1] - 1)) for ends in (u, v)]
-    cuts = np.concatenate(inner, axis=1)
-    by_place = np.argsort(cuts, axis=1, kind="stable")
-    cuts = np.take_along_axis(cuts, by_place, axis=1).clip(0.0, 1.0)
-    of_x = by_place < u.shape[1] - 1  # and else of y
-    i = np.concatenate((np.zeros((rows, 1), np.intp), np.cumsum(of_x, axis=1)), axis=1)
-    x = np.take_along_axis(x, i, axis=1)
-    y = np.take_along_axis(y, np.arange(i.shape[1]) - i, axis=1)
-    widths = np.diff(cuts, prepend=0.0, append=1.0, axis=1)
-    return np.asarray((widths * np.abs(x - y) ** order).sum(axis=1))
+    i, j, mass = _pieces(u, v)
+    apart = np.take_along_axis(x, i, axis=1) - np.take_along_axis(y, j, axis=1)
+    return np.asarray((mass * np.abs(apart) ** order).sum(axis=1))
 
 
 def _check_size(a: Cloud, b: Cloud) -> None:

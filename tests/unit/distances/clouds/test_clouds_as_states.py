@@ -877,7 +877,7 @@ def test_reduce(write: Write, invoke: Run, tmp_path: Path) -> None:
     assert document["counts"] == {"clouds": 1, "particles": 100, "kept": 10}
     (row,) = document["clouds"]
     assert row["mean_shift"] < 1e-12
-    # Of the default directions, on which the result is measured too.
+    # Of the default directions, on which the result is measured too; here they stay at the end.
     assert row["history"][-1] == pytest.approx(row["sliced_wasserstein"], rel=1e-9)
     assert (np.diff(row["history"]) <= 1e-12).all()
     assert "history" not in invoke("reduce", path, "b.csv", "-n", "9", "--format", "csv").out
