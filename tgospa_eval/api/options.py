@@ -16,8 +16,9 @@ from tgospa_eval.text import quoted
 # Spelled out here, because importing the members costs numpy; tests hold them together.
 DISTANCES = (
     *("euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "geodesic", "iou"),
-    *("gaussian-wasserstein", "cloud-wasserstein"),
+    *("gaussian-wasserstein", "cloud-wasserstein", "sliced-wasserstein", "max-sliced-wasserstein"),
 )
+OF_CLOUDS = DISTANCES[-3:]
 SOLVERS = ("certified", "exact", "sinkhorn")
 EXISTENCES = ("ignore", "use")
 GRIDS = ("union", "truth", "estimate", "common")
@@ -174,8 +175,8 @@ class Request(Values):
         "Distance between two states: euclidean, manhattan, chebyshev, mahalanobis, haversine "
         "(metres on a sphere, from lat,lon), geodesic (on the ellipsoid, also with heights, from "
         "lat,lon,alt), iou (1 - IoU of boxes left,top,width,height), "
-        "gaussian-wasserstein (means and covariances) or cloud-wasserstein (particles, with a "
-        "column weight).",
+        "gaussian-wasserstein (means and covariances), cloud-wasserstein (particles, with a column "
+        "weight), or, on projections of these, sliced-wasserstein and max-sliced-wasserstein.",
         choices=DISTANCES,
         shown="euclidean; none of lat,lon",
     )
@@ -582,7 +583,7 @@ class Request(Values):
     directions: int | None = setting(
         "Particles",
         "--directions N",
-        "Number of projections of sliced and recursive.",
+        "Number of projections, of the sliced distances and of sliced and recursive.",
         least=1,
         shown="32; 24 each from 3-D on",
     )

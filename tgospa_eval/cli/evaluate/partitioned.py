@@ -4,7 +4,7 @@ import os
 from dataclasses import replace
 
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.options import DEFAULTS, FITTING, SETTINGS, Request, is_coverage
+from tgospa_eval.api.options import DEFAULTS, FITTING, OF_CLOUDS, SETTINGS, Request, is_coverage
 from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.cli.evaluate.in_parts import memory_of
 from tgospa_eval.cli.evaluate.run import about_run, show
@@ -62,8 +62,8 @@ def check_parts(options: Request, output: OutputOptions, why: str, *, sweep: boo
         asked.append(("plane", "leave it out: there is no picture of trajectories"))
     if sweep:
         asked.append(("sweep", "evaluate for one value after the other"))
-    if options.distance == "cloud-wasserstein":
-        asked.append(("distance cloud-wasserstein", "compare means, by another --distance"))
+    if options.distance in OF_CLOUDS:
+        asked.append((f"distance {options.distance}", "compare means, by another --distance"))
     for name, advice in asked[:1]:
         raise ConfigError(f"--{name} has no place where data are read in parts, as {why}: {advice}")
 

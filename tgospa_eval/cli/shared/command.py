@@ -194,7 +194,7 @@ SECTIONS = (
 )
 """Headings of the help, in its order."""
 
-NEEDED = {"Gaussians": "gaussian-wasserstein", "Particles": "cloud-wasserstein"}
+NEEDED = {"Gaussians": "gaussian-wasserstein", "Particles": "cloud-wasserstein or a sliced one"}
 """The distance that a section is for."""
 
 VERB_WORDS = {
