@@ -13,6 +13,8 @@ if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.api.evaluate import evaluate as evaluate
     from tgospa_eval.api.gate import gate as gate
     from tgospa_eval.api.recorder import Recorder as Recorder
+    from tgospa_eval.api.sensors import associate as associate
+    from tgospa_eval.api.sensors import reduce as reduce
     from tgospa_eval.api.sweep import sweep as sweep
     from tgospa_eval.errors import ConfigError as ConfigError
     from tgospa_eval.errors import InputError as InputError
@@ -44,11 +46,13 @@ _HOME = {
     "TgospaError": "errors",
     "TgospaWarning": "errors",
     "Trajectories": "tracks.trajectories",
+    "associate": "api.sensors",
     "batch": "api.batch",
     "compare": "api.compare",
     "evaluate": "api.evaluate",
     "gate": "api.gate",
     "read_trajectories": "formats",
+    "reduce": "api.sensors",
     "simulate": "simulation.settings",
     "sweep": "api.sweep",
     "verify": "proof.check",

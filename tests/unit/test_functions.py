@@ -62,7 +62,7 @@ def test_every_option_is_a_keyword() -> None:
     with pytest.raises(ConfigError, match="region is 3: must be a text"):
         evaluate([], [], region=3)
     with pytest.raises(ConfigError, match="time is for files and tables, and truth is none"):
-        evaluate(np.zeros((2, 1, 2)), [], time="0:1")
+        evaluate({"a": np.zeros((2, 2))}, [], time="0:1")
     with pytest.raises(ConfigError, match="with_ takes all rows together, not by class"):
         evaluate([], [], by="class", with_="gospa")
     with pytest.raises(ConfigError, match="similarity is of the mean over steps, not for step"):
@@ -91,7 +91,7 @@ def test_every_option_is_a_keyword() -> None:
     ],
 )
 def test_wrong_keywords(options: dict[str, object], said: str) -> None:
-    side = np.zeros((2, 1, 2))
+    side = {"a": np.zeros((2, 2))}
     with pytest.raises(ConfigError, match=said):
         evaluate(side, side, **options)
 

@@ -744,6 +744,12 @@ SETTINGS: dict[str, Setting] = {
 NAMES = {about.key: name for name, about in SETTINGS.items() if about.everywhere}
 """Of those that all verbs have, by their names in a settings file."""
 
+NOT_OF_SENSORS = (
+    *("order", "switch_penalty", "rho", "step_weights", "existence", "by", "preprocess", "ignore"),
+    *("ignore_regions", "max_speed", "unit", "solver", "gap", "epsilon", "time_limit"),
+)
+"""What `associate` does without."""
+
 DEFAULTS: dict[str, object] = {field.name: field.default for field in dataclasses.fields(Request)}
 
 TYPES: dict[str, Any] = {field.name: field.type for field in dataclasses.fields(Request)}

@@ -31,9 +31,11 @@ from tgospa_eval.evaluation.sides import (
     check_as_long,
     components_of,
     filled,
+    has_rows,
     is_empty,
     is_path,
     of_object,
+    rows_of,
 )
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.headers import columns_of_each
@@ -46,6 +48,7 @@ from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.existence import EXISTENCE
+from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.ignoring import Ignoring
@@ -140,6 +143,7 @@ class Settings:
         self,
         *given: "TrajectoriesLike | Reading",
         roles: tuple[str, ...] = ROLES,
+        names: tuple[str, ...] | None = None,
         mapping: "Components | None" = None,
         advise: bool = True,
         known: dict[str, Reading] | None = None,
@@ -152,6 +156,8 @@ class Settings:
             Each side; or what `read_side` made of it.
         roles : tuple of str
             What they are.
+        names : tuple of str, optional
+            What messages call those that are no files; by default their roles.
         mapping : sequence of int, or pair of such, optional
             Of tracks with state vectors the components to compare.
         advise : bool
@@ -168,7 +174,7 @@ class Settings:
             No side has a class that was asked for, the filters leave no row of any, or are not for
             what a side is.
         """
-        names = called(given, roles)
+        names = called(given, names or roles)
         if advise:
             check_places(names)
         components = components_of(given, mapping)
@@ -181,7 +187,9 @@ class Settings:
                 continue
             found = known.get(names[0]) if known and k == 0 else None
             try:
-                found = found or self.read_side(side, k, role, paths, roles, components[k])
+                found = found or self.read_side(
+                    side, k, role, paths, roles, components[k], names[k]
+                )
                 sides.append(found)
             except (InputError, ConfigError) as error:
                 faults.append(error)
@@ -191,7 +199,7 @@ class Settings:
             known.clear()
             known[names[0]] = sides[0]
         read = filled(sides, self.evaluation.distance)
-        check_as_long(given, read)
+        check_as_long(given, read, names)
         if len(read) == len(ROLES):
             read = self._converted(read, 0, given), read[1]
             read = read[0], self._converted(read, 1, given)
@@ -219,17 +227,18 @@ class Settings:
         paths: tuple[str, ...] = (),
         roles: tuple[str, ...] = ROLES,
         components: "Sequence[int] | None" = None,
+        name: str | None = None,
     ) -> Reading:
         """One side, the first or second.
 
-        `paths` are all that are read together, in their roles.
+        `paths` are all that are read together, in their roles; `name` is for messages.
 
         Raises
         ------
         InputError
             The side cannot be read, or has a row that is wrong.
         """
-        options = self.each[side]
+        options, name = self.each[side], name or role
         if isinstance(given, Reading):
             return given
         if is_path(given):
@@ -237,18 +246,31 @@ class Settings:
             if len(paths) == 1:
                 options = replace(options, option="--columns")
             return read(given, options, role, self.formats[side])
-        frame = as_frame(given, role)
+        frame = as_frame(given, name)
         if frame is not None:
             from tgospa_eval.formats.frames import from_frame  # here: pandas
 
-            return replace(from_frame(frame, options, name=role), format="")
+            return replace(from_frame(frame, options, name=name), format="")
+        if self._has_rows(given, side):
+            from tgospa_eval.formats.assemble import assemble
+
+            columns = self.evaluation.distance.columns
+            rows = rows_of(given, name, options, columns, components)
+            if rows is not None:
+                return replace(assemble(rows, options, "frame"), format="")
         if self.of_tables[side]:
             raise ConfigError(
-                f"--{self.of_tables[side][0]} is for files and tables, and {role} is none: choose "
+                f"--{self.of_tables[side][0]} is for files and tables, and {name} is none: choose "
                 "its rows and columns before"
             )
-        made = of_object(given, role, self.evaluation, components)
-        return Reading(trajectories=made, rows=len(made.step), format="")
+        return of_object(given, name, self.evaluation, components)
+
+    def _has_rows(self, given: object, side: int) -> bool:
+        """Whether options of reading are followed row by row."""
+        if isinstance(given, Trajectories):
+            return False
+        is_table = is_path(given) or as_frame(given, ROLES[side]) is not None
+        return is_table or has_rows(given) or bool(self.of_tables[side])
 
     def _converted(self, read: tuple[Reading, ...], side: int, given: Sequence[object]) -> Reading:
         """A side with the stamps and states that are asked for, if reading left that open."""
@@ -256,9 +278,7 @@ class Settings:
         role, found = ROLES[side], read[side]
         if not conversion.recorded_of(role):
             return found
-        if self.each[side].conversion.recorded_of(role) and (
-            is_path(given[side]) or as_frame(given[side], role) is not None
-        ):
+        if self.each[side].conversion.recorded_of(role) and self._has_rows(given[side], side):
             return found
         if conversion.unit_scale != 1:
             truth, estimate = (one.trajectories for one in read)

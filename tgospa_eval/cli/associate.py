@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.options import FILE_FORMATS, Request
+from tgospa_eval.api.options import FILE_FORMATS, NOT_OF_SENSORS, SETTINGS, Request
 from tgospa_eval.cli.shared.click_options import (
     EVALUATION,
     OutputOptions,
@@ -20,7 +20,7 @@ from tgospa_eval.errors import InputError
 
 if TYPE_CHECKING:
     from tgospa_eval.api.resolve import Settings
-    from tgospa_eval.distances import Distance, Effort
+    from tgospa_eval.distances import Effort
     from tgospa_eval.formats import Reading
     from tgospa_eval.results.records import Json
     from tgospa_eval.sensors.association import Association
@@ -29,11 +29,7 @@ T = TypeVar("T")
 
 SENSOR_OPTIONS = {
     item.key for item in EVALUATION if not item.key.startswith(("truth-", "estimate-"))
-} - {
-    *("cutoff", "order", "switch-penalty", "rho", "step-weights", "existence"),
-    *("by", "preprocess", "ignore", "ignore-regions", "max-speed"),
-    *("unit", "solver", "gap", "epsilon", "time-limit"),
-}
+} - {SETTINGS[name].key for name in (*NOT_OF_SENSORS, "cutoff")}
 """What it has of the options of everything that evaluates."""
 
 _files = partial(
@@ -113,6 +109,7 @@ def command(
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
     from tgospa_eval.api.resolve import make_settings
+    from tgospa_eval.api.sensors import associate_sides, of_pairs
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.cli.shared.writing import write_output
     from tgospa_eval.common.config import settings_field
@@ -121,10 +118,9 @@ def command(
     from tgospa_eval.reports.rendering import csv_text
     from tgospa_eval.reports.sensors import association_text
     from tgospa_eval.results.records import json_text
-    from tgospa_eval.sensors.association import associate
 
     options |= {"force": force}
-    request = Request.of(options | {"pairwise": True, "sides": ("a", "b"), "switch_penalty": 0.0})
+    request = Request.of(of_pairs(options))
     output, taken = OutputOptions.of(options), [a, b]
     asked = {"--cost-matrix": cost_matrix, "--cross-cov": cross_cov}
     files = {name: path for name, path in asked.items() if path}
@@ -135,27 +131,20 @@ def command(
         probe_folder(output.output, ASSOCIATION, force=force)
     settings = make_settings(request)
 
-    def work(effort: "Effort") -> "tuple[Association, Distance, dict[str, str]]":
+    def work(effort: "Effort") -> "tuple[Association, dict[str, str]]":
         sides = read_states((a, b), settings, ("--a-format", "--b-format"), quiet=output.quiet)
-        fitted, _ = settings.fit(sides, (a, b))
-        found = associate(
-            fitted.alignment.truth,
-            fitted.alignment.estimate,
-            cutoff=settings.evaluation.parameters.cutoff,
-            distance=fitted.distance,
-            all_pairs="--cost-matrix" in files,
-            effort=effort,
-        )
+        every = "--cost-matrix" in files
+        found = associate_sides(settings, sides, (a, b), effort, all_pairs=every)
         make = {"--cost-matrix": found.costs_table, "--cross-cov": found.cross_covariances_table}
-        return found, fitted.distance, {name: csv_text(make[name]()) for name in files}
+        return found, {name: csv_text(make[name]()) for name in files}
 
-    found, distance, texts = run_with_effort(work, request.jobs, quiet=output.quiet)
+    found, texts = run_with_effort(work, request.jobs, quiet=output.quiet)
     for name, path in files.items():
         write_file(path, texts[name], name)
     used = settings_field(output.config)
     shown = {
         "table": lambda: association_text(found),
-        "json": lambda: json_text(_document(found, distance, settings) | used),
+        "json": lambda: json_text(_document(found, settings) | used),
         "csv": lambda: csv_text(found.associations_table()),
     }
     write_output(
@@ -166,7 +155,7 @@ def command(
     emit(shown[output.format_](), output.format_)
 
 
-def _document(found: "Association", distance: "Distance", settings: "Settings") -> "Json":
+def _document(found: "Association", settings: "Settings") -> "Json":
     """The document of ``associate``."""
     from tgospa_eval.results.records import records
 
@@ -176,8 +165,8 @@ def _document(found: "Association", distance: "Distance", settings: "Settings") 
         "version": __version__,
         "parameters": {
             "cutoff": found.cutoff,
-            "distance": distance.name,
-            **distance.settings(columns),
+            "distance": found.distance.name,
+            **found.distance.settings(columns),
             "columns": list(columns),
             **settings.evaluation.time_matching.recorded,
             **settings.recorded,

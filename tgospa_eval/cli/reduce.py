@@ -1,6 +1,5 @@
 """``tgospa-eval reduce IN OUT -n N``: particle clouds with fewer particles."""
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,7 +14,6 @@ from tgospa_eval.cli.shared.click_options import (
     format_option,
 )
 from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, option
-from tgospa_eval.errors import InputError
 
 if TYPE_CHECKING:
     from tgospa_eval.distances import Effort
@@ -66,31 +64,23 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
-    from tgospa_eval.api.distance import reduction
-    from tgospa_eval.api.resolve import make_settings
+    from tgospa_eval.api.sensors import reduce_side, reducing
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.common.config import settings_field
-    from tgospa_eval.distances import Reduction
     from tgospa_eval.formats.write import TABLES
     from tgospa_eval.reports.files import check_file, write_file
     from tgospa_eval.reports.rendering import csv_text
     from tgospa_eval.reports.sensors import reduction_text
     from tgospa_eval.results.records import json_text, records
-    from tgospa_eval.sensors.reduction import CHANGES, HISTORY, reduce_trajectories
+    from tgospa_eval.sensors.reduction import CHANGES, HISTORY
 
     request, output = Request.of(options), OutputOptions.of(options)
     ending = check_file(target, "OUT", force=force, others=[source], endings=TABLES)
-    how = reduction(request, size) or Reduction(size=size)
-    fixed: dict[str, Any] = {"reduce": size, "cutoff": 1.0, "switch_penalty": 0.0}
-    settings = make_settings(replace(request, distance="cloud-wasserstein", **fixed))
+    how, settings = reducing(request, size)
 
     def work(effort: "Effort") -> "tuple[Reading, bytes, Columns]":
         (side,) = read_states((source,), settings, ("--in-format",), quiet=output.quiet)
-        if side.trajectories.clouds is None:
-            raise InputError(
-                f"{source}: no particles; a column weight makes the rows of an (id, t) a cloud"
-            )
-        after, table = reduce_trajectories(side.trajectories, how, effort)
+        after, table = reduce_side(side, how, source, effort)
         return side, TABLES[ending](after), table
 
     side, data, table = run_with_effort(work, request.jobs, quiet=output.quiet)

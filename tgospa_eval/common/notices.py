@@ -90,7 +90,7 @@ OF_READING = {
 }
 """What `read_trajectories` calls options."""
 
-WORD_OPTIONS = ("distance", "grid", "missing-cov", "on-duplicate", "on-invalid", "outage")
+WORD_OPTIONS = ("distance", "grid", "missing-cov", "mixed", "on-duplicate", "on-invalid", "outage")
 """Options whose value in messages is a word."""
 
 NO_VALUE = r"(?!(?:is|for|of)\b)"

@@ -13,7 +13,6 @@ from tgospa_eval.tracks.trajectories import Trajectories, as_doubles, column_nam
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.times import Times
-    from tgospa_eval.tracks.clouds import Cloud, Clouds
     from tgospa_eval.tracks.trajectories import TimeArray
 
 
@@ -130,7 +129,6 @@ def from_rows(
     states: Floats,
     times: "Times",
     columns: tuple[str, ...] | None,
-    spreads: "Floats | Sequence[Cloud] | None" = None,
 ) -> Trajectories:
     """Trajectories of rows in any order; those with NaN are absent, their times remain steps.
 
@@ -148,8 +146,6 @@ def from_rows(
         Every one of them is a step, and they may repeat.
     columns : tuple of str, optional
         Names of the d columns, where there are so many.
-    spreads : (R, d, d) array, or sequence of R clouds, optional
-        Covariances, or particles.
 
     Raises
     ------
@@ -179,20 +175,13 @@ def from_rows(
         )
     kept = order[~np.isnan(states[order]).any(axis=1)]
     size = states.shape[1]
-    clouds = covariance = None
-    if isinstance(spreads, np.ndarray):
-        covariance = spreads[kept]
-    elif spreads is not None and len(kept):
-        clouds = _joined([spreads[row] for row in kept])
     made = Trajectories(
         step=step[kept],
         track=track[kept],
-        state=states[kept] if clouds is None else clouds.means,
+        state=states[kept],
         ids=table,
         times=np.arange(len(moments)),
         columns=columns if columns is not None and len(columns) == size else column_names(size),
-        covariance=covariance,
-        clouds=clouds,
     )
     return _timed(made, times)
 
@@ -259,12 +248,3 @@ def numbers_of(value: object, where: str) -> Floats:
         return as_doubles(value)
     except (TypeError, ValueError) as error:
         raise InputError(f"{where}: a state holds numbers: {error}") from None
-
-
-def _joined(clouds: Sequence["Cloud"]) -> "Clouds":
-    """Clouds one behind the other."""
-    from tgospa_eval.tracks.clouds import Clouds  # here: most states are points
-
-    points, weights = (np.concatenate(part) for part in zip(*clouds, strict=True))
-    first = np.cumsum([0, *(len(cloud[1]) for cloud in clouds)])
-    return Clouds(points=points, weights=weights, first=first)

@@ -1,7 +1,7 @@
 """What a user gives of a side, as `Trajectories`; names of distances and solvers as records."""
 
 import os
-from collections.abc import Collection, Iterable, Mapping, Sequence, Set
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
 from operator import index
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard, cast
 
@@ -13,20 +13,22 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.objects import (
     ArrayLike,
     TimedArray,
-    from_rows,
+    array_of,
     is_timed_array,
     numbers_of,
     of_array,
     of_mapping,
     of_timed_array,
-    times_of,
 )
-from tgospa_eval.formats import Reading
+from tgospa_eval.formats import Reading, ReadOptions
+from tgospa_eval.formats.arrays import all_compared, array_rows, components, meant, spread_columns
+from tgospa_eval.formats.columns.headers import find_roles
+from tgospa_eval.formats.rows import Rows
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.step_weights import WeightsByTime, repeated
-from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories, column_names
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,30 +60,80 @@ Components: TypeAlias = "Sequence[int] | Sequence[Sequence[int]]"
 """Of state vectors those to compare; for both sides, or a pair of such."""
 
 
-def of_tracks(
+def rows_of_tracks(
     tracks: Iterable[Any],
     name: str,
+    options: ReadOptions,
     columns: tuple[str, ...] | None,
     mapping: Sequence[int] | None,
-    kinds: tuple[str, ...],
-) -> Trajectories:
-    """Tracks and ground-truth paths of Stone Soup, by their attributes.
+) -> Rows:
+    """Tracks and ground-truth paths of Stone Soup as rows of a table, by their attributes.
 
     Of several states at one time the last counts, as of ``last_timestamp_generator`` there: an
-    update after its prediction. What `kinds` names of ``"gaussian"`` and ``"cloud"`` is read:
-    ``covar``, or the particles that are the columns of ``state_vector``, with their ``weight``.
+    update after its prediction. Where covariances are read these are ``covar``, NaN where there is
+    none, or the particles that are the columns of ``state_vector``, with their ``weight``.
 
     Raises
     ------
     ConfigError
         Components are not chosen, or not there.
     InputError
-        A state has no time, or is not of numbers; an id is there twice.
+        A state has no time, or is not of numbers; an id is there twice, or some states have
+        particles and others covariances.
     """
-    ids, track, times, states, covariances, clouds = [], [], [], [], [], []
+    import pandas as pd  # here, as below: files do without
+
+    from tgospa_eval.formats.frames import frame_rows
+
+    states = list(_states_of_tracks(tracks, name, options, mapping))
+    size = len(states[0][2]) if states else len(mapping or (0,))
+    names = columns if columns is not None and len(columns) == size else column_names(size)
+    row = np.repeat(np.arange(len(states)), [len(points) for *_, (points, _), _ in states])
+    ids = np.array([state[0] for state in states], dtype=object)[row]
+    times = pd.Series([state[1] for state in states], dtype=None if states else np.int64)
+    table: dict[str, Any] = {"id": ids, "t": times.take(row).array}
+    spread = next((state for state in states if state[4] is not None), None)
+    if len(row) > len(states):
+        if spread is not None:
+            raise InputError(
+                f"{name}: id {quoted(spread[0])}, t {spread[1]} has a covariance, other states "
+                "have particles; all have the one or the other"
+            )
+        points, table["weight"] = map(np.concatenate, zip(*(s[3] for s in states), strict=True))
+    else:
+        points = np.array([state[2] for state in states], np.float64).reshape(-1, size)
+    table |= dict(zip(names, points.T, strict=True))
+    if spread is not None:
+        absent = np.full((size, size), np.nan)
+        matrices = np.array([absent if state[4] is None else state[4] for state in states])
+        table |= spread_columns(names, matrices)
+    roles = find_roles(list(table), options, name)
+    return frame_rows(
+        pd.DataFrame(table),
+        roles,
+        name,
+        options.decimal,
+        lambda k: f"{name}, track {quoted(ids[k])}",
+    )
+
+
+State: TypeAlias = "tuple[str, Any, Floats, Cloud, Floats | None]"
+"""Id, time, mean, particles and covariance; one particle where there are none."""
+
+
+def _states_of_tracks(
+    tracks: Iterable[Any], name: str, options: ReadOptions, mapping: Sequence[int] | None
+) -> Iterator[State]:
+    """States track by track."""
+    from tgospa_eval.formats.frames import id_text
+
+    known: set[str] = set()
     for number, path in enumerate(tracks):
-        ids.append(getattr(path, "id", number))
-        where = f"{name}, track {quoted(ids[-1])}"
+        text = id_text(getattr(path, "id", number), name)
+        where = f"{name}, track {quoted(text)}"
+        if text in known:
+            raise InputError(f"{name}: two tracks have the id {quoted(text)}")
+        known.add(text)
         if not isinstance(path.states, Iterable):
             raise InputError(f"{where}: states is of the type {type(path.states).__name__}")
         by_time = {getattr(state, "timestamp", None): state for state in path.states}
@@ -92,30 +144,22 @@ def of_tracks(
             vector = getattr(state, "state_vector", None) if vector is None else vector
             if vector is None:
                 raise InputError(f"{where}: a state without state_vector")
-            chosen = _components(mapping, np.size(vector), name)
-            track.append(number)
-            times.append(moment)
-            states.append(numbers_of(vector, where).ravel()[chosen])
-            if "cloud" in kinds:
-                clouds.append(_cloud(state, chosen, where))
-            spread = getattr(state, "covar", None) if "gaussian" in kinds else None
-            if spread is not None:
-                covariances.append(numbers_of(spread, where)[np.ix_(chosen, chosen)])
-    if covariances and len(covariances) < len(states):
-        raise InputError(f"{name}: some states have a covariance and others not; all or none")
-    spreads: Floats | list[Cloud] | None = np.array(covariances) if covariances else None
-    if any(len(points) > 1 for points, _ in clouds):
-        spreads = clouds
-    size = len(states[0]) if states else len(mapping or (0,))
-    return from_rows(
-        name,
-        ids,
-        (np.arange(len(track)), np.array(track, np.int64)),
-        np.array(states, np.float64).reshape(-1, size),
-        times_of(times, name),
-        columns,
-        spreads,
-    )
+            size = np.size(vector)
+            if mapping is None and size > 1 and options.columns is None:
+                raise ConfigError(
+                    f"{name}: state vectors have {size} components, and do not say which are the "
+                    "position; choose those to compare, mapping=(0, 2) for x and y of "
+                    "(x, vx, y, vy)"
+                )
+            chosen = components(mapping, size, name)
+            mean = numbers_of(vector, where).ravel()[chosen]
+            cloud, spread = (mean[None], np.ones(1)), None
+            if options.covariance:
+                cloud = _cloud(state, chosen, where)
+                given = getattr(state, "covar", None) if len(cloud[0]) == 1 else None
+                spread = None if given is None else numbers_of(given, where)
+                spread = None if spread is None else spread[np.ix_(chosen, chosen)]
+            yield text, moment, mean, cloud, spread
 
 
 def _cloud(state: Any, chosen: list[int], where: str) -> "Cloud":
@@ -126,30 +170,9 @@ def _cloud(state: Any, chosen: list[int], where: str) -> "Cloud":
     if weights is None:
         return points, np.full(len(points), 1 / len(points))
     weights = numbers_of(weights, where).ravel()
-    if len(weights) != len(points) or not (weights >= 0).all() or not weights.sum() > 0:
-        raise InputError(
-            f"{where}: {len(points)} particles and {len(weights)} weights; one for each, >= 0 and "
-            "not all 0"
-        )
-    return points, weights / weights.sum()
-
-
-def _components(mapping: Sequence[int] | None, size: int, name: str) -> list[int]:
-    """Which components of state vectors of a size are compared."""
-    if mapping is None:
-        if size == 1:
-            return [0]
-        raise ConfigError(
-            f"{name}: state vectors have {size} components, and do not say which are the position; "
-            "choose those to compare, mapping=(0, 2) for x and y of (x, vx, y, vy)"
-        )
-    chosen = list(mapping)
-    if not chosen or len(set(chosen)) < len(chosen) or not set(chosen) <= set(range(size)):
-        raise ConfigError(
-            f"mapping is {tuple(mapping)}: must be different components of the state vectors of "
-            f"{name}, from 0 to {size - 1}"
-        )
-    return chosen
+    if len(weights) != len(points):
+        raise InputError(f"{where}: {len(points)} particles and {len(weights)} weights")
+    return points, weights
 
 
 class ArrowTable(Protocol):
@@ -172,8 +195,8 @@ def is_path(side: object) -> TypeGuard["str | os.PathLike[str]"]:
     return isinstance(side, str | os.PathLike)
 
 
-def check_as_long(given: Sequence[object], sides: Sequence[Reading]) -> None:
-    """Whether sides that only count their steps have as many.
+def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequence[str]) -> None:
+    """Whether sides that only count their steps have as many; `names` are for messages.
 
     Raises
     ------
@@ -187,7 +210,7 @@ def check_as_long(given: Sequence[object], sides: Sequence[Reading]) -> None:
     ]
     if len(set(counted)) > 1:
         raise InputError(
-            f"truth has {counted[0]} steps and estimate {counted[1]}: arrays "
+            f"{names[0]} has {counted[0]} steps and {names[1]} {counted[1]}: arrays "
             "(T, k, d) have the same T; rows of NaN mean that nothing exists at a step, and a pair "
             "(times, array) says when the steps are"
         )
@@ -214,9 +237,9 @@ def components_of(
         They are no components, or no side has state vectors.
     """
     if mapping is None:
-        return [None, None]
-    if not any(map(_is_tracks, given)):
-        raise ConfigError("mapping is for tracks with state vectors, as those of Stone Soup")
+        return [None] * len(given)
+    if all(is_path(s) or isinstance(s, Trajectories) or hasattr(s, "columns") for s in given):
+        raise ConfigError("mapping is for tracks and arrays; of files and tables choose columns")
     try:
         whole: list[Any] = list(mapping)
         is_pair = len(whole) == 2 and all(isinstance(side, Iterable) for side in whole)
@@ -250,8 +273,53 @@ def is_empty(side: object) -> bool:
 def _counts_steps(side: object) -> bool:
     """Whether its times are only numbers of steps."""
     if isinstance(side, Mapping):
-        return not any(isinstance(value, tuple) for value in side.values())
+        is_timed = any(isinstance(value, tuple) for value in side.values())
+        return not (is_timed or (is_variables(side) and any(meant(k)[0] == "t" for k in side)))
     return hasattr(side, "__array__") and as_frame(side, "") is None
+
+
+def is_variables(side: object) -> bool:
+    """Whether it is a mapping from names to arrays by step and track."""
+    return isinstance(side, Mapping) and any(
+        isinstance(key, str) and meant(key)[0] in ("x", "particles") and np.ndim(value) > 2
+        for key, value in side.items()
+        if hasattr(value, "ndim")
+    )
+
+
+def has_rows(side: object) -> bool:
+    """Whether it is read row by row, as a table."""
+    return _is_tracks(side) or is_variables(side)
+
+
+def rows_of(
+    side: object,
+    name: str,
+    options: ReadOptions,
+    columns: tuple[str, ...] | None,
+    mapping: "Sequence[int] | None",
+) -> Rows | None:
+    """Tracks of Stone Soup and arrays as rows of a table; None of what is neither.
+
+    `name` begins the messages; `columns` are what the distance prescribes, if it does.
+
+    Raises
+    ------
+    ConfigError, InputError
+        It is wrong.
+    """
+    if _is_tracks(side):
+        tracks = [side] if hasattr(side, "states") else cast("Iterable[TrackLike]", side)
+        return rows_of_tracks(tracks, name, options, columns, mapping)
+    if is_timed_array(side):
+        times, states = cast("tuple[Any, Any]", side)
+        side = {"t": list(times), "x": states}
+    elif hasattr(side, "__array__"):
+        side = {"x": side}
+    elif not is_variables(side):
+        return None
+    arrays = {k: array_of(v, f"{name}, {k}") for k, v in cast("Mapping[str, Any]", side).items()}
+    return array_rows(name, arrays, options, names=columns, chosen=mapping)
 
 
 def of_object(
@@ -259,11 +327,10 @@ def of_object(
     name: str,
     request: "EvaluationRequest",
     mapping: "Sequence[int] | None" = None,
-) -> Trajectories:
-    """What is neither file nor table, as Trajectories.
+) -> Reading:
+    """What is read as a whole: Trajectories, arrays and mappings from id to array.
 
-    `name` begins the messages; the request may prescribe the state columns, and want covariances
-    or particles.
+    `name` begins the messages; the request may prescribe the state columns.
 
     Raises
     ------
@@ -272,22 +339,34 @@ def of_object(
     """
     columns = request.distance.columns
     if isinstance(side, Trajectories):
-        return side
-    if hasattr(side, "__array__"):
-        return of_array(side, name, columns)
-    if is_timed_array(side):
-        return of_timed_array(cast("tuple[object, ...]", side), name, columns)
+        return Reading(trajectories=side, rows=len(side.step), format="")
+    given: Any = side if mapping is None else _picked(side, mapping, name)
+    if is_timed_array(given):
+        made = of_timed_array(given, name, columns)
+    elif hasattr(given, "__array__"):
+        made = of_array(given, name, columns)
+    elif isinstance(given, Mapping):
+        made = of_mapping(given, name, columns)
+    else:
+        lazy = "call its collect() first; it " if type(side).__name__ == "LazyFrame" else ""
+        raise ConfigError(
+            f"{name} is of the type {type(side).__name__}: {lazy}must be Trajectories, a DataFrame "
+            "(pandas, Polars or another that Arrow knows), an array (T, k, d) or a pair of times "
+            "and such, a mapping from id to array, a set of tracks with states, or a path"
+        )
+    is_chosen = mapping is not None or made.columns == columns or len(made.columns) <= 3
+    warnings = () if is_chosen else (all_compared(made.columns),)
+    return Reading(trajectories=made, rows=len(made.step), format="", warnings=warnings)
+
+
+def _picked(side: Any, mapping: Sequence[int], name: str) -> Any:
+    """Some components of arrays, of pairs with times, or of such by id."""
     if isinstance(side, Mapping):
-        return of_mapping(side, name, columns)
-    if _is_tracks(side):
-        tracks = [side] if hasattr(side, "states") else cast("Iterable[TrackLike]", side)
-        return of_tracks(tracks, name, columns, mapping, request.kinds)
-    lazy = "call its collect() first; it " if type(side).__name__ == "LazyFrame" else ""
-    raise ConfigError(
-        f"{name} is of the type {type(side).__name__}: {lazy}must be Trajectories, a DataFrame "
-        "(pandas, Polars or another that Arrow knows), an array (T, k, d) or a pair of times and "
-        "such, a mapping from id to array, a set of tracks with states, or a path"
-    )
+        return {key: _picked(value, mapping, name) for key, value in side.items()}
+    if isinstance(side, tuple) and len(side) == 2:
+        return side[0], _picked(side[1], mapping, name)
+    array = array_of(side, name)
+    return array[..., components(mapping, array.shape[-1] if array.ndim else 0, name)]
 
 
 def as_frame(side: object, name: str) -> "pd.DataFrame | None":

@@ -1,32 +1,56 @@
-"""Arrays of NumPy (T, k, d), NaN where an object is absent: npy files, and npz with one."""
+"""Arrays by step and track, NaN where an object is absent: npy, npz and MAT files, and in memory.
+
+States ``x``, their covariances ``P``, particles and their weights, times and ids. Each axis has a
+letter: T steps, n tracks, d coordinates, N particles; ``Tnd`` is an array (T, n, d).
+"""
 
 import io
 import struct
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from math import prod
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.errors import InputError
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns.headers import BOX, find_roles
-from tgospa_eval.formats.frames import frame_rows
 from tgospa_eval.formats.loading import TABLE, check_memory, unreadable
-from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.options import Flags, ReadOptions
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.tracks.trajectories import column_names
+from tgospa_eval.text import listed
+from tgospa_eval.tracks.trajectories import as_doubles, column_names
 
 AXES = 3
-AXIS_ARRAYS = (("t", "times"), ("id", "ids"), ("columns",))
-"""Names of the arrays that may be beside the states, by the axis that they name."""
+NAMES = {
+    "x": ("x", "xState", "states"),
+    "P": ("P", "covariance"),
+    "particles": ("particles",),
+    "weights": ("weights", "weight", "w"),
+    "t": ("t", "times"),
+    "id": ("id", "ids"),
+    "columns": ("columns",),
+}
+"""What variables are called, the usual name first."""
+
+NUMPY = {"x": ("Tnd",), "P": ("Tndd",), "particles": ("TnNd",), "weights": ("TnN",)}
+MATLAB = {
+    "x": ("dTn", "dnT", "Tnd"),
+    "P": ("ddTn", "ddnT", "Tndd"),
+    "particles": ("dNTn", "dNnT", "TnNd"),
+    "weights": ("NTn", "NnT", "TnN"),
+}
+"""Axes of variables whose names do not say them, as x_dTn does."""
 
 STATE_NAMES = {"x", "lat", "left"}
 """Columns by which states are found, as in tables."""
 
-Array = NDArray[np.generic]
+Array: TypeAlias = NDArray[np.generic]
+Variables: TypeAlias = Mapping[str, Array]
 
 
 def read_npy(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
@@ -45,7 +69,7 @@ def read_npy(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
             f"{path}: an array of shape {states.shape}; states have the axes (T, k, d), with NaN "
             "where an object is absent"
         )
-    return array_rows(path, {"states": states}, len(data), options)
+    return array_rows(path, {"states": states}, options, file=len(data))
 
 
 def _array(path: str, data: bytes) -> Array:
@@ -67,69 +91,305 @@ def _array(path: str, data: bytes) -> Array:
     return values.reshape(shape, order="F" if in_columns else "C")
 
 
-def array_rows(path: str, arrays: Mapping[str, Array], file: int, options: ReadOptions) -> Rows:
-    """The rows of an array (T, k, d), with ids, times and names of columns beside it.
+def meant(name: str) -> tuple[str, str]:
+    """What a variable is, a key of `NAMES`, and its axes if the name has them; blank otherwise."""
+    base, _, axes = name.rpartition("_")
+    for kind, names in NAMES.items():
+        if name in names:
+            return kind, ""
+        if base in names and kind in NUMPY and sorted(axes) == sorted(NUMPY[kind][0]):
+            return kind, axes
+    return "", ""
+
+
+def has_states(names: Mapping[str, Any]) -> bool:
+    """Whether there are states, or particles, among the variables of these names."""
+    return any(meant(name)[0] in ("x", "particles") for name in names)
+
+
+def sized(name: str, shape: tuple[int, ...]) -> str:
+    """A variable and its size, for messages."""
+    return f"{name} {' x '.join(map(str, shape))}".rstrip()
+
+
+def array_rows(
+    path: str,
+    arrays: Variables,
+    options: ReadOptions,
+    *,
+    file: int | None = None,
+    axes: Mapping[str, tuple[str, ...]] = NUMPY,
+    there: Flags | None = None,
+    names: tuple[str, ...] | None = None,
+    chosen: Sequence[int] | None = None,
+) -> Rows:
+    """The rows of states or particles, with what is beside them.
+
+    Parameters
+    ----------
+    path : str
+        What messages begin with.
+    arrays : mapping of str to array
+        Variables by name: see `NAMES`. Without a name of states, the only one of three axes.
+    options : ReadOptions
+        How to read them.
+    file : int, optional
+        Bytes of the file, if it is one.
+    axes : mapping of str to tuple of str
+        Axes that each may have; the first step and track of `MATLAB` is 1.
+    there : (T, n) bool array, optional
+        Which states there are; by default those without NaN.
+    names : tuple of str, optional
+        Of the d coordinates, where there are so many.
+    chosen : sequence of int, optional
+        Coordinates to compare, by number.
 
     Raises
     ------
     InputError
-        There are several, arrays of other names, or of other lengths.
+        Sizes do not fit each other, or fit in several ways; or see `formats.read`.
     """
-    import pandas as pd
+    import pandas as pd  # here: other formats do without
 
-    deep = [name for name, array in arrays.items() if array.ndim == AXES]
-    known = [name for names in AXIS_ARRAYS for name in names]
-    others = [name for name in arrays if name not in (*deep[:1], *known)]
-    if others:
-        shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
-        raise InputError(
-            f"{path}: arrays {shapes}; beside one array of states (T, k, d) may be t (T,), "
-            "ids (k,) and columns (d,)"
-        )
-    states = arrays[deep[0]]
-    steps, objects, size = states.shape
+    from tgospa_eval.formats.frames import frame_rows
+
+    found, unused = _sorted(path, arrays)
+    told = {kind: sized(name, array.shape) for kind, (name, array) in found.items()}
+    lengths = {"T": "t", "n": "id", "d": "columns"}
+    known = {axis: found[kind][1].size for axis, kind in lengths.items() if kind in found}
+    tables = _oriented(path, {k: v for k, v in found.items() if k in axes}, known, axes)
+    what = "particles" if "particles" in tables else "x"
+    tables = _chosen(tables, chosen, path)
+    steps, tracks, size = (tables[what].shape[k] for k in (0, 1, -1))
     if not size:
-        raise InputError(f"{path}: states of shape {states.shape}; the last axis has coordinates")
-    if states.dtype.kind not in "iuf":
-        raise InputError(f"{path}: states of type {states.dtype}; they must be numbers")
-    what = f"states of shape {states.shape}"
-    check_memory(path, TABLE * 8 * steps * objects * (size + 2), file, options.max_input, what)
-    beside: list[Array | None] = []
-    for names, length in zip(AXIS_ARRAYS, states.shape, strict=True):
-        name = next((name for name in names if name in arrays), None)
-        beside.append(None if name is None else arrays[name])
-        if name is not None and arrays[name].shape != (length,):
-            raise InputError(
-                f"{path}: {name} has the shape {arrays[name].shape}, the states need ({length},)"
-            )
-    times, ids, columns = beside
-    if columns is None:
-        is_box = options.boxes and size == len(BOX)
-        columns = np.array(BOX if is_box else column_names(size))
-    headers = [str(name).strip() for name in columns]
-    taken = {"id", "t"} & set(headers)
+        raise InputError(f"{path}: {told[what]}: no coordinates")
+    names = _columns(path, found, size, options, names)
+    first = int(axes is MATLAB)
+    there = np.ones((steps, tracks), bool) if there is None else there
+    step, track = at = np.nonzero(there)
+    each = tables[what].shape[2] if what == "particles" else 1
+    if file is not None:
+        about = " and ".join(told[kind] for kind in tables)
+        width = size + (size * size + 2 if "P" in tables else 2)
+        check_memory(path, TABLE * 8 * len(step) * each * width, file, options.max_input, about)
+    table: dict[str, Any] = {}
+    for kind, count, place in (("id", tracks, track), ("t", steps, step)):
+        values = found[kind][1].ravel() if kind in found else np.arange(count) + first
+        table[kind] = np.repeat((_whole(values) if first else values)[place], each)
+    points = tables[what][at]
+    if what == "particles":
+        table["weight"] = _weights(points, tables["weights"][at] if "weights" in tables else None)
+    table |= dict(zip(names, points.reshape(-1, size).T, strict=True))
+    if what == "x" and "P" in tables:
+        table |= spread_columns(names, tables["P"][at])
+    warnings: tuple[Notice, ...] = ()
+    if options.columns is None and not options.boxes and not STATE_NAMES & set(names):
+        options = replace(options, columns=names)  # states of other names all the same
+        if "columns" not in found and chosen is None:
+            warnings = (all_compared(names),)
+    roles = find_roles(list(table), options, path)
+    unused += [told[k] for k in {"particles": ("x", "P"), "x": ("weights",)}[what] if k in told]
+    if unused:
+        roles = replace(roles, passed=(*roles.passed, f"variables not used: {listed(unused)}"))
+
+    def where(row: int) -> str:
+        at = row // each
+        return f"{path}, trajectory {track[at] + first}, step {step[at] + first}"
+
+    rows = frame_rows(pd.DataFrame(table), roles, path, options.decimal, where)
+    return replace(rows, warnings=warnings)
+
+
+def _columns(
+    path: str,
+    found: dict[str, tuple[str, Array]],
+    size: int,
+    options: ReadOptions,
+    names: tuple[str, ...] | None,
+) -> tuple[str, ...]:
+    """Names of the coordinates."""
+    if "columns" in found:
+        names = tuple(str(name).strip() for name in found["columns"][1].ravel())
+    elif names is None or len(names) != size:
+        names = BOX if options.boxes and size == len(BOX) else column_names(size)
+    taken = {"id", "t", "weight"} & set(names)
     if taken:
         raise InputError(f"{path}: a column of the states is named {min(taken)}; name it otherwise")
-    table: dict[str, Array] = {
-        "id": np.tile(np.arange(objects) if ids is None else ids, steps),
-        "t": np.repeat(np.arange(steps) if times is None else times, objects),
+    if len(set(names)) < size:
+        raise InputError(f"{path}: columns {', '.join(names)}: a name is there twice; rename one")
+    return names
+
+
+def _weights(points: NDArray[np.float64], given: NDArray[np.float64] | None) -> Any:
+    """Weights of particles (R, N, d) in a row, equal ones of those that are there if none are."""
+    if given is None:
+        there = ~np.isnan(points).any(axis=2)
+        given = there / np.maximum(there.sum(axis=1, keepdims=True), 1)
+    return given.ravel()
+
+
+def _chosen(
+    tables: dict[str, NDArray[np.float64]], chosen: Sequence[int] | None, path: str
+) -> dict[str, NDArray[np.float64]]:
+    """Arrays with some of the coordinates."""
+    found = dict(tables)
+    for kind in tables.keys() - {"weights"} if chosen is not None else ():
+        places = components(chosen, tables[kind].shape[-1], path)
+        found[kind] = tables[kind][..., places]
+        found[kind] = found[kind][..., places, :] if kind == "P" else found[kind]
+    return found
+
+
+def components(chosen: Sequence[int] | None, size: int, name: str) -> list[int]:
+    """Which components of states of a size are compared; all if none are chosen.
+
+    Raises
+    ------
+    ConfigError
+        They are not there.
+    """
+    found = list(range(size) if chosen is None else chosen)
+    if not found or len(set(found)) < len(found) or not set(found) <= set(range(size)):
+        raise ConfigError(
+            f"mapping is {tuple(found)}: must be different components of the states of {name}, "
+            f"from 0 to {size - 1}"
+        )
+    return found
+
+
+def spread_columns(names: tuple[str, ...], matrices: NDArray[np.float64]) -> dict[str, Any]:
+    """Matrices (R, d, d) as the columns of a table, as `formats.columns.spread` reads them."""
+    return {
+        f"cov_{one}_{other}": matrices[:, i, j]
+        for i, one in enumerate(names)
+        for j, other in enumerate(names)
     }
-    flat = states.reshape(steps * objects, size).astype(np.float64)
-    table |= {name: flat[:, k] for k, name in enumerate(headers)}
-    if len(table) < size + 2:
-        raise InputError(f"{path}: columns {', '.join(headers)}: a name is there twice; rename one")
-    if options.columns is None and not options.boxes and not STATE_NAMES & set(headers):
-        options = replace(options, columns=tuple(headers))  # states of other names all the same
-    roles = find_roles(list(table), options, path)
-    return frame_rows(pd.DataFrame(table), roles, path, options.decimal)
+
+
+def all_compared(names: tuple[str, ...]) -> Notice:
+    """A warning about states of which nobody said which are positions."""
+    return Notice(
+        code="all-components",
+        text=f"all {len(names)} components of the states, {names[0]} to {names[-1]}, are compared",
+        remedy=f"if some are velocities choose the positions, --columns x={names[0]},y={names[2]} "
+        "(in Python also mapping=(0, 2))",
+    )
+
+
+def _sorted(path: str, arrays: Variables) -> tuple[dict[str, tuple[str, Array]], list[str]]:
+    """Name and array of each kind of variable, and the others with their sizes."""
+    found: dict[str, tuple[str, Array]] = {}
+    others = []
+    for name, array in arrays.items():
+        kind, _ = meant(name)
+        if kind in found:
+            raise InputError(f"{path}: {found[kind][0]} and {name} are the same; leave one out")
+        if kind:
+            found[kind] = name, array
+        else:
+            others.append(name)
+    deep = [name for name in others if arrays[name].ndim == AXES]
+    if not has_states(arrays):
+        if len(deep) != 1:
+            shapes = ", ".join(sized(name, array.shape) for name, array in arrays.items())
+            raise InputError(f"{path}: {shapes}: which are the states? name them x, or particles")
+        found["x"] = deep[0], arrays[deep[0]]
+        others.remove(deep[0])
+    for kind, (name, array) in found.items():
+        if kind in NUMPY and array.dtype.kind not in "iuf":
+            raise InputError(f"{path}: {name} of type {array.dtype}; it must be of real numbers")
+        if kind not in NUMPY and max(array.shape, default=1) != array.size:
+            raise InputError(f"{path}: {sized(name, array.shape)}; it must be a vector")
+    return found, [sized(name, arrays[name].shape) for name in others]
+
+
+def _oriented(
+    path: str,
+    found: dict[str, tuple[str, Array]],
+    known: dict[str, int],
+    axes: Mapping[str, tuple[str, ...]],
+) -> dict[str, NDArray[np.float64]]:
+    """Arrays with the axes of `NUMPY`, by all sizes together.
+
+    Raises
+    ------
+    InputError
+        No axes fit, or several do and make a difference.
+    """
+    ways = {kind: meant(name)[1] for kind, (name, _) in found.items()}
+    allowed = {kind: (way,) if way else axes[kind] for kind, way in ways.items()}
+    fits = []
+    for chosen in product(*allowed.values()):
+        sizes = dict(known)
+        if all(
+            _fits(array.shape, way, sizes, drop=axes is MATLAB and (way[-1] != "d" or "n" in known))
+            for (_, array), way in zip(found.values(), chosen, strict=True)
+        ):
+            fits.append(dict(zip(found, chosen, strict=True)))
+    told = ", ".join(
+        [sized(name, array.shape) for name, array in found.values()]
+        + [f"{axis} = {size}" for axis, size in known.items()]
+    )
+    if not fits:
+        rules = "; ".join(
+            f"{found[kind][0]} is {' or '.join(map(_spelt, way))}" for kind, way in allowed.items()
+        )
+        raise InputError(
+            f"{path}: {told}: do not fit; {rules}, of T steps, n trajectories, d coordinates and N "
+            "particles; other axes stand in the name, x_dTn"
+        )
+    made = [
+        {kind: _turned(array, way[kind], kind) for kind, (_, array) in found.items()}
+        for way in fits
+    ]
+    for other, way in zip(made[1:], fits[1:], strict=True):
+        for kind, array in other.items():
+            if not np.array_equal(array, made[0][kind], equal_nan=True):
+                both, base = (fits[0][kind], way[kind]), NAMES[kind][0]
+                also = ", or save t and id with it" if kind != "P" and len(known) < 2 else ""
+                raise InputError(
+                    f"{path}: {told}: {found[kind][0]} may be {' or '.join(map(_spelt, both))}; "
+                    f"name it {base}_{both[0]} or {base}_{both[1]}{also}"
+                )
+    return made[0]
+
+
+def _fits(shape: tuple[int, ...], way: str, sizes: dict[str, int], *, drop: bool) -> bool:
+    """Whether an array has these axes, whose sizes are noted; last ones of 1 may be missing."""
+    if drop:
+        shape += (1,) * (len(way) - len(shape))
+    return len(shape) == len(way) and all(
+        sizes.setdefault(axis, size) == size for axis, size in zip(way, shape, strict=True)
+    )
+
+
+def _turned(array: Array, way: str, kind: str) -> NDArray[np.float64]:
+    """An array with the axes of `NUMPY`."""
+    array = array.reshape(array.shape + (1,) * (len(way) - array.ndim))
+    left, order = list(way), []
+    for axis in NUMPY[kind][0]:
+        order.append(left.index(axis))
+        left[order[-1]] = ""
+    return as_doubles(array.transpose(order))
+
+
+def _spelt(way: str) -> str:
+    return " x ".join(way)
+
+
+def _whole(times: Array) -> Array:
+    """Whole numbers as such, as all numbers of MATLAB are doubles."""
+    if times.dtype.kind == "f" and (np.abs(times) < 2**53).all() and (times % 1 == 0).all():
+        return times.astype(np.int64)
+    return times
 
 
 def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
     """The rows of an npz file, the same in either role.
 
     Arrays ``id, t, weight, x, y, ...`` of one length, as the columns of a CSV file; or only ``x``
-    with the shape (P, d): then its columns are x, y, z, from four on x0, x1, ... Or an array
-    (T, k, d), see `formats.arrays`.
+    with the shape (P, d): then its columns are x, y, z, from four on x0, x1, ... Or arrays
+    by step and track.
 
     Raises
     ------
@@ -137,6 +397,8 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
         The file is no npz, or see `formats.read`. Rows count from 0.
     """
     import pandas as pd
+
+    from tgospa_eval.formats.frames import frame_rows
 
     if not data:
         raise InputError(f"{path}: the file is empty; a set without objects has empty arrays")
@@ -147,8 +409,8 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
             arrays = {name: archive[name] for name in archive.files}
     except Exception as error:  # damaged archives end in errors of many kinds
         raise unreadable(path, "npz", error) from None
-    if any(array.ndim == AXES for array in arrays.values()):
-        return array_rows(path, arrays, len(data), options)
+    if any(array.ndim >= AXES for array in arrays.values()):
+        return array_rows(path, arrays, options, file=len(data))
     columns: dict[str, Any] = {}
     for name, array in arrays.items():
         if name == "x" and array.ndim == 2:

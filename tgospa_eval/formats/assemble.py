@@ -59,6 +59,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     if factors is not None:
         state = scaled(state, factors, rows.name)
     choice = _Choice(len(state))
+    choice.warnings += rows.warnings
     for rule, (apart, sentence) in rows.apart.items():
         if rule not in options.kept:
             choice.keep(~apart, rule, sentence)

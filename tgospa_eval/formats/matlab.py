@@ -3,7 +3,7 @@
 A structure with ``tVec`` (n,), the first step of each trajectory, from 1 on; ``iVec`` (n,), their
 lengths; ``xState`` (d, T, n), the states by step, of which those within a trajectory count. NaN
 among these is a hole, in which the target is absent. A cell may have one in each element: the runs
-of a Monte Carlo study.
+of a Monte Carlo study. Or arrays as of `formats.arrays`, in a structure or by themselves.
 """
 
 import math
@@ -22,20 +22,20 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.words import counted, install, more
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
-from tgospa_eval.formats.columns.headers import find_roles
+from tgospa_eval.formats.arrays import MATLAB, NAMES, array_rows, meant, sized
 from tgospa_eval.formats.guess import file_of
 from tgospa_eval.formats.loading import TABLE, check_memory, unreadable
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.formats.rows import Rows, number_ids, rows_by_components
+from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import listed, quoted
-from tgospa_eval.tracks.trajectories import Ints, column_names
+from tgospa_eval.tracks.trajectories import Ints
 
 Structure: TypeAlias = "dict[str, Value]"
 Value: TypeAlias = "Structure | list[Callable[[], Value]] | NDArray[Any] | None"
 """A structure by its fields, the elements of a cell, real numbers; None of anything else."""
 
-Variables = dict[str, Callable[[], Value]]
-"""The variables of a file, which are taken apart when they are needed."""
+Variables = dict[str, tuple[tuple[int, ...], Callable[[], Value]]]
+"""The variables of a file, which are taken apart when they are needed, with the sizes of arrays."""
 
 Room = Callable[[int, str], None]
 """Raises if there is none for so many bytes, of what."""
@@ -71,7 +71,7 @@ INFLATED_BYTES = 1 << 24
 
 
 def _variables(data: bytes, room: Room) -> Variables:
-    """The structures and cells of a file; what is compressed is unpacked when it is needed."""
+    """The variables of a file; what is compressed is unpacked when it is needed."""
     room(len(data), "arrays")
     order = "<" if data[126:128] == b"IM" else ">"
     at = TEXT_HEADER
@@ -85,9 +85,11 @@ def _variables(data: bytes, room: Room) -> Variables:
         else:
             head, at = data[begin - 8 : end], after
             whole = partial(bytes, head)
-        kind, _, _, name, _ = _header(head, 8, order)
-        is_read = kind in (CELL_ARRAY, STRUCTURE)
-        found[name] = partial(_value, whole, 0, order) if is_read else lambda: None
+        kind, _, sizes, name, _ = _header(head, 8, order)
+        is_array = kind in NUMERIC
+        is_read = is_array or kind in (CELL_ARRAY, STRUCTURE)
+        read = partial(_value, whole, 0, order) if is_read else lambda: None
+        found[name] = (sizes if is_array else ()), read
     return found
 
 
@@ -195,19 +197,24 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables
     access.set_file_image(data)
     image = os.fsencode(os.path.join(path, "image"))  # must be no file, and none is below one
 
-    def within(group: Any, name: str, *, numbers: bool = True) -> Value:
-        """What a name stands for, if it is in the group itself: a structure, a cell, numbers."""
-        is_here = isinstance(group.get(name, getlink=True), h5py.HardLink)
-        return value(group[name], name, numbers=numbers) if is_here else None
+    def is_here(group: Any, name: str) -> bool:
+        return isinstance(group.get(name, getlink=True), h5py.HardLink)
 
-    def value(item: Any, name: str, *, numbers: bool = True) -> Value:
+    def within(group: Any, name: str) -> Value:
+        """What a name stands for, if it is in the group itself: a structure, a cell, numbers."""
+        return value(group[name], name) if is_here(group, name) else None
+
+    def sizes(name: str) -> tuple[int, ...]:
+        item: Any = file[name] if is_here(file, name) else None
+        is_array = isinstance(item, h5py.Dataset) and item.dtype.kind in "iuf"
+        return tuple(item.shape[::-1]) if is_array else ()
+
+    def value(item: Any, name: str) -> Value:
         if isinstance(item, h5py.Group):
             return {field: within(item, field) for field in sorted(item)}
         if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
             return None
         is_cell = h5py.check_ref_dtype(item.dtype) is h5py.Reference
-        if not (is_cell or numbers):
-            return None
         room(item.nbytes, name)
         values = np.asarray(item[()]).T
         if item.attrs.get(EMPTY):  # which has its dimensions for values
@@ -222,14 +229,14 @@ def _variables_of_hdf5(path: str, data: bytes, room: Room) -> Iterator[Variables
 
     with h5py.File(h5py.h5f.open(image, h5py.h5f.ACC_RDONLY, access)) as file:
         names = [name for name in file if not name.startswith("#")]
-        yield {name: partial(within, file, name, numbers=False) for name in names}
+        yield {name: (sizes(name), partial(within, file, name)) for name in names}
 
 
 # -------------------------------------------------------------------------------------------------
 # Which of the variables are meant.
 
 TRAJECTORY_FIELDS = ("tVec", "iVec", "xState")
-NO_SET = "no structure with the fields tVec, iVec, xState"
+NO_SET = "no structure with the fields tVec, iVec, xState, or x, t, id"
 
 VARIABLES = {"truth": "X", "estimate": "Y"}
 """What the published code calls its arguments: the one to take where a file has several."""
@@ -250,7 +257,8 @@ def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
         name = sets.chosen(path, role)
         sets.check_sides(options.beside, options.roles)
         fields, about = sets.fields(name), list(sets.notices(path, name, role))
-    return _rows(path, f"{path}, {name}", fields, about, options)
+    rows = _rows(f"{path}, {name}", fields, options, len(data))
+    return replace(rows, name=path, roles=replace(rows.roles, passed=(*rows.roles.passed, *about)))
 
 
 def names_of_runs(path: str, data: bytes, limit: float | None) -> list[str]:
@@ -307,7 +315,17 @@ def _run(name: str, place: int) -> str:
 
 def _is_set(value: Value) -> bool:
     """Whether this is a set of trajectories."""
-    return isinstance(value, dict) and value.keys() >= set(TRAJECTORY_FIELDS)
+    if not isinstance(value, dict):
+        return False
+    sizes = {name: array.shape for name, array in value.items() if isinstance(array, np.ndarray)}
+    return value.keys() >= {*TRAJECTORY_FIELDS} or bool(_states(sizes))
+
+
+def _states(sizes: dict[str, tuple[int, ...]]) -> list[str]:
+    """Names of variables that are states by their names, and by a third axis or times beside."""
+    kinds = {name: meant(name)[0] for name in sizes}
+    named = [name for name, kind in kinds.items() if kind in ("x", "particles")]
+    return [name for name in named if len(sizes[name]) > 2 or "t" in kinds.values()]
 
 
 class _Sets:
@@ -323,29 +341,39 @@ class _Sets:
 
     def __init__(self, file: str, found: Variables) -> None:
         self.file, self.found = file, found
-        self.value = cache(lambda name: found[name]())
+        self.value = cache(lambda name: found[name][1]())
+        self.arrays = {name: sizes for name, (sizes, _) in found.items() if sizes}
 
     @cached_property
     def there(self) -> dict[str, int]:
         """The variables that are sets: elements of a cell, 0 of a structure."""
-        counts = {name: self._count(name) for name in self.found}
-        return {name: count for name, count in counts.items() if count is not None}
+        counts = {name: self._count(name) for name in self.found if name not in self.arrays}
+        found = {name: count for name, count in counts.items() if count is not None}
+        return found or dict.fromkeys(_states(self.arrays)[:1], 0)
 
     def _count(self, name: str) -> int | None:
-        """Elements of a cell that has a set, 0 of a structure that is one; None of others."""
+        """Elements of a cell that has a set, 0 of a set, or an array of states; None of others."""
+        if name in self.arrays:
+            is_timed = any(meant(k)[0] == "t" for k in self.arrays)
+            return 0 if is_timed or len(self.arrays[name]) > 2 else None
         value = self.value(name) if name in self.found else None
         if isinstance(value, list):
             return len(value) if any(_is_set(read()) for read in value) else None
         return 0 if _is_set(value) else None
 
     def fields(self, name: str) -> Structure:
-        """Fields of ``X``, or of ``Y{3}``.
+        """Fields of ``X``, or of ``Y{3}``; of an array, what the file has beside it.
 
         Raises
         ------
         InputError
             An element of a cell is something else.
         """
+        if name in self.arrays:
+            is_known = meant(name)[0] in ("x", "particles")
+            beside = [k for k in self.arrays if meant(k)[0] in (NAMES if is_known else ("t", "id"))]
+            own = {name if is_known else "x": self.value(name)}
+            return own | {k: self.value(k) for k in beside if k != name}
         variable, _, place = name.partition("{")
         value = self.value(variable)
         if isinstance(value, list):
@@ -365,7 +393,7 @@ class _Sets:
         asked = path[len(self.file) + 1 :]
         if not asked:
             if not self.there:
-                inside = f"in it: {listed(self.found)}" if self.found else "nothing else is in it"
+                inside = f"in it: {self._all()}" if self.found else "nothing else is in it"
                 raise InputError(
                     f"{path}: {NO_SET} ({inside}); save one: tVec are the first steps, iVec the "
                     "lengths, xState the states (d, T, n)"
@@ -380,7 +408,7 @@ class _Sets:
         name, place = parts.groups() if parts else (asked, None)
         count = self._count(name)
         if count is None:
-            there = self._listed() or "none"
+            there = self._listed() or f"none; in it: {self._all()}"
             raise InputError(f"{path}: no set of trajectories {quoted(asked)} (there are: {there})")
         if not count and place is None:
             return name
@@ -421,6 +449,11 @@ class _Sets:
     def notices(self, path: str, name: str, role: str) -> Iterator[str]:
         """What is not read, where nobody said what to read."""
         usual = VARIABLES[role]
+        if name in self.arrays:
+            used = {name, *self.fields(name)}
+            others = [sized(k, self.arrays.get(k, ())) for k in self.found if k not in used]
+            if others:
+                yield f"variables not used: {listed(others)}"
         if path != self.file:
             return
         if len(self.there) > 1:
@@ -435,6 +468,10 @@ class _Sets:
         """The sets, of cells the first element."""
         return [_run(name, 1) if count else name for name, count in self.there.items()]
 
+    def _all(self) -> str:
+        """All variables, arrays with their sizes."""
+        return listed([sized(name, self.arrays.get(name, ())) for name in self.found])
+
     def _listed(self) -> str:
         """The sets, cells from their first element to their last."""
         ends = zip(self._firsts(), self.there.items(), strict=True)
@@ -444,27 +481,31 @@ class _Sets:
         )
 
 
-def _rows(path: str, name: str, fields: Structure, about: list[str], options: ReadOptions) -> Rows:
+def _rows(name: str, fields: Structure, options: ReadOptions, file: int) -> Rows:
     """A row for each trajectory and step; `name` begins the messages."""
     arrays = {}
-    for field in TRAJECTORY_FIELDS:
-        values = fields[field]
-        if not isinstance(values, np.ndarray) or values.dtype.kind not in "iuf":
+    for field, values in fields.items():
+        if isinstance(values, np.ndarray):
+            arrays[field] = values
+        elif field in TRAJECTORY_FIELDS or meant(field)[0]:
             raise InputError(
                 f"{name}.{field}: no real numbers; it must be a numeric array of one structure"
             )
-        arrays[field] = values
-    start, length = (_whole(f"{name}.{field}", arrays[field]) for field in ("tVec", "iVec"))
-    state = arrays["xState"]
+    if not fields.keys() >= {*TRAJECTORY_FIELDS}:
+        return array_rows(name, arrays, options, file=file, axes=MATLAB)
+    start, length = (_whole(f"{name}.{field}", arrays.pop(field)) for field in ("tVec", "iVec"))
+    state = arrays.pop("xState")
+    if state.dtype.kind not in "iuf":
+        raise InputError(f"{name}.xState: no real numbers; it must be a numeric array")
+    shape = state.shape
     if not state.size and not len(start):
         state = np.zeros((state.shape[0] or 2, 0, 0))
     if state.ndim == 2:  # MATLAB drops a last dimension of 1
         state = state[:, :, None]
     if state.ndim != 3 or not len(start) == len(length) == state.shape[2]:
-        shape = " x ".join(map(str, arrays["xState"].shape))
         raise InputError(
-            f"{name}: {len(start)} in tVec, {len(length)} in iVec, and xState is {shape}; it must "
-            "be d x T x n for n trajectories"
+            f"{name}: {len(start)} in tVec, {len(length)} in iVec, and "
+            f"{sized('xState is', shape)}; it must be d x T x n for n trajectories"
         )
     last = start + length - 1
     wrong = np.flatnonzero((length > 0) & ((start < 1) | (last > state.shape[1])))
@@ -474,31 +515,10 @@ def _rows(path: str, name: str, fields: Structure, about: list[str], options: Re
             f"{name}: trajectory {k + 1} is from step {start[k]} to {last[k]}{more(len(wrong))}; "
             f"xState has the steps 1 to {state.shape[1]}"
         )
-    names = column_names(len(state))
-    if options.columns is None and not options.boxes and len(names) > 3:
-        options = replace(options, columns=names)
-        about.insert(
-            0,
-            f"states have {len(names)} components, {names[0]} to {names[-1]}, and all are "
-            f"compared; of positions and velocities name the positions: --columns x=x0,y=x2",
-        )
-    roles = find_roles(["id", "t", *names], options, path, fixed=True)
     step = np.arange(1, state.shape[1] + 1)[:, None]
-    track, index = np.nonzero(((step >= start) & (step < start + length)).T)
-    ids, number = number_ids([str(k + 1) for k in range(len(start))])
-    rows = rows_by_components(
-        lambda column: np.asarray(state[column - 2, index, track], dtype=np.float64),
-        index + 1,
-        replace(roles, passed=(*roles.passed, *about)),
-        name=path,
-        ids=(ids, number[track]),
-        where=lambda row: f"{name}, trajectory {track[row] + 1}, step {index[row] + 1}",
-    )
-    infinite = np.flatnonzero(np.isinf(rows.numbers).any(axis=1))
-    if len(infinite):
-        place = rows.where(int(infinite[0]))
-        raise InputError(f"{place}: infinite{more(len(infinite))}; use NaN if absent")
-    return rows
+    there = (step >= start) & (step < start + length)
+    arrays["xState_dTn"] = state
+    return array_rows(name, arrays, options, file=file, axes=MATLAB, there=there)
 
 
 def _whole(name: str, values: NDArray[np.generic]) -> Ints:

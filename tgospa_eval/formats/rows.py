@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import natural
 from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.fields import Coded
@@ -53,6 +54,8 @@ class Rows:
         What is wrong with the texts of the weights, for those who need them.
     apart : dict of str to (R,) bool array and str
         Rows that the format itself leaves out, by its rule, and the message about them.
+    warnings : tuple of Notice
+        What looks wrong with them.
     read_as : callable, optional
         Of some rows of a side that is read in parts: what the files have for a time.
     """
@@ -67,6 +70,7 @@ class Rows:
     attributes: Mapping[int, Values] = field(default_factory=dict)
     weight_fault: str | None = None
     apart: dict[str, tuple[Flags, str]] = field(default_factory=dict)
+    warnings: tuple[Notice, ...] = ()
     read_as: Callable[[float], str | float] | None = None
 
     @property

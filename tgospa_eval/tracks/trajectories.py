@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import freeze, index_type
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError, TgospaWarning
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.attributes import Attributes, checked, chosen
@@ -91,14 +91,14 @@ class Trajectories:
         object.__setattr__(self, "times", np.asarray(self.times))
         object.__setattr__(self, "ids", np.asarray(self.ids, dtype=object))
         self._check_states()
-        if self.covariance is not None:
-            object.__setattr__(self, "covariance", self._packed(np.asarray(self.covariance, float)))
         if self.clouds is not None:
             self._check_clouds(self.clouds)
         if self.attributes:
             values = checked(self.attributes, len(self.step))
             object.__setattr__(self, "attributes", values)
         self._check_order()
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", self._packed(np.asarray(self.covariance, float)))
         for name, size in (("step", len(self.times)), ("track", len(self.ids))):
             array = getattr(self, name).astype(index_type(size), copy=False)
             object.__setattr__(self, name, array)
@@ -147,16 +147,26 @@ class Trajectories:
                 f"covariance {covariance.shape} does not fit state {self.state.shape}; "
                 "(R, d, d) would, and (R, d (d + 1) / 2)"
             )
-        if not np.isfinite(covariance).all():
-            raise InputError("covariances must be finite; 0 makes a state a point")
+        wrong = np.flatnonzero(~np.isfinite(covariance).all(axis=tuple(range(1, covariance.ndim))))
+        if len(wrong):
+            raise InputError(
+                f"{self._covariance(wrong[0])}: not finite{more(len(wrong))}; zeros make a state a "
+                "point"
+            )
         if covariance.ndim == 2:
             return covariance
         from tgospa_eval.tracks.covariances import from_matrices  # here: most states are points
 
-        packed, notices = from_matrices(covariance, "covariance of row {}".format)
+        packed, notices = from_matrices(covariance, self._covariance)
         for notice in notices:
             warnings.warn(notice.sentence, TgospaWarning, stacklevel=4)
         return np.ascontiguousarray(packed.T)
+
+    def _covariance(self, row: int) -> str:
+        """The covariance of a row, for messages."""
+        return (
+            f"covariance of id {quoted(self.ids[self.track[row]])}, t {self.shown[self.step[row]]}"
+        )
 
     def _check_clouds(self, clouds: "Clouds") -> None:
         if len(clouds) != len(self.state) or clouds.points.shape[1] != len(self.columns):

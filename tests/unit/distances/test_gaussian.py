@@ -498,6 +498,9 @@ HEADERS = {
     "other order": ("x,y,vx", "cov_vx_vx,cov_vx_y,cov_vx_x,cov_yy,COV_YX,cov_x_x", "vc"),
     "both of a pair": ("x,y,vx", "cov_xx,cov_xy,cov_yx,cov_yy,cov_x_vx,cov_y_vx,cov_vx_vx", "2"),
     "deviations": ("x,y,vx", "std_x,std_y,std_vx,rho_yx,rho_x_vx,rho_y_vx", "std"),
+    "P": ("x,y,vx", "Pxx,Pxy,P_yy,P_x_vx,P_y_vx,P_vx_vx", "cov"),
+    "variances": ("x,y,vx", "var_x,cov_xy,var_y,cov_x_vx,cov_y_vx,var_vx", "cov"),
+    "sigma": ("x,y,vx", "sigma_x,sigma_y,sigma_vx,rho_yx,rho_x_vx,rho_y_vx", "std"),
 }
 VALUES = {
     "cov": [4, 1, 2, -0.5, 0.25, 3],
@@ -518,6 +521,29 @@ def test_spellings(kind: str, write: Write) -> None:
     part = read_trajectories(path, columns=("vx", "x"))
     assert part.covariance is not None
     assert np.allclose(part.covariance, [[3, -0.5, 4]], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "found", "said"),
+    [
+        ("P11,P12,P22", None, [4, 1, 2], "covariances are read from P11, P12, P22"),
+        ("P_1_1,P_2_1,P_2_2", None, [4, 1, 2], "covariances are read from P_1_1, P_2_1, P_2_2"),
+        ("var_x,s,var_y", None, [4, 0, 2], "covariances are read from var_x, var_y"),
+        ("sigma_x,s,sigma_y", None, [16, 0, 4], "standard deviations are read from sigma_x, sig"),
+        ("P11,P13,P33", None, None, "if others are such, map them with columns=('cov_xx=HEADER'"),
+        ("P11,P12,P22", ("y", "x"), None, "no columns of covariances"),  # of which is P11?
+        ("P11,P12,P22", ("x",), None, "no columns of covariances"),
+        ("p_1,pos_a_b,variant", None, None, "(cov_xx, cov_xy, cov_yy): its states are points"),
+    ],
+)
+def test_other_spellings_are_said(
+    header: str, columns: tuple[str, ...] | None, found: list[float] | None, said: str, write: Write
+) -> None:
+    path = write("a.csv", f"id,t,x,y,{header}\n1,1,0,0,4,1,2\n")
+    reading = read(path, ReadOptions(covariance=True, columns=columns))
+    assert said in " ".join(reading.notices)
+    spread = reading.trajectories.covariance
+    assert (None if spread is None else spread[0].tolist()) == found
 
 
 def test_headers_are_mapped(write: Write) -> None:
@@ -706,7 +732,7 @@ def test_python_warns_of_what_is_clamped(write: Write) -> None:
     pd = pytest.importorskip("pandas")
     with pytest.warns(UserWarning, match=r'by up to 0.00025 .*estimate, row 0 \(id "4", t 9\)'):
         evaluate(found, pd.read_csv(path), 5.0, distance="gaussian-wasserstein")
-    with pytest.warns(UserWarning, match=r"not quite .*covariance of row 0"):
+    with pytest.warns(UserWarning, match=r"not quite .*covariance of id .0., t 0"):
         Trajectories.from_array(np.zeros((1, 1, 2)), covariance=[[1, 1.0005], [1.0005, 1]])
 
 
@@ -817,8 +843,8 @@ def test_trajectories_carry_covariances() -> None:
     ("matrices", "message"),
     [
         (np.eye(3), "does not fit states (1, 1, 2)"),
-        (-np.eye(2), "covariance of row 0: negative variance"),
-        (np.full((2, 2), np.inf), "covariances must be finite"),
+        (-np.eye(2), 'covariance of id "0", t 0: negative variance'),
+        (np.full((2, 2), np.inf), 'covariance of id "0", t 0: not finite'),
     ],
 )
 def test_wrong_covariances_of_arrays(matrices: Array, message: str) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tgospa_eval import Recorder, Result, TgospaWarning, evaluate, sweep
+from tgospa_eval import Recorder, Result, TgospaWarning, Trajectories, evaluate, sweep
 from tgospa_eval.errors import ConfigError, InputError
 
 GIVEN: dict[str, Any] = {"cutoff": 10.0, "switch_penalty": 5.0}
@@ -191,8 +191,8 @@ def test_tracks_of_stone_soup(arrays: tuple[np.ndarray, np.ndarray], expected: R
     for mapping in ((0, 4), (0, 0), (), "ab", 1):
         with pytest.raises(ConfigError, match="mapping is"):
             evaluate(truth, truth, **GIVEN, mapping=mapping)
-    with pytest.raises(ConfigError, match="mapping is for tracks"):
-        evaluate(*arrays, **GIVEN, mapping=(0, 1))
+    with pytest.raises(ConfigError, match="mapping is for tracks and arrays"):
+        evaluate(Trajectories.from_array(arrays[0]), "b.csv", **GIVEN, mapping=(0, 1))
 
 
 def test_a_loop(arrays: tuple[np.ndarray, np.ndarray], expected: Result) -> None:

@@ -105,7 +105,7 @@ def measured(
         distance=as_distance("euclidean"),
         solver=Certified(),
     )
-    sides = [of_object(side, "side", request) for side in (truth, estimate)]
+    sides = [of_object(side, "side", request).trajectories for side in (truth, estimate)]
     return measure(fit(*sides, request), request, cutoff=cutoff, stopwatch=Stopwatch())
 
 

@@ -99,12 +99,20 @@ HUGE = npy(SQUARE).replace(b"(2, 2, 2)", b"(2, 2,99)")
         ("a.npy", npy(SQUARE)[:40], "no readable npy file"),
         ("a.npy", b"\x93NUMPY\x09\x00" + bytes(99), "no readable npy file"),
         ("a.npy", npy(np.full((1, 1, 1), None)), "Python objects"),
-        ("a.npy", npy(SQUARE.astype(complex)), "type complex128; they must be numbers"),
-        ("a.npy", npy(SQUARE[:, :, :0]), "the last axis has coordinates"),
-        ("a.npy", npy(SQUARE + np.inf), 'row 0, column "x": infinite'),
-        ("a.npz", npz(a=SQUARE, b=SQUARE), r"arrays a \(2, 2, 2\), b \(2, 2, 2\); beside one"),
-        ("a.npz", npz(a=SQUARE, weight=[1]), "beside one array"),
-        ("a.npz", npz(a=SQUARE, t=[1]), r"t has the shape \(1,\), the states need \(2,\)"),
+        (
+            "a.npy",
+            npy(SQUARE.astype(complex)),
+            "states of type complex128; it must be of real numbers",
+        ),
+        ("a.npy", npy(SQUARE[:, :, :0]), "states 2 x 2 x 0: no coordinates"),
+        ("a.npy", npy(SQUARE + np.inf), 'trajectory 0, step 0, column "x": infinite'),
+        ("a.npz", npz(a=SQUARE, b=SQUARE), "a 2 x 2 x 2, b 2 x 2 x 2: which are the states"),
+        (
+            "a.npz",
+            npz(a=SQUARE, weight=[1]),
+            "weight 1, a 2 x 2 x 2: do not fit; weight is T x n x N",
+        ),
+        ("a.npz", npz(a=SQUARE, t=[1]), "a 2 x 2 x 2, 1 in t: do not fit; a is T x n x d"),
         ("a.npz", npz(a=SQUARE, columns=["x", "x"]), "x, x: a name is there twice"),
         ("a.npz", npz(a=SQUARE, columns=["x", "t"]), "a column of the states is named t"),
         ("a.npz", npz(a=SQUARE, ids=["a", "a"]), 'id "a" at t 0 was given before'),
@@ -119,6 +127,6 @@ def test_what_is_wrong(write: Write, name: str, data: bytes, message: str) -> No
 
 def test_room(write: Write) -> None:
     path = write("a.npy", npy(np.zeros((100, 100, 2))))
-    with pytest.raises(InputError, match=r"states of shape \(100, 100, 2\): reading it takes some"):
+    with pytest.raises(InputError, match="states 100 x 100 x 2: reading it takes some"):
         read(path, ReadOptions(max_input=0.001))
     assert Path(path).stat().st_size < 1_000_000

@@ -78,11 +78,11 @@ def test_holes_one_trajectory_none_and_many_components(run: Run, tmp_path: Path)
     four = saved(tmp_path / "f.mat", BOTH | {"xState": np.arange(24.0).reshape(4, 3, 2)})
     reading = read(four)
     assert reading.trajectories.columns == ("x0", "x1", "x2", "x3")
-    assert "--columns x=x0,y=x2" in " ".join(reading.notices)
+    assert [notice.code for notice in reading.warnings] == ["all-components"]
     places = read(four, ReadOptions(columns=("x=x0", "y=x2"), attributes=("x1",)))
     assert places.trajectories.state[0].tolist() == [0, 12]
     assert places.trajectories.attributes["x1"][0] == 6
-    assert not any("components" in notice for notice in places.notices)
+    assert not places.warnings
 
 
 def test_which_variable(invoke: Run, tmp_path: Path) -> None:
@@ -102,7 +102,7 @@ def test_which_variable(invoke: Run, tmp_path: Path) -> None:
     savemat("none.mat", {"k": 3, "s": {"a": 1}, "two": np.array([(1,), (2,)], [("tVec", "O")])})
     answer = invoke("none.mat", "run.mat:Y", "--truth-format", "mat")
     assert answer.status == 3
-    assert "tVec, iVec, xState (in it: k, s, two)" in answer.err
+    assert "or x, t, id (in it: k 1 x 1, s, two)" in answer.err
     (tmp_path / "a.mat:X").write_text("id,t,x\n1,0,0\n")  # a file of that name is one
     assert read(tmp_path / "a.mat:X", format="csv").rows == 1
 
@@ -117,7 +117,10 @@ def test_which_variable(invoke: Run, tmp_path: Path) -> None:
         ({"iVec": [[np.nan], [1.0]]}, "iVec: nan of trajectory 1"),
         ({"iVec": [[1.0], [-1.0]]}, "iVec: -1 of trajectory 2"),
         ({"tVec": np.ones((2, 2))}, "tVec: is 2 x 2; it must be a vector"),
-        ({"xState": np.full((2, 3, 2), np.inf)}, "trajectory 1, step 1: infinite (and 3 more)"),
+        (
+            {"xState": np.full((2, 3, 2), np.inf)},
+            'trajectory 1, step 1, column "x": infinite (and 3 more)',
+        ),
         ({"xState": np.ones((2, 3, 2)) * 1j}, "xState: no real numbers"),
         ({"xState": "text"}, "xState: no real numbers"),
         ({"xState": np.ones((2, 3))}, "xState is 2 x 3"),
@@ -316,7 +319,10 @@ def test_no_variable_is_both_sides_unless_both_name_it(invoke: Run, tmp_path: Pa
         evaluate("run.mat:Y", "run.mat", 10)
     # Of another file it is read, and what is passed over is said.
     reading = read("a.mat", role="estimate")
-    assert "variable X; Y is no structure with the fields tVec, iVec, xState" in reading.notices
+    assert (
+        "variable X; Y is no structure with the fields tVec, iVec, xState, or x, t, id"
+        in reading.notices
+    )
 
 
 def test_odd_cells(tmp_path: Path) -> None:

@@ -29,6 +29,11 @@ NO_STATES = ("id", "t", "class", WEIGHT)
 PREFIXES = ("cov_", "std_", "rho_")
 """Of entries of covariances."""
 
+SPREAD = re.compile(
+    r"(cov|var|std|sigma|rho)_\w+|p_\w+_\w+|p_?(\d_?\d|(?P<axis>[a-z])_?(?P=axis))", re.IGNORECASE
+)
+"""Headers that may be of covariances."""
+
 BOX = ("left", "top", "width", "height")
 EDGES = (*BOX, "right", "bottom")
 
@@ -420,6 +425,8 @@ class Roles:
         Columns of the covariances.
     asked : bool
         Whether covariances were asked for.
+    option : str
+        How the user names columns, see `ask`.
     headers : tuple of str
         All headers.
     fixed : bool
@@ -444,6 +451,7 @@ class Roles:
     attributes: dict[str, int] = field(default_factory=dict)
     spread: "SpreadColumns | None" = None
     asked: bool = False
+    option: str = ""
     headers: tuple[str, ...] = ()
     fixed: bool = False
     passed: tuple[str, ...] = ()
@@ -501,16 +509,25 @@ class Roles:
         if unused:
             folded = {name.casefold() for name in unused}
             way = ""
-            if not (self.asked or clouds) and any(name.startswith(PREFIXES) for name in folded):
+            if not (self.asked or clouds) and any(map(SPREAD.fullmatch, folded)):
                 way = "; --distance gaussian-wasserstein compares covariances; see also --with nees"
             if EXISTENCE in folded:
                 way += "; --existence use takes existence as probabilities"
             yield f"columns not used: {listed(unused)}{way}"
+        if self.spread is not None and not clouds:
+            read = [self.headers[column] for column in self.spread.columns]
+            if not all(name.casefold().startswith(PREFIXES) for name in read):
+                what = "standard deviations" if self.spread.deviations else "covariances"
+                yield f"{what} are read from {listed(read)}"
         if self.asked and self.spread is None and not clouds:
             from tgospa_eval.formats.columns.spread import entries  # here: most states are points
 
-            shown = ", ".join([label for _, _, label in entries(self.names)][:3])
-            yield f"no columns of covariances ({shown}): its states are points"
+            labels = [label for _, _, label in entries(self.names)]
+            text = f"no columns of covariances ({', '.join(labels[:3])}): its states are points"
+            if any(map(SPREAD.fullmatch, unused)):
+                items = [f"{label}=HEADER" for label in labels[:3]]
+                text += f"; if others are such, map them with {ask(self.option, items)}"
+            yield text
 
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
         """Quantities (R, len(mixes)) of the `numbers` columns (R, n); a view where it can be."""
@@ -605,6 +622,7 @@ def find_roles(
         attributes=attributes,
         spread=spread,
         asked=options.covariance and not options.clouds,
+        option=options.option,
         headers=tuple(names),
         fixed=fixed,
         passed=(*headers.passed_over("id", unused), *headers.passed_over("t", unused)),

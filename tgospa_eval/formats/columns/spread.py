@@ -1,7 +1,7 @@
 """Columns of covariances: which header is which entry, and the matrices of the rows.
 
-Two spellings: `cov_xx`, `cov_xy`, `cov_yy` (names of more than one letter apart, `cov_x_vx`), or
-`std_x`, `std_y`, `rho_xy`. What a matrix must be like is the business of
+`cov_xx`, `cov_xy`, `cov_yy` (names of more than one letter apart, `cov_x_vx`), or `std_x`, `std_y`,
+`rho_xy`; other usual spellings are in `SPELLINGS`. What a matrix must be like is the business of
 `tracks.covariances`.
 """
 
@@ -32,13 +32,18 @@ class SpreadColumns:
     entries : tuple of tuple of int
         Columns of each entry of the lower triangle, row by row: none, one, or both of a pair that
         the table gives twice.
-    deviations : bool
-        They are standard deviations and correlations.
+    spelling : int
+        How their headers are spelt, a place in `SPELLINGS`.
     """
 
     names: tuple[str, ...]
     entries: tuple[tuple[int, ...], ...]
-    deviations: bool
+    spelling: int
+
+    @property
+    def deviations(self) -> bool:
+        """Whether they are standard deviations and correlations."""
+        return SPELLINGS[self.spelling][2]
 
     @property
     def columns(self) -> tuple[int, ...]:
@@ -47,7 +52,7 @@ class SpreadColumns:
 
     def labels(self) -> list[tuple[int, int, str]]:
         """Row, column and name of each entry."""
-        return list(entries(self.names, deviations=self.deviations))
+        return list(entries(self.names, self.spelling))
 
     @property
     def absent(self) -> list[str]:
@@ -60,24 +65,38 @@ First = Callable[[NDArray[np.bool_]], tuple[int, str, str]]
 """Position and place of the wrong one that comes first in the file; how many more."""
 
 
-def spelt(first: str, second: str, *, deviations: bool = False) -> list[str]:
+NUMBERED = 2
+"""The spelling by numbers: P11, P12, P22."""
+
+SPELLINGS = (
+    (("cov_{0}{1}", "cov_{0}_{1}"), ("cov_{0}{1}", "cov_{0}_{1}", "var_{0}"), False),
+    (("P{0}{1}", "P_{0}{1}", "P_{0}_{1}"), ("P{0}{1}", "P_{0}{1}", "P_{0}_{1}"), False),
+    (("P{2}{3}", "P_{2}{3}", "P_{2}_{3}"), ("P{2}{3}", "P_{2}{3}", "P_{2}_{3}"), False),
+    (("rho_{0}{1}", "rho_{0}_{1}"), ("std_{0}", "sigma_{0}"), True),
+)
+"""Headers of covariances, in the order in which they are taken: beside the diagonal, on it, and
+whether these are standard deviations. {0} and {1} are state columns, {2} and {3} their numbers from
+1 on; names that are joined have one letter each."""
+
+
+def spelt(first: int, second: int, names: Sequence[str], spelling: int = 0) -> list[str]:
     """Headers of an entry of a covariance, the usual one first."""
-    if deviations and first == second:
-        return [f"std_{first}"]
-    prefix = "rho" if deviations else "cov"
-    names = []
-    for one, other in dict.fromkeys([(first, second), (second, first)]):
-        if len(one) == len(other) == 1:
-            names.append(f"{prefix}_{one}{other}")
-        names.append(f"{prefix}_{one}_{other}")
-    return sorted(names, key=len)
+    beside, diagonal, _ = SPELLINGS[spelling]
+    found = []
+    for i, j in dict.fromkeys([(first, second), (second, first)]):
+        one, other = names[i], names[j]
+        for form in diagonal if i == j else beside:
+            is_joined = "}{" in form and "{0}" in form
+            if not is_joined or len(one) == len(other) == 1:
+                found.append(form.format(one, other, i + 1, j + 1))
+    return sorted(found, key=lambda name: (name.startswith(("var", "sigma")), len(name)))
 
 
-def entries(names: Sequence[str], *, deviations: bool = False) -> Iterator[tuple[int, int, str]]:
+def entries(names: Sequence[str], spelling: int = 0) -> Iterator[tuple[int, int, str]]:
     """Row, column and usual header of each entry of the lower triangle, row by row."""
-    for i, second in enumerate(names):
-        for j, first in enumerate(names[: i + 1]):
-            yield i, j, spelt(first, second, deviations=deviations)[0]
+    for i in range(len(names)):
+        for j in range(i + 1):
+            yield i, j, spelt(j, i, names, spelling)[0]
 
 
 def find_spread(
@@ -85,27 +104,40 @@ def find_spread(
 ) -> SpreadColumns | None:
     """The columns of the covariances of these state columns; None if there are none.
 
-    Covariances are taken before standard deviations. `find` gives the position of a header.
+    Spellings are taken in the order of `SPELLINGS`. Entries by number are those of the states only
+    if these are in the order of the table, and there is none of a further one. `find` gives the
+    position of a header.
 
     Raises
     ------
     InputError
         There are some columns, and that of a variance is missing.
     """
-    for deviations in (False, True):
+    columns = [find(name) for name in names]
+    in_order = None not in columns and columns == sorted(columns)  # type: ignore[type-var]
+    for spelling in range(len(SPELLINGS)):
+        if spelling == NUMBERED and not in_order:
+            continue
+        wider = [*names, *"?" * (spelling == NUMBERED)]
         entries = []
-        for k, second in enumerate(names):
-            for first in names[: k + 1]:
-                places = map(find, spelt(first, second, deviations=deviations))
-                entries.append(tuple(dict.fromkeys(at for at in places if at is not None)))
+        for k in range(len(wider)):
+            for first in range(k + 1):
+                places = (find(header) for header in spelt(first, k, wider, spelling))
+                there = tuple(dict.fromkeys(at for at in places if at is not None))
+                entries.append(there[:1] if k == first else there)
+        if any(entries[len(names) * (len(names) + 1) // 2 :]):
+            continue
+        entries = entries[: len(names) * (len(names) + 1) // 2]
         if not any(entries):
             continue
-        found = SpreadColumns(names=tuple(names), entries=tuple(entries), deviations=deviations)
+        found = SpreadColumns(names=tuple(names), entries=tuple(entries), spelling=spelling)
         for (i, j, label), entry in zip(found.labels(), entries, strict=True):
             if i == j and not entry:
+                usual = spelt(i, i, names)[0]
                 raise InputError(
                     f"{where}: no column {label}, but others of the covariance; add it, map it "
-                    f"with --columns {label}=HEADER, or choose state columns with --columns"
+                    f"with --columns {usual if not found.deviations else label}=HEADER, or choose "
+                    "state columns with --columns"
                 )
         return found
     return None

@@ -1,0 +1,196 @@
+"""States of sensors, whoever asks: which belong together, and clouds with fewer particles."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from tgospa_eval.api.distance import REDUCTION_NAMES, reduction
+from tgospa_eval.api.keywords import requested, taken, with_options
+from tgospa_eval.api.options import NOT_OF_SENSORS, SETTINGS, Request
+from tgospa_eval.api.resolve import Settings, called, make_settings
+from tgospa_eval.common.notices import in_python, warn_user
+from tgospa_eval.distances import Effort, Reduction
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats import Reading
+from tgospa_eval.results.records import Columns
+from tgospa_eval.sensors.association import Association
+from tgospa_eval.sensors.association import associate as associate_states
+from tgospa_eval.sensors.reduction import reduce_trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tgospa_eval.evaluation.sides import Components, TrajectoriesLike
+
+OF_REDUCE = ("columns", "decimal", "max_input", "time", "class_", "region", "jobs")
+
+
+def of_pairs(options: dict[str, Any]) -> dict[str, Any]:
+    """Options of `associate` as those of a request."""
+    return options | {"pairwise": True, "sides": ("a", "b"), "switch_penalty": 0.0}
+
+
+def associate_sides(
+    settings: Settings,
+    sides: tuple[Reading, ...],
+    names: tuple[str, ...],
+    effort: Effort,
+    *,
+    all_pairs: bool,
+) -> Association:
+    """The association of sides that were read; `names` are for messages."""
+    fitted, _ = settings.fit(sides, names)
+    return associate_states(
+        fitted.alignment.truth,
+        fitted.alignment.estimate,
+        cutoff=settings.evaluation.parameters.cutoff,
+        distance=fitted.distance,
+        all_pairs=all_pairs,
+        effort=effort,
+    )
+
+
+def reducing(request: Request, size: int) -> tuple[Reduction, Settings]:
+    """How to reduce, and how to read what is reduced."""
+    how = reduction(request, size) or Reduction(size=size)
+    fixed: dict[str, Any] = {"reduce": size, "cutoff": 1.0, "switch_penalty": 0.0}
+    return how, make_settings(replace(request, distance="cloud-wasserstein", **fixed))
+
+
+def reduce_side(
+    side: Reading, how: Reduction, name: str, effort: Effort
+) -> tuple[Trajectories, Columns]:
+    """The clouds of a side with fewer particles, and a row of what changed for each.
+
+    Raises
+    ------
+    InputError
+        There are none.
+    """
+    if side.trajectories.clouds is None:
+        raise InputError(
+            f"{name}: no particles; a column weight makes the rows of an (id, t) a cloud"
+        )
+    return reduce_trajectories(side.trajectories, how, effort)
+
+
+def _read(
+    settings: Settings,
+    given: Sequence["TrajectoriesLike"],
+    names: tuple[str, ...],
+    mapping: "Components | None",
+) -> tuple[Reading, ...]:
+    """Sides in the role of estimates, with a Python warning for what looks wrong."""
+    roles = ("estimate",) * len(given)
+    sides = settings.read(*given, roles=roles, names=names, mapping=mapping)
+    for side in sides:
+        warn_user(side.warnings, lambda text: in_python(text, reads=False))
+    return sides
+
+
+@with_options(
+    *NOT_OF_SENSORS,
+    *(name for name, about in SETTINGS.items() if not about.everywhere),
+    *(name for name in SETTINGS if name.startswith(("truth_", "estimate_"))),
+)
+def associate(
+    a: "TrajectoriesLike",
+    b: "TrajectoriesLike",
+    cutoff: float,
+    *,
+    mapping: "Components | None" = None,
+    all_pairs: bool = False,
+    a_format: str | None = None,
+    b_format: str | None = None,
+    a_columns: "str | Sequence[str] | None" = None,
+    b_columns: "str | Sequence[str] | None" = None,
+    **options: Any,
+) -> Association:
+    """Which states of two sensors belong together, step by step.
+
+    Every option of ``tgospa-eval associate`` is a keyword, by its name.
+
+    Parameters
+    ----------
+    a, b : path, Trajectories, DataFrame, array, mapping or set of tracks
+        As truth and estimate of `evaluate`.
+    cutoff : float
+        c > 0, in the unit of the distance.
+    mapping : sequence of int, or pair of such, optional
+        As for `evaluate`.
+    all_pairs : bool
+        Measure all pairs of each step, not only those that may be nearer than the cutoff; the
+        association is the same.
+    a_format, b_format : str, optional
+        Formats of files.
+    a_columns, b_columns : str or sequence of str, optional
+        `columns` for one side alone.
+
+    Returns
+    -------
+    Association
+        Pairs, costs and states without partner.
+
+    Raises
+    ------
+    ConfigError, InputError, TypeError
+        As for `evaluate`.
+    """
+    of_sides = {
+        "truth_format": a_format,
+        "estimate_format": b_format,
+        "truth_columns": a_columns,
+        "estimate_columns": b_columns,
+    }
+    request = requested(of_pairs({"cutoff": cutoff, **of_sides, **options}))
+    settings, names = make_settings(request), called((a, b), request.sides)
+    sides = _read(settings, (a, b), request.sides, mapping)
+    effort = Effort(jobs=request.jobs)
+    return associate_sides(settings, sides, names, effort, all_pairs=all_pairs)
+
+
+@with_options(*(name for name in taken() if name not in (*OF_REDUCE, *REDUCTION_NAMES)))
+def reduce(
+    side: "TrajectoriesLike",
+    size: int,
+    *,
+    mapping: "Sequence[int] | None" = None,
+    in_format: str | None = None,
+    **options: Any,
+) -> tuple[Trajectories, "pd.DataFrame"]:
+    """Particle clouds with fewer particles.
+
+    Every option of ``tgospa-eval reduce`` is a keyword, by its name.
+
+    Parameters
+    ----------
+    side : path, Trajectories, DataFrame, array, mapping or set of tracks
+        With particles: as a side of `evaluate`.
+    size : int
+        Number of particles of each cloud; smaller clouds stay as they are.
+    mapping : sequence of int, optional
+        As for `evaluate`.
+    in_format : str, optional
+        Format of a file.
+
+    Returns
+    -------
+    Trajectories
+        With the reduced clouds.
+    DataFrame
+        A row for each cloud: the columns of ``reduce --format csv``.
+
+    Raises
+    ------
+    ConfigError, InputError, TypeError
+        As for `evaluate`, or there are no particles.
+    """
+    import pandas as pd
+
+    request = requested({**options, "truth_format": in_format})
+    how, settings = reducing(request, size)
+    names = called((side,), ("side",))
+    (read,) = _read(settings, (side,), ("side",), mapping)
+    after, table = reduce_side(read, how, names[0], Effort(jobs=request.jobs))
+    return after, pd.DataFrame(table)
