@@ -171,9 +171,9 @@ SHIPS = ("-c", "300", "-g", "100", "--distance", "haversine", "--jobs", "1", "--
     [
         (6, False, ("--steps", "-5:50:2.5")),
         (40, True, ("--steps", "2026-05-01T08:00:10Z:2026-05-01T08:01:20Z:2s")),
-        (6, False, ("--resample", "0.7", "--max-gap", "3,5")),
+        (12, False, ("--resample", "0.7", "--max-gap", "3,5")),
         (40, True, ("--resample", "1500ms", "--max-gap", "4s,2s")),
-        (6, False, ("--resample", "10", "--max-gap", "1000")),
+        (30, False, ("--resample", "10", "--max-gap", "1000")),
     ],
 )
 def test_steps_that_are_declared_and_a_common_clock_are_those_of_one_file(
