@@ -66,7 +66,7 @@ CASES = st.fixed_dictionaries(
 
 @given(seed=st.integers(0, 2**32 - 1), case=CASES)
 @settings(
-    max_examples=settings.default.max_examples // 3,
+    max_examples=settings.default.max_examples // 5,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 def test_the_bracket_is_that_of_the_whole(invoke: Invoke, seed: int, case: dict[str, Any]) -> None:

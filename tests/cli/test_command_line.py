@@ -439,9 +439,7 @@ LOST = pytest.mark.parametrize(
         ("--version",),
         ("gate", "--help"),
         ("{}", "{}", "-q"),
-        ("simulate", "d"),
         ("inspect", "{}"),
-        ("associate", "{}", "{}", "-c", "5"),
     ],
     ids=lambda arguments: arguments[0],
 )
