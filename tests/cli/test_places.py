@@ -1,8 +1,12 @@
 """Places and units as people have them."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
+from checkout import SAMPLES
 
 from tgospa_eval import ConfigError, InputError, evaluate
 
@@ -152,3 +156,59 @@ def test_wrong_systems_get_a_message(options: dict[str, str], message: str) -> N
     truth, _, _ = radar()
     with pytest.raises(ConfigError, match=message):
         evaluate(truth, truth, cutoff=5, switch_penalty=1, **options)
+
+
+COAST = SAMPLES / "coast"
+
+
+def test_messages_lead_from_the_files_of_a_coast_to_the_number(invoke) -> None:
+    """Semicolons, MMSI with zeros, days first, a zone, axes north and east, a clock ahead."""
+    files, metric = (str(COAST / "ais.csv"), str(COAST / "radar.csv")), ("-c", "200", "-g", "100")
+    answer = invoke(*files, *metric)
+    assert "--truth-time-format '%d/%m/%Y %H:%M:%S' reads 2025-04-03" in answer.err
+    told = ["--truth-time-format", "%d/%m/%Y %H:%M:%S", "--truth-time-zone", "UTC"]
+    answer = invoke(*files, *metric, *told)
+    assert "--estimate-crs enu (or ned) and --origin LAT,LON" in answer.err
+    told += ["--estimate-crs", "ned", "--origin", "55.6,12.8"]
+    assert "the clock of the estimate seems to be 4.6" in invoke(*files, *metric, *told).err
+    answer = invoke(*files, *metric, *told, "--resample", "10s", "--max-gap", "60s,10s")
+    assert "--ignore truth-gaps does not judge them" in answer.err
+    told += ["--resample", "10s", "--max-gap", "60s,10s", "--time-offset", "-4.7"]
+    answer = invoke(*files, *metric, *told, "--ignore", "truth-gaps", "--format", "json")
+    found = json.loads(answer.out)
+    assert found["sizes"]["truth"] == 4
+    pairs = found["judged"]["truth_states"] - found["counts"]["missed"]
+    # Noise of 15 m on two axes; between two scans it is that of a mean.
+    assert 15 < (found["localisation"] / pairs) ** 0.5 < 15 * 2**0.5
+    assert (found["counts"]["missed"], found["counts"]["false"]) == (15, 16)
+
+
+def test_feet_beside_metres_are_proposed_by_column(invoke) -> None:
+    files = str(COAST / "adsb.csv"), str(COAST / "tracker.csv")
+    earth = ("--distance", "geodesic", "--columns", "lat,lon,alt", "-c", "300", "-g", "100")
+    assert "or use --estimate-scale alt=3.2808" in invoke(*files, *earth).err
+    assert "seem" not in invoke(*files, *earth, "--truth-scale", "alt=0.3048").err
+
+
+def test_a_filter_by_place_takes_a_circle_or_a_file(tmp_path: Path) -> None:
+    truth, length, bearing = radar()
+    options = {"cutoff": 100, "switch_penalty": 10}
+    near = truth[length <= 5e4]
+    earth = options | {"distance": "geodesic"}
+    found = evaluate(truth, truth, **earth, region="circle=55.7,12.6,49850")
+    assert abs(found.judged["truth_states"] - len(near)) <= 1  # caps are those of the sphere
+    local = options | {"estimate_crs": "range,bearing", "origin": ORIGIN}
+    plots = truth[["id", "t"]].assign(range=length, bearing=bearing)
+    found = evaluate(truth, plots, **local, region="circle=0,0,50000")
+    assert found.total < 1e-6
+    assert found.judged["truth_states"] == len(near)
+    assert found.input["estimate"]["left_out"] == {"region": 100 - len(near)}
+    assert found.parameters["region"] == "circle=0,0,50000"
+    file = tmp_path / "coverage.csv"
+    file.write_text("x,y,radius\n0,0,30000\n0,0,50000\n")
+    found = evaluate(truth, plots, **local, region=str(file))
+    assert found.judged["truth_states"] == len(near)
+    with pytest.raises(ConfigError, match="must be circle=LAT,LON,RADIUS"):
+        evaluate(truth, plots, **local, region="circle=0,0")
+    with pytest.raises(InputError, match="no such file"):
+        evaluate(truth, plots, **local, region="missing.geojson")

@@ -15,7 +15,8 @@ const lanes = {
       const begin = (k) => side.run.begin[side.run.first[k]] ?? steps;
       if (by === "cost") tracks.sort((a, b) => side.table.total[b] - side.table.total[a]);
       if (by === "begin") tracks.sort((a, b) => begin(a) - begin(b));
-      rows.push({ title: name === "truth" ? plural(tracks.length, "truth") : `${plural(tracks.length, "estimate")} with false steps` });
+      const [count, wrong] = PARTS.includes("switch") ? [plural(tracks.length, name), "with false steps"] : [`${tracks.length} of ${word(name)}`, "alone at some step"];
+      rows.push({ title: name === "truth" ? count : `${count} ${wrong}` });
       for (const track of tracks) rows.push({ side, track });
     }
     this.rows = rows;
@@ -101,7 +102,7 @@ const lanes = {
       if (run.end[r] >= state.from && run.begin[r] <= state.to) inside.push(r);
     }
     for (const r of inside) {
-      if (run.other[r] === NONE) continue;
+      if (run.other[r] < 0) continue;
       const x = left(run.begin[r], width), wide = Math.max(right(run.end[r], width) - x, 0.7);
       const high = truth ? tall - 4 : 5;
       context.fillStyle = truth ? colourOf(run.other[r]) : colourOf(track);
@@ -123,8 +124,14 @@ const lanes = {
         context.strokeRect(x + 0.5, y + 3.5, wide - 1, tall - 7);
       }
     }
+    for (const r of run.unjudged ? inside : []) {
+      if (!run.unjudged[r]) continue;
+      const x = left(run.begin[r], width);
+      context.fillStyle = pattern(context, run.other[r] < 0 ? "soft" : "paper");
+      context.fillRect(x, y + 3, Math.max(right(run.end[r], width) - x, 1.5), tall - 6);
+    }
     for (const r of inside) {
-      if (run.other[r] === NONE) continue;
+      if (run.other[r] < 0) continue;
       const x = Math.max(left(run.begin[r], width), LEFT), room = Math.min(right(run.end[r], width), width - RIGHT) - x - 8;
       let name = sides[side.other].label[run.other[r]];
       if (room < 14 || (room < 40 && context.measureText(name).width > room)) continue;
@@ -151,7 +158,7 @@ const lanes = {
     const wide = (width - LEFT - RIGHT) / span() * doc.stride;
     let last = -1, most = 0;
     for (let k = from; k < to; k++) {
-      if (row.other[k] === NONE) continue;
+      if (row.other[k] < 0) continue;
       const x = left(row.step[k], width), high = row.error[k] / doc.errors * tall;
       if (wide >= 1) context.fillRect(x, y + 2 + tall - high, right(row.step[k] + doc.stride - 1, width) - x, high);
       else if (Math.floor(x) !== last) {
@@ -202,12 +209,13 @@ const lanes = {
 };
 
 function laneWords({ side, track }, step) {
-  const { run } = side, r = runAt(side, track, step), name = `${side.name} ${isolate(side.label[track])}`;
+  const { run } = side, r = runAt(side, track, step), name = `${word(side.name)} ${isolate(side.label[track])}`;
   if (r < 0) return `${name} does not exist at ${time(step)}`;
   const stretch = run.begin[r] === run.end[r] ? `at ${time(run.begin[r])}` : `from ${time(run.begin[r])} to ${time(run.end[r])}`;
-  const words = run.other[r] === NONE
-    ? side.name === "truth" ? "missed" : "false"
-    : `${side.name === "truth" ? "followed by" : "follows"} ${labelOf(side.other, run.other[r])}`;
+  const free = run.unjudged?.[r] ? "not judged" : "";
+  const words = run.other[r] === FREE ? free : run.other[r] === NONE
+    ? word(side.name === "truth" ? "missed" : "false")
+    : `${free}${free && ", "}` + `${paired[side.name === "truth" ? 0 : 1]} ${labelOf(side.other, run.other[r])}`;
   const changes = side.name === "truth" ? (switchesOf.truth.get(track) || []).filter((k) => doc.switches.step[k] === step).map(switchWords) : [];
   return [`${name}: ${words} ${stretch}`, ...changes].join("\n");
 }
