@@ -32,7 +32,7 @@ def triples(draw: st.DrawFn) -> tuple[np.ndarray, ...]:
     return tuple(draw(sets(steps, dimension)) for _ in range(3))
 
 
-@settings(max_examples=30)
+@settings(max_examples=20)
 @given(three=triples(), p=ORDERS, gamma=GAMMA)
 def test_metric(three: tuple[np.ndarray, ...], p: float, gamma: float) -> None:
     x, y, z = three
@@ -41,7 +41,7 @@ def test_metric(three: tuple[np.ndarray, ...], p: float, gamma: float) -> None:
     assert d(x, y, p, gamma) <= d(x, z, p, gamma) + d(z, y, p, gamma) + 1e-9
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(sides=pairs_of_sets(), p=ORDERS)
 def test_between_gospa_and_the_static_assignment(
     sides: tuple[np.ndarray, np.ndarray], p: float
@@ -59,7 +59,7 @@ def test_between_gospa_and_the_static_assignment(
     assert between >= 0.5 * C**p * np.abs(counts[0] - counts[1]).sum() - 1e-9
 
 
-@settings(max_examples=20)
+@settings(max_examples=15)
 @given(sides=pairs_of_sets(), p=ORDERS, data=st.data())
 def test_monotone_and_concave(
     sides: tuple[np.ndarray, np.ndarray], p: float, data: st.DataObject
@@ -72,7 +72,7 @@ def test_monotone_and_concave(
     assert d(*sides, p, 1.0, c=1.0) <= d(*sides, p, 1.0, c=2.5) + 1e-9
 
 
-@settings(max_examples=20)
+@settings(max_examples=15)
 @given(sides=pairs_of_sets(), p=ORDERS, gamma=GAMMA, seed=st.integers(0, 99))
 def test_symmetries(
     sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, seed: int
@@ -117,7 +117,7 @@ def test_huge_coordinates(sides: tuple[np.ndarray, np.ndarray], p: float, gamma:
     assert d(x + 1e8, y + 1e8, p, gamma) == close(d(x, y, p, gamma))
 
 
-@settings(max_examples=20)
+@settings(max_examples=15)
 @given(sides=pairs_of_sets(most=1), p=ORDERS, gamma=GAMMA)
 def test_single_pair(sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float) -> None:
     """One truth, one estimate: a sum over the steps, whatever gamma is."""
