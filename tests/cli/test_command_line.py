@@ -202,8 +202,8 @@ def test_column_of_one_file_only(invoke: Run, write: Write) -> None:
 @pytest.mark.parametrize(
     ("first", "second", "part"),
     [
-        ("2024-01-01T00:00:00Z", "2024-01-01T00:00:00", "write both with a zone"),
-        ("2024-01-01T00:00:00", "5", "both as numbers, such as Unix seconds"),
+        ("2024-01-01T00:00:00Z", "2024-01-01T00:00:00", "--estimate-time-zone UTC"),
+        ("2024-01-01T00:00:00", "5", "--truth-time-zone UTC"),
         (str(2**53 + 1), "0.5", "nanoseconds (seconds * 10^9)"),
     ],
 )

@@ -118,6 +118,7 @@ def test_noise_is_undecided_and_says_what_would_be_noticed(gate: Invoke) -> None
     runs(0.05, 3)
     answer = gate("--format", "json")
     assert answer.status == 0
+    assert json.loads(answer.out)["verdict"] == "undecided by seeds"
     (rule,) = groups(answer)["all"]["rules"]
     assert rule["verdict"] == "undecided by seeds"
     assert 0.03 < rule["inference"]["noticeable"] < 0.15

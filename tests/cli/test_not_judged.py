@@ -97,7 +97,7 @@ def test_every_report_says_what_is_not_judged(files, invoke) -> None:
         (("--ignore", "marked"), "truth.csv has no column ignored, and estimate.csv no column"),
         (("--ignore", "truth-gaps"), "is for --interpolate truth and --resample"),
         (("--ignore", "class=Van", "--by", "class"), "each class is judged by itself"),
-        (("--ignore", "x>1", "--existence", "use"), "do not go together"),
+        (("--ignore", "x>1", "--existence", "use"), "does not go together"),
         (
             ("--ignore", "outside-truth-steps", "--resample", "1", "--max-gap", "2"),
             "--ignore truth-gaps leaves",

@@ -1,4 +1,4 @@
-"""Every verb and every output once, as a process: what `make test-oldest` and `test-newest` run.
+"""Every verb and every output once: what `make test-oldest` and `test-newest` run.
 
 Stdout holds the document alone, whatever the libraries below print; the scene `crowd` needs the
 linear programme of HiGHS, which prints a banner when it is made.
@@ -78,8 +78,6 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[str], object]]] = {
     "blocks": ((*PAIR, "--slice", "speed=0:1:3", "--curve", "--window", "10", "--explain",
                 "--format", "json"), json.loads),
     "sweep": ((*PAIR, "--sweep", "cutoff=5:20:3", "--format", "json"), json.loads),
-    "class": ((str(FORMATS / "v1.0-mini"), str(FORMATS / "nuscenes_results.json"), *PAIR[2:],
-               "--by", "class"), table),
     "explain": (("explain", *PAIR, "--format", "json"), json.loads),
     "inspect": (("inspect", *PAIR[:4], "--plot", "seen.png"), table),
     "compare": (("compare", "truth.csv", "estimate.csv", "crowd_estimate.csv", *PAIR[2:],
@@ -88,6 +86,16 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[str], object]]] = {
     "study": (("compare", "--simulate", "--help"), table),
     "associate": (("associate", *PAIR[:4]), table),
     "reduce": (("reduce", str(SAMPLES / "clouds/estimate.csv"), "small.csv", "-n", "10"), table),
+    "simulate": (("simulate", "made", "--targets", "3", "--steps", "5"), table),
+    "help": (("help", "evaluate"), table),
+    "version": (("--version",), table),
+    "script": (("verify", "--script"), table),
+}  # fmt: skip
+"""In a process each: their imports and what libraries write to stdout are their own."""
+
+READINGS: dict[str, tuple[tuple[str, ...], Callable[[str], object]]] = {
+    "class": ((str(FORMATS / "v1.0-mini"), str(FORMATS / "nuscenes_results.json"), *PAIR[2:],
+               "--by", "class"), table),
     "clouds": ((str(SAMPLES / "clouds/truth.csv"), str(SAMPLES / "clouds/estimate.csv"), *PAIR[2:],
                 "--distance", "cloud-wasserstein", "--format", "json"), json.loads),
     "gaussians": ((str(SAMPLES / "gaussian/truth.csv"), str(SAMPLES / "gaussian/estimate.csv"),
@@ -108,17 +116,22 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[str], object]]] = {
              "--distance", "haversine", "--format", "json"), json.loads),
     "interpolated": ((*PAIR, "--interpolate", "estimate", "--max-gap", "3", "--format", "json"),
                      json.loads),
-    "simulate": (("simulate", "made", "--targets", "3", "--steps", "5"), table),
-    "help": (("help", "evaluate"), table),
-    "version": (("--version",), table),
-    "script": (("verify", "--script"), table),
 }  # fmt: skip
+"""In this process: what files are read with is imported when it is needed."""
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_stdout_holds_the_document_alone(name: str, run: Run, files: Path) -> None:
     arguments, read = COMMANDS[name]
     done = run(*arguments)
+    assert (done.status, "Warning" in done.err) == (0, False), done.err
+    read(done.out)
+
+
+@pytest.mark.parametrize("name", READINGS)
+def test_files_of_all_kinds_are_read(name: str, invoke: Run, files: Path) -> None:
+    arguments, read = READINGS[name]
+    done = invoke(*arguments)
     assert (done.status, "Warning" in done.err) == (0, False), done.err
     read(done.out)
 
