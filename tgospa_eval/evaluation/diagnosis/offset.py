@@ -332,9 +332,7 @@ class Search:
                 wanted = self.moments[1][self.steps] + shift
                 found = Fit(
                     shift,
-                    step_costs(
-                        self.timeline.at(wanted), self.rows, self.parameters, self.distance
-                    ),
+                    step_costs(self.timeline.at(wanted), self.rows, self.parameters, self.distance),
                     inside=(wanted >= self.moments[0][0]) & (wanted <= self.moments[0][-1]),
                 )
             self._fits[shift, sharp] = found
