@@ -74,7 +74,7 @@ def test_the_bracket_is_that_of_the_whole(invoke: Invoke, seed: int, case: dict[
     sides = simulate(
         Scene(
             scenario=case["scenario"],
-            targets=int(rng.integers(1, 9)),
+            targets=int(rng.integers(1, 7)),
             steps=int(rng.integers(1, 40)),
             area=float(rng.choice([30, 100, 400])),
         ),

@@ -394,8 +394,17 @@ def test_interrupted_work_is_kept_and_gone_on_with(
     assert json.loads(said.out)["certified"]
 
 
-@pytest.mark.parametrize("ending", ["csv", "parquet"])
-@pytest.mark.parametrize("change", ["in place", "in place, unseen", "behind a link", "a copy"])
+@pytest.mark.parametrize(
+    ("change", "ending"),
+    [
+        ("in place", "csv"),
+        ("in place", "parquet"),
+        ("in place, unseen", "csv"),
+        ("in place, unseen", "parquet"),
+        ("behind a link", "csv"),
+        ("a copy", "parquet"),
+    ],
+)
 def test_a_killed_run_is_begun_anew_where_a_file_was_replaced(
     invoke: Invoke,
     recording: Path,

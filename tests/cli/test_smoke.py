@@ -70,14 +70,10 @@ def nothing(text: str) -> None:
 
 COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[str], object]]] = {
     "table": (CROWD, table),
-    "json": ((*CROWD, "--format", "json"), json.loads),
     "csv": ((*CROWD, "--format", "csv"), rows),
     "sinkhorn": ((*PAIR, "--solver", "sinkhorn", "--format", "json"), json.loads),
     "exact": ((*PAIR, "--solver", "exact", "--format", "json"), json.loads),
     "far cutoff": ((*CROWD[:2], "-c", "1e9", "-g", "5", "--format", "json"), json.loads),
-    "blocks": ((*PAIR, "--slice", "speed=0:1:3", "--curve", "--window", "10", "--explain",
-                "--format", "json"), json.loads),
-    "sweep": ((*PAIR, "--sweep", "cutoff=5:20:3", "--format", "json"), json.loads),
     "explain": (("explain", *PAIR, "--format", "json"), json.loads),
     "inspect": (("inspect", *PAIR[:4], "--plot", "seen.png"), table),
     "compare": (("compare", "truth.csv", "estimate.csv", "crowd_estimate.csv", *PAIR[2:],
@@ -94,6 +90,9 @@ COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[str], object]]] = {
 """In a process each: their imports and what libraries write to stdout are their own."""
 
 READINGS: dict[str, tuple[tuple[str, ...], Callable[[str], object]]] = {
+    "blocks": ((*PAIR, "--slice", "speed=0:1:3", "--curve", "--window", "10", "--explain",
+                "--format", "json"), json.loads),
+    "sweep": ((*PAIR, "--sweep", "cutoff=5:20:3", "--format", "json"), json.loads),
     "class": ((str(FORMATS / "v1.0-mini"), str(FORMATS / "nuscenes_results.json"), *PAIR[2:],
                "--by", "class"), table),
     "clouds": ((str(SAMPLES / "clouds/truth.csv"), str(SAMPLES / "clouds/estimate.csv"), *PAIR[2:],
@@ -117,7 +116,7 @@ READINGS: dict[str, tuple[tuple[str, ...], Callable[[str], object]]] = {
     "interpolated": ((*PAIR, "--interpolate", "estimate", "--max-gap", "3", "--format", "json"),
                      json.loads),
 }  # fmt: skip
-"""In this process: what files are read with is imported when it is needed."""
+"""In this process."""
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -129,7 +128,7 @@ def test_stdout_holds_the_document_alone(name: str, run: Run, files: Path) -> No
 
 
 @pytest.mark.parametrize("name", READINGS)
-def test_files_of_all_kinds_are_read(name: str, invoke: Run, files: Path) -> None:
+def test_what_else_evaluate_reads_and_prints(name: str, invoke: Run, files: Path) -> None:
     arguments, read = READINGS[name]
     done = invoke(*arguments)
     assert (done.status, "Warning" in done.err) == (0, False), done.err
