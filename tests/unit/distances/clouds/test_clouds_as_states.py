@@ -405,10 +405,10 @@ def test_rows_of_one_id_and_time_are_a_cloud(write: Write) -> None:
     assert single.clouds.weights.tolist() == [1]
 
 
-def test_value_of_the_worked_example(write: Write, run: Run, invoke: Run) -> None:
+def test_value_of_the_worked_example(write: Write, invoke: Run) -> None:
     """Distances sqrt(1.6) and 1, then two particles at 1 from a point."""
     paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
-    status, out, _ = run(*paths, *WHOLE, "-c", "10", "-g", "2", "--format", "json")
+    status, out, _ = invoke(*paths, *WHOLE, "-c", "10", "-g", "2", "--format", "json")
     assert status == 0
     assert json.loads(out)["total"] == pytest.approx(1.6 + 1 + 1, rel=1e-12)
     status, out, _ = invoke(*paths, *WHOLE, "--cloud-order", "1", "-c", "10", "--format", "json")
