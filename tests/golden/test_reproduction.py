@@ -35,7 +35,7 @@ def test_quick_run_prints_and_draws_what_the_page_shows(tmp_path: Path) -> None:
     assert run.returncode == 0, run.stderr
     page = PAGE.read_text(encoding="utf-8")
     tables = re.findall(r"^```text\n(.*?)^```", page, re.M | re.S)
-    assert len(tables) == 5
+    assert len(tables) == 3
     assert labels("".join(tables)) <= labels(run.stdout)
     pictures = set(re.findall(r"\(reproduction/(\w+\.png)\)", page))
     assert pictures == {path.name for path in tmp_path.iterdir()}
