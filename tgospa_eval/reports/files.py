@@ -84,6 +84,8 @@ RESULT = Kind(
     opens=("report.html",),
 )
 
+GEOJSON = "result.geojson"
+
 PROOF_FILES = ("proof.json", "truth.csv", "estimate.csv", "distances.csv")
 PROOF = Kind(name="proof", document="proof.json", names=PROOF_FILES)
 SWEEP = Kind(

@@ -193,6 +193,7 @@ def card(result: Summary) -> str:
         *result.told,
         sizes_in_words(result.sizes),
         result.parameters_in_words(result.labels.unit),
+        *filter(None, [result.not_judged]),
     ]
     template = environment().get_template("card.html.j2")
     return template.render(result=result, notes=notes, rows=rows, colours=LIGHT, **_bars(per_step))

@@ -198,8 +198,16 @@ class Result(Summary):
             "weight": found.weight.tolist(),
             "distance": (cutoff * problem.powers(found.entry) ** (1 / p)).tolist(),
             "cost": (self.scale * problem.cost[found.entry] * found.weight).tolist(),
+            **self._marks(found.entry),
             **{name: or_none(values) for name, values in self.assigned.items()},
         }
+
+    def _marks(self, entry: Ints) -> Columns:
+        """Whether the truth of each pair is ignored, where any is."""
+        problem = self.proof.states.problem
+        if problem.unjudged is None:
+            return {}
+        return {"ignored": problem.unjudged[0][problem.truth_row[entry]].astype(int).tolist()}
 
     def _switches(self) -> Columns:
         """Changes of each truth's assignment, from its largest loss to its largest gain."""
