@@ -1,8 +1,11 @@
 """Places and units as people have them."""
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
+from checkout import SAMPLES
 
 from tgospa_eval import ConfigError, InputError, evaluate
 
@@ -152,3 +155,35 @@ def test_wrong_systems_get_a_message(options: dict[str, str], message: str) -> N
     truth, _, _ = radar()
     with pytest.raises(ConfigError, match=message):
         evaluate(truth, truth, cutoff=5, switch_penalty=1, **options)
+
+
+COAST = SAMPLES / "coast"
+
+
+def test_messages_lead_from_the_files_of_a_coast_to_the_number(invoke) -> None:
+    """Semicolons, MMSI with zeros, days first, a zone, axes north and east, a clock ahead."""
+    files, metric = (str(COAST / "ais.csv"), str(COAST / "radar.csv")), ("-c", "200", "-g", "100")
+    answer = invoke(*files, *metric)
+    assert "--truth-time-format '%d/%m/%Y %H:%M:%S' reads 2025-04-03" in answer.err
+    told = ["--truth-time-format", "%d/%m/%Y %H:%M:%S", "--truth-time-zone", "UTC"]
+    answer = invoke(*files, *metric, *told)
+    assert "--estimate-crs enu (or ned) and --origin LAT,LON" in answer.err
+    told += ["--estimate-crs", "ned", "--origin", "55.6,12.8"]
+    assert "the clock of the estimate seems to be 4.6" in invoke(*files, *metric, *told).err
+    answer = invoke(*files, *metric, *told, "--resample", "10s", "--max-gap", "60s,10s")
+    assert "--ignore truth-gaps does not judge them" in answer.err
+    told += ["--resample", "10s", "--max-gap", "60s,10s", "--time-offset", "-4.7"]
+    answer = invoke(*files, *metric, *told, "--ignore", "truth-gaps", "--format", "json")
+    found = json.loads(answer.out)
+    assert found["sizes"]["truth"] == 4
+    pairs = found["judged"]["truth_states"] - found["counts"]["missed"]
+    # Noise of 15 m on two axes; between two scans it is that of a mean.
+    assert 15 < (found["localisation"] / pairs) ** 0.5 < 15 * 2**0.5
+    assert (found["counts"]["missed"], found["counts"]["false"]) == (15, 16)
+
+
+def test_feet_beside_metres_are_proposed_by_column(invoke) -> None:
+    files = str(COAST / "adsb.csv"), str(COAST / "tracker.csv")
+    earth = ("--distance", "geodesic", "--columns", "lat,lon,alt", "-c", "300", "-g", "100")
+    assert "or use --estimate-scale alt=3.2808" in invoke(*files, *earth).err
+    assert "seem" not in invoke(*files, *earth, "--truth-scale", "alt=0.3048").err

@@ -272,8 +272,9 @@ def measure(
             "columns": truth.columns,
             "truth": truth.state,
             "estimate": estimate.state,
-            "truth_covariance": _second_moments(truth),
-            "estimate_covariance": _second_moments(estimate),
+            "truth_covariance": truth.second_moments,
+            "estimate_covariance": estimate.second_moments,
+            "truth_clouds": truth.clouds,
             "estimate_clouds": estimate.clouds,
         }
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
@@ -415,16 +416,6 @@ def fit(
         distance=fitted,
         axis=axis,
     )
-
-
-def _second_moments(side: Trajectories) -> Floats | None:
-    """Lower triangles of what is around each state, if anything is."""
-    if side.clouds is None:
-        return side.covariance
-    from tgospa_eval.tracks.covariances import pack  # here: points do without
-
-    with np.errstate(over="ignore", invalid="ignore"):  # no picture needs those
-        return pack(side.clouds.covariances).T
 
 
 def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:

@@ -185,17 +185,6 @@ def _in_words(code: Ints, value: Ints, clock: str) -> Times:
     return Times(value=cast(TimeArray, value[code]), clock=clock, text=texts)
 
 
-def joined_texts(first: Coded, second: Coded) -> Coded:
-    """Two columns as one, with a blank between."""
-    width = max(len(second.distinct), 1)
-    pair, code = np.unique(first.code.astype(np.int64) * width + second.code, return_inverse=True)
-    texts = [
-        f"{first.distinct[a].strip()} {second.distinct[b].strip()}"
-        for a, b in zip(*(part.tolist() for part in np.divmod(pair, width)), strict=True)
-    ]
-    return Coded(texts, code)
-
-
 def in_one_clock(
     sides: tuple[Trajectories, Trajectories],
 ) -> tuple[tuple[Trajectories, Trajectories], list[str]]:

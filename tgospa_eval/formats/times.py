@@ -3,19 +3,16 @@
 import re
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
-from tgospa_eval.formats.fields import Coded, floats
+from tgospa_eval.formats.fields import Coded, floats, joined_texts
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, TimeArray
-
-if TYPE_CHECKING:
-    from tgospa_eval.formats.clocks import TimeForm
 
 ISO = r"(.*\d\d:?\d\d:?\d\d)[.,](\d+)(.*)"
 EXACT_BELOW = 2.0**53
@@ -41,6 +38,16 @@ class Times:
     value: TimeArray
     clock: str
     text: Sequence[str] | None
+
+
+class Form(Protocol):
+    """How times are written: see `formats.clocks.TimeForm`."""
+
+    def read(self, column: Coded) -> Times | None:
+        """Times of a column by a format; None if there is none."""
+
+    def zoned(self, times: Times) -> Times:
+        """Times without zone in UTC, if they are of a zone."""
 
 
 class RowError(ValueError):
@@ -116,7 +123,7 @@ def coded_times(column: Coded, decimal: str) -> Times:
 
 
 def read_times(
-    column: Coded, decimal: str, form: "TimeForm | None" = None, second: Coded | None = None
+    column: Coded, decimal: str, form: Form | None = None, second: Coded | None = None
 ) -> Times:
     """Times of a column, or of two that are one stamp, by a form if there is one.
 
@@ -126,8 +133,6 @@ def read_times(
         As `parse_times`, or a text does not fit the form.
     """
     if second is not None:
-        from tgospa_eval.formats.clocks import joined_texts  # here: few stamps are of two columns
-
         column = joined_texts(column, second)
     if form is None:
         return coded_times(column, decimal)

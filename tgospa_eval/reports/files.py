@@ -94,6 +94,12 @@ SWEEP = Kind(
     names=("sweep.json", "sweep.csv"),
     opens=_files("sweep", *PICTURES),
 )
+ASSOCIATION = Kind(
+    name="associate",
+    document="report.html",
+    names=("report.html", "associate.json", "associations.csv", "plane.png"),
+    opens=("report.html",),
+)
 COMPARISON = Kind(
     name="compare",
     document="compare.json",

@@ -47,8 +47,8 @@ class ComparedSides:
     truth_covariance, estimate_covariance : (R, d (d + 1) / 2) float arrays, optional
         Lower triangles of the covariances of these states, of clouds the second moments: for NEES
         and pictures.
-    estimate_clouds : Clouds, optional
-        The particles of the estimate.
+    truth_clouds, estimate_clouds : Clouds, optional
+        The particles.
     """
 
     moments: NDArray[Any]
@@ -59,6 +59,7 @@ class ComparedSides:
     estimate: Floats
     truth_covariance: Floats | None = None
     estimate_covariance: Floats | None = None
+    truth_clouds: "Clouds | None" = None
     estimate_clouds: "Clouds | None" = None
 
 

@@ -698,8 +698,9 @@ class Summary(ABC):
     ) -> "Figure":
         """Trajectories in two of the state columns, with misses, false targets and switches.
 
-        Boxes and 2-sigma ellipses are drawn here and there along the trajectories where the states
-        have such, the two columns show them, and there are few trajectories.
+        Boxes, ellipses that hold 95 % of a normal distribution, and particles are drawn here and
+        there along few trajectories where the states have such and the two columns show them. A
+        second panel shows all of those around the assigned pair that is farthest apart.
 
         Parameters
         ----------
