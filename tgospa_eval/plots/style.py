@@ -95,6 +95,9 @@ FILLS: Mapping[str, dict[str, Any]] = {
 }
 """Of the parts of the cost, distinguished by their patterns where there are no colours."""
 
+NOT_JUDGED: Mapping[str, Any] = {"facecolor": "none", "edgecolor": SOFT, "hatch": "\\\\\\"}
+"""Of stretches of which nothing is judged, over whatever else is there."""
+
 LINES: Mapping[str, dict[str, Any]] = {
     "localisation": {"color": LIGHT["localisation"], "linestyle": "-"},
     "missed": {"color": MISSED, "linestyle": (0, (6, 2))},
