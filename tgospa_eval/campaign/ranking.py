@@ -263,7 +263,7 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
                 times=named,
                 judged=document["judged"],
                 split={name: document[name] for name in SPLIT_PARTS if name in document},
-                nees=NeesSums(**document[NEES]["sums"]) if NEES in document else None,
+                nees=NeesSums.of_values(document),
             )
         )
     return found
@@ -433,7 +433,7 @@ def ranking_document(
                 },
             }
         )
-    warnings = [*warnings, *(notice.record() for notice in _about_covariances(estimates))]
+    warnings = [*warnings, *(notice.record() for notice in about_covariances(estimates))]
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -449,7 +449,7 @@ def ranking_document(
     }
 
 
-def _about_covariances(estimates: Sequence[Json]) -> Iterator[Notice]:
+def about_covariances(estimates: Sequence[Json]) -> Iterator[Notice]:
     """What an order by a distance of covariances does not say: `estimates` are in this order."""
     for item in estimates:
         if item.get(NEES):

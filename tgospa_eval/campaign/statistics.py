@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.campaign.grouping import ESTIMATE_DIGEST, pair_numbers, truths
-from tgospa_eval.campaign.row import LABEL
+from tgospa_eval.campaign.ranking import about_covariances
+from tgospa_eval.campaign.row import LABEL, covariances_of
 from tgospa_eval.common.interval import EQUAL, Interval, places, second_less_first, verdict
 from tgospa_eval.common.words import counted, natural
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.batch import Places, Ranking
+from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Json
 from tgospa_eval.tracks.judged import DIGESTS, JUDGE_ALIKE, incomparable, judged_of
 
@@ -262,6 +264,11 @@ def _ranking(
         left_out=tuple(sorted(set(all_names) - set(names), key=natural)),
     )
     yield from _opposed(common, column, names)
+    items: list[Json] = []
+    for name in names:
+        costs, nees = covariances_of(common[common[column] == name])
+        items.append({"name": name, **costs, NEES: nees and nees.record()})
+    yield from map(str, about_covariances(items))
 
 
 def _opposed(common: "pd.DataFrame", column: str, names: Sequence[str]) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 import click
 
-from tgospa_eval.api.options import Request
+from tgospa_eval.api.options import PREPROCESS, Request
 from tgospa_eval.cli.shared.click_options import (
     BY_OF_SETTINGS,
     CONFIG_FILE,
@@ -26,10 +26,10 @@ LEFT_ASIDE = ("by", "preprocess")
         *(item for item in EVALUATION if item.key not in LEFT_ASIDE),
         BY_OF_SETTINGS,
         option(
-            "--preprocess motchallenge",
+            "--preprocess RULES",
             "",
             section="Filters",
-            type=click.Choice(("motchallenge",)),
+            type=click.Choice(PREPROCESS),
             hidden=True,
         ),
         Option(

@@ -22,7 +22,8 @@ from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports.time_axis import TimeAxis, moments, readable
 from tgospa_eval.results.by_class import ByClass
-from tgospa_eval.results.numbers import costliest
+from tgospa_eval.results.consistency import NEES
+from tgospa_eval.results.numbers import SPREAD, costliest
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
 from tgospa_eval.results.result import Result
@@ -707,6 +708,19 @@ def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
     return first, first + padded.reshape(len(first), together).argmax(axis=1)
 
 
+def _consistency(result: Summary, table: Columns, first: Ints) -> Json:
+    """NEES of the first step of each stretch, whose band is its own, and ranks of particles."""
+    assert result.nees is not None
+    names = ("nees", "nees_lower", "nees_upper")
+    return {
+        "lines": {name: [table[name][k] for k in first.tolist()] for name in names},
+        "ideal": result.nees.components,
+        "words": result.nees.in_words,
+        "ranks": result.nees.ranks,
+        "columns": result.settings["columns"],
+    }
+
+
 def over_time(result: Summary, stretches: int) -> Json:
     """What is drawn over time, of at most so many stretches of steps: means, the curve at ends."""
     steps = len(result.labels.times)
@@ -714,15 +728,17 @@ def over_time(result: Summary, stretches: int) -> Json:
     first = np.arange(0, steps, together)
     last = np.minimum(first + together, steps) - 1
     times = readable([result.labels.times[k] for k in first.tolist()])
-    split, parameters = result.proof.breakdown, result.proof.parameters
+    breakdown, parameters = result.proof.breakdown, result.proof.parameters
 
     def mean(values: Floats) -> list[float]:
         sums = np.add.reduceat(values, first) if steps else values
         return rounded((sums / (last - first + 1)).tolist())
 
-    costs = {name: result.scale * getattr(split, name) for name in PARTS}
-    counts = {name: getattr(split, f"{name}_count") for name in COUNTED_PARTS}
+    costs = {name: result.scale * getattr(breakdown, name) for name in PARTS}
+    counts = {name: getattr(breakdown, f"{name}_count") for name in COUNTED_PARTS}
     total = sum(costs.values(), np.zeros(steps))
+    split = {} if result.split is None and result.nees is None else result.table("per_step")
+    spread = {SPREAD: mean(np.array(split[SPREAD], float))} if SPREAD in split else {}
     worst = costliest(list(range(steps)), total, SHOWN_ROWS) if together > 1 else []
     return {
         "together": together,
@@ -733,7 +749,8 @@ def over_time(result: Summary, stretches: int) -> Json:
         },
         "times": times,
         "axis": moments(times),
-        "costs": {name: mean(cost) for name, cost in costs.items()},
+        "costs": {name: mean(cost) for name, cost in costs.items()} | spread,
+        **({"nees": _consistency(result, split, first)} if NEES in split else {}),
         "counts": {name: mean(count) for name, count in counts.items()},
         "curve": {
             name: rounded([values[k] for k in last.tolist()])

@@ -4,7 +4,7 @@ import os
 from dataclasses import replace
 
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.options import DEFAULTS, FITTING, SETTINGS, Request
+from tgospa_eval.api.options import DEFAULTS, FITTING, SETTINGS, Request, is_coverage
 from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.cli.evaluate.in_parts import memory_of
 from tgospa_eval.cli.evaluate.run import about_run, show
@@ -20,6 +20,7 @@ from tgospa_eval.engines.processes import Processes
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.partitioned.evaluate import evaluate_partitioned
 from tgospa_eval.reports.files import WORK_FOLDER
+from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.partitioned import IN_PARTS, STORED_TABLES, name_of
 
 TABLE_FILES = (*map(name_of, STORED_TABLES[:-1]), f"{IN_PARTS}/part-00000.parquet")
@@ -49,10 +50,12 @@ def check_parts(options: Request, output: OutputOptions, why: str, *, sweep: boo
     asked = [
         (about.key, about.parts)
         for name, about in SETTINGS.items()
-        if about.parts and getattr(options, name) != DEFAULTS[name]
+        if about.parts and getattr(options, name) not in (DEFAULTS[name], NEES)
     ]
     if output.proof:
         asked.append(("proof", FITTING))
+    if is_coverage(options.region):
+        asked.append(("region", "name ranges of columns, x=-50:50"))
     if output.geojson:
         asked.append(("geojson", FITTING))
     if output.plane is not None:
