@@ -15,8 +15,7 @@ from tgospa_eval.cli.shared.streams import notifier, print_notice
 from tgospa_eval.cli.shared.writing import probed_folder
 from tgospa_eval.common.machine import cores
 from tgospa_eval.common.progress import Progress
-from tgospa_eval.engines.cluster import Cluster
-from tgospa_eval.engines.processes import Processes
+from tgospa_eval.engines.processes import engine_of
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.partitioned.evaluate import evaluate_partitioned
 from tgospa_eval.reports.files import WORK_FOLDER
@@ -91,7 +90,7 @@ def evaluate_parts(
         for text in about_defaults(options, boxes=False):
             print_notice(text)
     jobs = 1 if options.scheduler else options.jobs or cores()
-    processes = Processes(jobs) if jobs > 1 else None
+    spread = bool(options.scheduler) or jobs > 1
     with work_folder(output, identity_of(paths, options)) as work:
         try:
             with shown(stopwatch, show=not output.quiet):
@@ -102,7 +101,7 @@ def evaluate_parts(
                     work=work,
                     memory=memory_of(options.memory) or UNKNOWN_MEMORY,
                     jobs=jobs,
-                    engine=Cluster(options.scheduler) if options.scheduler else processes,
+                    engine=engine_of(options.scheduler, jobs) if spread else None,
                     kept=output.output is not None,
                     stopwatch=stopwatch,
                     check=settings.check,
