@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import Browser
-from pages import embedded, note, pick, picture, texts
+from pages import embedded, ink, note, pick, picture, texts
+from scipy.stats import chi2
 
 from tgospa_eval import Trajectories, evaluate
 from tgospa_eval.distances import CloudWasserstein
 from tgospa_eval.reports import plot_data as spreads
 from tgospa_eval.results.result import Result
+from tgospa_eval.sensors.association import associate
 from tgospa_eval.tracks.clouds import Clouds
 
 
@@ -155,7 +157,7 @@ def test_the_plane_shows_what_was_read() -> None:
 
 def test_ellipses_are_drawn_and_can_be_hidden(shown: Callable) -> None:
     tab = shown(laws(np.diag([25.0, 4.0])), "#step=1")
-    assert "2-sigma ellipses are drawn at the selected step" in note(tab)
+    assert "4 of 4 95 % ellipses; and all of the selected step" in note(tab)
     assert tab.run("document.querySelector('#plane-section .legend').innerText").endswith("ellipse")
     drawn = picture(tab)
     tab.run("document.getElementById('shapes').click()")
@@ -164,7 +166,7 @@ def test_ellipses_are_drawn_and_can_be_hidden(shown: Callable) -> None:
 
 
 def test_an_ellipse_is_where_it_should_be(shown: Callable) -> None:
-    """Along a circle of two standard deviations around the estimate there is its colour."""
+    """Its colour lies along the circle in which 95 % of a normal distribution are."""
     truth = np.array([[[0.0, 0.0], [100.0, 100.0]]])
     estimate = Trajectories.from_array(truth[:, :1] + 50, covariance=np.diag([100.0, 100.0]))
     result = evaluate(
@@ -184,8 +186,8 @@ def test_an_ellipse_is_where_it_should_be(shown: Callable) -> None:
       const hits = (radius) => Array.from({ length: 60 }, (_, k) => k * Math.PI / 30).filter((u) =>
         vivid((wide + 44) / 2 + radius * scale * Math.cos(u),
               (high - 22) / 2 + radius * scale * Math.sin(u))).length;
-      return [20, 13, 30].map(hits);
-    })()"""
+      return [RADIUS, 13, 40].map(hits);
+    })()""".replace("RADIUS", str(10 * np.sqrt(chi2.ppf(0.95, 2))))
     on, inside, outside = tab.run(count)
     assert on >= 55
     assert inside + outside < 10
@@ -196,19 +198,19 @@ def test_boxes_are_drawn_around_their_centres(shown: Callable) -> None:
     tab = shown(evaluate(boxes, boxes + 0.5, distance="iou"), "#step=1")
     across = "document.getElementById('axis-x').selectedOptions[0].text"
     assert tab.run(across) == "centre x"
-    assert "Boxes are drawn" in note(tab)
+    assert "4 of 4 boxes" in note(tab)
     pick(tab, "#axis-x", "width")
     picture(tab)
     assert note(tab) == ""
 
 
-def test_one_column_has_no_ellipses() -> None:
-    truth = np.zeros((3, 1, 1))
-    side = Trajectories.from_array(truth, covariance=np.ones((3, 1, 1, 1)))
-    made = spreads.plot_data(evaluate(side, side, distance="gaussian-wasserstein"))
-    data, arrays = made.document, made.arrays
-    assert data["spread"] == {}
-    assert not any("spread" in name for name in arrays)
+def test_one_column_has_intervals(shown: Callable) -> None:
+    side = Trajectories.from_array(np.zeros((3, 1, 1)), covariance=np.full((3, 1, 1, 1), 4.0))
+    tab = shown(evaluate(side, side, distance="gaussian-wasserstein"), "#step=1")
+    assert "6 of 6 95 % intervals" in note(tab)
+    drawn = picture(tab)
+    tab.run("document.getElementById('shapes').click()")
+    assert picture(tab) != drawn
 
 
 def test_one_column_is_shown_over_time(shown: Callable) -> None:
@@ -281,3 +283,176 @@ def test_a_tap_selects_and_one_finger_scrolls(shown: Callable) -> None:
         "pan-y pan-x",
     )
     tab.call("Emulation.setTouchEmulationEnabled", enabled=False)
+
+
+def particles(count: int, each: int, seed: int = 0, steps: int = 4) -> Result:
+    """Clouds of so many tracks around truths, with uneven weights."""
+    rng = np.random.default_rng(seed)
+    truth = rng.uniform(0, 100, (steps, count, 2))
+    points = (truth[:, :, None] + rng.normal(0, 3, (steps, count, each, 2))).reshape(-1, 2)
+    weights = rng.exponential(1, (steps * count, each))
+    weights /= weights.sum(axis=1, keepdims=True)
+    rows = steps * count
+    clouds = Clouds(points=points, weights=weights.ravel(), first=np.arange(rows + 1) * each)
+    side = Trajectories(
+        step=np.repeat(np.arange(steps), count),
+        track=np.tile(np.arange(count), steps),
+        state=clouds.means,
+        ids=np.array([f"e{k}" for k in range(count)], object),
+        times=np.arange(steps),
+        columns=("x", "y"),
+        clouds=clouds,
+    )
+    made = Trajectories.from_array(truth, ("x", "y"))
+    return evaluate(made, side, cutoff=20.0, distance="cloud-wasserstein")
+
+
+def test_few_particles_are_all_told_with_their_weights() -> None:
+    result = particles(2, 30)
+    held, clouds = result.drawn.estimate.particles, result.proof.compared.estimate_clouds
+    by_track = np.argsort(np.tile(np.arange(2), 4), kind="stable")
+    rows = [np.flatnonzero(held["row"] == k) for k in range(8)]
+    assert [len(row) for row in rows] == [30] * 8
+    for row, k in zip(rows, by_track, strict=True):
+        np.testing.assert_array_equal(held["state"][row], clouds[int(k)][0])
+        np.testing.assert_array_equal(held["weight"][row], clouds[int(k)][1])
+    made, grid = result.drawn, result.drawn.document
+    x = grid["low"][0] + made.arrays["estimate/particles/0"] * grid["quantum"][0]
+    assert x == pytest.approx(held["state"][:, 0], abs=grid["quantum"][0])
+    assert made.arrays["estimate/particles/weight"] / grid["shares"] == pytest.approx(
+        held["weight"], abs=1e-4
+    )
+
+
+def test_many_particles_are_thinned_by_weight_without_chance(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each that is told stands for whole slots of the weight, and their mean stays."""
+    monkeypatch.setattr(spreads, "MOST", 50)
+    result = particles(1, 400, steps=1)
+    held = result.drawn.estimate.particles
+    assert held["weight"].sum() == pytest.approx(1)
+    np.testing.assert_allclose(held["weight"] * 50, np.rint(held["weight"] * 50), atol=1e-9)
+    points = result.proof.compared.estimate_clouds.points
+    assert (held["state"][:, None] == points[None]).all(axis=2).any(axis=1).all()
+    # systematic resampling of 50: the mean is within a deviation / sqrt(50)
+    mean = held["weight"] @ held["state"]
+    assert np.abs(mean - result.proof.compared.estimate[0]).max() < 3 / np.sqrt(50)
+    again = particles(1, 400, steps=1).drawn.estimate.particles
+    assert all((again[name] == held[name]).all() for name in held)
+    assert result.drawn.document["particles"]["estimate"] == [len(held["row"]), 400]
+
+
+def test_beyond_that_fewer_steps_have_particles(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(spreads, "PARTICLES", 40)
+    made = particles(2, 30, steps=8).drawn
+    assert made.document["every"] == 4  # 16 clouds, 4 of at least 10 particles
+    held = made.estimate.particles
+    assert set(made.estimate.row["step"][held["row"]]) == {0, 4}
+    assert len(held["row"]) <= 40
+
+
+def test_the_page_of_a_particle_filter_is_small() -> None:
+    """A million particles: 500 of each of 20 tracks at 100 steps."""
+    result = particles(20, 500, steps=100)
+    assert len(result.to_html()) < 2_000_000
+    assert result.drawn.document["particles"]["estimate"][1] == 1_000_000
+    assert 90_000 < result.drawn.document["particles"]["estimate"][0] <= 100_000
+
+
+def test_particles_are_drawn_and_can_be_hidden(shown: Callable) -> None:
+    tab = shown(particles(2, 30), "#step=1")
+    legend = tab.run("document.querySelector('#plane-section .legend').innerText")
+    assert "95 % ellipse" in legend
+    assert "particles, area by weight" in legend
+    assert "of 240 particles (the page has 240), their area by weight" in note(tab)
+    drawn = picture(tab)
+    tab.run("document.getElementById('particles').click()")
+    assert picture(tab) != drawn
+    assert "240 particles" not in note(tab)
+
+
+def test_an_association_has_the_same_views(shown: Callable) -> None:
+    """Pairs, what stays alone, and a gate around A; no word of truths."""
+    a = np.array([[[0.0, 0.0], [50.0, 50.0], [90.0, 0.0]]] * 2)
+    b = np.array([[[1.0, 0.0], [52.0, 50.0], [0.0, 90.0]]] * 2)
+    first, second = (Trajectories.from_array(side, ("x", "y")) for side in (a, b))
+    tab = shown(associate(first, second, cutoff=6.0), "#step=0&truth=1")
+    assert tab.run("document.querySelector('h1').innerText").startswith("4 associated, 2 of A")
+    legend = tab.run("document.querySelector('#plane-section .legend').innerText")
+    assert "gate of A" in legend
+    words = tab.run("document.body.innerText").lower()
+    assert not re.search(r"\b(truth|estimate|missed|false|switch|tgospa)", words)
+    detail = tab.run("document.getElementById('detail').innerText")
+    assert "A alone: 2" in detail
+    assert "with 1" in detail
+    assert ink(tab, "#plane") > 10
+
+
+def test_boxes_that_are_associated_by_corners(shown: Callable) -> None:
+    """Their gates are not known of the centres that are shown."""
+    boxes = np.array([[[0.0, 0.0, 10.0, 20.0]], [[30.0, 0.0, 10.0, 20.0]]])
+    side = Trajectories.from_array(boxes, ("left", "top", "width", "height"))
+    tab = shown(associate(side, side, cutoff=5.0), "#step=1")
+    drawn = picture(tab)
+    pick(tab, "#axis-x", "left")
+    pick(tab, "#axis-y", "top")
+    assert picture(tab) != drawn
+
+
+def test_a_gate_is_where_pairs_end(shown: Callable) -> None:
+    """Half of a wide picture is 100 units; the gate has a radius of 30."""
+    a = Trajectories.from_array(np.array([[[0.0, 0.0], [100.0, 100.0], [50.0, 50.0]]]))
+    tab = shown(associate(a, a, cutoff=30.0), "#step=0")
+    picture(tab)
+    count = """(() => {
+      const canvas = document.getElementById('plane'), wide = canvas.clientWidth, high = 460;
+      const scale = Math.min(wide - 70, high - 50) * 0.94 / 100;
+      const { data } = canvas.getContext('2d').getImageData(0, 0, wide, high);
+      const red = (x, y) => {
+        const at = 4 * (Math.round(y) * wide + Math.round(x));
+        return data[at] - data[at + 2] > 60;
+      };
+      const turns = Array.from({ length: 60 }, (_, k) => k * Math.PI / 30);
+      return [30, 24, 36].map((radius) => turns.filter((u) =>
+        red((wide + 44) / 2 + radius * scale * Math.cos(u),
+            (high - 22) / 2 + radius * scale * Math.sin(u))).length);
+    })()"""
+    on, inside, outside = tab.run(count)
+    assert on >= 15  # of dots
+    assert inside + outside < 4
+
+
+def test_particles_of_classes_stay_with_their_states() -> None:
+    pandas = pytest.importorskip("pandas")
+    rng = np.random.default_rng(3)
+    rows = [
+        {"id": f"{kind}{k}", "t": t, "class": kind, "x": 10 * k + t, "y": 5.0}
+        for kind, count in (("car", 3), ("van", 2))
+        for k in range(count)
+        for t in range(4)
+    ]
+    truth = pandas.DataFrame(rows)
+    estimate = truth.loc[truth.index.repeat(5)].reset_index(drop=True)
+    estimate["weight"] = rng.uniform(1, 2, len(estimate))
+    estimate[["x", "y"]] += rng.normal(0, 1, (len(estimate), 2))
+    result = evaluate(truth, estimate, cutoff=50.0, distance="cloud-wasserstein", by="class")
+    side = result.drawn.estimate
+    held = side.particles
+    for k, state in enumerate(side.row["state"]):
+        own = held["row"] == k
+        assert own.sum() == 5
+        assert held["weight"][own] @ held["state"][own] == pytest.approx(state)
+
+
+def test_all_that_is_in_a_near_view_has_its_ellipse(shown: Callable) -> None:
+    """Of many tracks none along them, until few states are in view."""
+    tab = shown(particles(20, 30))
+    assert "0 of 80 95 % ellipses; 0 of 2,400 particles" in note(tab)
+    for _ in range(3):
+        tab.run("document.querySelector('[data-plane=in]').click()")
+    picture(tab)
+    found = re.search(r"(\d+) of 80 95 % ellipses; ([\d,]+) of 2,400 particles", note(tab))
+    assert found
+    assert 5 < int(found[1]) <= 60
+    assert int(found[2].replace(",", "")) == 30 * int(found[1])

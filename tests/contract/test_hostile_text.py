@@ -170,10 +170,15 @@ def test_compare(
 def test_folders(invoke: Invoke, scene: dict[str, str]) -> None:
     evaluated = invoke(scene["truth"], scene["estimate"], "-o", "result" + NAME, "--by", "class")
     compared = invoke("compare", *scene.values(), "-o", "ranks" + NAME)
-    for answer in (evaluated, compared):
+    associated = invoke(
+        "associate", scene["truth"], scene["estimate"], "-c", "5", "-o", "pairs" + NAME
+    )
+    for answer in (evaluated, compared, associated):
         assert answer.status == 0, answer.err
         check_visible(answer.err)
-    files = [file for folder in ("result", "ranks") for file in Path(folder + NAME).iterdir()]
+    files = [
+        file for folder in ("result", "ranks", "pairs") for file in Path(folder + NAME).iterdir()
+    ]
     names = {file.name for file in files}
     assert {"result.json", "report.html", "assignments.csv", "per_class.csv", "pairs.csv"} <= names
     for file in files:

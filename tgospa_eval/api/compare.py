@@ -311,10 +311,11 @@ def ranked(
         (path,) = called([estimate], [name])
         with stopwatch.progress.part(path, done, count):
             prepared = pairs.prepared(truth, estimate, path if count > 1 else "")
-            effort = Effort(jobs=solver.jobs, stopwatch=stopwatch)
-            if with_:
-                others.setdefault(name, []).append(other_metrics(prepared, with_, effort))
             result = solve(prepared, solver, stopwatch)
+            if with_:
+                effort = Effort(jobs=solver.jobs, stopwatch=stopwatch)
+                beside = other_metrics(prepared, with_, effort, result.proof)
+                others.setdefault(name, []).append(beside)
             made = outcome(path, result, prepared.moments, per_step=per_step)
             found.setdefault(name, []).append(made)
     whole = len(found[names[-1]]) if names[-1] in found else 1

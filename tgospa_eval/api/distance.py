@@ -117,6 +117,12 @@ def _spelt(name: str) -> str:
     return name.replace("_", "-")
 
 
+USUAL = "euclidean"
+"""The distance if none is chosen."""
+
+PLACES = ("lat", "lon")
+
+
 class DistanceOptions:
     """The options of a distance, checked as far as they can be without the columns of the files.
 
@@ -134,10 +140,11 @@ class DistanceOptions:
     """
 
     def __init__(self, options: Request) -> None:
-        self.named = as_distance(options.distance)
-        self.is_record = not isinstance(options.distance, str)
-        self.period = _numbers("periodic", options.periodic, 2 * math.pi)
-        self.scale = _numbers("scale", options.scale)
+        self.chosen = options.distance is not None
+        self.named = as_distance(USUAL if options.distance is None else options.distance)
+        self.is_record = self.chosen and not isinstance(options.distance, str)
+        self.period = numbers_by_name("periodic", options.periodic, 2 * math.pi)
+        self.scale = numbers_by_name("scale", options.scale)
         self.path = options.covariance
         self.mixed = options.mixed
         self.boxes = self.named.columns == BOX
@@ -147,6 +154,7 @@ class DistanceOptions:
         moments = self.named.name == "gaussian-wasserstein" and not self.is_record
         of_gaussians = moments or of_pairs
         of_norms = (isinstance(self.named, Norm) and not self.is_record) or moments
+        of_heights = self.named.name == "geodesic" and not self.is_record
         zero = options.missing_cov != "error"
         of_clouds = self.named.name == "cloud-wasserstein" and not self.is_record
         for name, given, allowed, whose in (
@@ -161,6 +169,7 @@ class DistanceOptions:
             ("missing-cov", zero, of_gaussians, "gaussian-wasserstein"),
             ("mixed", self.mixed != "error", moments, "gaussian-wasserstein"),
             ("covariance", self.path is not None, of_matrix, "mahalanobis"),
+            ("vertical-weight", options.vertical_weight is not None, of_heights, "geodesic"),
             *((name, True, of_clouds, "cloud-wasserstein") for name in given_particles(options)),
         ):
             if given and not allowed:
@@ -174,21 +183,32 @@ class DistanceOptions:
             from tgospa_eval.distances.mahalanobis import PairMahalanobis
 
             self.named = PairMahalanobis()
+        if options.vertical_weight is not None:
+            self.named = _with(self.named, vertical_weight=options.vertical_weight)
         if moments:
             self.named = _with(self.named, mixed=self.mixed)
         if of_clouds:
             self.named = cloud_distance(options)
 
-    def columns(self, asked: Sequence[str] | None) -> tuple[str, ...] | None:
-        """State columns to read: those asked for, else those that the distance needs."""
-        needed = None if self.boxes else self.named.columns
+    @property
+    def needed(self) -> tuple[str, ...] | None:
+        """State columns that the distance needs; None where readers find them."""
+        return None if self.boxes else self.named.columns
+
+    @staticmethod
+    def columns(
+        asked: Sequence[str] | None, needed: tuple[str, ...] | None
+    ) -> tuple[str, ...] | None:
+        """State columns to read: those asked for, else those that are needed."""
         if needed is None or parse_columns(asked)[1]:
             return None if asked is None else tuple(asked)
         return (*(asked or ()), *needed)
 
     def fault(self, columns: tuple[str, ...], axes: Floats) -> Fault | None:
         """Which states (d, R) the distance cannot compare, if it needs such columns."""
-        return self.named.fault(axes) if self.named.columns == columns else None
+        needed = self.named.columns
+        fits = needed is not None and columns[: len(needed)] == needed
+        return self.named.fault(axes) if fits else None
 
     def distance(self, columns: tuple[str, ...]) -> Distance:
         """The distance of states with these columns.
@@ -196,8 +216,14 @@ class DistanceOptions:
         Raises
         ------
         ConfigError
-            An option names a column that does not enter the distance.
+            An option names a column that does not enter the distance, or states are in degrees, and
+            no distance is chosen.
         """
+        if not self.chosen and columns[:2] == PLACES:
+            raise ConfigError(
+                "lat,lon are degrees, whose differences are no lengths: choose --distance "
+                "haversine or geodesic, in metres; --distance euclidean takes them as plain numbers"
+            )
         period = _by_column("periodic", self.period, columns, math.inf)
         scale = _by_column("scale", self.scale, columns, 1.0)
         given = {"period": period, "scale": scale}
@@ -251,7 +277,9 @@ def _mahalanobis(given: "str | ArrayLike", decimal: str) -> Distance:
         raise InputError(f"{given}: {error}") from None
 
 
-def _numbers(option: str, items: Sequence[str], default: float | None = None) -> dict[str, float]:
+def numbers_by_name(
+    option: str, items: Sequence[str], default: float | None = None
+) -> dict[str, float]:
     """Numbers by name of ``name=number,name=number``."""
     found: dict[str, float] = {}
     for item in (part.strip() for text in items for part in str(text).split(",")):

@@ -28,6 +28,7 @@ IN_OBJECTS = {
     "covariance": "a matrix (d, d)",
     "inner_cov": "a matrix (d, d)",
     "solver": "`Certified`, `Exact` or `Sinkhorn` with settings",
+    "origin": "a sequence of two or three numbers",
     "step_weights": "a mapping from time to weight, a table ``t, weight[, switch_weight]``, an "
     "array (T,)",
     "with_": "a sequence of names",

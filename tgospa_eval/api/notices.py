@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from tgospa_eval.api.distance import notices
+from tgospa_eval.api.distance import USUAL, notices
 from tgospa_eval.api.options import Request
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.evaluation.diagnosis import (
@@ -78,10 +78,10 @@ def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
     """What nobody chose, once for all jobs, in the words that a single evaluation has for it."""
     from tgospa_eval.distances import DISTANCES  # here: the command line does without
 
-    if boxes and options.distance == "euclidean" and not options.columns:
+    if boxes and options.distance in (None, "euclidean") and not options.columns:
         yield "boxes are compared by their centres (x, y); overlap: --distance iou"
     given = {"cutoff": options.cutoff, "switch-penalty": options.switch_penalty}
-    values = zip(given, DISTANCES[options.distance].defaults, strict=True)
+    values = zip(given, DISTANCES[options.distance or USUAL].defaults, strict=True)
     used = {name: value for name, value in values if given[name] is None}
     if used:
         shown = " and ".join(

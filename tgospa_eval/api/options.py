@@ -16,7 +16,7 @@ from tgospa_eval.text import quoted
 
 # Spelled out here, because importing the members costs numpy; tests hold them together.
 DISTANCES = (
-    *("euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "iou"),
+    *("euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "geodesic", "iou"),
     *("gaussian-wasserstein", "cloud-wasserstein"),
 )
 SOLVERS = ("certified", "exact", "sinkhorn")
@@ -168,20 +168,27 @@ class Request(Values):
         choices=EXISTENCES,
         parts="leave it out: all objects exist then",
     )
-    distance: str = _metric(
+    distance: str | None = _metric(
         "--distance NAME",
         "Distance between two states: euclidean, manhattan, chebyshev, mahalanobis, haversine "
-        "(metres, from lat,lon), iou (1 - IoU of boxes left,top,width,height), "
+        "(metres on a sphere, from lat,lon), geodesic (on the ellipsoid, also with heights, from "
+        "lat,lon,alt), iou (1 - IoU of boxes left,top,width,height), "
         "gaussian-wasserstein (means and covariances) or cloud-wasserstein (particles, with a "
         "column weight).",
-        default="euclidean",
         choices=DISTANCES,
+        shown="euclidean; none of lat,lon",
     )
     covariance: str | None = _metric(
         "--covariance FILE",
         "Covariance matrix for mahalanobis: a CSV file without header, with a row and a column for "
         "each state column.",
         kind="path",
+    )
+    vertical_weight: float | None = _metric(
+        "--vertical-weight W",
+        "With --distance geodesic of lat,lon,alt: how much a metre of height counts, beside one "
+        "along the surface.",
+        shown="1",
     )
     periodic: tuple[str, ...] = _metric(
         "--periodic NAME[=PERIOD]",
@@ -309,6 +316,57 @@ class Request(Values):
         "but for --periodic ones: 1000 makes metres of kilometres.",
         default=1.0,
     )
+    truth_crs: str | None = _files(
+        "--truth-crs SYSTEM",
+        "What the coordinates of TRUTH are: lat,lon[,alt] (degrees, metres); enu (x east, y north, "
+        "z up, metres from --origin) or ned (north, east, down), enu:30 where the axes are turned "
+        "clockwise; range,bearing[,elevation] of a sensor at --origin; a projected system, "
+        "EPSG:25832. Both files are brought to one: local axes where one has such.",
+        shown="lat,lon where the other file has one",
+        parts=FITTING,
+    )
+    estimate_crs: str | None = _files(
+        "--estimate-crs SYSTEM",
+        "--truth-crs for ESTIMATE.",
+        parts=FITTING,
+    )
+    origin: str | None = _files(
+        "--origin LAT,LON[,ALT]",
+        "Where local axes begin, or the sensor is: degrees, and metres above the ellipsoid.",
+    )
+    truth_scale: tuple[str, ...] = _files(
+        "--truth-scale NAME=FACTOR",
+        "State columns of TRUTH are multiplied by this, with covariances and particles: "
+        "alt=0.3048 makes metres of feet, alt=30.48 of flight levels. Several with commas.",
+        default=(),
+    )
+    estimate_scale: tuple[str, ...] = _files(
+        "--estimate-scale NAME=FACTOR",
+        "--truth-scale for ESTIMATE: x=1000,y=1000 makes metres of kilometres.",
+        default=(),
+    )
+    truth_time_format: str | None = _files(
+        "--truth-time-format FORMAT",
+        "How TRUTH writes its times: as of strptime, '%d/%m/%Y %H:%M:%S'; s, ms, us or ns since "
+        "1970; gps: week and seconds. Two columns are one: --truth-columns t=DATE+TIME.",
+        shown="numbers or ISO times",
+        parts=FITTING,
+    )
+    estimate_time_format: str | None = _files(
+        "--estimate-time-format FORMAT",
+        "--truth-time-format for ESTIMATE.",
+        parts=FITTING,
+    )
+    truth_time_zone: str | None = _files(
+        "--truth-time-zone ZONE",
+        "The zone of times of TRUTH that are written without: UTC, Europe/Copenhagen.",
+        parts=FITTING,
+    )
+    estimate_time_zone: str | None = _files(
+        "--estimate-time-zone ZONE",
+        "--truth-time-zone for ESTIMATE.",
+        parts=FITTING,
+    )
     time: str | None = _filters(
         "--time A:B",
         "Only the steps from A to B, both included; numbers or ISO times, as in the files. A or B "
@@ -343,6 +401,24 @@ class Request(Values):
         "With boxes: leave out estimates that match a distractor, and truths that are no "
         "pedestrians, as MOTChallenge 2016 and 2017 do before they evaluate.",
         choices=("motchallenge",),
+        parts=FITTING,
+    )
+    ignore: tuple[str, ...] = _filters(
+        "--ignore SPEC",
+        "What is not judged: an estimate that follows an ignored truth costs nothing, nor does its "
+        "absence. Truths by a column (class=Van,Person, occlusion>1, height<25); marked: as the "
+        "columns ignored of TRUTH and excused of ESTIMATE say; outside-truth-steps: estimates at "
+        "times at which TRUTH has no row; truth-gaps: the straight line across gaps longer than "
+        "--max-gap. Repeatable.",
+        default=(),
+        parts=FITTING,
+    )
+    max_speed: float | None = _filters(
+        "--max-speed V",
+        "With --ignore truth-gaps: how fast a truth may leave the line across a gap, in state "
+        "units per second. What is within c, and V times the time to the nearer end, is not "
+        "judged.",
+        shown="0",
         parts=FITTING,
     )
     unit: str | None = _output(

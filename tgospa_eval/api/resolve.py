@@ -1,5 +1,6 @@
 """From a request to records, and with them to two sides that fit each other."""
 
+import math
 import os
 from collections.abc import Iterable, Sequence
 from contextlib import nullcontext, suppress
@@ -7,7 +8,7 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.api.distance import DistanceOptions
+from tgospa_eval.api.distance import DistanceOptions, numbers_by_name
 from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request
 from tgospa_eval.api.places import check_places
 from tgospa_eval.common.frozen import dataclass
@@ -45,8 +46,11 @@ from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.existence import EXISTENCE
 
 if TYPE_CHECKING:
+    from tgospa_eval.evaluation.ignoring import Ignoring
     from tgospa_eval.evaluation.sides import Components
     from tgospa_eval.evaluation.slicing import SliceBy
+    from tgospa_eval.formats.clocks import TimeForm
+    from tgospa_eval.tracks.places import Frames
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,12 +69,14 @@ class Settings:
         The same, with columns and classes of the truth and of the estimate.
     formats : pair of str or None
         Format of truth and estimate; None is guessed.
-    conversion : Conversion
-        From the stamps and states of the estimate to those of the truth.
+    conversions : pair of Conversion
+        From the stamps and states of truth and estimate to those that are compared.
     of_tables : pair of tuple of str
         Options for truth and estimate that only what has rows and headers can follow.
     preprocess : str, optional
         Rules of a benchmark by which rows are left out.
+    frames : Frames, optional
+        What the coordinates of truth and estimate are, if they are to be brought to one frame.
     similarity : Calibration, optional
         Of the score that is shown.
     one_of_many : bool
@@ -82,9 +88,10 @@ class Settings:
     reading: ReadOptions
     each: tuple[ReadOptions, ReadOptions]
     formats: tuple[str | None, str | None]
-    conversion: Conversion
+    conversions: tuple[Conversion, Conversion]
     of_tables: tuple[tuple[str, ...], tuple[str, ...]]
     preprocess: str | None
+    frames: "Frames | None" = None
     similarity: Calibration | None = None
     one_of_many: bool = False
 
@@ -101,9 +108,22 @@ class Settings:
                 for role, options in zip(ROLES, self.each, strict=True)
                 if options.classes and options.classes != self.reading.classes
             },
+            **{
+                f"{role}_time_{name}": text
+                for role, options in zip(ROLES, self.each, strict=True)
+                if options.form is not None
+                for name, text in vars(options.form).items()
+                if name != "role" and text
+            },
             **dict(self.reading.covariances()),
-            **self.conversion.recorded,
+            **({} if self.frames is None else self.frames.recorded),
+            **{
+                name: value
+                for role, conversion in zip(ROLES, self.conversions, strict=True)
+                for name, value in conversion.recorded_of(role).items()
+            },
             **({"preprocess": self.preprocess} if self.preprocess else {}),
+            **({} if self.evaluation.ignoring is None else self.evaluation.ignoring.recorded),
         }
 
     def read(
@@ -163,10 +183,21 @@ class Settings:
         read = filled(sides, self.evaluation.distance)
         check_as_long(given, read)
         if len(read) == len(ROLES):
-            read = read[0], self._in_units_of_truth(read[0], read[1], given[1])
+            read = self._converted(read, 0, given), read[1]
+            read = read[0], self._converted(read, 1, given)
+            read = _in_one_clock(read)
+            if self.frames is not None:
+                pair = self.frames.joined((read[0].trajectories, read[1].trajectories), names)
+                read = tuple(
+                    replace(one, trajectories=made) for one, made in zip(read, pair, strict=True)
+                )
         with suppress(NothingLeftError) if self.one_of_many else nullcontext():
             self.check(read, names)
-        return self.preprocessed(read, names) if roles == ROLES else read
+        if roles != ROLES:
+            return read
+        read = self.preprocessed(read, names)
+        ignoring = self.evaluation.ignoring
+        return read if ignoring is None or len(read) < len(ROLES) else ignoring.mark(read, names)
 
     def read_side(
         self,
@@ -207,25 +238,23 @@ class Settings:
         made = of_object(given, role, self.evaluation.distance, components)
         return Reading(trajectories=made, rows=len(made.step), format="")
 
-    def _in_units_of_truth(
-        self, truth: Reading, estimate: Reading, given: "TrajectoriesLike | Reading"
-    ) -> Reading:
-        """The estimate with the stamps and states that are asked for, if reading left that open."""
-        conversion, distance = self.conversion, self.evaluation.distance
-        if not conversion.recorded:
-            return estimate
-        if self.each[1].conversion.recorded and (
-            is_path(given) or as_frame(given, "estimate") is not None
+    def _converted(self, read: tuple[Reading, ...], side: int, given: Sequence[object]) -> Reading:
+        """A side with the stamps and states that are asked for, if reading left that open."""
+        conversion, distance = self.conversions[side], self.evaluation.distance
+        role, found = ROLES[side], read[side]
+        if not conversion.recorded_of(role):
+            return found
+        if self.each[side].conversion.recorded_of(role) and (
+            is_path(given[side]) or as_frame(given[side], role) is not None
         ):
-            return estimate
+            return found
         if conversion.unit_scale != 1:
-            check_columns(truth.trajectories, estimate.trajectories)
-            check_states(truth.trajectories, estimate.trajectories, distance)
-            settings = self.measure.distance(truth.trajectories.columns).settings(
-                truth.trajectories.columns
-            )
+            truth, estimate = (one.trajectories for one in read)
+            check_columns(truth, estimate)
+            check_states(truth, estimate, distance)
+            settings = self.measure.distance(truth.columns).settings(truth.columns)
             conversion = replace(conversion, angles=tuple(settings.get("periodic", ())))
-        return replace(estimate, trajectories=conversion(estimate.trajectories, "estimate"))
+        return replace(found, trajectories=conversion(found.trajectories, role))
 
     def preprocessed(
         self, sides: tuple[Reading, ...], paths: tuple[str, ...]
@@ -361,6 +390,9 @@ def _settings(options: Request) -> Settings:
         raise ConfigError("--similarity is of the mean over steps, not for --step-weights")
     measure = DistanceOptions(options)
     slices, columns = _slices(options)
+    ignoring = _ignoring(options)
+    if ignoring is not None:
+        columns = (*columns, *ignoring.columns)
     reading = ReadOptions(
         decimal=options.decimal,
         on_duplicate=options.on_duplicate,
@@ -386,14 +418,25 @@ def _settings(options: Request) -> Settings:
         time_scale=options.time_scale,
         unit_scale=options.unit_scale,
         angles=tuple(measure.period),
+        scale=tuple(numbers_by_name("estimate-scale", options.estimate_scale).items()),
     )
-    if measure.is_record and conversion.recorded and (options.time or options.region):
+    of_truth = Conversion(
+        scale=tuple(numbers_by_name("truth-scale", options.truth_scale).items()),
+        scale_option="--truth-scale",
+    )
+    if measure.is_record and conversion.recorded_of(ROLES[1]) and (options.time or options.region):
         raise ConfigError(
             "--time and --region are in the units of the truth: choose the distance by its name"
         )
-    each = _each(reading, measure, options)
+    frames = _frames(options)
+    each = _each(reading, measure, options, frames)
     if not measure.is_record:  # whose angles are known when the columns are
-        each = each[0], replace(each[1], conversion=conversion)
+        each = (
+            replace(each[0], conversion=of_truth),
+            replace(each[1], conversion=conversion),
+        )
+    if ignoring is not None and ignoring.classes:
+        each = replace(each[0], by_class=True, class_for="--ignore", also=ignoring.classes), each[1]
     if options.preprocess:
         if not measure.boxes:
             raise ConfigError("--preprocess motchallenge: looks at boxes; choose --distance iou")
@@ -423,14 +466,16 @@ def _settings(options: Request) -> Settings:
             slices=slices,
             step_weights=as_step_weights(options.step_weights, options.decimal),
             existence=options.existence,
+            ignoring=ignoring,
         ),
         measure=measure,
         reading=reading,
         each=each,
         formats=(options.truth_format, options.estimate_format),
-        conversion=conversion,
+        conversions=(of_truth, conversion),
         of_tables=(_of_tables(options, "truth"), _of_tables(options, "estimate")),
         preprocess=options.preprocess,
+        frames=frames,
         similarity=_calibration(options),
     )
 
@@ -445,10 +490,91 @@ def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
     return slices, columns_asked(slices)
 
 
+def _ignoring(options: Request) -> "Ignoring | None":
+    """What is not judged, if there is such."""
+    speed = options.max_speed or 0.0
+    if options.max_speed is not None and not (
+        "truth-gaps" in options.ignore and 0 <= speed < math.inf
+    ):
+        raise ConfigError(
+            f"--max-speed {speed:g}: must be >= 0 and finite, and is for --ignore truth-gaps"
+        )
+    if not options.ignore:
+        return None
+    from tgospa_eval.evaluation.ignoring import GAPS, OUTSIDE, parse_ignoring  # here: as weights
+
+    if options.existence == "use":
+        raise ConfigError("--ignore and --existence use do not go together; leave one of them out")
+    found = parse_ignoring(
+        (options.ignore,) if isinstance(options.ignore, str) else options.ignore, speed
+    )
+    if found.classes and options.by:
+        raise ConfigError(
+            "--ignore class=NAME: with --by class each class is judged by itself; choose one by "
+            "--class NAME"
+        )
+    made = options.interpolate == "truth" or options.resample is not None
+    if made and OUTSIDE in found.texts:
+        raise ConfigError(
+            f"--ignore {OUTSIDE}: the truth is interpolated to other times; --ignore {GAPS} leaves "
+            "its gaps out"
+        )
+    if GAPS in found.texts and not made:
+        raise ConfigError(
+            f"--ignore {GAPS}: is for --interpolate truth and --resample, whose --max-gap says "
+            "what a gap is"
+        )
+    return found
+
+
+def _in_one_clock(read: tuple[Reading, ...]) -> tuple[Reading, ...]:
+    """Both sides with times of one kind, where numbers are seen to count since 1970."""
+    first, second = (side.trajectories for side in read)
+    if first.clock == second.clock:
+        return read
+    from tgospa_eval.formats.clocks import in_one_clock  # here: as weights
+
+    sides, told = in_one_clock((first, second))
+    return tuple(
+        replace(one, trajectories=side, notices=(*one.notices, *filter(None, [text])))
+        for one, side, text in zip(read, sides, told, strict=True)
+    )
+
+
+def _form(options: Request, role: str) -> "TimeForm | None":
+    """How the times of a side are written, if that is said."""
+    given = [getattr(options, f"{role}_time_{name}") for name in ("format", "zone")]
+    if given == [None, None]:
+        return None
+    from tgospa_eval.formats.clocks import TimeForm  # here: as weights
+
+    return TimeForm(format=given[0] or "", zone=given[1] or "", role=role)
+
+
+def _frames(options: Request) -> "Frames | None":
+    """What the coordinates of both sides are, if any is said to be."""
+    given = options.truth_crs, options.estimate_crs
+    if given == (None, None):
+        if options.origin is not None:
+            raise ConfigError("--origin is for --truth-crs and --estimate-crs; say which is local")
+        return None
+    from tgospa_eval.tracks.places import Frames, parse_frame, parse_origin  # here: as weights
+
+    truth, estimate = (
+        parse_frame(text or "lat,lon", f"--{role}-crs")
+        for text, role in zip(given, ROLES, strict=True)
+    )
+    origin = options.origin
+    if origin is not None and not isinstance(origin, str):
+        origin = ",".join(repr(float(number)) for number in origin)
+    return Frames(frames=(truth, estimate), origin=None if origin is None else parse_origin(origin))
+
+
 def _of_tables(options: Request, side: str) -> tuple[str, ...]:
     """Options of one side that are for files and tables."""
     of_both = ("columns", "decimal", "on_duplicate", "on_invalid", "time", "class_", "region", "by")
-    names = (f"{side}_columns", f"{side}_class", f"{side}_format", *of_both)
+    own = ("columns", "class", "format", "time_format", "time_zone")
+    names = (*(f"{side}_{name}" for name in own), *of_both)
     return tuple(SETTINGS[name].key for name in names if getattr(options, name) != DEFAULTS[name])
 
 
@@ -463,7 +589,7 @@ def _calibration(options: Request) -> Calibration | None:
 
 
 def _each(
-    reading: ReadOptions, measure: DistanceOptions, options: Request
+    reading: ReadOptions, measure: DistanceOptions, options: Request, frames: "Frames | None"
 ) -> tuple[ReadOptions, ReadOptions]:
     """How to read truth and estimate: columns and classes of one go before those of both."""
     own = (
@@ -471,15 +597,23 @@ def _each(
         (options.sides[1], _list(options.estimate_columns), _list(options.estimate_class)),
     )
     columns_of = columns_of_each(_list(options.columns), *(columns for _, columns, _ in own))
+    needs = (
+        (measure.needed, measure.needed)
+        if frames is None
+        else [frame.columns for frame in frames.frames]
+    )
     truth, estimate = (
         replace(
             reading,
-            columns=measure.columns(columns),
+            columns=measure.columns(columns, needed),
             classes=classes or reading.classes,
             shared=shared if classes else (*shared, "class"),
             option=f"--{side}-columns",
+            form=_form(options, role),
         )
-        for (side, _, classes), (columns, shared) in zip(own, columns_of, strict=True)
+        for (side, _, classes), (columns, shared), needed, role in zip(
+            own, columns_of, needs, ROLES, strict=True
+        )
     )
     return truth, estimate
 

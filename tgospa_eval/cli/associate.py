@@ -85,6 +85,11 @@ _output = partial(Option, section="Output")
                 "Write the cross-covariances of associated clouds to a CSV file.",
                 type=PATH,
             ),
+            _output(
+                "-o, --output DIR",
+                "Write report.html, associate.json, associations.csv and plane.png to this folder.",
+                type=PATH,
+            ),
             _output("--force", "Write over files that exist."),
         ),
     ],
@@ -108,13 +113,16 @@ def command(
     """
     from tgospa_eval.api.resolve import make_settings
     from tgospa_eval.cli.shared.streams import emit
+    from tgospa_eval.cli.shared.writing import write_output
     from tgospa_eval.common.config import settings_field
-    from tgospa_eval.reports.files import check_file, write_file
+    from tgospa_eval.plots.result_pictures import association_files
+    from tgospa_eval.reports.files import ASSOCIATION, check_file, probe_folder, write_file
     from tgospa_eval.reports.rendering import csv_text
     from tgospa_eval.reports.sensors import association_text
     from tgospa_eval.results.records import json_text
     from tgospa_eval.sensors.association import associate
 
+    options |= {"force": force}
     request = Request.of(options | {"pairwise": True, "sides": ("a", "b"), "switch_penalty": 0.0})
     output, taken = OutputOptions.of(options), [a, b]
     asked = {"--cost-matrix": cost_matrix, "--cross-cov": cross_cov}
@@ -122,6 +130,8 @@ def command(
     for name, path in files.items():
         check_file(path, name, force=force, others=taken)
         taken.append(path)
+    if output.output is not None:
+        probe_folder(output.output, ASSOCIATION, force=force)
     settings = make_settings(request)
 
     def work(effort: "Effort") -> "tuple[Association, Distance, dict[str, str]]":
@@ -147,6 +157,11 @@ def command(
         "json": lambda: json_text(_document(found, distance, settings) | used),
         "csv": lambda: csv_text(found.associations_table()),
     }
+    write_output(
+        output,
+        ASSOCIATION,
+        lambda _: {"associate.json": shown["json"](), **association_files(found, (a, b))},
+    )
     emit(shown[output.format_](), output.format_)
 
 

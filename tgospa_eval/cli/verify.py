@@ -123,7 +123,10 @@ def _check_tables(folder: str, files: Files, stopwatch: "Stopwatch") -> str:
     prepared = _prepared(files, proof, stopwatch)
     compared, parameters = prepared.compared, prepared.parameters
     check_provable(compared, parameters)
-    options, proven = proof_parameters(compared, parameters), proof["parameters"]
+    options, proven = (
+        proof_parameters(compared, parameters, prepared.states.problem),
+        proof["parameters"],
+    )
     for name in sorted({*options, *proven}):
         if proven.get(name) != options.get(name):
             raise verify_tgospa.Wrong(

@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.distances.clouds.transport import transport_plan as transport_plan
     from tgospa_eval.distances.gaussian import GaussianWasserstein as GaussianWasserstein
     from tgospa_eval.distances.gaussian import gaussian_wasserstein as gaussian_wasserstein
+    from tgospa_eval.distances.geodesic import Geodesic as Geodesic
     from tgospa_eval.distances.mahalanobis import Mahalanobis as Mahalanobis
     from tgospa_eval.distances.mahalanobis import PairMahalanobis as PairMahalanobis
     from tgospa_eval.distances.sphere import Haversine as Haversine
@@ -31,6 +32,7 @@ if TYPE_CHECKING:  # with `as`, which makes a name public
 _HOME = {
     "CloudWasserstein": "clouds.distance",
     "GaussianWasserstein": "gaussian",
+    "Geodesic": "geodesic",
     "Haversine": "sphere",
     "IoU": "boxes",
     "Mahalanobis": "mahalanobis",

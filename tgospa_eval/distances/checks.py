@@ -7,6 +7,8 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
+PLACES = ("lat", "lon")
+
 
 def check_columns(
     truth: Trajectories, estimate: Trajectories, names: tuple[str, str] = ("truth", "estimate")
@@ -22,9 +24,15 @@ def check_columns(
         extra = [column for column in own.columns if column not in other.columns]
         if extra:
             common = [column for column in own.columns if column in other.columns]
+            remedy = f"choose what to compare with --columns {','.join(common) or 'x,y'}"
+            if {*PLACES} <= {*truth.columns} ^ {*estimate.columns}:
+                local = "truth" if "lat" in estimate.columns else "estimate"
+                remedy = (
+                    f"--{local}-crs enu (or ned) and --origin LAT,LON bring local axes and places "
+                    "on the Earth together"
+                )
             raise InputError(
-                f"{name} has a column {quoted(extra[0])} that {missing} lacks; "
-                f"choose what to compare with --columns {','.join(common) or 'x,y'}"
+                f"{name} has a column {quoted(extra[0])} that {missing} lacks; {remedy}"
             )
     if truth.columns != estimate.columns:
         orders = f"{names[0]} {','.join(truth.columns)}, {names[1]} {','.join(estimate.columns)}"

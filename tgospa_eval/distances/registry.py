@@ -37,9 +37,13 @@ DISTANCES: Mapping[str, Distance] = _Members(
         "chebyshev": ("vector.Norm", {"name": "chebyshev", "power": float("inf")}),
         "mahalanobis": ("mahalanobis.Mahalanobis", {}),
         "haversine": ("sphere.Haversine", {}),
+        "geodesic": ("geodesic.Geodesic", {}),
         "iou": ("boxes.IoU", {}),
         "gaussian-wasserstein": ("gaussian.GaussianWasserstein", {}),
         "cloud-wasserstein": ("clouds.distance.CloudWasserstein", {}),
     }
 )
 """Base distances by name; Mahalanobis without its covariance."""
+
+ON_EARTH = ("haversine", "geodesic")
+"""Those of latitudes and longitudes in degrees; they are in metres."""

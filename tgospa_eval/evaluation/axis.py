@@ -1,6 +1,7 @@
 """The steps that count, and both sides at them: docs/how-to/which-steps-count.md."""
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,10 +10,12 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.pair_search import prepared_pairs
+from tgospa_eval.distances.registry import ON_EARTH
 from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, comparable
 from tgospa_eval.tracks.durations import SECOND, Duration, multiples
+from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -77,7 +80,7 @@ class Axis:
 def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]:
     """Periods of the state columns that wrap around."""
     periods = dict(distance.settings(columns).get("periodic", {}))
-    if distance.name == "haversine":
+    if distance.name in ON_EARTH:
         periods["lon"] = TURN
     return periods
 
@@ -88,11 +91,12 @@ def on_axis(
     distance: Distance,
     names: tuple[str, str],
     cutoff: float,
+    across: str = "",
 ) -> Axis:
     """Both sides at the steps that are asked for.
 
     The cutoff says what ends a silence of the estimate, where the truth is interpolated: a false
-    alarm does not.
+    alarm does not. `across` marks states of the truth in gaps, as of `tracks.interpolation`.
 
     Raises
     ------
@@ -102,9 +106,9 @@ def on_axis(
     matching.check_units(sides[0].clock if len(sides[0].times) else sides[1].clock)
     axis = Axis(sides=sides, horizon=sides[0])
     if matching.resample is not None:
-        return _resampled(axis, matching, distance, names)
+        return _resampled(axis, matching, distance, names, across)
     if matching.interpolate:
-        axis = _interpolated(axis, matching, distance, names, cutoff)
+        axis = _interpolated(axis, matching, distance, names, cutoff, across)
     if matching.steps is not None:
         from tgospa_eval.tracks.interpolation import at_ticks  # here: few want it
 
@@ -122,7 +126,7 @@ def on_axis(
 
 
 def _resampled(
-    axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str]
+    axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str], across: str
 ) -> Axis:
     """Both at multiples of a duration, from the truth's first stamp to its last."""
     truth = axis.horizon
@@ -138,8 +142,10 @@ def _resampled(
             )
     ticks = _stamped(found, truth, truth.clock)
     made = [
-        _made(side, ticks, gap, matching, distance, (name, "--resample"))
-        for side, gap, name in zip(axis.sides, matching.gaps, names, strict=True)
+        _made(side, ticks, gap, matching, distance, (name, "--resample"), mark)
+        for side, gap, name, mark in zip(
+            axis.sides, matching.gaps, names, (across, ""), strict=True
+        )
     ]
     return Axis(
         sides=(replace_times(made[0].side, ticks), replace_times(made[1].side, ticks)),
@@ -161,21 +167,29 @@ def _interpolated(
     distance: Distance,
     names: tuple[str, str],
     cutoff: float,
+    across: str,
 ) -> Axis:
     """One side at the stamps of the other, and the truth's own where the estimate is silent."""
     which = ("truth", "estimate").index(str(matching.interpolate))
     side, other = axis.sides[which], axis.sides[1 - which]
-    gap = matching.gaps[which]
-    silences = None
-    made = _made(side, other, gap, matching, distance, (names[which], names[1 - which]))
+    make = partial(
+        _made,
+        side,
+        gap=matching.gaps[which],
+        matching=matching,
+        distance=distance,
+        names=(names[which], names[1 - which]),
+    )
+    made, silences = make(other), None
     if which == 0:
         pair, near = _near(made.side, other, matching, distance, cutoff)
         found = np.unique(pair.estimate.times[pair.estimate.step[near.estimate_row]])
         silences = _silences(side, other, found, matching, names)
-        if silences is not None and silences.charged and len(silences.ticks):
-            union = np.union1d(other.times, silences.ticks)
-            other = _stamped(union, other, other.clock, side)
-            made = _made(side, other, gap, matching, distance, (names[which], names[1 - which]))
+        charged = silences.ticks if silences is not None and silences.charged else other.times[:0]
+        if len(charged):
+            other = _stamped(np.union1d(other.times, charged), other, other.clock, side)
+        if len(charged) or across:
+            made = make(other, across=across)
     sides = (made.side, axis.sides[1]) if which == 0 else (axis.sides[0], made.side)
     return replace(axis, sides=sides, made=((str(matching.interpolate), made),), silences=silences)
 
@@ -187,6 +201,7 @@ def _made(
     matching: TimeMatching,
     distance: Distance,
     names: tuple[str, str],
+    across: str = "",
 ) -> "Interpolated":
     from tgospa_eval.tracks.interpolation import interpolated  # here: few want it
 
@@ -197,6 +212,7 @@ def _made(
         tolerance=matching.near,
         periods=periods_of(distance, side.columns),
         names=names,
+        across=across,
     )
 
 
@@ -326,22 +342,13 @@ def truth_gaps(
     if not wide.any():
         return None
     narrow, estimate = axis.sides
-    widest = Duration.of(float(apart[wide].max()), "max-gap")
-    line = _made(truth, narrow, widest, matching, distance, ("truth", "estimate")).side
-    known = set(zip(narrow.step.tolist(), _named(narrow), strict=True))
-    rows = [
-        row
-        for row, key in enumerate(zip(line.step.tolist(), _named(line), strict=True))
-        if key not in known
-    ]
+    line = _made(
+        truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_JUDGED
+    ).side
+    rows = np.flatnonzero(marks_of(line, NOT_JUDGED))
     states = 0
-    if rows and len(estimate.step):
-        chosen = np.array(rows)
-        line = line.chosen(chosen, line.step[chosen], line.times)
+    if len(rows) and len(estimate.step):
+        line = line.chosen(rows, line.step[rows], line.times)
         _, near = _near(line, estimate, matching, distance, cutoff)
         states = len(np.unique(near.estimate_row))
     return apart[wide], sorted({str(truth.ids[i]) for i in track[1:][wide].tolist()}), states
-
-
-def _named(side: Trajectories) -> list[str]:
-    return [str(side.ids[i]) for i in side.track.tolist()]

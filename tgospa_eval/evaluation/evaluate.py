@@ -17,6 +17,7 @@ from tgospa_eval.evaluation.request import EvaluationRequest, in_words
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.metric_family import Parameters, check_underflow
+from tgospa_eval.problem.readout import read_unjudged
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.numbers import SPREAD
@@ -52,14 +53,6 @@ def evaluate_fitted(
         Running clock with the time of reading.
     """
     prepared = prepare(sides, request, files=files, stopwatch=stopwatch)
-    others: OtherMetrics = {}
-    sums: MetricSums = {}
-    if request.with_:
-        from tgospa_eval.evaluation.other_metrics import joined, other_metrics  # here: as the curve
-
-        effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
-        found = other_metrics(prepared, request.with_, effort)
-        others, sums = joined([found]), found.sums()
     cut = None
     if request.slices:
         from tgospa_eval.evaluation.slices import split  # here: as the curve
@@ -67,6 +60,14 @@ def evaluate_fitted(
         with stopwatch.span("slices"):
             cut = split.cut(sides, request.slices, request.parameters.cutoff)
     result = solve(prepared, request.solver, stopwatch, request)
+    others: OtherMetrics = {}
+    sums: MetricSums = {}
+    if request.with_:
+        from tgospa_eval.evaluation.other_metrics import joined, other_metrics  # here: as the curve
+
+        effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
+        found = other_metrics(prepared, request.with_, effort, result.proof)
+        others, sums = joined([found]), found.sums()
     result = replace(result, with_=others, sums=sums, source=(sides, request))
     if cut is None:
         return result
@@ -145,6 +146,7 @@ def prove(
         split=split,
         assigned=assigned,
         nees=nees,
+        unjudged=read_unjudged(prepared.states, weights),
         traced=traced,
         slid=slid,
         labels=prepared.labels,

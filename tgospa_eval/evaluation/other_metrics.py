@@ -17,13 +17,16 @@ from typing import Any
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances import Effort
+from tgospa_eval.distances import Distance, Effort
+from tgospa_eval.distances.base import Sides
 from tgospa_eval.distances.boxes import overlaps
 from tgospa_eval.distances.pair_search import prepared_pairs, starts_of_steps
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.problem.gospa import per_step_gospa
 from tgospa_eval.problem.problem import Floats
+from tgospa_eval.problem.readout import judged_rows
 from tgospa_eval.results.records import OtherMetrics
+from tgospa_eval.results.result import Proof
 
 THRESHOLD = 0.5
 """Similarity from which a pair matches, in CLEAR and Identity."""
@@ -111,8 +114,12 @@ def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> Other
     return Others(found=found, gospa=None, zero=zero)
 
 
-def other_metrics(prepared: Prepared, names: Sequence[str], effort: Effort) -> Others:
+def other_metrics(
+    prepared: Prepared, names: Sequence[str], effort: Effort, proof: Proof | None = None
+) -> Others:
     """Metrics by name, of two sides as they are compared.
+
+    Where states are not judged, those of TrackEval are without them: see `problem.readout`.
 
     Parameters
     ----------
@@ -122,6 +129,8 @@ def other_metrics(prepared: Prepared, names: Sequence[str], effort: Effort) -> O
         Of `evaluation.request.OTHER_METRICS`.
     effort : Effort
         How to search for pairs, and the clock.
+    proof : Proof, optional
+        The assignment that says which estimates follow ignored truths.
     """
     cutoff = prepared.parameters.cutoff
     zero = 1.0 if prepared.distance.name == IOU else 2 * cutoff
@@ -129,7 +138,15 @@ def other_metrics(prepared: Prepared, names: Sequence[str], effort: Effort) -> O
     found = {}
     with effort.stopwatch.span("other_metrics"):
         if asked:
-            data = _sequence(prepared, zero, effort)
+            sides = prepared.sides
+            if proof is not None and prepared.unjudged is not None:
+                kept = judged_rows(proof.states, proof.weights)
+                first, second = (
+                    side.chosen(np.flatnonzero(rows))
+                    for side, rows in zip(sides, kept, strict=True)
+                )
+                sides = first, second
+            data = _sequence(sides, prepared.distance, zero, effort)
             found = {name: _metric(name).eval_sequence(data) for name in asked}
         gospa = _gospa(prepared) if "gospa" in names else None
     return Others(found=found, gospa=gospa, zero=zero)
@@ -189,12 +206,12 @@ def _metric(name: str) -> Any:
 class _Similarities:
     """The matrix of each step, made when it is asked for: all of them together may be large."""
 
-    def __init__(self, prepared: Prepared, zero: float, effort: Effort) -> None:
-        self.sides, self.zero = prepared.sides, zero
+    def __init__(self, sides: Sides, distance: Distance, zero: float, effort: Effort) -> None:
+        self.sides, self.zero = sides, zero
         self.starts = [starts_of_steps(side) for side in self.sides]
         self.pairs = None
-        if prepared.distance.name != IOU:
-            self.pairs = prepared_pairs(self.sides, zero, prepared.distance, effort)
+        if distance.name != IOU:
+            self.pairs = prepared_pairs(self.sides, zero, distance, effort)
             self.first = np.searchsorted(self.pairs.truth_row, self.starts[0])
 
     def __len__(self) -> int:
@@ -212,16 +229,14 @@ class _Similarities:
         return matrix
 
 
-def _sequence(prepared: Prepared, zero: float, effort: Effort) -> dict[str, object]:
+def _sequence(sides: Sides, distance: Distance, zero: float, effort: Effort) -> dict[str, object]:
     """One sequence as the metrics of TrackEval take it; tracks without a row do not count."""
-    similarities = _Similarities(prepared, zero, effort)
+    similarities = _Similarities(sides, distance, zero, effort)
     data: dict[str, object] = {
         "num_timesteps": len(similarities),
         "similarity_scores": similarities,
     }
-    for name, side, start in zip(
-        ("gt", "tracker"), prepared.sides, similarities.starts, strict=True
-    ):
+    for name, side, start in zip(("gt", "tracker"), sides, similarities.starts, strict=True):
         ids, track = np.unique(side.track, return_inverse=True)
         data |= {
             f"num_{name}_ids": len(ids),

@@ -20,6 +20,7 @@ from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.metric_family import (
     Parameters,
     StepWeights,
+    ignore_states,
     tgospa_problem,
     weight_existence,
     weight_steps,
@@ -30,6 +31,7 @@ from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.results.result import ComparedSides, Result
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
+from tgospa_eval.tracks.ignored import AWAY, NOT_JUDGED, Mask, marks_of
 from tgospa_eval.tracks.judged import Judged, digest, judge, whole
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -94,6 +96,10 @@ class MeasuredSides(ComparedSides):
         What each step counts.
     existence : pair of (R,) float arrays, optional
         Probability of each row of either side.
+    unjudged : pair of (R,) bool arrays, optional
+        Ignored rows of the truth, excused rows of the estimate.
+    reach : (R_truth,) float array, optional
+        How far beyond the cutoff an ignored truth may be followed.
     """
 
     sides: tuple[Trajectories, Trajectories]
@@ -101,6 +107,8 @@ class MeasuredSides(ComparedSides):
     recorded: Callable[[], tuple[Mapping[str, Json], Judged]]
     step_weights: StepWeights | None = None
     existence: tuple[Floats, Floats] | None = None
+    unjudged: tuple[Mask, Mask] | None = None
+    reach: Floats | None = None
 
     @property
     def input(self) -> Mapping[str, Json]:
@@ -109,7 +117,13 @@ class MeasuredSides(ComparedSides):
 
     def problem(self, pairs: Pairs, parameters: Parameters) -> Problem:
         """The problem of pairs that include all nearer than the cutoff."""
-        problem = problem_of_pairs(self.sides, self.distance, pairs, parameters)
+        near = None
+        if self.reach is not None:
+            reach = self.reach[pairs.truth_row]
+            near = (reach > 0) & (pairs.distance < parameters.cutoff + reach)
+        problem = problem_of_pairs(self.sides, self.distance, pairs, parameters, near)
+        if self.unjudged is not None:
+            problem = ignore_states(problem, *self.unjudged)
         if self.existence is not None:
             problem = weight_existence(problem, *self.existence)
         if self.step_weights is not None:
@@ -190,9 +204,13 @@ def near_pairs(
 
 
 def problem_of_pairs(
-    sides: Sides, distance: Distance, pairs: Pairs, parameters: Parameters
+    sides: Sides,
+    distance: Distance,
+    pairs: Pairs,
+    parameters: Parameters,
+    near: Mask | None = None,
 ) -> Problem:
-    """The problem of what `near_pairs` found."""
+    """The problem of what `near_pairs` found; `near` as of `tgospa_problem`."""
     truth, estimate = sides
     return tgospa_problem(
         parameters=parameters,
@@ -208,6 +226,7 @@ def problem_of_pairs(
         distance=pairs.distance,
         distance_error=distance.error(truth.state.shape[1]),
         last_place=distance.last_place(sides),
+        near=near,
     )
 
 
@@ -253,12 +272,18 @@ def measure(
             "columns": truth.columns,
             "truth": truth.state,
             "estimate": estimate.state,
-            "truth_covariance": _second_moments(truth),
-            "estimate_covariance": _second_moments(estimate),
+            "truth_covariance": truth.second_moments,
+            "estimate_covariance": estimate.second_moments,
+            "truth_clouds": truth.clouds,
             "estimate_clouds": estimate.clouds,
         }
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
         (truth, estimate), prepared, pairs = near_pairs(seen, distance, cutoff, effort)
+        reach = None
+        if request.ignoring is not None and request.ignoring.max_speed:
+            away = np.asarray(aligned.truth.attributes[AWAY], np.float64)
+            reach = request.ignoring.max_speed * away
+            pairs = _with_far_pairs(pairs, (truth, estimate), prepared, cutoff, reach, effort)
     weights = None
     if request.step_weights is not None:
         cost, switch = request.step_weights.on(truth)
@@ -282,8 +307,39 @@ def measure(
             if request.probabilistic
             else None
         ),
+        unjudged=unjudged_of(aligned, request),
+        reach=reach,
     )
     return measured, pairs
+
+
+def _with_far_pairs(
+    pairs: Pairs, sides: Sides, distance: Distance, cutoff: float, reach: Floats, effort: Effort
+) -> Pairs:
+    """Near pairs, and those of truths in gaps that are within their `reach` beyond the cutoff."""
+    rows = np.flatnonzero(reach > 0)
+    if not len(rows):
+        return pairs
+    gaps = sides[0].chosen(rows)
+    far = prepared_pairs((gaps, sides[1]), cutoff + float(reach.max()), distance, effort)
+    row = rows[far.truth_row]
+    kept = (far.distance >= cutoff) & (far.distance < cutoff + reach[row])
+    truth_row = np.concatenate((pairs.truth_row, row[kept]))
+    estimate_row = np.concatenate((pairs.estimate_row, far.estimate_row[kept]))
+    order = np.lexsort((estimate_row, truth_row))
+    return Pairs(
+        truth_row=truth_row[order],
+        estimate_row=estimate_row[order],
+        distance=np.concatenate((pairs.distance, far.distance[kept]))[order],
+    )
+
+
+def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, Mask] | None:
+    """Ignored rows of the truth and excused rows of the estimate, if there are any."""
+    if request.ignoring is None:
+        return None
+    found = marks_of(aligned.truth, NOT_JUDGED), marks_of(aligned.estimate, NOT_JUDGED)
+    return found if any(mask.any() for mask in found) else None
 
 
 def _recorded(
@@ -295,9 +351,12 @@ def _recorded(
     digests = [digest(side.seen_as(kinds), existence=likely) for side in sides.given]
     counts = aligned.truth.seen_as(kinds)
     is_whole = sides.read[0] is sides.given[0] and not aligned.left_out[0]
-    judged = judge(
-        sides.axis.horizon, counts, digests[0] if is_whole else digest(counts, existence=likely)
-    )
+    sha256 = digests[0] if is_whole else digest(counts, existence=likely)
+    unjudged = unjudged_of(aligned, request)
+    if unjudged is not None and unjudged[0].any():
+        counts = counts.chosen(np.flatnonzero(~unjudged[0]))
+        sha256 = hashlib.sha256(f"{sha256} {digest(counts)}".encode()).hexdigest()
+    judged = judge(sides.axis.horizon, counts, sha256)
     left_out = zip(aligned.left_out, sides.axis.left_out, strict=True)
     found = {
         role: input_record(file, sha256, {"grid": off_grid, "steps": off_steps})
@@ -334,10 +393,13 @@ def fit(
         truth, estimate = expected(truth, estimate, names)
     given = truth, estimate
     if placed is None:
-        axis = on_axis(given, time_matching, distance, names, request.parameters.cutoff)
+        across = NOT_JUDGED if request.ignoring is not None and request.ignoring.gaps else ""
+        axis = on_axis(given, time_matching, distance, names, request.parameters.cutoff, across)
     else:
         axis, time_matching = placed(given), TimeMatching()
     truth, estimate = axis.sides
+    if request.ignoring is not None:
+        estimate = request.ignoring.excuse(estimate, given[0], time_matching.near, names)
     aligned = align(truth, estimate, time_matching, names)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(
@@ -354,16 +416,6 @@ def fit(
         distance=fitted,
         axis=axis,
     )
-
-
-def _second_moments(side: Trajectories) -> Floats | None:
-    """Lower triangles of what is around each state, if anything is."""
-    if side.clouds is None:
-        return side.covariance
-    from tgospa_eval.tracks.covariances import pack  # here: points do without
-
-    with np.errstate(over="ignore", invalid="ignore"):  # no picture needs those
-        return pack(side.clouds.covariances).T
 
 
 def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:

@@ -21,6 +21,7 @@ from tgospa_eval.tracks.durations import MAX_STEPS, SECOND, TIME_UNITS, Duration
 from tgospa_eval.tracks.trajectories import TimeArray
 
 if TYPE_CHECKING:
+    from tgospa_eval.evaluation.ignoring import Ignoring
     from tgospa_eval.evaluation.slicing import SliceBy
     from tgospa_eval.tracks.step_weights import WeightsByTime
 
@@ -196,6 +197,8 @@ class EvaluationRequest:
         What each step counts; all the same by default.
     existence : {"ignore", "use"}
         Whether probabilities of existence count.
+    ignoring : Ignoring, optional
+        What is not judged.
 
     Raises
     ------
@@ -217,6 +220,7 @@ class EvaluationRequest:
     slices: "Sequence[SliceBy]" = ()
     step_weights: "WeightsByTime | None" = None
     existence: str = "ignore"
+    ignoring: "Ignoring | None" = None
 
     def __post_init__(self) -> None:
         if self.existence not in ("ignore", "use"):

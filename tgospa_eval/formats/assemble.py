@@ -213,6 +213,7 @@ def _keep_classes(rows: Rows, options: ReadOptions, choice: _Choice) -> None:
         return
     there = rows.classes[0].tolist()
     asked = [name.strip() for name in options.classes]
+    asked += options.also
     taken = {class_named(name, there) for name in asked} if rows.whole else {*asked}
     known = np.array([name in taken for name in there], bool)
     choice.keep(known[rows.classes[1]], "class")

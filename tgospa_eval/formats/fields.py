@@ -64,6 +64,17 @@ class Coded(Sequence[str]):
         return map(self.distinct.__getitem__, self.code.tolist())
 
 
+def joined_texts(first: Coded, second: Coded) -> Coded:
+    """Two columns as one, with a blank between."""
+    width = max(len(second.distinct), 1)
+    pair, code = np.unique(first.code.astype(np.int64) * width + second.code, return_inverse=True)
+    texts = [
+        f"{first.distinct[a].strip()} {second.distinct[b].strip()}"
+        for a, b in zip(*(part.tolist() for part in np.divmod(pair, width)), strict=True)
+    ]
+    return Coded(texts, code)
+
+
 def attribute_of(column: Coded, decimal: str = ".") -> Values:
     """Numbers if every text that is not blank is one, NaN where blank; else the texts."""
     texts = [text.strip() for text in column.distinct]

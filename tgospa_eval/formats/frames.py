@@ -21,7 +21,7 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import Rows, blanks, numbered
 from tgospa_eval.formats.text.lines import numbers
-from tgospa_eval.formats.times import RowError, TimeError, Times, coded_times
+from tgospa_eval.formats.times import RowError, TimeError, Times, coded_times, read_times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.attributes import Values
 from tgospa_eval.tracks.trajectories import Floats
@@ -101,7 +101,8 @@ def frame_rows(
             if column != roles.weight:
                 raise
             states[:, k], weight_fault = np.nan, str(error)  # it may be something else
-    times = frame_times(frame.iloc[:, roles.time], name, decimal, where)
+    with _placed(frame.iloc[:, roles.time], where):
+        times = _formed_times(frame, roles, name, decimal)
     ids = numbered(named(roles.id, "an id"))
     blank = blanks(ids)
     if len(blank):
@@ -224,6 +225,24 @@ def id_text(value: object, name: str) -> str:
     if not text or text in ("nan", "NaT"):
         raise InputError(f"{name}: blank id; name the object")
     return text
+
+
+def _formed_times(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) -> Times:
+    """The times of a table, of one column or two, as they are written."""
+    column = frame.iloc[:, roles.time]
+    if roles.second is None and (roles.form is None or not roles.form.format):
+        times = _times(column, name, decimal)
+        return times if roles.form is None else roles.form.zoned(times)
+    second = None if roles.second is None else _as_texts(frame.iloc[:, roles.second], decimal)
+    return read_times(_as_texts(column, decimal), decimal, roles.form, second)
+
+
+def _as_texts(column: pd.Series, decimal: str) -> Coded:
+    """A column of numbers, dates or texts as texts."""
+    if column.dtype.kind == "O":
+        return _texts(column, "a time", TIME_TYPES, partial(_number_text, decimal))
+    code, distinct = pd.factorize(column)
+    return Coded([str(value) for value in distinct], code)
 
 
 def frame_times(

@@ -5,6 +5,7 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from dataclasses import field, replace
 from itertools import combinations, pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from tgospa_eval.text import quoted
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.durations import Duration, Steps
 from tgospa_eval.tracks.trajectories import CLOCKS, Floats, TimeArray
+
+if TYPE_CHECKING:
+    from tgospa_eval.formats.clocks import TimeForm
 
 Flags = NDArray[np.bool_]
 
@@ -194,10 +198,14 @@ class ReadOptions:
         does not know.
     boxes : bool
         The states are the boxes themselves, left, top, width, height.
+    form : TimeForm, optional
+        How times are written, if they are neither numbers nor ISO, or of a zone.
     time : str, optional
         ``"A:B"``: steps from A to B, both included; either end may be blank.
     classes : tuple of str, optional
         Rows of these classes.
+    also : tuple of str
+        Classes that a filter by class leaves in as well, as far as there are such.
     region : str, optional
         ``"x=-50:50,y=0:100"``: rows inside these ranges, ends included; either end may be blank.
     by_class : bool
@@ -243,8 +251,10 @@ class ReadOptions:
     on_duplicate: str = "error"
     on_invalid: str = "error"
     boxes: bool = False
+    form: "TimeForm | None" = None
     time: str | None = None
     classes: tuple[str, ...] | None = None
+    also: tuple[str, ...] = ()
     region: str | None = None
     by_class: bool = False
     class_for: str = "--by class"

@@ -3,13 +3,14 @@
 import re
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
-from tgospa_eval.formats.fields import Coded, floats
+from tgospa_eval.formats.fields import Coded, floats, joined_texts
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, TimeArray
 
@@ -37,6 +38,16 @@ class Times:
     value: TimeArray
     clock: str
     text: Sequence[str] | None
+
+
+class Form(Protocol):
+    """How times are written: see `formats.clocks.TimeForm`."""
+
+    def read(self, column: Coded) -> Times | None:
+        """Times of a column by a format; None if there is none."""
+
+    def zoned(self, times: Times) -> Times:
+        """Times without zone in UTC, if they are of a zone."""
 
 
 class RowError(ValueError):
@@ -111,6 +122,23 @@ def coded_times(column: Coded, decimal: str) -> Times:
     return Times(value=times.value[column.code], clock=times.clock, text=text)
 
 
+def read_times(
+    column: Coded, decimal: str, form: Form | None = None, second: Coded | None = None
+) -> Times:
+    """Times of a column, or of two that are one stamp, by a form if there is one.
+
+    Raises
+    ------
+    TimeError
+        As `parse_times`, or a text does not fit the form.
+    """
+    if second is not None:
+        column = joined_texts(column, second)
+    if form is None:
+        return coded_times(column, decimal)
+    return form.zoned(form.read(column) or coded_times(column, decimal))
+
+
 def places(series: Sequence[Sequence[int | float | str]]) -> list[NDArray[np.int64]]:
     """The times of each series as places in the order of those of all, exact for all numbers.
 
@@ -150,7 +178,7 @@ def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> 
             remedy = "write times from 1677-09-22 to 2262-04-11, or numbers"
         else:
             what = f"not a time: {quoted(text)}" if text.strip() else "blank time"
-            remedy = "write a number or an ISO-8601 time"
+            remedy = _reading_of(text) or "write a number or an ISO-8601 time"
             remedy += f"; {remedy_for(text)}" if "," in text else ""
         raise TimeError(wrong[0], f"{what}{more(len(wrong))}; {remedy}")
     clock = known[texts[0]][1]
@@ -188,6 +216,26 @@ def _parse(text: str, to_floats: Callable[[Sequence[str]], Floats]) -> tuple[int
     if not -(2**63) <= nanoseconds < 2**63:
         return 0, "far"
     return nanoseconds, clock
+
+
+DATE = re.compile(r"(\d{1,2})([/.-])(\d{1,2})[/.-](\d{4})(?:[ T](\d{1,2}:\d{2})(:\d{2}(\.\d+)?)?)?")
+
+
+def _reading_of(text: str) -> str:
+    """What to do about a date of days and months: both readings, where both are possible."""
+    found = DATE.fullmatch(text.strip())
+    if found is None:
+        return ""
+    first, mark, second, year = int(found[1]), found[2], int(found[3]), found[4]
+    clock = f" %H:%M{':%S' if found[6] else ''}{'.%f' if found[7] else ''}" if found[5] else ""
+    ways = []
+    for order, day, month in (("%d{0}%m{0}%Y", first, second), ("%m{0}%d{0}%Y", second, first)):
+        if 1 <= month <= 12 and 1 <= day <= 31:
+            shown = order.format(mark) + clock
+            ways.append(f"--truth-time-format '{shown}' reads {year}-{month:02d}-{day:02d}")
+    if not ways:
+        return ""
+    return f"{', '.join(ways)}; --estimate-time-format likewise"
 
 
 BLANK = "leave it blank where the object is absent"

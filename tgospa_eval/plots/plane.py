@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.palette import TRACK_COLOURS
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import boxes as corners
@@ -14,6 +16,7 @@ from tgospa_eval.plots.overtime import time_axis
 from tgospa_eval.plots.style import FALSE, INK, MISSED, SOFT, Style, legend, literal, styled, titled
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.plot_data import (
+    NONE,
     TIME,
     DrawnSide,
     PlotData,
@@ -33,7 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-SIGMAS = 2
 FEW = 30
 """Trajectories up to which shapes do not hide one another."""
 
@@ -43,67 +45,207 @@ CORNERS = 48
 APART = 2.0
 """Distance of two shapes of a trajectory, in sizes of the first."""
 
+STEPS = 2
+"""Steps before and after the farthest pair that are enlarged."""
 
-def outlines(
-    axis: "Axes", seen: PlotData, across: str, up: str, style: Style
-) -> "dict[str, Artist]":
-    """Draw them where the two columns show them; returns entries of a legend."""
-    boxes = seen.document["boxes"]
-    if len(seen.truth.ids) + len(seen.estimate.ids) > FEW:
-        return {}
-    if boxes and (across, up) not in (("left", "top"), ("centre x", "centre y")):
-        return {}
-    if not boxes and (not seen.document["spread"] or across == up or TIME in (across, up)):
-        return {}
-    from matplotlib.collections import PolyCollection
+INTERVALS = 24
+"""Intervals along a trajectory over the time."""
 
-    handles: dict[str, Artist] = {}
-    for side in (seen.truth, seen.estimate):
-        axes = seen.axes[side.name]
-        row, shapes = _boxes(axes) if boxes else ellipses(seen, side, across, up)
-        if not len(row):
-            continue
-        reach = (shapes.max(axis=1) / 2 - shapes.min(axis=1) / 2).max(axis=1)
-        middle = np.stack([axes[across][row], axes[up][row]], axis=1)
-        kept = spaced(side.row["track"][row], middle, APART * reach)
-        truth = side.name == "truth"
-        colours = np.array(TRACK_COLOURS)[side.row["track"][row[kept]] % len(TRACK_COLOURS)]
-        looks: dict[str, Any] = {"facecolors": "none", "edgecolors": INK if truth else colours}
-        looks |= {"linewidths": 0.9 if style.titles else 0.5, "zorder": 2.3}
-        looks["linestyles"] = (0, (4, 2)) if truth else "-"
-        made = PolyCollection(list(shapes[kept]), label=f"{side.name}/shapes", **looks)
-        axis.add_collection(made)
-        what = "box" if boxes else f"{SIGMAS}-sigma"
-        handles[f"{what}, {side.name}"] = made
-    return handles
+WINDOW = 3.0
+"""How far they are from the middle at most, in sizes of a usual ellipse."""
+
+FEW_DOTS = 5000
+"""Particles up to which they are shapes in vector files."""
+
+NO_ROWS = np.zeros(0, np.int64)
+
+SPECK = 2.0
+"""Area of a particle of usual weight, in square points; twice as much where it is enlarged."""
 
 
-def ellipses(seen: PlotData, side: DrawnSide, across: str, up: str) -> tuple[Ints, Floats]:
-    """Rows with a spread, and outlines (K, CORNERS, 2) of these.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plane:
+    """What is drawn, in which two columns, in which style."""
 
-    Of two components with deviations s, t and correlation r the n-sigma outline is
-    (n s cos u, n t sin(u + arcsin r)), 0 <= u < 2 pi.
+    seen: PlotData
+    across: str
+    up: str
+    style: Style
+
+    @property
+    def timed(self) -> bool:
+        """Whether one of them is the time."""
+        return TIME in (self.across, self.up)
+
+    @cached_property
+    def places(self) -> dict[str, Floats]:
+        """The states of each side that has any, (2, R)."""
+        return {n: np.stack([a[self.across], a[self.up]]) for n, a in self.seen.axes.items() if a}
+
+    def spanned(self, packed: Floats, radius: float) -> Floats:
+        """Of z' C^-1 z = radius^2 in both columns how far it reaches, and what they share, (3, R).
+
+        `packed` are lower triangles of C. Over the time it is the interval of the other column.
+        """
+        found, columns = np.zeros((3, len(packed))), self.seen.document["columns"]
+        odd = {self.across, self.up} - {*columns, TIME}  # centres of boxes
+        if odd or self.across == self.up or not packed.shape[1]:
+            return found
+        index = {k: columns.index(n) for k, n in enumerate((self.across, self.up)) if n != TIME}
+        for k, i in index.items():
+            found[k] = radius * deviations(packed[:, i * (i + 3) // 2])
+        if not self.timed:
+            i, j = max(index.values()), min(index.values())
+            found[2] = radius**2 * packed[:, i * (i + 1) // 2 + j]
+        return found
+
+    @cached_property
+    def extents(self) -> dict[str, Floats]:
+        """The same of what is around each state, 0 where it is nothing, by side.
+
+        Boxes are known of their edges and centres.
+        """
+        seen = self.seen
+        if not seen.document["boxes"]:
+            radius = seen.document["spread"].get("radius", (0.0, 0.0))[not self.timed]
+            return {side.name: self.spanned(side.row["spread"], radius) for side in seen.sides}
+        known = (self.across, self.up) in (("left", "top"), ("centre x", "centre y"))
+        halves = {
+            n: (a["width"] * known / 2, a["height"] * known / 2) for n, a in seen.axes.items()
+        }
+        return {name: np.stack([*both, np.zeros(len(both[0]))]) for name, both in halves.items()}
+
+    @cached_property
+    def gates(self) -> Floats | None:
+        """The same of the gates around the first side of an association."""
+        gate = self.seen.truth.row.get("gate")
+        return None if gate is None else self.spanned(gate, 1.0)
+
+    def around(self, side: DrawnSide, among: Ints | None = None) -> Ints:
+        """Rows of these, by default of all, around which there is something."""
+        reach = self.extents[side.name][:2].max(axis=0)
+        return np.flatnonzero(reach > 0) if among is None else among[reach[among] > 0]
+
+    def outlines(self, side: DrawnSide, row: Ints) -> Floats:
+        """Outlines (K, corners, 2) around some states."""
+        sizes = self.extents[side.name][:, row]
+        if not self.seen.document["boxes"]:
+            return ellipses(self.places[side.name][:, row], sizes)
+        left, top = (self.seen.axes[side.name][edge][row] for edge in ("left", "top"))
+        return corners(left, left + 2 * sizes[0], top, top + 2 * sizes[1])
+
+
+def ellipses(middle: Floats, sizes: Floats, power: float = 2.0) -> Floats:
+    """Outlines (K, corners, 2): z' C^-1 z = 1 around the middles (2, K), C = [s^2, q; q, t^2].
+
+    `sizes` are s, t and q, (3, K).
+    With r = q / (s t) these are (s cos u, t sin(u + arcsin r)), 0 <= u < 2 pi. Of another norm,
+    with r = 0, both are divided by that of (cos u, sin u).
     """
-    spread, axes = side.row["spread"], seen.axes[side.name]
-    if not spread.shape[1]:
-        return np.zeros(0, np.int64), np.zeros((0, CORNERS, 2))
-    chosen = [seen.document["columns"].index(name) for name in (across, up)]
-    s, t = (deviations(spread[:, k * (k + 3) // 2]) for k in chosen)
-    i, j = max(chosen), min(chosen)
-    row = np.flatnonzero((s > 0) | (t > 0))
-    s, t, shared = s[row, None], t[row, None], spread[row, i * (i + 1) // 2 + j, None]
+    s, t, shared = sizes[..., None]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         turn = np.nan_to_num(np.arcsin(np.clip(shared / s / t, -1, 1)))
     u = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
-    x = axes[across][row, None] + SIGMAS * s * np.cos(u)
-    y = axes[up][row, None] + SIGMAS * t * np.sin(u + turn)
-    return row, np.stack([x, y], axis=2)
+    size = 1 if power == 2 else np.linalg.norm([np.cos(u), np.sin(u)], ord=power, axis=0)
+    x = middle[0][:, None] + s * np.cos(u) / size
+    return np.stack([x, middle[1][:, None] + t * np.sin(u + turn) / size], axis=2)
 
 
-def _boxes(axes: dict[str, Floats]) -> tuple[Ints, Floats]:
-    """All rows, and corners (R, 4, 2)."""
-    left, top, width, height = (axes[name] for name in ("left", "top", "width", "height"))
-    return np.arange(len(left)), corners(left, left + width, top, top + height)
+def surroundings(
+    axis: "Axes", plane: Plane, rows: dict[str, Ints], speck: float
+) -> "dict[str, Artist]":
+    """Draw shapes and particles of these states, and how many are shown; entries of a legend."""
+    from matplotlib.collections import PolyCollection
+
+    handles: dict[str, Artist] = {}
+    told: list[str] = []
+    large = plane.style.titles
+    what = "interval" if plane.timed else "ellipse"
+    kind, name = ("boxes", "box") if plane.seen.document["boxes"] else (f"{what}s", f"95 % {what}")
+    for side in plane.seen.sides:
+        row, word, truth = rows[side.name], plane.seen.word(side.name), side.name == "truth"
+        if not len(row):
+            continue
+        colours = np.array(TRACK_COLOURS)[side.row["track"] % len(TRACK_COLOURS)]
+        looks: dict[str, Any] = {"facecolors": "none", "edgecolors": INK if truth else colours[row]}
+        looks |= {"linewidths": 0.9 if large else 0.5, "zorder": 2.15 if plane.timed else 2.3}
+        looks |= {"linestyles": (0, (4, 2)) if truth else "-", "label": f"{side.name}/shapes"}
+        made = PolyCollection(list(plane.outlines(side, row)), **looks)
+        axis.add_collection(made)
+        handles[f"{name}, {word}"] = made
+        told.append(f"{word}: {len(row):,} of {len(plane.around(side)):,} {kind}")
+        held = side.particles
+        at = np.flatnonzero(np.isin(held["row"], row))
+        if not len(at):
+            continue
+        own = held["row"][at]
+        place = plane.seen.places(held["state"][at], side.row["step"][own])
+        usual = np.bincount(own, minlength=len(colours))[own]  # of one cloud each has 1 / count
+        area = speck * np.clip(held["weight"][at] * usual, 0.05, 20) * (1 if large else 0.4)
+        looks = {"color": SOFT if truth else colours[own], "label": f"{side.name}/particles"}
+        looks |= {"linewidths": 0, "alpha": 0.5, "zorder": 2.2, "rasterized": len(at) > FEW_DOTS}
+        dots = axis.scatter(place[plane.across], place[plane.up], area, **looks)
+        handles[f"particles, {word}"] = dots
+        total = plane.seen.document["particles"][side.name][1]
+        told[-1] += f", {len(at):,} of {total:,} particles, area by weight"
+    if told:
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.8}
+        looks = {"ha": "right", "fontsize": "x-small", "color": SOFT, "zorder": 5, "bbox": box}
+        looks |= {"xycoords": "axes fraction", "textcoords": "offset points"}
+        axis.annotate("; ".join(told), (1, 0), (-2, 4), **looks)
+    return handles
+
+
+def rows_along(plane: Plane) -> dict[str, Ints]:
+    """States here and there along few trajectories around which there is something."""
+    found: dict[str, Ints] = {}
+    for side in plane.seen.sides:
+        row = plane.around(side) if sum(len(s.ids) for s in plane.seen.sides) <= FEW else NO_ROWS
+        middle = plane.places[side.name][:, row].T if len(row) else np.zeros((0, 2))
+        far = APART * plane.extents[side.name][:2, row].max(axis=0, initial=0.0)
+        if plane.timed and len(row):
+            middle = middle[:, [int(plane.up == TIME)]]
+            far = np.full(len(row), np.ptp(middle) / INTERVALS)
+        found[side.name] = row[spaced(side.row["track"][row], middle, far)]
+    return found
+
+
+def rows_enlarged(plane: Plane) -> dict[str, Ints]:
+    """States near the assigned pair that is farthest apart, a few steps before and after it.
+
+    Of associations those of its step. None where there are neither ellipses nor gates, or nothing
+    to enlarge.
+    """
+    seen, gates = plane.seen, plane.gates
+    reach = {n: sizes[:2].max(axis=0) for n, sizes in plane.extents.items()}
+    reach |= {} if gates is None else {"truth": gates[:2].max(axis=0)}
+    side = seen.estimate if gates is None and (reach["estimate"] > 0).any() else seen.truth
+    known = np.flatnonzero(reach[side.name] > 0)
+    few = sum(len(one.row["step"]) for one in seen.sides) < 3
+    if seen.document["boxes"] or not len(known) or few:
+        return {}
+    error = np.where(side.row["other"] == NONE, -1.0, side.row["error"])
+    middle = known[np.argmax(error[known])]
+    far = WINDOW * float(np.median(reach[side.name][known]))
+    near: dict[str, Ints] = {}
+    steps = INTERVALS // 2 if plane.timed else STEPS if gates is None else 0
+    for one in seen.sides:
+        apart = np.abs(plane.places[one.name] - plane.places[side.name][:, [middle]])
+        apart[[name == TIME for name in (plane.across, plane.up)]] = 0
+        later = np.abs(one.row["step"] - side.row["step"][middle])
+        near[one.name] = np.flatnonzero((apart <= far).all(axis=0) & (later <= steps))
+    return near
+
+
+def pairs(plane: Plane, row: Ints) -> Floats:
+    """Lines from these estimates to those that they are assigned to at the same step, (2, 3 K)."""
+    truth, estimate, key = plane.seen.truth.row, plane.seen.estimate.row, plane.seen.steps + 1
+    held = np.append(truth["track"] * key + truth["step"], NONE)
+    wanted = estimate["other"][row] * key + estimate["step"][row]
+    at = np.searchsorted(held[:-1], wanted)
+    row, at = row[held[at] == wanted], at[held[at] == wanted]
+    ends = plane.places["estimate"][:, row], plane.places["truth"][:, at]
+    return np.stack([*ends, np.full((2, len(at)), np.nan)], axis=2).reshape(2, -1)
 
 
 def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
@@ -136,9 +278,18 @@ COVERED = 0.08
 MANY_TRACKS = 100
 """Trajectories from which on lines are thinner and fainter, so that marks stand out."""
 
+FADED = 0.35
+"""Opacity of lines where a part is enlarged."""
+
 STRETCH = 8
 """How much longer one axis may be for both to have one scale."""
 
+
+MARKS: dict[str, dict[str, Any]] = {
+    "missed": {"marker": "x", "color": MISSED},
+    "false": {"marker": "^", "color": FALSE, "markerfacecolor": "none"},
+}
+"""Looks of what has no partner."""
 
 Mark = tuple[str, Floats, Floats, dict[str, Any]]
 """Kind of event, places, looks."""
@@ -147,38 +298,101 @@ Mark = tuple[str, Floats, Floats, dict[str, Any]]
 def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = None) -> "Figure":
     """Trajectories with misses, false targets and switches."""
     boxes = seen.document["boxes"]
+    boxes = seen.document["boxes"]
     across, up = plane_columns(seen.document["columns"], columns, boxes=boxes)
-    sides = [side for side in (seen.truth, seen.estimate) if seen.axes[side.name]]
-    places = {name: (axes[across], axes[up]) for name, axes in seen.axes.items() if axes}
+    plane = Plane(seen=seen, across=across, up=up, style=style)
+    places = plane.places
+    sides = [side for side in seen.sides if side.name in places]
     extent = [_extent([pair[k] for pair in places.values()]) for k in (0, 1)]
     scale = unit_scale(across, up, seen.document.get("stretch", 1.0))
     if scale is not None and not 1 / STRETCH <= scale * extent[1] / extent[0] <= STRETCH:
         scale = None
     ratio = 0.62 if scale is None else scale * extent[1] / extent[0]
     tall = min(max(ratio, 0.45), 1.0 if style.titles else 0.95) * (style.width - 1.0) + 0.9
-    made, ((axis,),) = figure(style.width, tall)
-    if scale is not None:
-        axis.set_aspect(scale, adjustable="datalim")
+    enlarged = rows_enlarged(plane) if sides else {}
+    low = 0.55 * style.width
+    made, axes = figure(style.width, tall + low * bool(enlarged), 1 + bool(enlarged))
+    axis = axes[0, 0]
     handles: dict[str, Artist] = {}
     many = sum(len(side.row["track"]) for side in sides) > VECTOR_POINTS
-    for side in sides:
-        handles |= _lines(axis, side, places[side.name], style, seen, many=many)
-    handles |= outlines(axis, seen, across, up, style)
+    for panel in axes[::-1, 0]:
+        if scale is not None:
+            panel.set_aspect(scale, adjustable="datalim")
+        for side in sides:
+            fade = 1.0 if panel is axis else FADED
+            handles |= _lines(panel, side, places[side.name], style, seen, many, fade)
+    if sides:
+        handles |= surroundings(axis, plane, rows_along(plane), SPECK)
+    if seen.document["words"]:  # of an association
+        line = pairs(plane, np.arange(len(seen.estimate.row["step"])))
+        looks: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 2.8, "label": "pairs"}
+        handles["pair"] = axis.plot(*line, **looks)[0]
     handles |= _events(axis, seen, places, style)
     axis.autoscale_view()
-    for name, which, upright in ((across, axis.xaxis, False), (up, axis.yaxis, True)):
-        if name == TIME:
-            time_axis(axis, seen, style, upright=upright)
-        else:
-            which.set_label_text(_named(name, seen.document["unit"]), parse_math=False)
+    if enlarged:
+        axis.get_gridspec().set_height_ratios([tall, low])
+        handles |= _enlarged(axes[1, 0], plane, enlarged)
+    for panel in axes[:, 0]:
+        _name_axes(panel, plane)
     if boxes and up in ("top", "centre y"):
         axis.invert_yaxis()
     if not sides or not sum(len(side.row["track"]) for side in sides):
         axis.annotate("no positions", (0.5, 0.5), xycoords="axes fraction", ha="center")
     titled(axis, style, "In the plane", seen.about)
     beside = 7 if style.titles else 5 if len(handles) <= 5 else -(-len(handles) // 2)
+    beside = min(beside, 5 if style.titles else 3) if enlarged else beside  # longer names
     legend(made, list(handles.values()), list(handles), beside)
     return made
+
+
+def _name_axes(axis: "Axes", plane: Plane) -> None:
+    """Names of both directions."""
+    for name, which, upright in ((plane.across, axis.xaxis, False), (plane.up, axis.yaxis, True)):
+        if name == TIME:
+            time_axis(axis, plane.seen, plane.style, upright=upright)
+        else:
+            which.set_label_text(_named(name, plane.seen.document["unit"]), parse_math=False)
+
+
+def _enlarged(axis: "Axes", plane: Plane, rows: dict[str, Ints]) -> "dict[str, Artist]":
+    """These states with all that is around them, and lines between those that are assigned."""
+    from matplotlib.collections import PolyCollection
+
+    seen, place = plane.seen, plane.places
+    around = {side.name: plane.around(side, rows[side.name]) for side in seen.sides}
+    handles = surroundings(axis, plane, around, 2 * SPECK)
+    size = 4.0 if plane.style.titles else 2.5
+    dot: dict[str, Any] = {"linestyle": "none", "markersize": size, "markeredgewidth": size / 6}
+    for side, fill, mark in zip(seen.sides, ("none", INK), MARKS.values(), strict=True):
+        row = rows[side.name]
+        alone = side.row["other"][row] == NONE
+        looks = dot | {"label": f"{side.name}/states", "zorder": 3, "color": INK}
+        looks |= {"marker": "o", "markerfacecolor": fill}
+        axis.plot(*place[side.name][:, row[~alone]], **looks)
+        axis.plot(*place[side.name][:, row[alone]], **(looks | mark))
+    line = pairs(plane, rows["estimate"])
+    axis.plot(*line, color=INK, linewidth=0.8, zorder=2.9)
+    drawn = [place[side.name][:, rows[side.name]].T for side in seen.sides]
+    drawn += [plane.outlines(side, around[side.name]).reshape(-1, 2) for side in seen.sides]
+    if plane.gates is not None:
+        row, power = rows["truth"], seen.document["gate"]["power"] or np.inf
+        gates = ellipses(place["truth"][:, row], plane.gates[:, row], power)
+        looks = {"facecolors": "none", "edgecolors": MISSED, "linestyles": ":", "linewidths": 1}
+        made = PolyCollection(list(gates), label="gates", **looks)
+        axis.add_collection(made)
+        handles[f"gate of {seen.word('truth')}"] = made
+        drawn.append(gates.reshape(-1, 2))
+    steps = np.concatenate([side.row["step"][rows[side.name]] for side in seen.sides])
+    begin, end = (str(seen.document["times"][k]) for k in (steps.min(), steps.max()))
+    span = begin if begin == end else f"{begin} to {end}"
+    what = "farthest pair" if (seen.truth.row["other"] != NONE).any() else "first state"
+    titled(axis, plane.style, f"Around the {what}, t = {literal(span, 50)}")
+    # last, and not fixed: the aspect may widen them
+    low, high = (end(np.concatenate([line.T, *drawn]), axis=0) for end in (np.nanmin, np.nanmax))
+    margin = 0.05 * np.where(high > low, high - low, 1.0)
+    axis.set_xlim(low[0] - margin[0], high[0] + margin[0], auto=True)
+    axis.set_ylim(low[1] - margin[1], high[1] + margin[1], auto=True)
+    return handles
 
 
 def plane_columns(
@@ -223,11 +437,11 @@ def unit_scale(across: str, up: str, stretch: float) -> float | None:
 def _lines(
     axis: "Axes",
     side: DrawnSide,
-    place: tuple[Floats, Floats],
+    place: Floats,
     style: Style,
     seen: PlotData,
-    *,
     many: bool,
+    fade: float,
 ) -> "dict[str, Artist]":
     """A line for each stretch of steps, those of estimates in turn in several colours."""
     row, truth = side.row, side.name == "truth"
@@ -244,7 +458,7 @@ def _lines(
     looks: dict[str, Any] = {
         "linestyle": (0, (4, 2)) if truth and not many else "-",
         "linewidth": thin * (0.7 if truth else 1.0) * (0.5 if many else 1),
-        "alpha": min(1.0, (MANY_TRACKS / len(side.ids)) ** 0.5) * (0.7 if many else 1),
+        "alpha": min(1.0, (MANY_TRACKS / len(side.ids)) ** 0.5) * (0.7 if many else 1) * fade,
         "zorder": 2 if truth else 2.1,
     }
     dot: dict[str, Any] = {"marker": ".", "linestyle": "none", "markersize": 2.5 * thin}
@@ -257,19 +471,16 @@ def _lines(
         dots = single & (truth | (row["track"] % len(TRACK_COLOURS) == turn))
         if dots.any():
             axis.plot(*(values[dots] for values in place), **both, **dot)
-        handles.setdefault(side.name, line)
+        handles.setdefault(seen.word(side.name), line)
     return handles
 
 
 def _events(
-    axis: "Axes", seen: PlotData, places: dict[str, tuple[Floats, Floats]], style: Style
+    axis: "Axes", seen: PlotData, places: dict[str, Floats], style: Style
 ) -> "dict[str, Artist]":
     """Crosses, triangles and diamonds where something is wrong."""
     marks: list[Mark] = []
-    for side, name, looks in (
-        (seen.truth, "missed", {"marker": "x", "color": MISSED}),
-        (seen.estimate, "false", {"marker": "^", "color": FALSE, "markerfacecolor": "none"}),
-    ):
+    for side, (name, looks) in zip(seen.sides, MARKS.items(), strict=True):
         if side.name in places:
             x, y = places[side.name]
             marks.append((name, x[side.unassigned], y[side.unassigned], looks))
@@ -281,18 +492,18 @@ def _events(
         marks.append(("switch", places["truth"][0][row], places["truth"][1][row], diamond))
     count = sum(len(x) for _, x, _, _ in marks)
     if count > GROUPED:
-        return _grouped(axis, marks, style)
+        return _grouped(axis, seen, marks, style)
     size = (5.0 if style.titles else 3.2) * max(0.35, 1 - 0.4 * math.log10(max(count / CROWDED, 1)))
     common = {"linestyle": "none", "markersize": size, "markeredgewidth": size / 6, "zorder": 3}
     common["rasterized"] = count > VECTOR_POINTS // 8
     return {
-        name: axis.plot(x, y, label=name, **{**common, **looks})[0]
+        seen.word(name): axis.plot(x, y, label=name, **{**common, **looks})[0]
         for name, x, y, looks in marks
         if len(x)
     }
 
 
-def _grouped(axis: "Axes", marks: list[Mark], style: Style) -> "dict[str, Artist]":
+def _grouped(axis: "Axes", seen: PlotData, marks: list[Mark], style: Style) -> "dict[str, Artist]":
     """A mark for each kind and place, whose area is the number of events there."""
     wide = _extent([x for _, x, _, _ in marks]) / CELLS
     tall = _extent([y for _, _, y, _ in marks]) / CELLS
@@ -314,7 +525,7 @@ def _grouped(axis: "Axes", marks: list[Mark], style: Style) -> "dict[str, Artist
         looks |= {"linewidths": 0.7, "rasterized": len(x) > VECTOR_POINTS // 8}
         area = np.maximum(largest * count / most, largest / 40)
         made = axis.scatter(x, y, area, label=name, **looks)
-        handles[f"{name}, {count.min():,} to {count.max():,}"] = made
+        handles[f"{seen.word(name)}, {count.min():,} to {count.max():,}"] = made
     return handles
 
 

@@ -7,16 +7,18 @@ from typing import TYPE_CHECKING
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.plots import FILES, available, files_of
+from tgospa_eval.plots import FILES, available, files_of, pictures
 from tgospa_eval.plots.lanes import draw_lanes
 from tgospa_eval.plots.overtime import draw_costs, draw_cumulative, draw_windows, draw_worst
 from tgospa_eval.plots.plane import draw_plane, plane_columns
 from tgospa_eval.plots.style import STYLES, Style, styled
-from tgospa_eval.reports.files import RESULT, probe_folder, result_texts, write_texts
+from tgospa_eval.reports.files import ASSOCIATION, RESULT, probe_folder, result_texts, write_texts
 from tgospa_eval.reports.plot_data import PlotData, is_box
+from tgospa_eval.reports.rendering import csv_text
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
+from tgospa_eval.sensors.association import Association
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
@@ -139,17 +141,36 @@ def _pictures(
     return found
 
 
-def save(result: Summary, folder: "str | os.PathLike[str]", *, force: bool) -> None:
+def save(result: Summary | Association, folder: "str | os.PathLike[str]", *, force: bool) -> None:
     """`Result.save`: the result folder, with what the extras that are installed can draw."""
-    path = os.fspath(folder)
+    path, kind = os.fspath(folder), RESULT if isinstance(result, Summary) else ASSOCIATION
     try:
-        probe_folder(path, RESULT, force=force, option="folder")
-        files: dict[str, str | bytes | Path] = {**result_texts(result)}
-        if available():
-            files |= result_pictures(result, Pictures())
-        write_texts(files, path, RESULT, force=force, option="folder")
+        probe_folder(path, kind, force=force, option="folder")
+        if isinstance(result, Association):
+            files = association_files(result)
+        else:
+            files = {**result_texts(result)}
+            files |= result_pictures(result, Pictures()) if available() else {}
+        write_texts(files, path, kind, force=force, option="folder")
     except ConfigError as error:
         raise ConfigError(str(error).replace("--force", "force=True")) from None
+
+
+def association_plane(
+    found: Association, *, style: str = "screen", columns: Sequence[str] | None = None
+) -> "Figure":
+    """`Association.plot_plane`."""
+    with styled(style) as made:
+        return draw_plane(found.drawn, made, columns)
+
+
+def association_files(
+    found: Association, names: tuple[str, str] = ("A", "B")
+) -> dict[str, str | bytes | Path]:
+    """Page, table and, with the extra, picture of an association, by name."""
+    files: dict[str, str | bytes | Path] = {"report.html": found.to_html(names)}
+    files["associations.csv"] = csv_text(found.associations_table())
+    return files | (pictures({"plane": lambda: association_plane(found)}) if available() else {})
 
 
 def parts_of(components: Sequence[str] | None) -> tuple[str, ...]:

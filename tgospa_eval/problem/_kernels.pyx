@@ -1511,6 +1511,9 @@ def break_down(states, const int64_t[::1] weight, int64_t one):
                     at[0, begin[s]] += paid
                     terms.add(paid)
             terms.close()
+        if objects.unjudged is not None:
+            np.asarray(free)[objects.unjudged] = 0
+        with nogil:
             for i in range(step.shape[0]):
                 if free[i]:
                     share = <double>free[i] / whole

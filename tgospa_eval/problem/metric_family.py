@@ -1,4 +1,4 @@
-"""The metrics of the family, each as numbers of a `Problem`: TGOSPA, weighted steps, existence.
+"""The family, each as numbers of a `Problem`: TGOSPA, weighted steps, existence, ignored states.
 
 Their parameters, powers of distances below the cutoff, and how far these are rounded.
 """
@@ -11,7 +11,7 @@ import numpy as np
 from tgospa_eval.common.arrays import freeze
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.problem.problem import Floats, Ints, Problem
+from tgospa_eval.problem.problem import Floats, Ints, Mask, Problem
 
 POWER = 2.0**-50
 """Largest relative error of a power of doubles, 8 units of rounding: the mathematical libraries in
@@ -132,6 +132,7 @@ def tgospa_problem(
     distance: Floats,
     distance_error: float = 0.0,
     last_place: float = 0.0,
+    near: Mask | None = None,
 ) -> Problem:
     """``D = (d/c)^p, A = 1 - rho, B = rho, lambda = gamma^p / (2 c^p)`` of pairs below the cutoff.
 
@@ -144,6 +145,9 @@ def tgospa_problem(
         Largest relative error of the distances.
     last_place : float
         What the last places of the states can change of a distance.
+    near : (N,) bool array, optional
+        Pairs that count as nearer than the cutoff, whatever their distance is: `ignore_states` is
+        to follow.
 
     Raises
     ------
@@ -162,6 +166,8 @@ def tgospa_problem(
         cost[lifted] = np.maximum(cost[lifted], least)
         slack = least * min(len(truth_step), len(estimate_step))
     keep = (distance < parameters.cutoff) & (cost < 1.0)
+    if near is not None:
+        keep |= near
     if not keep.all():
         truth_row, estimate_row, cost = truth_row[keep], estimate_row[keep], cost[keep]
     objects = len(truth_step) + len(estimate_step)
@@ -184,6 +190,7 @@ def tgospa_problem(
         cost_slack=slack,
         cost_error=max(_cost_error(order, distance_error), _price_error(parameters)),
         rounding=objects * blur**order if blur < 1 else 0.0,
+        signed=near is not None,
     )
 
 
@@ -297,6 +304,8 @@ def weight_steps(problem: Problem, weights: StepWeights) -> Problem:
     Pairs at steps of weight 0 have no gain and are left out.
     """
     factor = weights.cost[problem.entry_step]
+    if problem.pair_share is not None:
+        problem = replace(problem, pair_share=problem.pair_share * factor)
     switch: Floats = problem.switch_price * weights.switch
     same = bool(len(switch)) and bool((switch == switch[0]).all())  # runs of steps stay one state
     largest = float(weights.cost.max(initial=0.0))
@@ -346,12 +355,50 @@ def weight_existence(problem: Problem, truth: Floats, estimate: Floats) -> Probl
     return _repriced(certain, 0.5 * truth, 0.5 * estimate, cost)
 
 
+def ignore_states(problem: Problem, ignored: Mask, excused: Mask) -> Problem:
+    """``A w, B (1 - e), D w``: some truths are not judged, w = 0, some estimates excused, e = 1.
+
+    An ignored truth takes one estimate at a time, which then costs nothing; an excused estimate
+    costs nothing if it is unassigned. A pair of an ignored truth gains B (1 - e) wherever it is
+    nearer than the cutoff; one of a judged truth and an excused estimate A - D, if that is
+    positive. Where nothing is ignored it is the same problem, to the last bit. It is no metric: a
+    truth that is all ignored is at distance 0 from the empty set.
+
+    Parameters
+    ----------
+    problem : Problem
+        With everything judged.
+    ignored, excused : (R_truth,), (R_estimate,) bool arrays
+        Which rows are not judged.
+    """
+    if not (ignored.any() or excused.any()):
+        return problem
+    judged = (~ignored).astype(np.float64)
+    share = judged[problem.truth_row]
+    changed = replace(
+        problem,
+        cost=problem.cost * share,
+        distance_power=problem.cost,
+        pair_share=share,
+        unjudged=(ignored, excused),
+        signed=False,
+    )
+    prices = problem.truth_price * judged, problem.estimate_price * ~excused
+    return _repriced(changed, *prices, changed.cost, error=0.0)  # products with 0 and 1
+
+
 def _repriced(
-    problem: Problem, truth_price: Floats, estimate_price: Floats, cost: Floats
+    problem: Problem,
+    truth_price: Floats,
+    estimate_price: Floats,
+    cost: Floats,
+    *,
+    error: float = ROUNDED,
 ) -> Problem:
     """With other prices and costs, and without the pairs that gain nothing any more.
 
-    Those that gain less than rounding cost as much as being unassigned, within ROUNDED.
+    Those that gain less than rounding cost as much as being unassigned, within `error`, the
+    relative error of the products.
     """
     lifted = (problem.cost > 0) & (cost < SMALLEST_COST)
     cost = np.where(lifted, SMALLEST_COST, cost)
@@ -366,6 +413,7 @@ def _repriced(
         estimate_row=problem.estimate_row[kept],
         cost=cost[kept],
         distance_power=None if problem.distance_power is None else problem.distance_power[kept],
-        cost_error=problem.cost_error + ROUNDED,
+        pair_share=None if problem.pair_share is None else problem.pair_share[kept],
+        cost_error=problem.cost_error + error,
         cost_slack=problem.cost_slack + (SMALLEST_COST * most if lifted.any() else 0.0),
     )

@@ -18,6 +18,7 @@ from tgospa_eval.errors import ConfigError
 
 Ints = NDArray[np.integer]
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 REGRET = 1e-11
 """What a row could gain by leaving its path that is rounding: sums of gains round to 1e-12."""
@@ -48,6 +49,7 @@ class Objects:
     track: Ints
     price: Floats
     row: Ints
+    unjudged: Mask | None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,7 +81,13 @@ class Problem:
     rounding : float
         An optimum below this says nothing: it may come from the last places of the states alone.
     distance_power : (N,) float array, optional
-        (d / c)^p of each entry, where the cost is another part of A + B: see `weight_existence`.
+        (d / c)^p of each entry, where the cost is another part of A + B: see `weight_existence`
+        and `ignore_states`.
+    unjudged : pair of (R,) bool arrays, optional
+        Ignored truths and excused estimates, which cost nothing: see `ignore_states`.
+    pair_share : (N,) float array, optional
+        What (d / c)^p is multiplied by in the cost, where that is none of A + B: 0 of an ignored
+        truth.
     signed : bool
         Whether gains may be negative. Such a problem is for solvers, not for the certificate.
     """
@@ -101,6 +109,8 @@ class Problem:
     cost_slack: float = 0.0
     rounding: float = 0.0
     distance_power: Floats | None = None
+    unjudged: tuple[Mask, Mask] | None = None
+    pair_share: Floats | None = None
     signed: bool = False
 
     def __post_init__(self) -> None:
@@ -120,9 +130,15 @@ class Problem:
     @cached_property
     def sides(self) -> tuple[Objects, Objects]:
         """Truths and estimates."""
+        ignored, excused = self.unjudged or (None, None)
         return (
             Objects(
-                self.truths, self.truth_step, self.truth_track, self.truth_price, self.truth_row
+                self.truths,
+                self.truth_step,
+                self.truth_track,
+                self.truth_price,
+                self.truth_row,
+                ignored,
             ),
             Objects(
                 self.estimates,
@@ -130,6 +146,7 @@ class Problem:
                 self.estimate_track,
                 self.estimate_price,
                 self.estimate_row,
+                excused,
             ),
         )
 
@@ -175,6 +192,8 @@ class Problem:
 
     def share(self, entry: Ints | slice) -> Floats | float:
         """What (d / c)^p of some entries is multiplied by in their cost: A + B, or 2 min(A, B)."""
+        if self.pair_share is not None:
+            return self.pair_share[entry]
         if self.distance_power is None:
             return self.weight(entry)
         return 2.0 * np.minimum(*self._prices(entry))
@@ -187,7 +206,7 @@ class Problem:
 
     def mismatch(self, entry: Ints | slice) -> Floats | float:
         """What some entries cost because one exists with more probability: |A - B|, or 0."""
-        if self.distance_power is None:
+        if self.distance_power is None or self.unjudged is not None:
             return 0.0
         return np.abs(np.subtract(*self._prices(entry)))
 

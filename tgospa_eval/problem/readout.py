@@ -1,10 +1,12 @@
 """An assignment as records of numbers: pairs in use, switches, what each trajectory contributes."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.problem import Floats, Ints, Mask, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, assigned, changes, spare
 
@@ -26,6 +28,77 @@ class AssignedPairs:
     estimate: Ints
     entry: Ints
     weight: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Unjudged:
+    """States that are not judged, by step (T,).
+
+    Parameters
+    ----------
+    ignored, excused : int arrays
+        Ignored truths and excused estimates.
+    absorbed : float array
+        Estimates that follow an ignored truth, by their weights.
+    """
+
+    ignored: Ints
+    excused: Ints
+    absorbed: Floats
+
+    @classmethod
+    def joined(cls, several: "Sequence[Unjudged]") -> "Unjudged | None":
+        """Those of several evaluations of the same steps; None of none."""
+        if not several:
+            return None
+        return cls(**{name: sum(vars(one)[name] for one in several) for name in vars(several[0])})
+
+    @property
+    def totals(self) -> dict[str, float]:
+        """Of all steps, by the names of the JSON."""
+        return {
+            "truth_states": int(self.ignored.sum()),
+            "absorbed": float(self.absorbed.sum()),
+            "excused": int(self.excused.sum()),
+        }
+
+
+def read_unjudged(states: States, weights: Ints) -> Unjudged | None:
+    """What is not judged, if anything is, of a feasible assignment (S,)."""
+    problem = states.problem
+    if problem.unjudged is None:
+        return None
+    used, entry, weight = assigned(states, weights)
+    ignored, excused = (
+        np.bincount(side.step[mask], minlength=problem.steps)
+        for side, mask in zip(problem.sides, problem.unjudged, strict=True)
+    )
+    absorbed = problem.unjudged[0][problem.truth_row[entry]]
+    at = states.begin[used[absorbed]]
+    return Unjudged(
+        ignored=ignored,
+        excused=excused,
+        absorbed=sum_by(at, weight[absorbed] / ONE, problem.steps),
+    )
+
+
+def judged_rows(states: States, weights: Ints) -> tuple[Mask, Mask]:
+    """Rows of either side that other metrics count, by a feasible assignment (S,).
+
+    Without ignored truths, the estimates that mostly follow one, and excused estimates that follow
+    no truth.
+    """
+    problem = states.problem
+    truths, estimates = problem.sides
+    assert truths.unjudged is not None
+    assert estimates.unjudged is not None
+    _, entry, weight = assigned(states, weights)
+    ignored = truths.unjudged[truths.row[entry]]
+    follows, judged = (
+        2 * sum_by(estimates.row[entry[of]], weight[of].astype(float), len(estimates.step)) >= ONE
+        for of in (ignored, ~ignored)
+    )
+    return ~truths.unjudged, ~follows & (judged | ~estimates.unjudged)
 
 
 def read_assigned(states: States, weights: Ints) -> AssignedPairs:

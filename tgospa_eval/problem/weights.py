@@ -96,7 +96,12 @@ def changes(states: States, weights: Ints) -> tuple[Ints, Floats]:
 
 
 def spare(side: Objects, entry: Ints, weight: Ints) -> Ints:
-    """What weights of entries leave of each row of a side, (R,), in units of 1/ONE."""
+    """What weights of entries leave of each row of a side, (R,), in units of 1/ONE.
+
+    0 of rows that are not judged.
+    """
     free = np.full(len(side.step), ONE)
     np.subtract.at(free, side.row[entry], weight)
+    if side.unjudged is not None:
+        free[side.unjudged] = 0
     return free

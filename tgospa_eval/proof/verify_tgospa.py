@@ -9,8 +9,10 @@ at some steps k. An assignment has weights W_ij(k) >= 0; at each step those of a
 an estimate, sum to at most 1. It costs, in units of c^p (cutoff c, order p, switch penalty g),
     sum over existing objects of P  -  sum_ijk G_ij(k) W_ij(k)  +  L sum_ijk |W_ij(k+1) - W_ij(k)|
 where P = 1/2, or 1 - rho of truths, rho of estimates, G = 1 - (d / c)^p if both exist with d < c,
-else 0, L = (g / c)^p / 2. The least cost is (TGOSPA / c)^p. The folder has an assignment, which is
-checked and of which the cost is an upper bound, and prices v_j(k) >= 0. For any such prices
+else 0, L = (g / c)^p / 2. Of masked states P is 0, of truths with the weight w = 0 and of excused
+estimates; then G = P_i + P_j - w (d / c)^p if positive and d < c, else 0. The least cost is
+(TGOSPA / c)^p. The folder has an assignment, which is checked and of which the cost is an upper
+bound, and prices v_j(k) >= 0. For any such prices
     sum over existing objects of P  -  sum_jk v_j(k)  -  sum_i R_i
 is a lower bound, where R_i is the most that truth i can gain when it pays v_j(k) for using j at k,
 L for taking an estimate and L for leaving it. (Add the prices times sum_i W_ij(k) - 1 <= 0 to the
@@ -22,6 +24,7 @@ from fractions import Fraction
 
 SCHEMA = "tgospa-eval/proof/1"
 CLOSED = ("euclidean", "manhattan", "chebyshev", "iou")  # distances with a formula here
+MARKS, JUDGED = ("weight", "excused"), ("1", "0")  # columns of truth.csv and estimate.csv
 STATES, BOXES = ("truth.csv", "estimate.csv"), ["left", "top", "width", "height"]
 MORE_BITS = 120  # of costs, beyond those of prices
 DAMAGED = OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError
@@ -37,10 +40,12 @@ WORK, MEGABYTE = 5e6, 10**6  # microseconds, about, for a folder of so many byte
 ANY, MAY = type("number or text", (), {}), None  # ANY is also a list or a matrix of these
 RECORDED = """cutoff order switch_penalty rho step_weights existence distance covariance periodic
     scale columns truth_columns estimate_columns truth_format estimate_format time_tolerance grid
-    interpolate max_gap time_offset time_scale unit_scale on_duplicate on_invalid steps resample
-    outage decimal time class_ truth_class estimate_class region by preprocess unit solver gap
-    epsilon time_limit fix_cov missing_cov mixed cloud_order inner inner_cov reduce reduce_method
-    directions iterations restarts polish seed no_gating pairwise"""
+    interpolate max_gap ignore time_offset time_scale unit_scale on_duplicate on_invalid steps
+    resample outage decimal time class_ truth_class estimate_class region by preprocess unit solver
+    gap epsilon time_limit fix_cov missing_cov mixed cloud_order inner inner_cov reduce
+    reduce_method directions iterations restarts polish seed no_gating pairwise vertical_weight
+    truth_scale estimate_scale truth_crs estimate_crs origin truth_time_format estimate_time_format
+    truth_time_zone estimate_time_zone"""
 ORIGIN = {"class": str, "classes": [str], "options": {MAY: dict.fromkeys(RECORDED.split(), ANY)}}
 ORIGIN |= {"inputs": {side: {"path": str, "sha256": str} for side in ("truth", "estimate")}}
 ORIGIN["judged"] = dict.fromkeys(("steps", "truth_states", "truth_steps"), int)
@@ -49,7 +54,11 @@ DOCUMENT = {"schema": str, "version": str, "lower_bound": str, "upper_bound": st
 DOCUMENT |= {"parameters": dict, "price_bits": int, "weight_unit": int, "prices": [(str, str, int)]}
 DOCUMENT |= {"assignment": [(str, str, str, str, int)], MAY: ORIGIN}
 ALWAYS = dict.fromkeys(("cutoff", "order", "switch_penalty", "distance"), str) | {"columns": [str]}
-EXTRAS = dict.fromkeys(CLOSED[:3], "scale periodic") | {"iou": "", "haversine": ""}
+EXTRAS = dict.fromkeys(CLOSED[:3], "scale periodic") | {
+    "iou": "",
+    "haversine": "",
+    "geodesic": "vertical_weight",
+}
 EXTRAS |= {"mahalanobis": "scale covariance", "gaussian-wasserstein": "scale periodic mixed"}
 EXTRAS["cloud-wasserstein"] = """scale cloud_order inner inner_cov reduce reduce_method seed
     iterations restarts directions polish"""
@@ -149,7 +158,9 @@ class Folder:
             raise ValueError(f"{columns!r:.80} are no columns of the distance {distance}")
         each = {MAY: dict.fromkeys(columns, str)}
         kinds = {x: each if x in ("scale", "periodic") else ANY for x in EXTRAS[distance].split()}
-        check(given, ALWAYS | {MAY: kinds | {"rho": str}}, "parameters")
+        check(given, ALWAYS | {MAY: kinds | {"rho": str, "masked": str}}, "parameters")
+        if given.get("masked", ", ".join(MARKS)) != ", ".join(MARKS):
+            raise ValueError(f"{given['masked']!r:.80} is no way to mask states")
         tables = STATES if distance in CLOSED else (*STATES, "distances.csv")
         check(proof["sha256"], dict.fromkeys(tables, str), "sha256")
         return proof
@@ -214,15 +225,23 @@ class ClaimedScene:
         most = 2 ** math.ceil(128 / self.order) if self.order < 128 else 1 + 128 / self.order
         self.never = (change := Fraction(*change) / self.cutoff) > most  # see `upper_bound`
         self.change = power(*min(change, most).as_integer_ratio(), self.order, self.bits - 1)  # L
-        tables = [folder.table(name, proof, "id", "t", *names) for name in STATES]
+        marks = [[mark] if "masked" in given else [] for mark in MARKS]
+        tables = [
+            folder.table(name, proof, "id", "t", *names, *mark) for name, mark in zip(STATES, marks)
+        ]
         self.truths, self.estimates = (Known((x, x) for x, *_ in rows) for rows in tables)
         times = {x[1]: decimal.Decimal(x[1]) for x in itertools.chain(*tables) if number(x[1])}
         self.times, sides = sorted(times, key=times.get), [{}, {}]
         self.step = Known((t, k) for k, t in enumerate(self.times))
-        for side, rows in zip(sides, tables):
-            for name, t, *state in rows:
-                side[name, self.step[t]] = list(map(number, state))
-        self.all = (len(sides[0]) * (1 - rho) + len(sides[1]) * rho) * 2**self.bits
+        one, price = 1 << self.bits, [{}, {}]
+        for of, full in enumerate((1 - rho, rho)):
+            for name, t, *state in tables[of]:
+                mark = state.pop() if marks[of] else JUDGED[of]
+                if mark not in JUDGED:
+                    raise ValueError(f"{MARKS[of]} is {mark!r:.80}: must be 0 or 1")
+                sides[of][name, self.step[t]] = list(map(number, state))
+                price[of][name, self.step[t]] = full * one * (mark == JUDGED[of])
+        self.all = sum(itertools.chain(*map(dict.values, price)))
         if sum(map(len, sides)) < sum(map(len, tables)) or len({*times.values()}) < len(times):
             raise ValueError("an object is there twice, or one time is spelt in two ways")
         # truth -> estimate -> [(step, cost rounded down, cost rounded up)]
@@ -236,11 +255,20 @@ class ClaimedScene:
         for truth, estimate, k, a, b in pairs:  # (d / c)^2 or d / c is a / b
             if a < b:
                 folder.spend(power_work(exponent, b.bit_length(), self.bits))
-                self.near[truth][estimate].append((k, *power(a, b, exponent, self.bits)))
+                both = price[0][truth, k], price[1][estimate, k]
+                low, high = self._lost(*power(a, b, exponent, self.bits), *both)
+                if low < one:
+                    self.near[truth][estimate].append((k, low, high))
         for costs in itertools.chain(*map(dict.values, self.near.values())):
             costs.sort()
             if any(one[0] == two[0] for one, two in itertools.pairwise(costs)):
                 raise ValueError("distances.csv has a pair twice at one time")
+
+    def _lost(self, low, high, missed, false):
+        """What is left of 1 when a pair gains P_i + P_j - w (d / c)^p, as integers around it."""
+        rest = (1 << self.bits) - missed - false
+        cost = [rest + (power if missed else 0) for power in (low, high)]
+        return math.floor(cost[0]), min(math.ceil(cost[1]), 1 << self.bits)
 
     def _listed(self, sides, rows):
         """Pairs of distances.csv, with two integers of which the ratio is d / c."""

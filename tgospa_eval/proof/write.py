@@ -21,7 +21,7 @@ from tgospa_eval._version import __version__
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.certificate import fair_prices, lower_bounds, of_whole
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.problem import Floats, Ints, Problem
+from tgospa_eval.problem.problem import Floats, Ints, Mask, Problem
 from tgospa_eval.problem.smaller_cutoff import vertex_cover
 from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import States
@@ -35,6 +35,10 @@ from tgospa_eval.tracks.existence import EXISTENCE
 
 DISTANCE_TOLERANCE = 1e-9
 """Of distances that are computed again, perhaps by another version of a library; relative."""
+
+
+WEIGHT, EXCUSED = MARKS = verify_tgospa.MARKS
+"""Columns of states that are not judged."""
 
 
 def proof_tables(
@@ -52,24 +56,27 @@ def proof_tables(
         What turns costs into distances.
     """
     labels, times = compared.labels, times_of(compared)
+    marks = MARKS if problem.unjudged is not None else ("", "")
     ids = [_fields(names) for names in (labels.truths, labels.estimates)]
     tables = {
         f"{name}.csv": _csv(
-            ("id", "t", *compared.columns),
+            ("id", "t", *compared.columns, *filter(None, [mark])),
             _chosen(names, side.track),
             _chosen(times, side.step),
             *(map(repr, column) for column in states.T.tolist()),
+            *_marks(mark, side.unjudged),
         )
-        for name, names, side, states in zip(
+        for name, names, side, states, mark in zip(
             ("truth", "estimate"),
             ids,
             problem.sides,
             (compared.truth, compared.estimate),
+            marks,
             strict=True,
         )
     }
     if compared.settings["distance"] not in CLOSED:
-        distance = parameters.cutoff * problem.cost ** (1 / parameters.order)
+        distance = parameters.cutoff * problem.powers(slice(None)) ** (1 / parameters.order)
         tracks = (side.track[side.row] for side in problem.sides)
         tables["distances.csv"] = _csv(
             ("truth", "estimate", "t", "distance"),
@@ -78,6 +85,13 @@ def proof_tables(
             map(repr, distance.tolist()),
         )
     return tables
+
+
+def _marks(name: str, unjudged: Mask | None) -> list[Iterable[str]]:
+    """The column of marks of a side, if there is one."""
+    if unjudged is None:
+        return []
+    return [map("01".__getitem__, (unjudged ^ (name == WEIGHT)).tolist())]
 
 
 def times_of(compared: ComparedSides) -> list[str]:
@@ -237,7 +251,11 @@ def _of_single_estimate(problem: Problem, entry: Ints, bits: int) -> Prices:
     entry = entry[np.argsort(-problem.entry_step[entry], kind="stable")]
     steps = problem.entry_step[entry].tolist()
     truths = problem.truth_track[problem.truth_row[entry]].tolist()
-    gains = [(1 << bits) - _whole(cost, bits) for cost in problem.cost[entry].tolist()]
+    prices = (side.price[side.row[entry]].tolist() for side in problem.sides)
+    gains = [
+        sum(_whole(price, bits) for price in both) - _whole(cost, bits)
+        for *both, cost in zip(*prices, problem.cost[entry].tolist(), strict=True)
+    ]
     change = _whole(float(np.max(problem.switch_price, initial=0.0)), bits)
     estimate = int(problem.estimate_track[problem.estimate_row[entry[0]]])
     found: Prices = Counter()
@@ -306,7 +324,7 @@ def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dic
     document = {
         "schema": verify_tgospa.SCHEMA,
         "version": __version__,
-        "parameters": proof_parameters(compared, parameters),
+        "parameters": proof_parameters(compared, parameters, proof.states.problem),
         "price_bits": bits,
         "weight_unit": ONE,
         "sha256": {
@@ -331,6 +349,7 @@ def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
     for name, what in (
         ("step_weights", "weights of steps"),
         (EXISTENCE, "probabilities of existence"),
+        ("max_speed", "a reach that grows with time"),
     ):
         if name in settings:
             raise ConfigError(f"a proof folder has no place for {what}: leave one of them out")
@@ -406,7 +425,9 @@ def _most_work(proof: Proof) -> float:
     ) * verify_tgospa.power_work(exponent, size, bits)
 
 
-def proof_parameters(compared: ComparedSides, parameters: Parameters) -> dict[str, object]:
+def proof_parameters(
+    compared: ComparedSides, parameters: Parameters, problem: Problem
+) -> dict[str, object]:
     """The parameters of the metric, as texts of the doubles used."""
     settings = compared.settings
     return {
@@ -414,6 +435,7 @@ def proof_parameters(compared: ComparedSides, parameters: Parameters) -> dict[st
         "order": repr(parameters.order),
         "switch_penalty": repr(parameters.switch_penalty),
         **({} if parameters.rho == 0.5 else {"rho": repr(parameters.rho)}),
+        **({} if problem.unjudged is None else {"masked": ", ".join(MARKS)}),
         "distance": settings["distance"],
         "columns": list(compared.columns),
         **{

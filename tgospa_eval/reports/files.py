@@ -84,6 +84,8 @@ RESULT = Kind(
     opens=("report.html",),
 )
 
+GEOJSON = "result.geojson"
+
 PROOF_FILES = ("proof.json", "truth.csv", "estimate.csv", "distances.csv")
 PROOF = Kind(name="proof", document="proof.json", names=PROOF_FILES)
 SWEEP = Kind(
@@ -91,6 +93,12 @@ SWEEP = Kind(
     document="sweep.json",
     names=("sweep.json", "sweep.csv"),
     opens=_files("sweep", *PICTURES),
+)
+ASSOCIATION = Kind(
+    name="associate",
+    document="report.html",
+    names=("report.html", "associate.json", "associations.csv", "plane.png"),
+    opens=("report.html",),
 )
 COMPARISON = Kind(
     name="compare",

@@ -14,6 +14,7 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
+from tgospa_eval._version import __version__
 from tgospa_eval.common.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
 from tgospa_eval.common.words import number, sizes_in_words
 from tgospa_eval.problem.problem import Ints
@@ -27,10 +28,12 @@ from tgospa_eval.reports.result_text import (
     repair_table,
     similarity_in_words,
 )
+from tgospa_eval.reports.sensors import association_text
 from tgospa_eval.reports.slices import about_slices, share, shown_slices
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import PARTS, Columns, Json
 from tgospa_eval.results.summary import Summary
+from tgospa_eval.sensors.association import Association
 from tgospa_eval.text import as_unicode
 
 SCRIPTS = (
@@ -74,12 +77,44 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
             partitioned=isinstance(result, PartitionedResult),
             repairs=[] if repaired is None else repair_table(result, repaired).rows,
             repair_notes=[] if repaired is None else list(repair_notes(repaired)),
-            data=drawn.document,
-            arrays=packed(drawn.arrays),
-            style=page_colours() + inlined("page.css"),
-            script="".join(inlined(f"{name}.js") for name in SCRIPTS),
+            **_inside(drawn),
         )
     )
+
+
+def association_page(found: Association, names: tuple[str, str]) -> str:
+    """The page of an association, with the same views.
+
+    Parameters
+    ----------
+    found : Association
+        What to show.
+    names : pair of str
+        What the sides are called, as the paths of their files.
+    """
+    drawn: PlotData = found.drawn
+    template = environment().get_template("association.html.j2")
+    return template.render(
+        names=list(map(as_unicode, names)),
+        version=__version__,
+        lines=association_text(found, rows=False).splitlines(),
+        parts=[{"name": name} for name in drawn.document["parts"]],
+        per_step=number(drawn.document["curve"]["total"][-1]) if drawn.steps else "",
+        distance=found.distance.name,
+        partitioned=False,
+        **_inside(drawn),
+    )
+
+
+def _inside(drawn: PlotData) -> dict[str, object]:
+    """What every page with views holds."""
+    return {
+        "data": drawn.document,
+        "word": drawn.word,
+        "arrays": packed(drawn.arrays),
+        "style": page_colours() + inlined("page.css"),
+        "script": "".join(inlined(f"{name}.js") for name in SCRIPTS),
+    }
 
 
 def _values(result: Summary, names: tuple[str, str]) -> dict[str, object]:
@@ -193,6 +228,7 @@ def card(result: Summary) -> str:
         *result.told,
         sizes_in_words(result.sizes),
         result.parameters_in_words(result.labels.unit),
+        *filter(None, [result.not_judged]),
     ]
     template = environment().get_template("card.html.j2")
     return template.render(result=result, notes=notes, rows=rows, colours=LIGHT, **_bars(per_step))

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from tgospa_eval.common.interval import Interval, places
 from tgospa_eval.common.words import counted, sizes_in_words
-from tgospa_eval.results.numbers import PROBABILITIES
+from tgospa_eval.results.numbers import members_in_words
 from tgospa_eval.results.records import Columns, Json
 
 PART_HEADS = ("local.", "missed", "false", "switch")
@@ -75,9 +75,7 @@ def parameters_of(parameters: Mapping[str, Any], end: str = ", ") -> str:
         for name, letter in LETTERS.items()
         if name in parameters
     )
-    known += ", weighted steps" if "step_weights" in parameters else ""
-    known += f", {PROBABILITIES}" if "existence" in parameters else ""
-    return f"{known}{end}{parameters['distance']}"
+    return f"{known}{members_in_words(parameters)}{end}{parameters['distance']}"
 
 
 # -------------------------------------------------------------------------------------------------

@@ -5,14 +5,16 @@ other, or to none. Rows are its states, thinned where there are very many, but n
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
+from statistics import NormalDist
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.distances.clouds.transport import merged, resample_cloud
 from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.readout import read_switches
@@ -25,6 +27,8 @@ from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
+from tgospa_eval.sensors.association import Association
+from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.covariances import size_of
 
 Rows: TypeAlias = dict[str, NDArray[Any]]
@@ -33,7 +37,8 @@ Rows: TypeAlias = dict[str, NDArray[Any]]
 ``other`` is the track of the other side to which the largest part of it is assigned, or `NONE`, and
 ``shared`` whether that is a part only; ``error`` the distance to it as a fraction of the cutoff, 1
 where it is unassigned; ``state`` (R, d), with d = 0 where the states are unknown; ``spread``
-(R, d (d + 1) / 2) lower triangles of covariances, (R, 0) of points.
+(R, d (d + 1) / 2) lower triangles of covariances, (R, 0) of points; ``cloud`` the number of its
+cloud of particles, or `NONE`.
 """
 
 VALUES = 800_000
@@ -56,6 +61,18 @@ TIME = "t"
 
 FARTHEST = 1e300
 """Of what is drawn in the plane: matplotlib takes differences of coordinates."""
+
+FARTHEST_LEVEL = 1 << 29
+"""Of what is drawn on the page: differences of two fit into 32 bits."""
+
+PARTICLES = 100_000
+"""Particles that are drawn; beyond, clouds have fewer, and then fewer steps have clouds."""
+
+FEWEST, MOST = 10, 200
+"""Particles of a cloud that are drawn: at least, if it has so many, and at most."""
+
+SHARES = 10_000
+"""Parts into which the weight of a cloud is divided."""
 
 NONE = -1
 
@@ -80,12 +97,16 @@ class DrawnSide:
         Stretches of one assignment, by track and step: ``track``, ``begin``, ``end``, ``other``.
     row : dict
         The states that are drawn.
+    particles : dict
+        Particles that are drawn, by ``row``: ``state`` (P, d), and the ``weight`` of its cloud that
+        each stands for.
     """
 
     name: str
     table: Columns
     run: dict[str, Ints]
     row: Rows
+    particles: Rows
 
     @cached_property
     def ids(self) -> list[str]:
@@ -109,7 +130,8 @@ class PlotData:
         Each of its ``times`` begins a stretch of ``together`` steps, of which ``costs`` and
         ``counts`` are means, and ``curve`` is that of its last step; where these are several,
         ``worst`` has the costliest steps. ``stretch`` is that of a map. ``spread`` says how the
-        numbers of ellipses are to be read; it is empty where there are none.
+        numbers of ellipses are to be read; it is empty where there are none. ``particles`` says how
+        many of each side are drawn, of how many. ``words`` is how sides and parts are called.
     arrays : dict of str to int array
         Whole numbers by name, as long as the data.
     truth, estimate : DrawnSide
@@ -127,12 +149,22 @@ class PlotData:
     @cached_property
     def axes(self) -> dict[str, dict[str, Floats]]:
         """Of the rows of each side what the plane can show: columns, centres of boxes, the time."""
-        return {side.name: self._axes(side.row) for side in (self.truth, self.estimate)}
+        return {side.name: self.places(side.row["state"], side.row["step"]) for side in self.sides}
 
-    def _axes(self, row: Rows) -> dict[str, Floats]:
-        columns = np.clip(row["state"].T, -FARTHEST, FARTHEST)
+    @property
+    def sides(self) -> tuple[DrawnSide, DrawnSide]:
+        """Truth and estimate."""
+        return self.truth, self.estimate
+
+    def places(self, state: Floats, step: Ints) -> dict[str, Floats]:
+        """What the plane can show of states (R, d) at these steps."""
+        columns = np.clip(state.T, -FARTHEST, FARTHEST)
         found = with_centres(dict(zip(self.document["columns"], columns, strict=True)))
-        return found | {TIME: self.time.at[row["step"]]} if found else {}
+        return found | {TIME: self.time.at[step]} if found else {}
+
+    def word(self, name: str) -> str:
+        """What a side or a part is called."""
+        return str(self.document["words"].get(name, name))
 
     @property
     def steps(self) -> int:
@@ -158,55 +190,171 @@ def plot_data(result: Summary) -> PlotData:
     whole = list(result.results.values()) if isinstance(result, ByClass) else [result]
     parts = [part for part in whole if isinstance(part, Result)]
     columns = parts[0].proof.compared.columns if parts else ()
-    rows = {name: _joined(parts, name, len(columns)) for name in KINDS}
+    stretches = len(result.labels.times) if parts else MOST_STRETCHES
+    data = over_time(result, stretches) | {
+        "switches": _switches(parts),
+        "repairs": _repairs(result),
+    }
+    if result.slid is not None:
+        data["windows"] = _windows(result, result.slid)
+    return drawn_data(
+        {name: _joined(parts, name, len(columns)) for name in KINDS},
+        columns,
+        {name: _tracks(result, name) for name in KINDS},
+        data,
+        f"{result.claim}; {result.parameters_in_words(data['unit'])}",
+    )
+
+
+WORDS = {"truth": "A", "estimate": "B", "localisation": "distance"}
+WORDS |= {"missed": "A alone", "false": "B alone"}
+"""How an association calls sides and parts."""
+
+
+def association_data(found: Association) -> PlotData:
+    """What page and picture of an association draw: sides as truth and estimate, costs of order 1.
+
+    Each state that stays alone costs half a cutoff, each pair its distance.
+    """
+    sides, steps, power = found.sides, len(found.first.times), getattr(found.distance, "power", 2.0)
+    given: dict[str, tuple[Rows, Sequence[Clouds]]] = {}
+    tables: dict[str, Columns] = {}
+    costs: dict[str, Floats] = {"localisation": np.zeros(steps)}
+    counts: dict[str, Floats] = {}
+    for (name, kind), side, other, partner, apart in zip(
+        KINDS.items(), sides, sides[::-1], found.partners, found.partings, strict=True
+    ):
+        alone, track = partner == NONE, side.track.astype(np.int64)
+        rows: Rows = {"track": track, "step": side.step.astype(np.int64), "shared": alone & False}
+        rows["other"] = np.where(alone, NONE, np.append(other.track, 0)[partner])
+        rows["error"] = np.where(alone, 1.0, apart / found.cutoff)
+        if name == "truth" and found.gates is not None:
+            rows["gate"] = found.gates
+        rows = by_track(rows, side.state, side.second_moments, side.clouds)
+        given[name] = rows, [] if side.clouds is None else [side.clouds]
+        lost = alone * found.cutoff / 2
+        values = {"localisation": apart, "unassigned": lost, "total": apart + lost}
+        values |= {"unassigned_count": alone, "steps": np.ones(len(track))}
+        sums = {n: np.bincount(track, v, len(side.ids)).tolist() for n, v in values.items()}
+        tables[name] = {"id": list(map(str, side.ids)), **{n: rounded(v) for n, v in sums.items()}}
+        parts = {"localisation": apart, kind: lost}
+        costs |= {n: np.bincount(side.step, v, steps).astype(float) for n, v in parts.items()}
+        counts[kind] = np.bincount(side.step, alone, steps).astype(float)
+    lines = costs | {"total": sum(costs.values(), np.zeros(steps))}
+    lines = {name: np.cumsum(cost) / np.arange(1, steps + 1) for name, cost in lines.items()}
+    times = readable(found.first.shown.tolist())
+    document: Json = {"words": WORDS, "parts": list(costs), "cutoff": found.cutoff, "order": 1.0}
+    document |= {"unit": "", "together": 1, "times": times, "axis": moments(times)}
+    for name, each in (("costs", costs), ("counts", counts), ("curve", lines)):
+        document[name] = {key: rounded(value.tolist()) for key, value in each.items()}
+    document |= {"switches": _switches([]), "power": power if np.isfinite(power) else None}
+    document["repairs"] = dict.fromkeys(("tracks", "from", "to", "text"), ())
+    about = f"c = {found.cutoff:g}, {found.distance.name}"
+    return drawn_data(given, found.first.columns, tables, document, about)
+
+
+def drawn_data(
+    given: Mapping[str, tuple[Rows, Sequence[Clouds]]],
+    columns: Sequence[str],
+    tables: Mapping[str, Columns],
+    document: Json,
+    about: str,
+) -> PlotData:
+    """What is drawn of the rows of both sides, whose clouds lie one behind the other.
+
+    `tables` are those of the tracks; `document` says what is drawn over time.
+    """
+    rows = {name: side for name, (side, _) in given.items()}
     runs = {name: _runs(side) for name, side in rows.items()}
     stride, kept = _thinned(rows, runs)
     low, quantum = _grid([side["state"] for side in rows.values()], len(columns))
     spread = described([side["spread"] for side in rows.values()], stride)
+    count = sum(len(cloud) for _, clouds in given.values() for cloud in clouds)
+    every = stride * max(1, -(-count // (stride * PARTICLES // FEWEST)))
     sides: dict[str, DrawnSide] = {}
     arrays: dict[str, Ints] = {}
+
+    def coded(state: Floats, axis: int) -> Ints:
+        # halves, for the difference of two large numbers may overflow
+        value = np.rint((state[:, axis] / 2 - low[axis] / 2) / (quantum[axis] / 2))
+        return np.clip(value, -FARTHEST_LEVEL, FARTHEST_LEVEL).astype(np.int64)
+
     for name, side in rows.items():
         (opens, closes), keep = runs[name], kept[name]
         run = {column: side[column][opens] for column in ("track", "other")}
         run |= {"begin": side["step"][opens], "end": side["step"][closes]}
         row = {column: values[keep] for column, values in side.items()}
-        table = _tracks(result, name)
-        sides[name] = DrawnSide(name=name, table=table, run=run, row=row)
+        particles = drawn_particles(row, given[name][1], every, len(columns))
+        sides[name] = DrawnSide(
+            name=name, table=tables[name], run=run, row=row, particles=particles
+        )
         arrays |= {f"{name}/run/{field}": run[field] for field in RUN}
         arrays |= {f"{name}/row/{column}": row[column] for column in ("track", "step")}
+        places = {"row": row["state"], "particles": particles["state"]}
         for axis in range(len(columns)):
-            # halves, for the difference of two large numbers may overflow
-            offset = row["state"][:, axis] / 2 - low[axis] / 2
-            value = np.rint(offset / (quantum[axis] / 2))
-            arrays[f"{name}/row/{axis}"] = value.astype(np.int64)
+            for what, state in places.items():
+                arrays[f"{name}/{what}/{axis}"] = coded(state, axis)
+        arrays[f"{name}/particles/row"] = particles["row"]
+        arrays[f"{name}/particles/weight"] = np.rint(particles["weight"] * SHARES).astype(np.int64)
         if spread:
             entries = encoded(row["track"], row["step"], row["spread"], spread)
             arrays |= {f"{name}/spread/{key}": values for key, values in entries.items()}
+        if "gate" in row:
+            document["gate"] = described([row["gate"]], stride)
+            document["gate"] |= {"radius": (1.0, 1.0), "power": document.pop("power")}
+            entries = encoded(row["track"], row["step"], row["gate"], document["gate"])
+            arrays |= {f"{name}/gate/{key}": values for key, values in entries.items()}
         if name == "truth":
             arrays["truth/row/error"] = np.rint(row["error"] * ERRORS).astype(np.int64)
-    stretches = len(result.labels.times) if parts else MOST_STRETCHES
-    data = over_time(result, stretches) | {
-        "tracks": {name: side.table for name, side in sides.items()},
-        "switches": _switches(parts),
-        "repairs": _repairs(result),
-        "columns": list(columns),
-        "boxes": is_box(columns),
-        "low": low,
-        "quantum": quantum,
-        "spread": spread,
-        "errors": ERRORS,
-        "stride": stride,
-        "shared": int(np.count_nonzero(rows["truth"]["shared"])),
-        "rows": {name: [len(kept[name]), len(side["track"])] for name, side in rows.items()},
-        "arrays": [(name, len(array)) for name, array in arrays.items()],
-    }
+    data = (
+        {"words": {}, "parts": list(PARTS), "gate": {}}
+        | document
+        | {
+            "tracks": {name: side.table for name, side in sides.items()},
+            "columns": list(columns),
+            "boxes": is_box(columns),
+            "low": low,
+            "quantum": quantum,
+            "spread": spread,
+            "particles": {
+                name: [len(side.particles["row"]), sum(len(c.points) for c in given[name][1])]
+                for name, side in sides.items()
+            },
+            "every": every,
+            "shares": SHARES,
+            "errors": ERRORS,
+            "stride": stride,
+            "shared": int(np.count_nonzero(rows["truth"]["shared"])),
+            "rows": {name: [len(kept[name]), len(side["track"])] for name, side in rows.items()},
+            "arrays": [(name, len(array)) for name, array in arrays.items()],
+        }
+    )
     if is_map(columns):
         latitudes = [side["state"][:, columns.index("lat")] for side in rows.values()]
         data["stretch"] = map_stretch(np.concatenate(latitudes))
-    if result.slid is not None:
-        data["windows"] = _windows(result, result.slid)
-    about = f"{result.claim}; {result.parameters_in_words(data['unit'])}"
     return PlotData(document=data, arrays=arrays, about=about, **sides)
+
+
+def drawn_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) -> Rows:
+    """Particles of the clouds of every so many steps.
+
+    Where a cloud has more than there is room for, systematic resampling from the middle of each
+    slot chooses them: each stands for the weight of the slots that fall on it.
+    """
+    found: list[Rows] = []
+    first = np.cumsum([0, *map(len, clouds)])
+    chosen = np.flatnonzero((row["step"] % every == 0) & (row["cloud"] != NONE))
+    chosen = chosen[:: max(1, -(-len(chosen) // (PARTICLES // FEWEST)))]
+    each = min(MOST, PARTICLES // max(1, len(chosen)))
+    for k in chosen.tolist():
+        part = int(np.searchsorted(first, row["cloud"][k], side="right")) - 1
+        points, weights = clouds[part][int(row["cloud"][k] - first[part])]
+        if len(points) > each:
+            points, weights = merged(resample_cloud(points, weights, each, offset=0.5))
+        if len(points) > 1:  # else it is a point
+            found.append({"row": np.full(len(points), k), "state": points, "weight": weights})
+    none: Rows = {"row": np.zeros(0, np.int64), "state": np.zeros((0, size)), "weight": np.zeros(0)}
+    return {name: np.concatenate([none[name], *(one[name] for one in found)]) for name in none}
 
 
 def is_map(names: Collection[str]) -> bool:
@@ -248,18 +396,21 @@ def _windows(result: Summary, slid: Windows) -> Json:
     }
 
 
-def _joined(parts: list[Result], name: str, size: int) -> Rows:
-    """One side of all parts, tracks numbered through."""
+def _joined(parts: list[Result], name: str, size: int) -> tuple[Rows, list[Clouds]]:
+    """One side of all parts, tracks numbered through; and its clouds."""
     none = np.zeros(0, np.int64)
     found: list[Rows] = [
-        dict.fromkeys(("track", "step", "other", "error", "shared"), none)
+        dict.fromkeys(("track", "step", "other", "error", "shared", "cloud"), none)
         | {"state": np.zeros((0, size)), "spread": np.zeros((0, 0))}
     ]
+    clouds: list[Clouds] = []
     other = "estimate" if name == "truth" else "truth"
     first = {"truth": 0, "estimate": 0}
     for part in parts:
         rows = _rows(part, name, other)
         rows["other"] = np.where(rows["other"] == NONE, NONE, rows["other"] + first[other])
+        rows["cloud"][rows["cloud"] != NONE] += sum(map(len, clouds))
+        clouds += [] if (own := _clouds(part, name)) is None else [own]
         found.append(rows | {"track": rows["track"] + first[name]})
         first["truth"] += len(part.labels.truths)
         first["estimate"] += len(part.labels.estimates)
@@ -267,7 +418,12 @@ def _joined(parts: list[Result], name: str, size: int) -> Rows:
     for rows in found:  # of some parts the states may be points, which have no spread
         if rows["spread"].shape[1] != wide:
             rows["spread"] = np.zeros((len(rows["track"]), wide))
-    return {column: np.concatenate([rows[column] for rows in found]) for column in found[0]}
+    return {column: np.concatenate([rows[column] for rows in found]) for column in found[0]}, clouds
+
+
+def _clouds(part: Result, name: str) -> Clouds | None:
+    found: Clouds | None = getattr(part.proof.compared, f"{name}_clouds")
+    return found
 
 
 def _rows(result: Result, name: str, other: str) -> Rows:
@@ -292,13 +448,21 @@ def _rows(result: Result, name: str, other: str) -> Rows:
     partner[free > best] = NONE
     error[partner == NONE] = 1.0
 
-    state = getattr(result.proof.compared, name)
-    spread = getattr(result.proof.compared, f"{name}_covariance")
-    spread = np.zeros((len(step), 0)) if spread is None else spread
-    by_track = np.argsort(track, kind="stable")
+    compared = result.proof.compared
     rows: Rows = {"track": track, "step": step, "other": partner, "error": error}
-    rows |= {"shared": (partner != NONE) & (best < ONE), "state": state, "spread": spread}
-    return {column: values[by_track] for column, values in rows.items()}
+    rows |= {"shared": (partner != NONE) & (best < ONE)}
+    covariance, clouds = (getattr(compared, f"{name}_{what}") for what in ("covariance", "clouds"))
+    return by_track(rows, getattr(compared, name), covariance, clouds)
+
+
+def by_track(rows: Rows, state: Floats, covariance: Floats | None, clouds: Clouds | None) -> Rows:
+    """Rows with these states and what is around them, sorted by track."""
+    count = len(state)
+    spread = np.zeros((count, 0)) if covariance is None else covariance
+    cloud = np.full(count, NONE) if clouds is None else np.arange(count)
+    order = np.argsort(rows["track"], kind="stable")
+    rows = rows | {"state": state, "spread": spread, "cloud": cloud}
+    return {column: values[order] for column, values in rows.items()}
 
 
 def _runs(side: Rows) -> tuple[Ints, Ints]:
@@ -411,6 +575,12 @@ NUMBERS = 150_000
 FINE = 50
 """Levels of a deviation for a factor of e: 2 % each."""
 
+INSIDE = 0.95
+"""Share of a normal distribution in what is drawn around a state."""
+
+RADIUS = (NormalDist().inv_cdf((1 + INSIDE) / 2), math.sqrt(-2 * math.log(1 - INSIDE)))
+"""Roots of the quantiles of chi-square of one and two degrees of freedom."""
+
 FAINT = 1000
 """The level of what is not seen beside the largest deviation, as 0."""
 
@@ -429,7 +599,7 @@ def described(spreads: list[Floats], stride: int) -> Json:
         Steps from one encoded position to the next.
     """
     around = [spread for spread in spreads if spread.size]
-    if not around or size_of(around[0].shape[1]) < 2:
+    if not around:
         return {}
     rows, columns = np.tril_indices(size_of(around[0].shape[1]))
     largest = np.max([deviations(s[:, rows == columns]).max(axis=0) for s in around], axis=0)
@@ -437,6 +607,8 @@ def described(spreads: list[Floats], stride: int) -> Json:
     return {
         "stride": stride * max(1, -(-size // NUMBERS)),
         "largest": largest.tolist(),
+        "radius": RADIUS,
+        "states": sum(map(len, around)),
         "fine": FINE,
         "faint": FAINT,
         "angle": ANGLE,

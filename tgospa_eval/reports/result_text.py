@@ -120,6 +120,7 @@ def meaning(result: Summary) -> list[tuple[str, str]]:
         ),
         *((WEIGHTED,) if "step_weights" in result.parameters else ()),
         *((UNCERTAIN,) if result.probabilistic else ()),
+        *((("w, e", result.not_judged),) if result.not_judged else ()),
     ]
 
 
@@ -193,6 +194,7 @@ def document(result: Summary) -> Document:
         lines=[result.parameters_in_words()],
         tables=tables,
         notes=[
+            *filter(None, [result.not_judged]),
             *scored,
             *(() if result.nees is None else (f"NEES {result.nees.in_words}",)),
             *similarity(result.with_),

@@ -16,7 +16,7 @@ ROUNDING = 1e-9
 """Shift of a mean, as a share of the distance to the cloud, that is nothing but rounding."""
 
 
-def association_text(found: Association) -> str:
+def association_text(found: Association, *, rows: bool = True) -> str:
     """Counts, and the associations in columns."""
     count, (rest_a, rest_b) = int(found.chosen.sum()), found.unassigned
     lines = [
@@ -25,8 +25,10 @@ def association_text(found: Association) -> str:
         f"sum {found.total:.6g}: distances, and {found.cutoff / 2:g} for each state that stays "
         "alone\n",
     ]
-    rows = list(zip(*found.associations_table().values(), strict=True))
-    return "\n".join(lines + _columns(("t", "A", "B", "distance", "of means"), rows)) + "\n"
+    if rows:
+        table = list(zip(*found.associations_table().values(), strict=True))
+        lines += _columns(("t", "A", "B", "distance", "of means"), table)
+    return "\n".join(lines) + "\n"
 
 
 def reduction_text(counts: Mapping[str, int], change: Mapping[str, Spread | None]) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import spoken_in_python
+from tgospa_eval.problem.readout import Unjudged
 from tgospa_eval.problem.solution import Bounds, Brackets, Breakdown
 from tgospa_eval.results.consistency import NeesSums
 from tgospa_eval.results.records import PARTS, Columns, Costs, Json, input_record
@@ -139,6 +140,7 @@ def add_up(results: dict[str, Result], files: Sequence[Json], read: float) -> By
         ),
         version=first.version,
         split=_sum_of_splits([part.split for part in parts]),
+        unjudged=Unjudged.joined([part.unjudged for part in parts if part.unjudged is not None]),
         nees=NeesSums.joined([part.nees for part in parts if part.nees is not None]),
         sliced=tuple(added_up([part.sliced for part in parts])),
         warnings=tuple(dict.fromkeys(notice for part in parts for notice in part.warnings)),

@@ -1,7 +1,8 @@
 """A score from 0 to 1 of an evaluation, and bounds that are rounded outward."""
 
 import math
-from typing import TypeVar
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -104,7 +105,13 @@ SPLIT_PARTS = (
 )
 """Parts of the cost of localisation, those of which the distance, or the metric, knows."""
 
-PROBABILITIES = "probabilities of existence (experimental)"
+
+def members_in_words(settings: Mapping[str, Any]) -> str:
+    """What makes it another member of the family than c, p and gamma do, after a comma each."""
+    found = ["weighted steps"] * ("step_weights" in settings)
+    found += ["probabilities of existence (experimental)"] * ("existence" in settings)
+    found += [f"not judged: {text}" for text in settings.get("ignore", ())]
+    return "".join(f", {text}" for text in found)
 
 
 def outward(value: float, sign: int, error: float = 0.0) -> float:

@@ -47,8 +47,8 @@ class ComparedSides:
     truth_covariance, estimate_covariance : (R, d (d + 1) / 2) float arrays, optional
         Lower triangles of the covariances of these states, of clouds the second moments: for NEES
         and pictures.
-    estimate_clouds : Clouds, optional
-        The particles of the estimate.
+    truth_clouds, estimate_clouds : Clouds, optional
+        The particles.
     """
 
     moments: NDArray[Any]
@@ -59,6 +59,7 @@ class ComparedSides:
     estimate: Floats
     truth_covariance: Floats | None = None
     estimate_covariance: Floats | None = None
+    truth_clouds: "Clouds | None" = None
     estimate_clouds: "Clouds | None" = None
 
 
@@ -198,8 +199,16 @@ class Result(Summary):
             "weight": found.weight.tolist(),
             "distance": (cutoff * problem.powers(found.entry) ** (1 / p)).tolist(),
             "cost": (self.scale * problem.cost[found.entry] * found.weight).tolist(),
+            **self._marks(found.entry),
             **{name: or_none(values) for name, values in self.assigned.items()},
         }
+
+    def _marks(self, entry: Ints) -> Columns:
+        """Whether the truth of each pair is ignored, where any is."""
+        problem = self.proof.states.problem
+        if problem.unjudged is None:
+            return {}
+        return {"ignored": problem.unjudged[0][problem.truth_row[entry]].astype(int).tolist()}
 
     def _switches(self) -> Columns:
         """Changes of each truth's assignment, from its largest loss to its largest gain."""

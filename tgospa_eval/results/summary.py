@@ -16,24 +16,26 @@ import numpy as np
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
-from tgospa_eval.common.words import number
+from tgospa_eval.common.words import counted, number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.metric_family import POWER
 from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.readout import Unjudged
 from tgospa_eval.problem.solution import Brackets, Windows
 from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.numbers import (
-    PROBABILITIES,
     SPLIT_PARTS,
     USUAL_SCORE,
     Calibration,
     Similarity,
     costliest,
+    members_in_words,
     outward,
 )
 from tgospa_eval.results.records import (
     PARTS,
+    Arrays,
     Columns,
     Costs,
     Json,
@@ -70,9 +72,9 @@ DOCUMENTED = (
 PUBLIC = (
     *(*DOCUMENTED, *SPLIT_PARTS, "worst", "warnings", "results"),
     *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
-    *("windows", "with_", "slices", "nees"),
+    *("windows", "with_", "slices", "nees", "ignored"),
     *("metrics", "similarity", "gradient", "proof", "explain"),
-    *("to_dict", "to_json", "to_html", "save"),
+    *("to_dict", "to_json", "to_html", "to_geojson", "save"),
     *("plot_costs", "plot_cumulative", "plot_lanes", "plot_plane", "plot_windows"),
     "plot_worst",
 )
@@ -134,6 +136,8 @@ class Summary(ABC):
     sums : dict
         Of these what those of several recordings are joined from, by metric and name with a dot
         between; lists over the thresholds of HOTA.
+    unjudged : Unjudged, optional
+        States that were ignored, excused and absorbed, if there are any.
     nees : NeesSums, optional
         Whether covariances say how large errors are, where the estimate has any.
     calibration : Calibration, optional
@@ -163,6 +167,7 @@ class Summary(ABC):
     with_: OtherMetrics = field(default_factory=dict)
     sliced: tuple[Slicing, ...] = ()
     sums: MetricSums = field(default_factory=dict)
+    unjudged: Unjudged | None = None
     nees: NeesSums | None = None
     calibration: Calibration | None = None
     settings_file: SettingsFile | None = None
@@ -302,6 +307,27 @@ class Summary(ABC):
         }
 
     @property
+    def ignored(self) -> dict[str, float] | None:
+        """States that are not judged: ``truth_states``, ``absorbed`` estimates, ``excused`` ones.
+
+        None where all are. Absorbed are estimate states that follow an ignored truth, by their
+        weights; excused ones may be false for nothing.
+        """
+        return None if self.unjudged is None else self.unjudged.totals
+
+    @property
+    def not_judged(self) -> str:
+        """The same in words, blank where all are."""
+        if self.ignored is None:
+            return ""
+        truths, absorbed, excused = self.ignored.values()
+        return (
+            f"not judged: {counted(int(truths), 'truth state')}, which "
+            f"{number(absorbed)} estimate states follow at no cost, and "
+            f"{counted(int(excused), 'excused estimate state')}; with them it is no metric"
+        )
+
+    @property
     def normalised(self) -> dict[str, float]:
         """``(total / T) ** (1 / order)`` over the T steps of the horizon."""
         return {"tgospa": self._root(self.proof.breakdown.total / self.judged_on.each)}
@@ -316,7 +342,8 @@ class Summary(ABC):
         """Which member of the metric family it is (docs/theory/family.md)."""
         quasi = "" if self.proof.parameters.rho == 0.5 else "quasi-"
         weighted = "time-weighted-" if "step_weights" in self.settings else ""
-        return f"{weighted}{'probabilistic-' if self.probabilistic else ''}{quasi}tgospa"
+        masked = "" if self.unjudged is None else "masked-"
+        return f"{masked}{weighted}{'probabilistic-' if self.probabilistic else ''}{quasi}tgospa"
 
     @property
     def probabilistic(self) -> bool:
@@ -325,9 +352,7 @@ class Summary(ABC):
 
     def parameters_in_words(self, unit: str | None = None) -> str:
         """Cutoff, order, switch penalty, and what makes it another metric of the family."""
-        weighted = ", weighted steps" if "step_weights" in self.settings else ""
-        uncertain = f", {PROBABILITIES}" if self.probabilistic else ""
-        return self.proof.parameters.in_words(unit) + weighted + uncertain
+        return self.proof.parameters.in_words(unit) + members_in_words(self.settings)
 
     @property
     def judged(self) -> dict[str, object]:
@@ -359,7 +384,11 @@ class Summary(ABC):
     def _per_step(self) -> Columns:
         """Cost of each step by kind."""
         costs = step_columns(self.proof.breakdown, self.scale)
-        return {"t": list(self.labels.times)} | as_lists(costs)
+        return {"t": list(self.labels.times)} | as_lists(costs) | as_lists(self._unjudged_columns())
+
+    def _unjudged_columns(self) -> Arrays:
+        """Numbers of ignored, absorbed and excused states of each step, where there are any."""
+        return {} if self.unjudged is None else dict(vars(self.unjudged))
 
     def _curve(self) -> Columns:
         """The normalised curve (docs/theory/solvers.md): no columns if it was not asked for.
@@ -445,6 +474,7 @@ class Summary(ABC):
             **curve,
             **({"with": self.with_} if self.with_ else {}),
             **({} if self.nees is None else {NEES: self.nees.record()}),
+            **({} if self.ignored is None else {"ignored": self.ignored}),
             **({} if self.calibration is None else {"similarity": asdict(self.similarity())}),
             **({"slices": [one.record() for one in self.sliced]} if self.sliced else {}),
             **({} if self.explained is None else {"explanation": self.explained.record()}),
@@ -483,6 +513,8 @@ class Summary(ABC):
         scored = {} if self.calibration is None else {"similarity": self.similarity().score}
         names = [*LOGGED, *self.split_parts]
         groups = {"counts": self.counts, "normalised": self.normalised}
+        if self.ignored is not None:
+            groups["ignored"] = self.ignored
         return {
             **{name: float(getattr(self, name)) for name in names},
             **scored,
@@ -666,8 +698,9 @@ class Summary(ABC):
     ) -> "Figure":
         """Trajectories in two of the state columns, with misses, false targets and switches.
 
-        Boxes and 2-sigma ellipses are drawn here and there along the trajectories where the states
-        have such, the two columns show them, and there are few trajectories.
+        Boxes, ellipses that hold 95 % of a normal distribution, and particles are drawn here and
+        there along few trajectories where the states have such and the two columns show them. A
+        second panel shows all of those around the assigned pair that is farthest apart.
 
         Parameters
         ----------
@@ -727,6 +760,16 @@ class Summary(ABC):
     def to_html(self) -> str:
         """The report as one page that loads nothing."""
         return str(import_module("tgospa_eval.reports.html").page(self))
+
+    def to_geojson(self) -> str:
+        """Tracks, misses, false targets, errors and switches as GeoJSON, for programs with maps.
+
+        Raises
+        ------
+        ConfigError
+            The states are not on the Earth, or it is a sum of several evaluations.
+        """
+        return str(import_module("tgospa_eval.reports.geojson").geojson(self))
 
     def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
         """Write the result folder of ``-o``: JSON, tables, the page and the pictures.

@@ -5,7 +5,11 @@ unassigned, have the smallest sum: a pair gains ``c - d``, and none at the cutof
 beyond is taken.
 """
 
+import os
+from functools import cached_property
+from importlib import import_module
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +18,16 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import DISTANCES, Distance, Effort, Norm, Pairs, near_pairs
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.distances.clouds.transport import cross_covariance
+from tgospa_eval.distances.sphere import RADIUS
 from tgospa_eval.errors import ConfigError, InputError, real_number
 from tgospa_eval.problem.gospa import assign_pairs
 from tgospa_eval.results.records import Columns
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.covariances import pack
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
 
@@ -47,6 +56,8 @@ class Association:
         Which of them were associated.
     cutoff : float
         The cutoff c.
+    distance : Distance
+        As it was measured.
     """
 
     first: Trajectories
@@ -55,6 +66,7 @@ class Association:
     apart: Floats
     chosen: NDArray[np.bool_]
     cutoff: float
+    distance: Distance
 
     @property
     def unassigned(self) -> tuple[int, int]:
@@ -68,14 +80,91 @@ class Association:
         near = self.pairs.distance[self.chosen].sum()
         return float(near + 0.5 * self.cutoff * sum(self.unassigned))
 
+    @property
+    def sides(self) -> tuple[Trajectories, Trajectories]:
+        """Both."""
+        return self.first, self.second
+
+    @cached_property
+    def partners(self) -> tuple[Ints, Ints]:
+        """Of each row of either side the row of its partner, or `NOBODY`."""
+        a, b = (np.full(len(side.step), NOBODY) for side in self.sides)
+        rows = self.pairs.truth_row[self.chosen], self.pairs.estimate_row[self.chosen]
+        a[rows[0]], b[rows[1]] = rows[1], rows[0]
+        return a, b
+
+    @cached_property
+    def partings(self) -> tuple[Floats, Floats]:
+        """Of each row of either side the distance to its partner; 0 without one."""
+        a, b = (np.zeros(len(side.step)) for side in self.sides)
+        near = self.pairs.distance[self.chosen]
+        a[self.pairs.truth_row[self.chosen]] = b[self.pairs.estimate_row[self.chosen]] = near
+        return a, b
+
+    @cached_property
+    def gates(self) -> Floats | None:
+        """Around each state of the first side the lower triangle of G, (R, d (d + 1) / 2).
+
+        Means z apart, with z' G^-1 z >= 1, are not associated: G_ij is c^2 C_ij / (s_i s_j) with
+        the scales s and the covariance C, without one the unit matrix. Where each pair has its own
+        C it is that of the partner, of a state without one that with its equal; of places on
+        the Earth G holds nearby. None of boxes.
+        """
+        side, distance, size = self.first, self.distance, len(self.first.columns)
+        settings = distance.settings(side.columns)
+        given = settings.get("covariance", settings.get("inner_cov", np.eye(size)))
+        if distance.name == "iou":
+            return None
+        if isinstance(given, str):  # of each pair
+            own, other = (np.zeros((len(s.step) + 1, size * (size + 1) // 2)) for s in self.sides)
+            for moments, one in ((own, side), (other, self.second)):
+                moments[:-1] = 0.0 if one.second_moments is None else one.second_moments
+            alone = (self.partners[0] == NOBODY)[:, None]
+            partner = np.where(alone, own[:-1], other[self.partners[0]])
+            return np.asarray(self.cutoff**2 * (own[:-1] + partner) / 2)
+        scale = np.ones((len(side.step), size)) * (distance.scale or 1.0)
+        if distance.name in ("haversine", "geodesic"):
+            scale[:, :2] *= np.radians(RADIUS)
+            scale[:, 1] *= np.cos(np.radians(side.state[:, 0]))
+            scale[:, 2:] = getattr(distance, "vertical_weight", 1.0)
+        with np.errstate(divide="ignore", over="ignore"):
+            return pack(self.cutoff**2 * np.asarray(given) / (scale[:, :, None] * scale[:, None])).T
+
+    @cached_property
+    def drawn(self) -> Any:
+        """What page and picture draw: `reports.plot_data.PlotData`."""
+        return import_module("tgospa_eval.reports.plot_data").association_data(self)
+
+    def plot_plane(
+        self, *, columns: tuple[str, str] | None = None, style: str = "screen"
+    ) -> "Figure":
+        """Both sides in two of the state columns, pairs, what stays alone, and gates.
+
+        Parameters, errors and return value are those of `Result.plot_plane`.
+        """
+        plots = import_module("tgospa_eval.plots.result_pictures")
+        made: Figure = plots.association_plane(self, columns=columns, style=style)
+        return made
+
+    def to_html(self, names: tuple[str, str] = ("A", "B")) -> str:
+        """A page that loads nothing; `names` are those of the sides."""
+        return str(import_module("tgospa_eval.reports.html").association_page(self, names))
+
+    def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
+        """Write page, table and, with the extra `plot`, picture to a folder.
+
+        Raises
+        ------
+        ConfigError
+            The folder holds something else, and `force` is false; or it cannot be written.
+        """
+        import_module("tgospa_eval.plots.result_pictures").save(self, folder, force=force)
+
     def associations_table(self) -> Columns:
         """Each state once: pairs by step, with None for the partner of an unassigned one."""
         pairs = np.flatnonzero(self.chosen)
         both = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
-        alone = [
-            np.setdiff1d(np.arange(len(side.step)), taken)
-            for side, taken in zip((self.first, self.second), both, strict=True)
-        ]
+        alone = [np.flatnonzero(partner == NOBODY) for partner in self.partners]
         kind = np.repeat((0, 1, 2), (len(pairs), len(alone[0]), len(alone[1])))
         a, b, pair = np.full((3, len(kind)), NOBODY)
         a[kind < 2] = np.concatenate((both[0], alone[0]))
@@ -200,6 +289,7 @@ def associate(
         apart=_means_apart(first, second, pairs, measure),
         chosen=chosen,
         cutoff=cutoff,
+        distance=measure,
     )
 
 

@@ -129,6 +129,8 @@ class Division:
             estimate_row=problem.estimate_row[entry] - estimates.start,
             cost=problem.cost[entry],
             distance_power=None,
+            pair_share=None,
+            unjudged=None,
         )
         # Columns are estimates, as in the block: each may need its prices.
         return merge_runs(piece, transpose=False)

@@ -327,8 +327,9 @@ def comparable(
     """
     if truth.clock != estimate.clock and len(truth.times) and len(estimate.times):
         remedy = "write both as ISO times or both as numbers, such as Unix seconds"
-        if "number" not in (truth.clock, estimate.clock):
-            remedy = "write both with a zone (Z for UTC) or both without"
+        if "local" in (truth.clock, estimate.clock):
+            role = "truth" if truth.clock == "local" else "estimate"
+            remedy = f"--{role}-time-zone UTC, or another, says what zone the ISO times are of"
         raise InputError(
             f"{names[0]} has {CLOCKS[truth.clock]}, {names[1]} has {CLOCKS[estimate.clock]}; "
             f"times of one run must be of one kind: {remedy}"

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import CLOCKS, Floats, TimeArray, Trajectories
 
@@ -39,6 +40,10 @@ class Conversion:
         covariances and particles.
     angles : tuple of str
         State columns that are no lengths.
+    scale : tuple of (str, float)
+        Factors > 0 of single state columns, before all else.
+    scale_option : str
+        Where these come from, for messages.
 
     Raises
     ------
@@ -50,6 +55,8 @@ class Conversion:
     time_scale: float = 1.0
     unit_scale: float = 1.0
     angles: tuple[str, ...] = ()
+    scale: tuple[tuple[str, float], ...] = ()
+    scale_option: str = "--estimate-scale"
 
     def __post_init__(self) -> None:
         for name in ("time_offset", "time_scale", "unit_scale"):
@@ -61,12 +68,12 @@ class Conversion:
                 raise ConfigError(f"{option} is {value:g}: must be > 0")
             object.__setattr__(self, name, value + 0.0)
 
-    @property
-    def recorded(self) -> dict[str, float]:
-        """What changes something, by the names of the JSON."""
+    def recorded_of(self, role: str) -> dict[str, object]:
+        """What changes something of a truth or an estimate, by the names of the JSON."""
         neutral = {"time_offset": 0.0, "time_scale": 1.0, "unit_scale": 1.0}
         values = {name: getattr(self, name) for name in neutral}
-        return {name: value for name, value in values.items() if value != neutral[name]}
+        found: dict[str, object] = {k: v for k, v in values.items() if v != neutral[k]}
+        return found | ({f"{role}_scale": dict(self.scale)} if self.scale else {})
 
     def times(
         self, times: TimeArray, clock: str, labels: NDArray[np.object_] | None, name: str
@@ -133,13 +140,28 @@ class Conversion:
         Raises
         ------
         ConfigError
-            Columns are latitudes and longitudes.
+            Columns are latitudes and longitudes, or there is no column of that name.
         """
+        own = dict(self.scale)
+        unknown = [name for name in own if name not in columns]
+        if unknown:
+            raise ConfigError(
+                f"{self.scale_option}: {quoted(unknown[0])} is none of the state columns "
+                f"{','.join(columns)}; choose them with --columns"
+            )
         if self.unit_scale == 1:
-            return None
+            return np.array([own.get(name, 1.0) for name in columns]) if own else None
         if any(column in ANGULAR for column in columns):
-            raise ConfigError("--unit-scale is for lengths, and lat,lon are degrees; leave it out")
-        return np.array([1.0 if name in self.angles else self.unit_scale for name in columns])
+            raise ConfigError(
+                "--unit-scale is for lengths, and lat,lon are degrees; --estimate-scale alt=0.3048 "
+                "has a factor for a column"
+            )
+        return np.array(
+            [
+                own.get(name, 1.0) * (1.0 if name in self.angles else self.unit_scale)
+                for name in columns
+            ]
+        )
 
     def __call__(self, side: Trajectories, name: str) -> Trajectories:
         """The side in the other units; `name` is for messages."""
@@ -169,7 +191,7 @@ def scaled(state: Floats, factors: Floats, name: str) -> Floats:
     with np.errstate(over="ignore"):
         found = state * factors
     if np.isinf(found).any():
-        raise ConfigError(f"--unit-scale: a state of {name} becomes too large for a number")
+        raise ConfigError(f"{name}: a state becomes too large for a number by its scale")
     return found
 
 

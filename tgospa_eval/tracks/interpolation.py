@@ -10,6 +10,8 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.tracks.alignment import Times, apart_of, comparable, joined_to, within
 from tgospa_eval.tracks.attributes import chosen
+from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.ignored import AWAY, marks_of
 from tgospa_eval.tracks.trajectories import Floats, Ints, Trajectories
 
 HALF_TURN = 180.0
@@ -46,6 +48,7 @@ def interpolated(
     tolerance: float = 0.0,
     periods: dict[str, float] | None = None,
     names: tuple[str, str] = ("estimate", "truth"),
+    across: str = "",
 ) -> Interpolated:
     """A side at the stamps of the other one; a side without stamps, on either hand, changes none.
 
@@ -66,6 +69,9 @@ def interpolated(
         Of columns that wrap around: these go along the shorter way.
     names : pair of str
         Of the two, for messages.
+    across : str
+        Where two states are farther apart there are states between them as well, marked by this
+        attribute, and with `tracks.ignored.AWAY`. Blank: there are none.
 
     Raises
     ------
@@ -86,7 +92,7 @@ def interpolated(
     mine, _ = joined_to(mine, theirs, tolerance, side.clock)
     at, there = found_at(mine, theirs)
     own = np.flatnonzero(there[side.step])
-    before, after, step, share = _between(side, mine, theirs, max_gap)
+    before, after, step, share, wide = _between(side, mine, theirs, max_gap, across=bool(across))
     nearer = np.where(share <= 0.5, before, after)
     source = np.concatenate((own, nearer))
     steps = np.concatenate((at[side.step[own]], step))
@@ -96,19 +102,24 @@ def interpolated(
     if covariance is not None:
         mixed = _mixed(covariance[before], covariance[after], share)
         covariance = np.concatenate((covariance[own], mixed))[order]
+    attributes = chosen(side.attributes, source[order])
+    if across:
+        marks, away = np.concatenate((marks_of(side, across)[own], wide)), np.zeros(len(order))
+        away[len(own) :] = wide * np.minimum(share, 1 - share) * _apart(side, before, after)
+        attributes |= {across: marks[order].astype(np.float64), AWAY: away[order]}
     found = replace(
         side,
         step=steps[order],
         track=side.track[source[order]],
         state=state[order],
         covariance=covariance,
-        attributes=chosen(side.attributes, source[order]),
+        attributes=attributes,
         times=theirs,
         labels=other.labels,
     )
     return Interpolated(
         side=found.chosen(np.arange(len(order))),
-        between=len(step),
+        between=len(step) - int(np.count_nonzero(wide)),
         own=len(own),
         unused=rows - len(own),
     )
@@ -141,23 +152,31 @@ def found_at(mine: Times, theirs: Times) -> tuple[Ints, NDArray[np.bool_]]:
 
 
 def _between(
-    side: Trajectories, mine: Times, theirs: Times, max_gap: float
-) -> tuple[Ints, Ints, Ints, Floats]:
+    side: Trajectories, mine: Times, theirs: Times, max_gap: float, *, across: bool
+) -> tuple[Ints, Ints, Ints, Floats, NDArray[np.bool_]]:
     """Rows before and after, the stamp between them, and its share of the way, for each new row.
 
-    They are between consecutive states of a track that are not too far apart.
+    They are between consecutive states of a track that are not too far apart; or, `across`, of any,
+    and the last array says between which these are.
     """
     order = np.argsort(side.track, kind="stable")  # rows are in the order of time
     track, time = side.track[order], mine[side.step[order]]
     gap = apart_of(time[1:], time[:-1])
-    narrow = (track[1:] == track[:-1]) & within(gap, max_gap, (mine, theirs), side.clock)
-    first = np.flatnonzero(narrow)
+    narrow = within(gap, max_gap, (mine, theirs), side.clock)
+    first = np.flatnonzero((track[1:] == track[:-1]) & (narrow | across))
     begin = np.searchsorted(theirs, time[first], side="right")
     count = np.searchsorted(theirs, time[first + 1], side="left") - begin
     step = concatenated(begin, count)
+    wide = np.repeat(~narrow[first], count)
     first, gap = np.repeat(first, count), np.repeat(gap[first], count)
     share = apart_of(theirs[step], time[first]).astype(np.float64) / gap.astype(np.float64)
-    return order[first], order[first + 1], step, share
+    return order[first], order[first + 1], step, share, wide
+
+
+def _apart(side: Trajectories, before: Ints, after: Ints) -> Floats:
+    """Time between some rows and others, in seconds or the unit of the stamps."""
+    apart = side.times[side.step[after]] - side.times[side.step[before]]
+    return apart / (1 if side.clock == "number" else SECOND)
 
 
 def on_lines(

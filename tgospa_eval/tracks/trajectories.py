@@ -177,6 +177,16 @@ class Trajectories:
             f"{particles}, columns {','.join(self.columns)}{covariances})"
         )
 
+    @property
+    def second_moments(self) -> Floats | None:
+        """Lower triangles (R, d (d + 1) / 2) of what is around each state, if anything is."""
+        if self.clouds is None:
+            return self.covariance
+        from tgospa_eval.tracks.covariances import pack  # here: points do without
+
+        with np.errstate(over="ignore", invalid="ignore"):  # no picture needs those
+            return pack(self.clouds.covariances).T
+
     def dense(self) -> Floats:
         """States as (T, k, d), NaN where an object is absent."""
         table = np.full((len(self.times), len(self.ids), len(self.columns)), np.nan)

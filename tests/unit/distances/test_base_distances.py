@@ -12,8 +12,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tgospa_eval import ConfigError, InputError, evaluate
-from tgospa_eval.distances import DISTANCES, Distance, Haversine, IoU, Mahalanobis, Norm, near_pairs
+from tgospa_eval.distances import (
+    DISTANCES,
+    Distance,
+    Geodesic,
+    Haversine,
+    IoU,
+    Mahalanobis,
+    Norm,
+    near_pairs,
+)
 from tgospa_eval.distances import pair_search as search
+from tgospa_eval.distances.registry import ON_EARTH
 
 Invoke = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
@@ -34,6 +44,8 @@ METRICS: dict[str, Distance] = {
     "mahalanobis": Mahalanobis(covariance=COVARIANCE),
     "mahalanobis, scaled": Mahalanobis(covariance=COVARIANCE, scale=(2.0, 0.5, 1.0)),
     "haversine": Haversine(),
+    "geodesic": Geodesic(),
+    "geodesic, heights": Geodesic(vertical_weight=2.5),
     "iou": IoU(),
 }
 
@@ -100,12 +112,49 @@ def test_circles_and_scales(name: str) -> None:
     assert float(found) == pytest.approx(expected, rel=1e-14)
 
 
+@pytest.mark.parametrize(
+    ("a", "b", "expected"),
+    [
+        ((0, 0), (0, 1), math.pi * 6378137 / 180),  # along the equator
+        ((0, 0), (90, 17), 10001965.729312724),  # a quarter of a meridian, 10,001,965.7293 m
+        ((5, 180), (5, -180), 0),
+        ((90, 17), (90, 120), 0),
+        # Flinders Peak to Buninyong, on GRS 80, which differs from WGS 84 by 0.1 mm in the axis.
+        ((-37.951033416, 144.424867889), (-37.652821139, 143.926495528), 54972.271),
+        ((0, 0, 100), (0, 0, 140), 100),
+        ((0, 0, 0), (0, 1, 40), math.hypot(math.pi * 6378137 / 180, 100)),
+    ],
+)
+def test_geodesic(a: tuple[float, ...], b: tuple[float, ...], expected: float) -> None:
+    """Heights count two and a half times."""
+    found = float(Geodesic(vertical_weight=2.5)(a, b))
+    assert found == pytest.approx(expected, abs=1e-3 if expected == 54972.271 else 1e-6)
+
+
+def test_slopes_of_geodesics_are_differences() -> None:
+    rng = np.random.default_rng(3)
+    a = np.array([rng.uniform(-80, 80, 50), rng.uniform(-180, 180, 50), rng.uniform(0, 9e3, 50)])
+    b = a + np.array([[0.1], [0.1], [500.0]]) * rng.normal(size=(3, 50))
+    for size in (2, 3):
+        distance = Geodesic(vertical_weight=2.0)
+        found = distance.slopes_between(a[:size], b[:size])
+        for axis, step in enumerate((1e-5, 1e-5, 1.0)[:size]):
+            shift = step * np.eye(size)[axis][:, None]
+            ends = (distance(a[:size].T, (b[:size] + s * shift).T) for s in (-1, 1))
+            low, high = ends
+            assert found[axis] == pytest.approx((high - low) / (2 * step), rel=1e-3, abs=1e-2)
+        assert not distance.slopes_between(a[:size], a[:size]).any()
+
+
 # --- axioms ---------------------------------------------------------------------------------------
 
 
 def states(name: str, rng: np.random.Generator, count: int, spread: float) -> np.ndarray:
     """States for a distance, some of them equal and some at the seams."""
-    if name == "haversine":
+    if name == "geodesic, heights":
+        heights = np.round(rng.normal(0, 1e3 * spread, (count, 1)), 1)
+        return np.concatenate((states("geodesic", rng, count, spread), heights), axis=1)
+    if name in ON_EARTH:
         found = rng.normal(0, spread, (count, 2)) * [1, 4] + rng.choice([-90, 0, 90, 45], (1, 2))
         found[:, 0] = np.clip(found[:, 0], -90, 90)
         return np.clip(found + rng.choice([0, 180, -180], (count, 1)) * [0, 1], -360, 360)
@@ -127,6 +176,7 @@ def test_it_is_a_metric(name: str, seed: int, spread: float) -> None:
     assert np.all(d >= 0)
     # Rounding of the distances, and of coordinates that are large beside them.
     allowed = 1e-12 * d[:, None] + 1e-13 * (1 + np.abs(x).max()) * (name != "iou") + 1e-15
+    allowed += 1e-7 * name.startswith("geodesic")  # metres
     assert np.all(d[:, None] <= d[:, :, None] + d.T[None] + allowed)
 
 
@@ -167,7 +217,7 @@ def test_near_pairs_of_odd_sizes(kind: str) -> None:
         x, cutoff = x * 1e-140, 3e-140
     truth, estimate = (table(np.repeat(np.arange(3), 30), side, 3) for side in x)
     for name in METRICS:
-        if name not in ("haversine", "iou"):
+        if name != "iou" and not isinstance(METRICS[name], Geodesic | Haversine):
             assert_as_by_brute_force(truth, estimate, cutoff, METRICS[name])
 
 
@@ -258,7 +308,7 @@ def compared(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return found
 
 
-@pytest.mark.parametrize("name", ["mahalanobis", "haversine", "iou", "circle"])
+@pytest.mark.parametrize("name", ["mahalanobis", "haversine", "geodesic", "iou", "circle"])
 def test_candidates_do_not_grow_with_all_pairs(name: str, compared: list[int]) -> None:
     """Four times the objects at the same density: about four times the candidates."""
     circle = Norm(name="euclidean", power=2.0, period=(math.inf, 100.0, math.inf))
@@ -267,7 +317,7 @@ def test_candidates_do_not_grow_with_all_pairs(name: str, compared: list[int]) -
         rng = np.random.default_rng(count)
         side = math.sqrt(count)
         place = rng.uniform(0, side, (2, count, 2))
-        if name == "haversine":
+        if name in ON_EARTH:
             x, cutoff = place * 1e-3 + [50, 179.98], 300.0  # spacing of some 100 m, date line
         elif name == "iou":
             x, cutoff = np.concatenate((place, rng.uniform(0.5, 2, place.shape)), axis=2), 0.5
@@ -338,6 +388,7 @@ def pair(write: Write) -> tuple[str, str]:
     ("arguments", "expected", "recorded"),
     [
         (["--distance", "haversine"], 0.0, {"columns": ["lat", "lon"]}),
+        (["--distance", "geodesic"], 0.0, {"columns": ["lat", "lon"]}),
         (["--distance", "iou", "-c", "1"], 2 / 3, {"columns": ["left", "top", "width", "height"]}),
         (
             ["--distance", "mahalanobis", "--covariance", "c.csv"],
@@ -418,6 +469,9 @@ def test_a_settings_file_names_circles(invoke: Invoke, write: Write, pair: tuple
         (["--scale", "x=1,x=2"], 2, ["--scale", '"x"', "twice"]),
         (["--distance", "iou", "--columns", "x,y"], 2, ['"x"', "left, top, width, height"]),
         (["--distance", "haversine", "--columns", "lon,lat"], 3, ["t.csv", "lat,lon"]),
+        (["--distance", "geodesic", "--columns", "lon,lat"], 3, ["t.csv", "lat,lon,alt"]),
+        (["--distance", "haversine", "--vertical-weight", "2"], 2, ["--vertical-weight is for"]),
+        (["--distance", "geodesic", "--vertical-weight", "0"], 2, ["vertical weight is 0"]),
         (
             ["--distance", "haversine", "--columns", "lat=lon,lon=lat"],
             3,

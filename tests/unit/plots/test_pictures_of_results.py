@@ -16,8 +16,9 @@ pytest.importorskip("matplotlib")
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.path import Path as MplPath
+from scipy.stats import chi2
 
-from tgospa_eval import evaluate, plots
+from tgospa_eval import Trajectories, evaluate, plots
 from tgospa_eval.cli.shared import progress
 from tgospa_eval.common import palette
 from tgospa_eval.common.words import install
@@ -261,7 +262,7 @@ def test_maps_have_equal_scales(latitude: float, columns: tuple[str, str] | None
 def test_no_map_is_stretched_beyond_measure() -> None:
     for latitude in (89.9, 500.0):  # the second is no latitude, whatever the column is called
         rows = pd.DataFrame({"id": "a", "t": [0, 1], "lat": latitude, "lon": [0.0, 1.0]})
-        made = plot_plane(evaluate(rows, rows, cutoff=1.0))
+        made = plot_plane(evaluate(rows, rows, cutoff=1.0, distance="euclidean"))
         assert made.axes[0].get_aspect() in (1.0, "auto")
 
 
@@ -320,7 +321,57 @@ def test_ellipses() -> None:
     outline = artist(made, "estimate/shapes").get_paths()[1].vertices[:-1] - [30, 0]
     inverse = np.linalg.inv([[4.0, 1.2], [1.2, 1.0]])
     radius = np.sqrt(np.einsum("ni,ij,nj->n", outline, inverse, outline))
-    assert radius == pytest.approx(np.full(len(outline), 2.0), rel=0.05)
+    assert radius == pytest.approx(np.full(len(outline), chi2.ppf(0.95, 2) ** 0.5), rel=1e-9)
+    assert "95 % ellipse, estimate" in words(made)
+    assert "estimate: 3 of 3 ellipses" in words(made)
+
+
+def test_an_interval_over_the_time() -> None:
+    truth = pd.DataFrame({"id": 1, "t": range(3), "x": [0.0, 30, 60]})
+    result = evaluate(truth, truth.assign(cov_xx=4.0), distance="gaussian-wasserstein")
+    outline = artist(plot_plane(result), "estimate/shapes").get_paths()[1].vertices
+    assert np.ptp(outline[:, 0]) == 0
+    reach = outline[:, 1] - 30
+    assert [reach.min(), reach.max()] == pytest.approx(np.array([-2, 2]) * chi2.ppf(0.95, 1) ** 0.5)
+
+
+def test_what_is_around_the_farthest_pair_is_enlarged() -> None:
+    """All states of its steps near it, with lines to their partners; others are beyond."""
+    truth = np.stack([np.arange(20.0) * 3, np.zeros(20)], axis=1)[:, None] + [[0, 0], [0, 500]]
+    estimate = truth.copy()
+    estimate[7, 0, 1] += 2
+    covariance = np.tile(np.diag([4.0, 1.0]), (20, 2, 1, 1))
+    side = Trajectories.from_array(estimate, covariance=covariance)
+    result = evaluate(Trajectories.from_array(truth), side, distance="gaussian-wasserstein")
+    made = plot_plane(result)
+    below = made.axes[1]
+    shapes = [c for c in below.collections if c.get_label() == "estimate/shapes"]
+    assert len(shapes[0].get_paths()) == 5  # steps 5 to 9 of one track
+    assert "estimate: 5 of 40 ellipses" in words(made)
+    assert "Around the farthest pair, t = 5 to 9" in [below.get_title(loc="left")]
+    (low, high), (left, right) = below.get_ylim(), below.get_xlim()
+    assert low < -2 < 4 < high < 100
+    assert left < 15 < 27 < right < 60
+
+
+def test_particles() -> None:
+    """Their areas are their weights, at the states whose ellipses are drawn."""
+    rows = [(1, t, w, 10.0 * t + x, y) for t in range(3) for w, x, y in CLOUD]
+    estimate = pd.DataFrame(rows, columns=["id", "t", "weight", "x", "y"])
+    truth = pd.DataFrame({"id": 1, "t": range(3), "x": [0.0, 10, 20], "y": 0.0})
+    made = plot_plane(evaluate(truth, estimate, distance="cloud-wasserstein"))
+    dots = next(c for c in made.axes[0].collections if c.get_label() == "estimate/particles")
+    assert dots.get_offsets()[:3].tolist() == [[0, 0], [2, 0], [0, 3]]
+    assert dots.get_sizes()[:3] / dots.get_sizes()[0] == pytest.approx([1, 0.6, 0.4])
+    assert "particles, estimate" in words(made)
+    assert any("of 9 particles, area by weight" in text for text in words(made))
+
+
+CLOUD = ((0.5, 0.0, 0.0), (0.3, 2.0, 0.0), (0.2, 0.0, 3.0))
+
+
+def test_a_result_without_ellipses_has_one_panel() -> None:
+    assert len(plot_plane(swap()).axes) == 1
 
 
 def test_cumulative() -> None:

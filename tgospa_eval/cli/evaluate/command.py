@@ -61,6 +61,12 @@ class Files(Verb):
             "tgospa-eval verify DIR.",
             section="Output",
         ),
+        Option(
+            "--geojson",
+            "With -o, write result.geojson as well: tracks, misses, false targets, errors and "
+            "switches with times and costs, for programs with maps. Of places on the Earth.",
+            section="Output",
+        ),
         *(OPTIONS[key] for key in ("curve", "window", "every", "similarity", "explain")),
     ],
 )
@@ -129,10 +135,11 @@ def _check(chosen: Request, output: OutputOptions, typed: set[str], *, sweep: bo
     for name in OF_PICTURES if output.output is None else ():
         if name in typed and not (name == "pictures" and output.pictures == "none"):
             raise click.UsageError(f"--{name} is for the pictures of -o DIR")
-    if "proof" in typed and (sweep or output.output is None):
-        raise click.UsageError(
-            f"--proof is for {'one evaluation' if sweep else 'the folder of -o'}"
-        )
+    for name in ("proof", "geojson"):
+        if name in typed and (sweep or output.output is None):
+            raise click.UsageError(
+                f"--{name} is for {'one evaluation' if sweep else 'the folder of -o'}"
+            )
     if "proof" in typed and chosen.existence == "use":
         raise click.UsageError("--proof has no place for --existence use: leave one of them out")
     if "proof" in typed and chosen.step_weights is not None:

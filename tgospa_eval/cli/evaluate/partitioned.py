@@ -63,6 +63,8 @@ def check_parts(options: Request, output: OutputOptions, why: str, *, sweep: boo
     ]
     if output.proof:
         asked.append(("proof", FITTING))
+    if output.geojson:
+        asked.append(("geojson", FITTING))
     if output.plane is not None:
         asked.append(("plane", "leave it out: there is no picture of trajectories"))
     if sweep:

@@ -169,6 +169,7 @@ class OutputOptions(Values):
     output: str | None = None
     force: bool = False
     proof: bool = False
+    geojson: bool = False
     pictures: str = "none"
     style: str = "screen"
     components: str | None = None

@@ -12,6 +12,7 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.proof import PROOF_FOLDER
 from tgospa_eval.reports.files import (
+    GEOJSON,
     PROOF_FILES,
     RESULT,
     Files,
@@ -100,6 +101,7 @@ def probed_folder(
     also += ("windows.csv",) if windows else ()
     also += ("per_class.csv",) if options.by else ()
     also += ("explanation.json", "explanation.csv") if options.explain else ()
+    also += (GEOJSON,) if output.geojson else ()
     also += tuple(f"{PROOF_FOLDER}/{name}" for name in PROOF_FILES) if output.proof else ()
     probe_folder(folder, RESULT, force=output.force, also=also)
     return wanted
@@ -162,6 +164,9 @@ def write_folder(
             notify(PROOF_FOLDER, 0.0)
             proof = proof_files(result, options.given)
             texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in proof.items()}
+        if output.geojson:
+            notify(GEOJSON, 0.0)
+            texts |= {GEOJSON: result.to_geojson()}
         if wanted is None:
             return texts
         from tgospa_eval.plots.result_pictures import result_pictures

@@ -115,13 +115,17 @@ def gap_warnings(sides: "Fitted", request: "EvaluationRequest") -> list[Notice]:
     )
     if not states:
         return [Notice(text=text)]
+    if request.ignoring is not None and request.ignoring.gaps:
+        near = f"{counted(states, 'estimate state')} within c of the straight line across"
+        return [Notice(text=f"{text}: --ignore truth-gaps, {near} cost nothing")]
     cost = states * parameters.rho * parameters.cutoff**parameters.order
     return [
         Notice(
             code="truth-gaps",
             text=f"{text}: {counted(states, 'estimate state')} within c of the straight line "
             f"across are false because the truth is silent, cost up to {number(cost)}",
-            remedy="a longer --max-gap if the truth moves straight in them",
+            remedy="--ignore truth-gaps does not judge them; a longer --max-gap if the truth moves "
+            "straight in them",
         )
     ]
 

@@ -13,6 +13,7 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, plain
+from tgospa_eval.distances.registry import ON_EARTH
 from tgospa_eval.evaluation.diagnosis.costs import (
     FEWEST_TRACKS,
     FIRST_STEPS,
@@ -163,7 +164,7 @@ def _lines(sample: Sample) -> Iterator[Floats]:
     """
     truth, estimate, distance = sample.truth, sample.estimate, sample.distance
     columns, cutoff = estimate.columns, sample.parameters.cutoff
-    if distance.name == "haversine":
+    if distance.name in ON_EARTH:
         from tgospa_eval.distances.sphere import RADIUS  # here: most distances are others
 
         chosen, degrees = [0, 1], np.degrees(cutoff / RADIUS)
@@ -303,13 +304,21 @@ def _linear(sample: Sample) -> Iterator[_Change]:
     size = len(columns)
     same, none = tuple(range(size)), np.zeros(size)
     circular = sample.distance.settings(columns).get("periodic", {})
-    straight = np.array([name not in circular for name in columns])
-    named = ",".join(name for name in columns if name not in circular)
+    lengths = [name for name in columns if name not in circular]
+    angles: list[str] = []
+    if sample.distance.name in ON_EARTH:
+        angles, lengths = lengths[:2], lengths[2:]
     for factor, units in FACTORS.items():
-        if ("degrees" in units) != (sample.distance.name == "haversine"):
+        names = angles if "degrees" in units else lengths
+        if not names:
             continue
+        named = ",".join(names)
+        straight = np.array([name in names for name in columns])
         for by, far, (own, other) in ((factor, "small", units[::-1]), (1 / factor, "large", units)):
-            option = f", or use --unit-scale {plain(float(f'{by:.15g}'))}"  # which angles have not
+            value = plain(float(f"{by:.15g}"))
+            option = f", or use --unit-scale {value}"  # which angles have not
+            if angles:
+                option = f", or use --estimate-scale {','.join(f'{n}={value}' for n in names)}"
             yield _Change(
                 code="unit-scale",
                 text=f"coordinates of the estimate seem {factor:.6g} times too {far} for those "

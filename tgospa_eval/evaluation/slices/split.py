@@ -100,9 +100,22 @@ def row_costs(states: States, weights: Ints) -> RowCosts:
             "missed_count": missed,
             "switch": sum_by(row, price, size),
             "switch_count": 0.5 * sum_by(row, amount, size),
+            "truth_steps": _judged(truths),
         },
-        {"false": false * estimates.price, "false_count": false},
+        {
+            "false": false * estimates.price,
+            "false_count": false,
+            "estimate_steps": np.ones(len(estimates.step)),
+        },
     )
+
+
+def _judged(truths: Objects) -> Floats:
+    """1 for each row that is judged."""
+    judged = np.ones(len(truths.step))
+    if truths.unjudged is not None:
+        judged[truths.unjudged] = 0.0
+    return judged
 
 
 def _row_at(truths: Objects, track: Ints, step: Ints) -> Ints:
@@ -120,9 +133,7 @@ def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
     """The sums of all slices that have rows, or are shown without."""
     size = len(whole.names)
     sums: dict[str, Floats] = {}
-    for side, (role, values) in enumerate(zip(("truth", "estimate"), costs, strict=True)):
-        rows = len(next(iter(values.values())))
-        columns = {**values, f"{role}_steps": np.ones(rows)}
+    for side, columns in enumerate(costs):
         for part in whole.shares:
             place, share = part[side]
             order = np.argsort(place.astype(np.min_scalar_type(size)), kind="stable")

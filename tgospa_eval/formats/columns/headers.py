@@ -17,6 +17,7 @@ from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.trajectories import Floats
 
 if TYPE_CHECKING:
+    from tgospa_eval.formats.clocks import TimeForm
     from tgospa_eval.formats.columns.spread import SpreadColumns
 
 WEIGHT = "weight"
@@ -395,6 +396,10 @@ class Roles:
         The states, in order.
     names : tuple of str
         Their names.
+    second : int, optional
+        Column of what is behind the times, where they are of two columns: date and time of day.
+    form : TimeForm, optional
+        How times are written.
     klass : int, optional
         Column of the classes, if a filter asks for it.
     region : dict of str to Mix
@@ -440,6 +445,8 @@ class Roles:
     headers: tuple[str, ...] = ()
     fixed: bool = False
     passed: tuple[str, ...] = ()
+    second: int | None = None
+    form: "TimeForm | None" = None
     missing: dict[str, str] = field(default_factory=dict)
 
     @cached_property
@@ -454,7 +461,7 @@ class Roles:
     @property
     def texts(self) -> tuple[int, ...]:
         """Columns of attributes that are nothing else, and are read as texts."""
-        others = {self.id, self.time, self.klass, *self.numbers}
+        others = {self.id, self.time, self.second, self.klass, *self.numbers}
         return tuple(sorted(set(self.attributes.values()) - others))
 
     @property
@@ -546,6 +553,7 @@ def find_roles(
             )
         wanted = BOX
     headers = Headers(names, mapped, options.option, where)
+    second = _second_of_times(headers)
     missing = without_maps(headers, options)
     mixes = _Mixes(headers)
     identity = headers.find("id")
@@ -572,7 +580,7 @@ def find_roles(
     weight = None if options.boxes else headers.find(WEIGHT)
     centres = not options.boxes and any(len(mix) > 1 for mix in state)
     sizes = (mixes.box["width"], mixes.box["height"]) if centres or options.boxes else ()
-    used = {identity, time, klass}
+    used = {identity, time, second, klass}
     used |= {column for mix in (*state, *region.values(), *sizes) for column, _ in mix}
     if weight in used:
         weight = None
@@ -598,8 +606,20 @@ def find_roles(
         headers=tuple(names),
         fixed=fixed,
         passed=(*headers.passed_over("id", unused), *headers.passed_over("t", unused)),
+        second=second,
+        form=options.form,
         missing=missing,
     )
+
+
+def _second_of_times(headers: Headers) -> int | None:
+    """The second of two columns that are mapped as ``t=DATE+TIME``; the first stays mapped."""
+    first, _, second = (part.strip() for part in headers.mapped.get("t", "").partition("+"))
+    if not second or headers.spelt(headers.mapped["t"], "t") is not None:
+        return None
+    found = headers.spelt(second, "t")
+    headers.mapped["t"] = second if found is None else first  # what is missing is said of it
+    return found
 
 
 class _Mixes:

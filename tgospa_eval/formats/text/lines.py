@@ -23,7 +23,7 @@ from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.fields import Coded, attribute_of, floats, is_number
 from tgospa_eval.formats.guess import COMMENTS
 from tgospa_eval.formats.rows import Rows, blanks, numbered
-from tgospa_eval.formats.times import TimeError, coded_times, remedy_for
+from tgospa_eval.formats.times import TimeError, read_times, remedy_for
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, Ints
 
@@ -138,7 +138,8 @@ class Fields:
 def text_columns(roles: Roles, texts: Sequence[int] = ()) -> tuple[int, ...]:
     """Columns that are read as texts: ids, times, classes, attributes, and those asked for."""
     klass = () if roles.klass is None else (roles.klass,)
-    return tuple(dict.fromkeys((roles.id, roles.time, *texts, *klass, *roles.texts)))
+    second = () if roles.second is None else (roles.second,)
+    return tuple(dict.fromkeys((roles.id, roles.time, *second, *texts, *klass, *roles.texts)))
 
 
 def scanned(
@@ -424,7 +425,8 @@ def convert(
         wrong = of_weights if column == roles.weight else problems
         wrong.append(f"{where(row)}, column {quoted(names[column])}: {message}")
     try:
-        times = coded_times(coded[roles.time], decimal)
+        second = None if roles.second is None else coded[roles.second]
+        times = read_times(coded[roles.time], decimal, roles.form, second)
     except TimeError as error:
         problems.append(f"{where(error.row)}, column {quoted(names[roles.time])}: {error}")
     if problems:

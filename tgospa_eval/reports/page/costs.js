@@ -112,7 +112,7 @@ const windows = doc.windows && {
 function costWords(step) {
   const parts = PARTS.filter((name) => doc.costs[name][step] > 0).map((name) => {
     const count = doc.counts[name] ? ` (${number(doc.counts[name][step])})` : "";
-    return `${name} ${number(doc.costs[name][step])}${count}`;
+    return `${word(name)} ${number(doc.costs[name][step])}${count}`;
   });
   return `${doc.together > 1 ? `a step from ${time(step)} on` : `step ${time(step)}`}: cost ${number(total[step])}${parts.length ? `\n${parts.join(", ")}` : ""}`;
 }
@@ -121,7 +121,7 @@ const barAt = (step) => costs.dearest(step, costs.canvas.clientWidth);
 timePointer(costs.canvas, (event) => costWords(barAt(stepAt(event.offsetX, costs.canvas.clientWidth))), (_, step) => choose({ step: barAt(step) }));
 timePointer(curve.canvas, (event) => {
   const step = stepAt(event.offsetX, curve.canvas.clientWidth);
-  return `steps up to ${time(step)}: ${withUnit(doc.curve.total[step])} per step\n${PARTS.map((name) => `${name} ${number(doc.curve[name][step])}`).join(", ")}`;
+  return `steps up to ${time(step)}: ${withUnit(doc.curve.total[step])} per step\n${PARTS.map((name) => `${word(name)} ${number(doc.curve[name][step])}`).join(", ")}`;
 }, (_, step) => choose({ step }));
 if (windows) {
   timePointer(windows.canvas, (event) => {

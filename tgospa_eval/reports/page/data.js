@@ -1,7 +1,9 @@
 // The data: a JSON document, and whole numbers in one compressed block (reports/page_data.py).
 const doc = JSON.parse(document.getElementById("data").textContent);
 const NONE = -1;
-const PARTS = ["localisation", "missed", "false", "switch"];
+const PARTS = doc.parts;
+const word = (name) => doc.words[name] ?? name; // what a side or a part is called
+const paired = PARTS.includes("switch") ? ["followed by", "follows"] : ["with", "with"];
 const steps = doc.times.length;
 const total = doc.times.map((_, k) => PARTS.reduce((sum, name) => sum + doc.costs[name][k], 0));
 const stepOf = new Map(doc.times.map((t, k) => [String(t), k]));
@@ -74,13 +76,23 @@ function makeSide(name, arrays) {
     while (run.track[r] < row.track[k] || run.end[r] < row.step[k]) r++;
     row.other[k] = run.other[r];
   }
-  const told = arrays[`${name}/spread/row`];
-  const spread = told && {
-    row: told, first: firsts(told.map((k) => row.track[k]), count),
-    levels: Array.from({ length: doc.columns.length * (doc.columns.length + 1) / 2 }, (_, entry) => arrays[`${name}/spread/${entry}`]),
+  const around = (what) => {
+    const told = arrays[`${name}/${what}/row`];
+    return told && {
+      row: told, first: firsts(told.map((k) => row.track[k]), count), how: doc[what],
+      levels: Array.from({ length: doc.columns.length * (doc.columns.length + 1) / 2 }, (_, entry) => arrays[`${name}/${what}/${entry}`]),
+    };
   };
+  // Particles lie one cloud behind the other, by the rows to which they belong.
+  const held = arrays[`${name}/particles/row`];
+  const particles = {
+    first: firsts(held, row.track.length), weight: arrays[`${name}/particles/weight`],
+    axes: doc.columns.map((_, axis) => Float64Array.from(arrays[`${name}/particles/${axis}`], (level) => doc.low[axis] + level * doc.quantum[axis])),
+  };
+  for (const [, corner, size] of derived) particles.axes.push(particles.axes[corner].map((value, k) => value + particles.axes[size][k] / 2));
+  particles.axes.push(Float64Array.from(held, (k) => moments[row.step[k]]));
   const label = table.id.map((id, k) => table.class ? `${table.class[k]}: ${id}` : id);
-  return { name, table, count, run, row, spread, label, other: name === "truth" ? "estimate" : "truth" };
+  return { name, table, count, run, row, spread: around("spread"), gate: around("gate"), particles, label, other: name === "truth" ? "estimate" : "truth" };
 }
 
 // The run of a track at a step, or -1.

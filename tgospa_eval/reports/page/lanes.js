@@ -15,7 +15,8 @@ const lanes = {
       const begin = (k) => side.run.begin[side.run.first[k]] ?? steps;
       if (by === "cost") tracks.sort((a, b) => side.table.total[b] - side.table.total[a]);
       if (by === "begin") tracks.sort((a, b) => begin(a) - begin(b));
-      rows.push({ title: name === "truth" ? plural(tracks.length, "truth") : `${plural(tracks.length, "estimate")} with false steps` });
+      const [count, wrong] = PARTS.includes("switch") ? [plural(tracks.length, name), "with false steps"] : [`${tracks.length} of ${word(name)}`, "alone at some step"];
+      rows.push({ title: name === "truth" ? count : `${count} ${wrong}` });
       for (const track of tracks) rows.push({ side, track });
     }
     this.rows = rows;
@@ -202,12 +203,12 @@ const lanes = {
 };
 
 function laneWords({ side, track }, step) {
-  const { run } = side, r = runAt(side, track, step), name = `${side.name} ${isolate(side.label[track])}`;
+  const { run } = side, r = runAt(side, track, step), name = `${word(side.name)} ${isolate(side.label[track])}`;
   if (r < 0) return `${name} does not exist at ${time(step)}`;
   const stretch = run.begin[r] === run.end[r] ? `at ${time(run.begin[r])}` : `from ${time(run.begin[r])} to ${time(run.end[r])}`;
   const words = run.other[r] === NONE
-    ? side.name === "truth" ? "missed" : "false"
-    : `${side.name === "truth" ? "followed by" : "follows"} ${labelOf(side.other, run.other[r])}`;
+    ? word(side.name === "truth" ? "missed" : "false")
+    : `${paired[side.name === "truth" ? 0 : 1]} ${labelOf(side.other, run.other[r])}`;
   const changes = side.name === "truth" ? (switchesOf.truth.get(track) || []).filter((k) => doc.switches.step[k] === step).map(switchWords) : [];
   return [`${name}: ${words} ${stretch}`, ...changes].join("\n");
 }

@@ -42,7 +42,7 @@ function refresh() {
   lanes.canvas.setAttribute("aria-valuemax", Math.max(lanes.rows.length - 1, 0));
   lanes.canvas.setAttribute("aria-valuenow", Math.max(lane, 0));
   lanes.canvas.setAttribute("aria-valuetext", state.track === null ? "no lane selected"
-    : `${state.side} ${sides[state.side].label[state.track]}, cost ${number(sides[state.side].table.total[state.track])}`);
+    : `${word(state.side)} ${sides[state.side].label[state.track]}, cost ${number(sides[state.side].table.total[state.track])}`);
   drawDetail();
   markRows();
   lanes.reveal();

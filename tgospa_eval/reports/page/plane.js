@@ -102,7 +102,7 @@ const plane = {
 
   // What does not depend on the selected step is drawn once and kept, so that stepping is quick.
   still(context, width, height) {
-    const ways = [this.axisX.value, this.axisY.value, this.downward.checked, shapes.control.checked, printing];
+    const ways = [this.axisX.value, this.axisY.value, this.downward.checked, shapes.control.checked, shapes.dots.checked, printing];
     const drawn = JSON.stringify([this.view, state.from, state.to, state.side, state.track, state.repair, this.canvas.width, ways]);
     if (drawn !== this.drawn) {
       this.kept.width = this.canvas.width;
@@ -123,7 +123,7 @@ const plane = {
     context.clip();
     // Smaller and thinner marks where they would hide one another.
     let count = 0;
-    for (let k = state.from; k <= state.to; k++) count += doc.counts.missed[k] + doc.counts.false[k] + doc.counts.switch[k];
+    for (let k = state.from; k <= state.to; k++) count += doc.counts.missed[k] + doc.counts.false[k] + (doc.counts.switch?.[k] ?? 0);
     this.crowded = count >= 400;
     this.most = 0;
     this.mark = !this.crowded || state.track !== null ? 1 : Math.max(0.45, 1 - Math.log10(count / 400) * 0.4);
@@ -320,9 +320,21 @@ const plane = {
         const [x, y] = this.place(at[this.axisX.value], at[this.axisY.value], width, height);
         places[side.name].set(track, [x, y]);
         fade(side.name, track);
+        const k = rowFrom(side, track, state.step);
+        if (side.row.step[k] === state.step) {
+          context.globalAlpha *= 0.5;
+          shapes.specks(context, side, k, +this.axisX.value, +this.axisY.value, width, height);
+          context.globalAlpha *= 2;
+        }
         const around = shapes.outline(side, track, state.step, at, +this.axisX.value, +this.axisY.value);
         context.lineWidth = 2;
         if (around) shapes.stroke(context, side, track, around.map((point) => this.place(...point, width, height)));
+        const axes = [+this.axisX.value, +this.axisY.value];
+        if (side.gate && axes[0] !== axes[1] && axes.every((axis) => axis === TIME || axis < doc.columns.length)) {
+          const gate = shapes.ellipse(side, side.gate, track, state.step, at, ...axes);
+          context.lineWidth = 1.5;
+          if (gate) shapes.stroke(context, side, track, gate.map((point) => this.place(...point, width, height)), "missed", [2, 3]);
+        }
         context.beginPath();
         context.arc(x, y, side.name === "truth" ? 6 : 3.5, 0, 7);
         if (side.name === "truth") {
@@ -422,4 +434,4 @@ for (const control of [plane.axisX, plane.axisY, plane.equal]) {
     planeAct("all");
   });
 }
-for (const control of [plane.downward, shapes.control]) control.addEventListener("change", redraw);
+for (const control of [plane.downward, shapes.control, shapes.dots]) control.addEventListener("change", redraw);

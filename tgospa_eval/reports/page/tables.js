@@ -23,15 +23,15 @@ const FEW = 50;
 function trackTable(name) {
   const side = sides[name], { table } = side, kind = name === "truth" ? "missed" : "false";
   const columns = [
-    [name, (k) => table.id[k]],
+    [word(name), (k) => table.id[k]],
     ...(table.class ? [["class", (k) => table.class[k]]] : []),
     ["steps", (k) => table.steps[k]],
-    [`${kind} steps`, (k) => table.unassigned_count[k]],
-    ["switches", (k) => table.switch_count[k]],
+    [`${word(kind)} steps`, (k) => table.unassigned_count[k]],
+    ...(table.switch ? [["switches", (k) => table.switch_count[k]]] : []),
     ["total cost", (k) => table.total[k]],
-    ["localisation", (k) => table.localisation[k]],
-    [kind, (k) => table.unassigned[k]],
-    ["switch", (k) => table.switch[k]],
+    [word("localisation"), (k) => table.localisation[k]],
+    [word(kind), (k) => table.unassigned[k]],
+    ...(table.switch ? [["switch", (k) => table.switch[k]]] : []),
   ];
   const box = document.getElementById(`${name}-table`);
   let sorted = "total cost", falling = true, all = side.count <= FEW;
@@ -46,14 +46,14 @@ function trackTable(name) {
     const head = columns.map(([title]) => {
       const button = make("button", title, { type: "button" });
       button.addEventListener("click", () => {
-        falling = sorted === title ? !falling : title !== name && title !== "class";
+        falling = sorted === title ? !falling : title !== word(name) && title !== "class";
         sorted = title;
         draw();
         box.querySelectorAll("thead button")[columns.findIndex(([other]) => other === title)].focus();
       });
       return make("th", button, { scope: "col", "aria-sort": sorted === title ? (falling ? "descending" : "ascending") : "none" });
     });
-    const rows = shown.map((k) => make("tr", columns.map(([title, value]) => title === name
+    const rows = shown.map((k) => make("tr", columns.map(([title, value]) => title === word(name)
       ? make("th", link(value(k), { side: name, track: k }), { scope: "row" })
       : make("td", typeof value(k) === "number" ? number(value(k)) : make("bdi", value(k)))), { "data-side": name, "data-track": k }));
     const parts = [make("table", [make("thead", make("tr", head)), make("tbody", rows)])];
@@ -99,16 +99,17 @@ function worstTables() {
   // Of stretches of steps the costliest steps are known by themselves.
   const several = doc.together > 1, { costs, counts } = several ? doc.worst : doc;
   const each = several ? doc.worst.t.map((_, k) => PARTS.reduce((sum, name) => sum + costs[name][k], 0)) : total;
-  add("Steps", ["step", "cost", "missed", "false", "switches", "mostly"], dearest(each).map((k) => make("tr", [
+  const switches = PARTS.includes("switch");
+  add("Steps", ["step", "cost", word("missed"), word("false"), ...(switches ? ["switches"] : []), "mostly"], dearest(each).map((k) => make("tr", [
     make("th", several ? make("bdi", String(doc.worst.t[k])) : stepLink(k), { scope: "row" }), make("td", number(each[k])), make("td", number(counts.missed[k])),
-    make("td", number(counts.false[k])), make("td", number(counts.switch[k])), make("td", why(PARTS.map((name) => [name, costs[name][k]]))),
+    make("td", number(counts.false[k])), ...(switches ? [make("td", number(counts.switch[k]))] : []), make("td", why(PARTS.map((name) => [word(name), costs[name][k]]))),
   ], several ? {} : { "data-step": k })));
-  for (const [name, title, kind] of [["truth", "Truths", "missed"], ["estimate", "Estimates", "false"]]) {
+  for (const [name, title, kind] of [["truth", doc.words.truth ?? "Truths", "missed"], ["estimate", doc.words.estimate ?? "Estimates", "false"]]) {
     const { table } = sides[name];
-    add(title, [name, "cost", `${kind} steps`, "switches", "mostly"], dearest(table.total).map((k) => make("tr", [
+    add(title, [word(name), "cost", `${word(kind)} steps`, ...(switches ? ["switches"] : []), "mostly"], dearest(table.total).map((k) => make("tr", [
       make("th", trackLink(name, k), { scope: "row" }), make("td", number(table.total[k])), make("td", number(table.unassigned_count[k])),
-      make("td", number(table.switch_count[k])),
-      make("td", why([["localisation", table.localisation[k]], [kind, table.unassigned[k]], ["switch", table.switch[k]]])),
+      ...(switches ? [make("td", number(table.switch_count[k]))] : []),
+      make("td", why([["localisation", table.localisation[k]], [kind, table.unassigned[k]], ["switch", table.switch?.[k] ?? 0]].map(([part, cost]) => [word(part), cost]))),
     ], { "data-side": name, "data-track": k })));
   }
   document.getElementById("worst").replaceChildren(...tables);
@@ -147,24 +148,24 @@ function drawDetail() {
   }
   if (state.step !== null) {
     parts.push(make("h3", `Step ${time(state.step)}`), make("p", `Cost ${number(total[state.step])}: ` +
-      (PARTS.filter((name) => doc.costs[name][state.step] > 0).map((name) => `${name} ${number(doc.costs[name][state.step])}`).join(", ") || "nothing wrong") + "."));
+      (PARTS.filter((name) => doc.costs[name][state.step] > 0).map((name) => `${word(name)} ${number(doc.costs[name][state.step])}`).join(", ") || "nothing wrong") + "."));
     const items = [];
-    for (const [name, word] of [["truth", "missed"], ["estimate", "false"]]) {
+    for (const [name, kind] of [["truth", "missed"], ["estimate", "false"]]) {
       const alone = aloneAt(name, state.step);
-      if (alone.length) items.push([`${word}: `, ...joined(alone)]);
+      if (alone.length) items.push([`${word(kind)}: `, ...joined(alone)]);
     }
     items.push(...(switchesOf.step.get(state.step) || []).map((k) => ["switch ", ...switchItem(k)]));
     if (items.length) parts.push(list(items));
   }
   if (state.track !== null && !(about?.estimate.size > 1)) {
     const side = sides[state.side], { table, run } = side, k = state.track, truth = state.side === "truth", kind = truth ? "missed" : "false";
-    parts.push(make("h3", [truth ? "Truth " : "Estimate ", make("bdi", side.label[k])]),
-      make("p", `${plural(table.steps[k], "step")}, ${number(table.unassigned_count[k])} ${kind}, ${plural(table.switch_count[k], "switch", "switches")}; ` +
-        `cost ${number(table.total[k])}: localisation ${number(table.localisation[k])}, ${kind} ${number(table.unassigned[k])}, switch ${number(table.switch[k])}.`));
+    parts.push(make("h3", [doc.words[state.side] ?? (truth ? "Truth" : "Estimate"), " ", make("bdi", side.label[k])]),
+      make("p", `${plural(table.steps[k], "step")}, ${number(table.unassigned_count[k])} ${word(kind)}${table.switch ? `, ${plural(table.switch_count[k], "switch", "switches")}` : ""}; ` +
+        `cost ${number(table.total[k])}: ${word("localisation")} ${number(table.localisation[k])}, ${word(kind)} ${number(table.unassigned[k])}${table.switch ? `, switch ${number(table.switch[k])}` : ""}.`));
     if (state.step !== null) {
       const r = rowFrom(side, k, state.step), at = runAt(side, k, state.step);
       const error = truth && doc.columns.length && at >= 0 && run.other[at] !== NONE && side.row.step[r] === state.step
-        ? `, error ${withUnit(side.row.error[r] / doc.errors * doc.cutoff)}` : "";
+        ? `, ${doc.words.localisation ?? "error"} ${withUnit(side.row.error[r] / doc.errors * doc.cutoff)}` : "";
       parts.push(make("p", laneWords({ side, track: k }, state.step).split("\n")[0] + error + "."));
     }
     const runs = [], first = run.first[k], end = run.first[k + 1];
@@ -175,7 +176,7 @@ function drawDetail() {
     if (begin > first) runs.push(`${begin - first} before`);
     for (let r = begin; r < Math.min(begin + MANY, end); r++) {
       const stretch = run.begin[r] === run.end[r] ? ["at ", stepLink(run.begin[r])] : [stepLink(run.begin[r]), " to ", stepLink(run.end[r])];
-      runs.push([...stretch, ...(run.other[r] === NONE ? [`: ${kind}`] : [truth ? ": followed by " : ": follows ", trackLink(side.other, run.other[r])])]);
+      runs.push([...stretch, ...(run.other[r] === NONE ? [`: ${word(kind)}`] : [`: ${paired[truth ? 0 : 1]} `, trackLink(side.other, run.other[r])])]);
     }
     if (begin + MANY < end) runs.push(`and ${end - begin - MANY} more`);
     parts.push(make("ul", runs.map((item) => make("li", item))));

@@ -18,8 +18,12 @@ from tgospa_eval import InputError, Trajectories, evaluate, read_trajectories
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import (
     CloudWasserstein,
+    Distance,
     Effort,
     GaussianWasserstein,
+    Geodesic,
+    Mahalanobis,
+    Norm,
     PairMahalanobis,
     Pairs,
     Reduction,
@@ -31,6 +35,8 @@ from tgospa_eval.distances.clouds.distance import reduced
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.write import TABLES
+from tgospa_eval.plots.plane import Plane, ellipses
+from tgospa_eval.plots.style import STYLES
 from tgospa_eval.sensors.association import associate
 from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.clouds import Clouds
@@ -519,6 +525,118 @@ def test_associate(write: Write, invoke: Run, tmp_path: Path) -> None:
     )
     status, _, err = invoke("associate", a, b, "-c", "4", *WHOLE, *files)
     assert (status, "costs.csv: exists; name another file, or --force" in err) == (2, True)
+
+
+def test_the_folder_of_an_association(write: Write, invoke: Run, tmp_path: Path) -> None:
+    a, b = write("a.csv", TRUTH), write("b.csv", ESTIMATE.replace("b,0,1,50,51", "b,0,1,90,90"))
+    plain = "associate", a, b, "-c", "4", *WHOLE
+    status, out, err = invoke(*plain, "-o", "pairs", "--format", "json")
+    assert status == 0, err
+    assert "to pairs/; open pairs/report.html" in err
+    files = {file.name for file in (tmp_path / "pairs").iterdir() if file.name[0] != "."}
+    assert files == {"associate.json", "associations.csv", "plane.png", "report.html"}
+    assert (tmp_path / "pairs" / "associate.json").read_text(encoding="utf-8") == out
+    assert invoke(*plain, "--format", "csv").out == (
+        tmp_path / "pairs" / "associations.csv"
+    ).read_text(encoding="utf-8")
+    assert invoke(*plain, "-o", "pairs", "-q").status == 0  # its own files are replaced
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "file").touch()
+    status, out, err = invoke(*plain, "-o", "other")
+    assert (status, out) == (2, "")
+    assert "--output other: is not empty; name another folder, or --force" in err
+    assert invoke("associate", a, b, "-c", "4", "-o", "x", "--cost-matrix", "x/y").status == 2
+
+
+def test_what_is_drawn_of_an_association(tmp_path: Path) -> None:
+    """Costs by step and by track are the sum that was minimised; particles and pairs are there."""
+    found = associate(scene(0), scene(1), cutoff=9.0, distance="cloud-wasserstein")
+    data = found.drawn.document
+    assert sum(map(sum, data["costs"].values())) == pytest.approx(found.total, rel=1e-6)
+    tables = data["tracks"]
+    lost = [sum(tables[side]["unassigned"]) for side in ("truth", "estimate")]
+    paired = sum(tables["truth"]["localisation"])
+    assert paired + sum(lost) == pytest.approx(found.total, rel=1e-6)
+    assert [len(side.unassigned) for side in found.drawn.sides] == list(found.unassigned)
+    for side, held in zip(found.drawn.sides, (scene(0), scene(1)), strict=True):
+        several = held.clouds.counts[held.clouds.counts > 1].sum()
+        assert len(side.particles["row"]) <= several  # equal ones once, if they are thinned
+        assert len(side.particles["row"]) == several
+    found.save(tmp_path / "folder")
+    (tmp_path / "a").touch()
+    with pytest.raises(ConfigError, match="is a file; name a folder"):
+        found.save(tmp_path / "a")
+    drawn = found.plot_plane(columns=("x1", "x0")).axes
+    assert [axis.get_xlabel() for axis in drawn] == ["x1", "x1"]
+    assert {line.get_label() for line in drawn[0].get_lines()} >= {"pairs", "missed", "false"}
+
+
+def test_an_association_of_nothing() -> None:
+    none = Trajectories.from_array(np.zeros((0, 0, 2)))
+    found = associate(none, none, cutoff=1.0)
+    assert "0 associated" in found.to_html()
+    assert len(found.plot_plane().axes) == 1
+    alone = Trajectories.from_array(np.zeros((1, 1, 2)))
+    one = Trajectories.from_array(np.full((1, 1, 2), np.nan))
+    found = associate(alone, one, cutoff=1.0)
+    assert found.unassigned == (1, 0)
+    assert "1 of A" in found.to_html()
+    assert found.plot_plane()
+
+
+C = np.array([[4.0, 1.2], [1.2, 1.0]])
+
+
+@pytest.mark.parametrize(
+    ("distance", "cutoff"),
+    [
+        (Norm(name="euclidean", power=2.0, scale=(0.5, 2.0)), 3.0),
+        (Norm(name="manhattan", power=1.0), 3.0),
+        (Norm(name="chebyshev", power=np.inf, scale=(0.5, 2.0)), 3.0),
+        (Mahalanobis(covariance=C, scale=(0.5, 2.0)), 2.0),
+        (PairMahalanobis(), 2.0),
+        (GaussianWasserstein(scale=(2.0, 1.0)), 3.0),
+        (CloudWasserstein(inner="mahalanobis", covariance=C), 2.0),
+    ],
+    ids=lambda value: getattr(value, "name", ""),
+)
+def test_a_gate_is_where_the_distance_of_means_is_the_cutoff(
+    distance: Distance, cutoff: float
+) -> None:
+    """Partners that lie on the outline that is drawn, of equal covariance, are at the cutoff."""
+    gaussian = "gaussian" in distance.kinds
+    place, spread = np.array([[[10.0, 20.0]]]), {"covariance": C} if gaussian else {}
+    a = Trajectories.from_array(place, **spread)
+    found = associate(a, a, cutoff=cutoff, distance=distance)
+    seen = found.drawn
+    plane = Plane(seen=seen, across="x", up="y", style=STYLES["screen"])
+    power = seen.document["gate"]["power"] or np.inf
+    outline = ellipses(plane.places["truth"], plane.gates, power)[0]
+    for share, count in ((1 - 1e-9, 1), (1 + 1e-9, 0)):
+        for point in outline[::5]:
+            b = Trajectories.from_array(place + share * (point - place), **spread)
+            assert associate(a, b, cutoff=cutoff, distance=distance).chosen.sum() == count
+
+
+def test_a_gate_on_the_map() -> None:
+    """10 km at 60 degrees north: 0.09 degrees of latitude, twice as many of longitude."""
+    a = Trajectories.from_array(np.array([[[60.0, 10.0]]]), ("lat", "lon"))
+    found = associate(a, a, cutoff=10_000.0, distance="haversine")
+    lat, _, lon = np.sqrt(found.gates[0])
+    assert lat == pytest.approx(np.degrees(10_000 / 6371008.8))
+    assert lon == pytest.approx(2 * lat)
+    pytest.importorskip("pyproj")
+    high = Trajectories.from_array(np.array([[[60.0, 10.0, 500.0]]]), ("lat", "lon", "alt"))
+    found = associate(high, high, cutoff=100.0, distance=Geodesic(vertical_weight=4.0))
+    lat, _, lon, _, _, alt = np.sqrt(found.gates[0])
+    assert (lon / lat, alt) == pytest.approx((2, 25))
+    for column, size in enumerate((lat, lon, alt)):
+        place = high.dense() + np.eye(3)[column] * size
+        far = found.distance(high.dense(), place)[0, 0]
+        assert far == pytest.approx(100, rel=0.01)
+    boxes = Trajectories.from_array(np.ones((1, 1, 4)), ("left", "top", "width", "height"))
+    assert associate(boxes, boxes, cutoff=0.5, distance="iou").gates is None
+    assert len(associate(boxes, boxes, cutoff=0.5).plot_plane().axes) == 1  # not of centres
 
 
 def test_associate_says_what_a_filter_leaves(write: Write, invoke: Run) -> None:

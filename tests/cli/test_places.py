@@ -1,0 +1,189 @@
+"""Places and units as people have them."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from checkout import SAMPLES
+
+from tgospa_eval import ConfigError, InputError, evaluate
+
+FLIGHT = pd.DataFrame({"id": 1, "t": [0, 1], "lat": 55.0, "lon": 12.0, "alt": [3000.0, 3048.0]})
+FEET = FLIGHT.assign(alt=[10000.0, 10000.0])
+EARTH = {"distance": "geodesic", "columns": "lat,lon,alt", "cutoff": 500, "switch_penalty": 100}
+
+
+def test_heights_in_feet_have_a_factor_of_their_own() -> None:
+    result = evaluate(FLIGHT, FEET, **EARTH, estimate_scale="alt=0.3048")
+    assert result.total == pytest.approx(48.0**2)
+    assert result.parameters["estimate_scale"] == {"alt": 0.3048}
+    assert evaluate(FEET, FLIGHT, **EARTH, truth_scale="alt=0.3048").total == result.total
+    heavier = evaluate(FLIGHT, FEET, **EARTH, estimate_scale="alt=0.3048", vertical_weight=2)
+    assert heavier.total == pytest.approx(4 * 48.0**2)
+
+
+def test_scales_of_columns_are_those_of_arrays_and_covariances() -> None:
+    truth = np.zeros((3, 1, 2))
+    options = {"cutoff": 5, "switch_penalty": 1}
+    found = evaluate(truth, truth + np.array([0.001, 1]), **options, estimate_scale=("x=1000",))
+    assert found.total == pytest.approx(3 * 2)
+    spread = pd.DataFrame({"id": 1, "t": [0], "x": 0.0, "cov_xx": 1.0})
+    wide = {"distance": "gaussian-wasserstein", **options, "estimate_scale": "x=3"}
+    assert evaluate(spread, spread, **wide).total == pytest.approx(4.0)  # (3 - 1)^2 of deviations
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"estimate_scale": "z=2"}, '"z" is none of the state columns x,y'),
+        ({"truth_scale": "x=0"}, "must be name=number, with a number > 0"),
+        ({"truth_scale": "x=1,x=2"}, '"x" is given twice'),
+    ],
+)
+def test_wrong_scales_get_a_message(options: dict[str, str], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        evaluate(np.zeros((3, 1, 2)), np.zeros((3, 1, 2)), cutoff=5, switch_penalty=1, **options)
+
+
+def test_degrees_need_a_distance_that_is_chosen() -> None:
+    options = {"cutoff": 5, "switch_penalty": 1}
+    place = FLIGHT.drop(columns="alt")
+    for columns in ("lat,lon", "lat,lon,alt"):
+        side = place if columns == "lat,lon" else FLIGHT
+        with pytest.raises(ConfigError, match='choose distance="haversine" or geodesic'):
+            evaluate(side, side, **options, columns=columns)
+        plain = evaluate(side, side, **options, columns=columns, distance="euclidean")
+        assert plain.total == 0
+
+
+ORIGIN = (55.7, 12.6)
+
+
+def radar() -> tuple[pd.DataFrame, np.ndarray, np.ndarray]:
+    """Truths up to 200 km around a radar, on the ellipsoid, and range and bearing of each."""
+    pyproj = pytest.importorskip("pyproj")
+    rng = np.random.default_rng(1)
+    bearing, length = rng.uniform(0, 360, 100), rng.uniform(0, 2e5, 100)
+    centre = (np.full(100, number) for number in ORIGIN[::-1])
+    lon, lat, _ = pyproj.Geod(ellps="WGS84").fwd(*centre, bearing, length)
+    rows = {"id": np.arange(100) % 5, "t": np.arange(100) // 5, "lat": lat, "lon": lon}
+    return pd.DataFrame(rows), length, bearing
+
+
+@pytest.mark.parametrize("turn", [0, 90, 37.5])
+def test_a_radar_in_local_axes_is_compared_with_places_on_the_earth(turn: float) -> None:
+    """To less than a millimetre within 200 km, against geodesics of pyproj."""
+    truth, length, bearing = radar()
+    angle = np.radians(bearing - turn)
+    east, north = length * np.sin(angle), length * np.cos(angle)
+    rows = truth[["id", "t"]]
+    axes = f":{turn:g}" if turn else ""
+    for crs, side in (
+        (f"enu{axes}", rows.assign(x=east, y=north)),
+        (f"ned{axes}", rows.assign(x=north, y=east)),
+        ("range,bearing", rows.assign(range=length, bearing=bearing)),
+    ):
+        result = evaluate(
+            truth, side, cutoff=100, switch_penalty=10, estimate_crs=crs, origin=ORIGIN
+        )
+        assert result.tgospa < 1e-3
+        assert result.parameters["columns"] == ["x", "y"]
+        assert result.parameters["estimate_crs"] == crs
+        other = evaluate(side, truth, cutoff=100, switch_penalty=10, truth_crs=crs, origin=ORIGIN)
+        assert other.tgospa < 1e-3
+
+
+def test_heights_are_on_straight_axes_at_the_origin() -> None:
+    """By hand: a place above the origin is straight up; one a quarter of the Earth away is down."""
+    above = pd.DataFrame({"id": 1, "t": [0], "lat": 0.0, "lon": 0.0, "alt": 1000.0})
+    far = pd.DataFrame({"id": 1, "t": [0], "lat": 0.0, "lon": 90.0, "alt": 0.0})
+    options = {"cutoff": 10, "switch_penalty": 1, "truth_crs": "lat,lon,alt", "origin": "0,0,200"}
+    up = pd.DataFrame({"id": 1, "t": [0], "x": 0.0, "y": 0.0, "z": 800.0})
+    assert evaluate(above, up, **options, estimate_crs="enu").tgospa < 1e-6
+    down = up.assign(z=-800.0)
+    assert evaluate(above, down, **options, estimate_crs="ned").tgospa < 1e-6
+    axis = 6378137.0
+    edge = up.assign(x=axis, z=-axis - 200)
+    assert evaluate(far, edge, **options, estimate_crs="enu").tgospa < 1e-6
+    polar = up.drop(columns=["x", "y", "z"]).assign(range=800.0, bearing=77.0, elevation=90.0)
+    crs = "range,bearing,elevation"
+    assert evaluate(above, polar, **options, estimate_crs=crs).tgospa < 1e-6
+    # Heights take part where both sides have some.
+    flat = up.drop(columns="z")
+    assert evaluate(above, flat, **options, estimate_crs="enu").parameters["columns"] == ["x", "y"]
+
+
+def test_projected_systems_and_places_are_compared_on_the_earth() -> None:
+    truth, _, _ = radar()
+    pyproj = pytest.importorskip("pyproj")
+    utm = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:25833", always_xy=True)
+    x, y = utm.transform(truth.lon, truth.lat)
+    side = truth[["id", "t"]].assign(x=x, y=y)
+    options = {"cutoff": 100, "switch_penalty": 10, "estimate_crs": "EPSG:25833"}
+    assert evaluate(truth, side, **options, distance="geodesic").tgospa < 1e-3
+    with pytest.raises(ConfigError, match='choose distance="haversine" or geodesic'):
+        evaluate(truth, side, **options)
+
+
+def test_particles_are_converted_and_covariances_are_not() -> None:
+    truth, length, bearing = radar()
+    angle = np.radians(bearing)
+    east, north = length * np.sin(angle), length * np.cos(angle)
+    rows = truth[["id", "t"]].assign(x=east, y=north)
+    cloud = pd.concat([rows.assign(x=east + s, weight=0.5) for s in (-3, 3)])
+    options = {"cutoff": 100, "switch_penalty": 10, "estimate_crs": "enu", "origin": ORIGIN}
+    found = evaluate(truth, cloud, **options, distance="cloud-wasserstein")
+    assert found.total == pytest.approx(100 * 9, rel=1e-6)
+    wide = rows.assign(cov_xx=1.0, cov_xy=0.0, cov_yy=1.0)
+    with pytest.raises(InputError, match="has covariances, which are not converted"):
+        evaluate(truth, wide, **options, distance="gaussian-wasserstein")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"estimate_crs": "enu"}, "need origin LAT,LON, where the local axes begin"),
+        ({"estimate_crs": "EPSG:999999"}, "pyproj knows no such system"),
+        ({"estimate_crs": "EPSG:4326"}, "is not projected; of latitudes and longitudes write"),
+        ({"estimate_crs": "west"}, "must be lat,lon"),
+        ({"estimate_crs": "enu", "origin": "95,1"}, "must be LAT,LON or LAT,LON,ALT"),
+        ({"origin": "1,2"}, "say which is local"),
+    ],
+)
+def test_wrong_systems_get_a_message(options: dict[str, str], message: str) -> None:
+    truth, _, _ = radar()
+    with pytest.raises(ConfigError, match=message):
+        evaluate(truth, truth, cutoff=5, switch_penalty=1, **options)
+
+
+COAST = SAMPLES / "coast"
+
+
+def test_messages_lead_from_the_files_of_a_coast_to_the_number(invoke) -> None:
+    """Semicolons, MMSI with zeros, days first, a zone, axes north and east, a clock ahead."""
+    files, metric = (str(COAST / "ais.csv"), str(COAST / "radar.csv")), ("-c", "200", "-g", "100")
+    answer = invoke(*files, *metric)
+    assert "--truth-time-format '%d/%m/%Y %H:%M:%S' reads 2025-04-03" in answer.err
+    told = ["--truth-time-format", "%d/%m/%Y %H:%M:%S", "--truth-time-zone", "UTC"]
+    answer = invoke(*files, *metric, *told)
+    assert "--estimate-crs enu (or ned) and --origin LAT,LON" in answer.err
+    told += ["--estimate-crs", "ned", "--origin", "55.6,12.8"]
+    assert "the clock of the estimate seems to be 4.6" in invoke(*files, *metric, *told).err
+    answer = invoke(*files, *metric, *told, "--resample", "10s", "--max-gap", "60s,10s")
+    assert "--ignore truth-gaps does not judge them" in answer.err
+    told += ["--resample", "10s", "--max-gap", "60s,10s", "--time-offset", "-4.7"]
+    answer = invoke(*files, *metric, *told, "--ignore", "truth-gaps", "--format", "json")
+    found = json.loads(answer.out)
+    assert found["sizes"]["truth"] == 4
+    pairs = found["judged"]["truth_states"] - found["counts"]["missed"]
+    # Noise of 15 m on two axes; between two scans it is that of a mean.
+    assert 15 < (found["localisation"] / pairs) ** 0.5 < 15 * 2**0.5
+    assert (found["counts"]["missed"], found["counts"]["false"]) == (15, 16)
+
+
+def test_feet_beside_metres_are_proposed_by_column(invoke) -> None:
+    files = str(COAST / "adsb.csv"), str(COAST / "tracker.csv")
+    earth = ("--distance", "geodesic", "--columns", "lat,lon,alt", "-c", "300", "-g", "100")
+    assert "or use --estimate-scale alt=3.2808" in invoke(*files, *earth).err
+    assert "seem" not in invoke(*files, *earth, "--truth-scale", "alt=0.3048").err

@@ -1,0 +1,60 @@
+"""The Earth as pyproj has it: paths on WGS 84, and coordinates of other systems."""
+
+import functools
+from typing import Any
+
+from tgospa_eval.common.words import install
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.text import quoted
+
+
+def _pyproj(what: str) -> Any:
+    try:
+        import pyproj  # here: of an extra
+    except ImportError:
+        raise ConfigError(f"{what} needs the extra geo: {install('geo')}") from None
+    return pyproj
+
+
+@functools.cache
+def ellipsoid() -> Any:
+    """Shortest paths on WGS 84, a ``pyproj.Geod``.
+
+    Raises
+    ------
+    ConfigError
+        The extra is not installed.
+    """
+    return _pyproj("--distance geodesic").Geod(ellps="WGS84")
+
+
+@functools.lru_cache(maxsize=8)
+def from_crs(text: str, option: str) -> Any:
+    """From a projected system, x eastwards and y northwards, to longitude and latitude.
+
+    Raises
+    ------
+    ConfigError
+        There is no such system, or it is not projected.
+    """
+    pyproj = _pyproj(option)
+    try:
+        crs = pyproj.CRS.from_user_input(text)
+    except pyproj.exceptions.CRSError:
+        raise ConfigError(f"{option} {quoted(text)}: pyproj knows no such system") from None
+    if not crs.is_projected:
+        raise ConfigError(
+            f"{option} {quoted(text)}: is not projected; of latitudes and longitudes write lat,lon"
+        )
+    return pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
+
+
+@functools.lru_cache(maxsize=8)
+def topocentric(latitude: float, longitude: float, height: float) -> Any:
+    """From longitude, latitude and height to metres east, north and up of a place."""
+    return _pyproj("--origin").Transformer.from_pipeline(
+        "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad"
+        " +step +proj=cart +ellps=WGS84"
+        f" +step +proj=topocentric +ellps=WGS84 +lat_0={latitude!r} +lon_0={longitude!r}"
+        f" +h_0={height!r}"
+    )

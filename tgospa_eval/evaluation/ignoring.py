@@ -1,0 +1,234 @@
+"""Which states are not judged: rules by attributes of the truth, marks, steps without truth.
+
+What they do to the numbers is in `problem.metric_family.ignore_states`.
+"""
+
+import operator
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import parsed
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats import Reading
+from tgospa_eval.formats.options import class_named
+from tgospa_eval.text import listed, quoted
+from tgospa_eval.tracks.alignment import comparable, joined_to
+from tgospa_eval.tracks.attributes import Values
+from tgospa_eval.tracks.ignored import EXCUSED, IGNORED, Mask, marked, marks_of
+from tgospa_eval.tracks.interpolation import found_at
+from tgospa_eval.tracks.trajectories import Trajectories
+
+MARKED, OUTSIDE, GAPS = "marked", "outside-truth-steps", "truth-gaps"
+
+CLASS = "class"
+
+COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {
+    "<=": operator.le,
+    ">=": operator.ge,
+    "<": operator.lt,
+    ">": operator.gt,
+}
+
+RULE = re.compile(r"\s*([^<>=]+?)\s*(<=|>=|<|>|=)\s*(.+?)\s*")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Condition:
+    """Rows of the truth by the value of a column.
+
+    Parameters
+    ----------
+    text : str
+        As it was given.
+    column : str
+        Its name.
+    sign : str
+        ``=``, or one of `COMPARISONS`.
+    values : tuple of str
+        One, or those of which any is equal.
+    """
+
+    text: str
+    column: str
+    sign: str
+    values: tuple[str, ...]
+
+    def fits(self, values: Values) -> Mask:
+        """Which of these values (R,) fit; missing ones do not.
+
+        Raises
+        ------
+        ConfigError
+            Texts are to be compared by size.
+        """
+        numbers = [parsed(text) for text in self.values]
+        if self.sign == "=":
+            if values.dtype.kind == "f":
+                return np.isin(values, [number for number in numbers if number is not None])
+            return np.array([text in self.values for text in values.tolist()], bool)
+        if values.dtype.kind != "f":
+            given = [text for text in values.tolist() if text]
+            if given:
+                raise ConfigError(
+                    f"--ignore {quoted(self.text)}: column {quoted(self.column)} has texts, such "
+                    f"as {quoted(given[0])}; compare them by ="
+                )
+            return np.zeros(len(values), bool)
+        found: Mask = COMPARISONS[self.sign](values, numbers[0])  # NaN fits none
+        return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ignoring:
+    """What is not to be judged.
+
+    Parameters
+    ----------
+    texts : tuple of str
+        As given.
+    conditions : tuple of Condition
+        Rows of the truth that are ignored.
+    max_speed : float
+        How fast truths may leave the line across a gap, in units of states per second, or per unit
+        of the stamps.
+    """
+
+    texts: tuple[str, ...] = ()
+    conditions: tuple[Condition, ...] = ()
+    max_speed: float = 0.0
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Classes of the truth that are ignored."""
+        return tuple(v for one in self.conditions if one.column == CLASS for v in one.values)
+
+    @property
+    def recorded(self) -> dict[str, object]:
+        """What changes the number, by the names of the JSON."""
+        speed = {"max_speed": self.max_speed} if self.max_speed else {}
+        return {"ignore": list(self.texts), **speed}
+
+    @property
+    def gaps(self) -> bool:
+        """Whether gaps of an interpolated truth are."""
+        return GAPS in self.texts
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns that readers should look for."""
+        marks = (IGNORED, EXCUSED) if MARKED in self.texts else ()
+        return (*(one.column for one in self.conditions if one.column != CLASS), *marks)
+
+    def mark(self, sides: Sequence[Reading], names: Sequence[str]) -> tuple[Reading, ...]:
+        """Both sides with the marks that follow from what the files say.
+
+        Raises
+        ------
+        ConfigError
+            The truth lacks a column, or no file has marks that are asked for.
+        InputError
+            A mark is neither yes nor no.
+        """
+        truth, estimate = sides
+        if MARKED in self.texts:
+            truth, estimate = _with_marks(sides, names)
+        rows = np.zeros(truth.taken, bool)
+        for one in self.conditions:
+            rows |= _spelt(one, truth, names[0]).fits(_values(truth, one, names[0]))
+        return replace(truth, trajectories=marked(truth.trajectories, rows)), estimate
+
+    def excuse(
+        self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]
+    ) -> Trajectories:
+        """The estimate with its rows marked that are at no time of the truth's file."""
+        if OUTSIDE not in self.texts or not len(estimate.step):
+            return estimate
+        mine, theirs = comparable(estimate, truth, (names[1], names[0]))
+        if len(theirs):
+            mine, _ = joined_to(mine, theirs, tolerance, estimate.clock)
+        _, there = found_at(mine, theirs)
+        return marked(estimate, ~there[estimate.step])
+
+
+def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
+    """What each of the texts asks for; `max_speed` is for gaps.
+
+    Raises
+    ------
+    ConfigError
+        One cannot be understood.
+    """
+    given = tuple(dict.fromkeys(text.strip() for text in texts))
+    conditions = []
+    for text in given:
+        if text in (MARKED, OUTSIDE, GAPS):
+            continue
+        match = RULE.fullmatch(text)
+        values = tuple(v.strip() for v in match[3].split(",")) if match else ()
+        if match is None or not all(values):
+            raise ConfigError(
+                f"--ignore {quoted(text)}: must be COLUMN=VALUE[,VALUE], COLUMN<NUMBER, "
+                f"COLUMN>NUMBER, {MARKED}, {OUTSIDE} or {GAPS}, such as class=Van or occlusion>1"
+            )
+        if match[1] == CLASS and match[2] != "=":
+            raise ConfigError(f"--ignore {quoted(text)}: classes are compared by =")
+        if match[2] != "=" and (len(values) > 1 or parsed(values[0]) is None):
+            raise ConfigError(
+                f"--ignore {quoted(text)}: {quoted(match[3])} is no plain, finite number"
+            )
+        conditions.append(Condition(text=text, column=match[1], sign=match[2], values=values))
+    return Ignoring(texts=given, conditions=tuple(conditions), max_speed=max_speed)
+
+
+def _with_marks(sides: Sequence[Reading], names: Sequence[str]) -> list[Reading]:
+    """Both sides with the marks of their columns."""
+    columns = (IGNORED, EXCUSED)
+    if not any(
+        column in side.trajectories.attributes for side, column in zip(sides, columns, strict=True)
+    ):
+        raise ConfigError(
+            f"--ignore {MARKED}: {names[0]} has no column {IGNORED}, and {names[1]} no column "
+            f"{EXCUSED}"
+        )
+    found = []
+    for side, name, column in zip(sides, names, columns, strict=True):
+        try:
+            rows = marks_of(side.trajectories, column)
+        except InputError as error:
+            raise InputError(f"{name}, {error}") from None
+        found.append(replace(side, trajectories=marked(side.trajectories, rows)))
+    return found
+
+
+def _values(truth: Reading, rule: Condition, name: str) -> Values:
+    """The values of the column of a rule, of each row of the truth."""
+    if rule.column != CLASS:
+        found = truth.trajectories.attributes.get(rule.column)
+        if found is None:
+            raise ConfigError(
+                f"--ignore {quoted(rule.text)}: {name} has no column {quoted(rule.column)}; it has "
+                f"{listed(truth.trajectories.offered)}"
+            )
+        return found
+    if truth.klass is None:
+        raise ConfigError(f"--ignore {quoted(rule.text)}: {name} has no classes")
+    return np.array(truth.classes, dtype=object)[truth.klass]
+
+
+def _spelt(rule: Condition, truth: Reading, name: str) -> Condition:
+    """A rule about classes with their names as the truth writes them."""
+    if rule.column != CLASS:
+        return rule
+    found = [class_named(value, truth.named) for value in rule.values]
+    if None in found:
+        wrong = rule.values[found.index(None)]
+        raise ConfigError(
+            f"--ignore {quoted(rule.text)}: {name} has no class {quoted(wrong)}; there are "
+            f"{listed(truth.named)}"
+        )
+    return replace(rule, values=tuple(map(str, found)))

@@ -1,0 +1,223 @@
+"""Times as people have them: formats, epochs, GPS weeks, zones; as nanoseconds since 1970."""
+
+from dataclasses import replace
+from decimal import Decimal, InvalidOperation
+from typing import cast
+
+import numpy as np
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import more
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.formats.fields import Coded
+from tgospa_eval.formats.times import TimeError, Times
+from tgospa_eval.text import quoted
+from tgospa_eval.tracks.conversion import iso
+from tgospa_eval.tracks.durations import SECOND, TIME_UNITS
+from tgospa_eval.tracks.trajectories import Ints, TimeArray, Trajectories
+
+EPOCHS = ("s", "ms", "us", "ns")
+GPS = "gps"
+
+GPS_EPOCH = 315_964_800
+"""1980-01-06 in seconds since 1970."""
+
+WEEK = 604_800
+
+LEAPS = (
+    *(46_828_800, 78_364_801, 109_900_802, 173_059_203, 252_028_804, 315_187_205, 346_723_206),
+    *(393_984_007, 425_520_008, 457_056_009, 504_489_610, 551_750_411, 599_184_012, 820_108_813),
+    *(914_803_214, 1_025_136_015, 1_119_744_016, 1_167_264_017),
+)
+"""GPS seconds from which on UTC is one more second behind: 1981-07-01 to 2017-01-01 (IERS)."""
+
+EARLIEST, LATEST = 10**8, 4 * 10**9
+"""Seconds since 1970 that a number may be guessed to be: 1973 to 2096."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeForm:
+    """How the times of a side are written.
+
+    Parameters
+    ----------
+    format : str
+        A format of ``strptime``; ``s``, ``ms``, ``us`` or ``ns`` since 1970; ``gps`` for weeks and
+        seconds of GPS. Blank: numbers or ISO times.
+    zone : str
+        Of times without one, such as ``Europe/Copenhagen``; blank leaves them without.
+    role : str
+        Whose, for messages.
+
+    Raises
+    ------
+    ConfigError
+        There is no such format or zone.
+    """
+
+    format: str = ""
+    zone: str = ""
+    role: str = "truth"
+
+    def __post_init__(self) -> None:
+        option = f"--{self.role}-time-format {quoted(self.format)}"
+        if self.format and "%" not in self.format and self.format not in (*EPOCHS, GPS):
+            raise ConfigError(
+                f"{option}: must be a format such as '%d/%m/%Y %H:%M:%S', {', '.join(EPOCHS)} "
+                f"since 1970, or {GPS} for weeks and seconds"
+            )
+        if self.zone:
+            from zoneinfo import ZoneInfo, ZoneInfoNotFoundError  # here: as pandas
+
+            try:
+                ZoneInfo(self.zone)
+            except (ZoneInfoNotFoundError, ValueError, OSError):
+                raise ConfigError(
+                    f"--{self.role}-time-zone {quoted(self.zone)}: there is no such zone; write "
+                    "UTC, or one such as Europe/Copenhagen"
+                ) from None
+
+    def read(self, column: Coded) -> Times | None:
+        """Times of a column by the format; None where there is none.
+
+        Raises
+        ------
+        TimeError
+            A text does not fit it.
+        """
+        if not self.format:
+            return None
+        if "%" in self.format:
+            return self._formatted(column)
+        parse = _gps if self.format == GPS else self._since_1970
+        found, wrong = [], None
+        for code, text in enumerate(column.distinct):
+            try:
+                found.append(parse(text))
+            except (ValueError, InvalidOperation, OverflowError):
+                wrong = code if wrong is None else wrong
+                found.append(0)
+        if wrong is not None:
+            raise self._misfit(column, np.isin(column.code, wrong))
+        return _in_utc(column.code, np.array(found, np.int64))
+
+    def _since_1970(self, text: str) -> int:
+        exact = Decimal(text.strip()) * TIME_UNITS[self.format]
+        if not exact.is_finite() or not -(2**63) <= exact < 2**63:
+            raise ValueError
+        return int(exact.to_integral_value())
+
+    def _formatted(self, column: Coded) -> Times:
+        import pandas as pd  # here: most times are numbers or ISO
+
+        try:
+            parsed = pd.to_datetime(
+                pd.Series(column.distinct, dtype=object).str.strip(),
+                format=self.format,
+                errors="coerce",
+                utc="%z" in self.format,
+            )
+        except ValueError as error:
+            raise ConfigError(f"--{self.role}-time-format {quoted(self.format)}: {error}") from None
+        missing = parsed.isna().to_numpy()
+        if missing.any():
+            raise self._misfit(column, missing[column.code])
+        value = parsed.to_numpy("datetime64[ns]").astype(np.int64)
+        if "%z" in self.format:
+            return _in_utc(column.code, value)
+        return _in_words(column.code, value, "local")
+
+    def _misfit(
+        self, column: Coded, wrong: "np.ndarray[tuple[int], np.dtype[np.bool_]]"
+    ) -> TimeError:
+        row = int(np.argmax(wrong))
+        return TimeError(
+            row,
+            f"{quoted(column[row])} does not fit --{self.role}-time-format {quoted(self.format)}"
+            f"{more(int(np.count_nonzero(wrong)))}",
+        )
+
+    def zoned(self, times: Times) -> Times:
+        """Times without zone in UTC, if they are of a zone.
+
+        Raises
+        ------
+        TimeError
+            A time is there twice, or never, as the clocks are changed.
+        """
+        if not self.zone or times.clock != "local":
+            return times
+        import pandas as pd  # here: as above
+
+        value, code = np.unique(times.value, return_inverse=True)
+        local = pd.Series(value.astype("datetime64[ns]"))
+        known = local.dt.tz_localize(self.zone, ambiguous="NaT", nonexistent="NaT")
+        missing = known.isna().to_numpy()
+        if missing.any():
+            row = int(np.argmax(missing[code]))
+            text = iso(int(times.value[row]), "local")
+            raise TimeError(
+                row,
+                f"{text} is twice or never in {self.zone}, as clocks are changed"
+                f"{more(int(np.count_nonzero(missing[code])))}; write UTC, or times with a zone",
+            )
+        found = known.dt.tz_convert("UTC").dt.tz_localize(None)
+        return _in_utc(code, found.to_numpy("datetime64[ns]").astype(np.int64))
+
+
+def _gps(text: str) -> int:
+    """Nanoseconds in UTC of a week and its seconds, with a blank between."""
+    week, seconds = text.split()
+    exact = Decimal(week) * WEEK + Decimal(seconds)
+    if not exact.is_finite() or not 0 <= exact < 2**33 or not 0 <= Decimal(seconds) <= WEEK:
+        raise ValueError
+    behind = sum(exact >= leap for leap in LEAPS)
+    return int(((exact + GPS_EPOCH - behind) * SECOND).to_integral_value())
+
+
+def _in_utc(code: Ints, value: Ints) -> Times:
+    return _in_words(code, value, "zoned")
+
+
+def _in_words(code: Ints, value: Ints, clock: str) -> Times:
+    """Times with ISO texts, of distinct values and the one of each row."""
+    texts = Coded([iso(moment, clock) for moment in value.tolist()], code)
+    return Times(value=cast(TimeArray, value[code]), clock=clock, text=texts)
+
+
+def in_one_clock(
+    sides: tuple[Trajectories, Trajectories],
+) -> tuple[tuple[Trajectories, Trajectories], list[str]]:
+    """Numbers beside ISO times with zone as such, if by their size they count since 1970.
+
+    And what to tell the user of either side; blank if nothing was done.
+    """
+    clocks = [side.clock for side in sides]
+    if sorted(clocks) != ["number", "zoned"] or not all(len(side.times) for side in sides):
+        return sides, ["", ""]
+    which = clocks.index("number")
+    side = sides[which]
+    unit = _unit_of(side.times)
+    if not unit:
+        return sides, ["", ""]
+    exact = [int(Decimal(str(time)) * TIME_UNITS[unit]) for time in side.times.tolist()]
+    value = np.array(exact, np.int64)
+    labels = np.empty(len(value), dtype=object)
+    labels[:] = [iso(moment, "zoned") for moment in value.tolist()]
+    made = replace(side, times=value, clock="zoned", labels=labels)
+    told = ["", ""]
+    told[which] = (
+        f"times are taken as {unit} since 1970, by their size; "
+        f"--{('truth', 'estimate')[which]}-time-format {unit} says so"
+    )
+    return ((made, sides[1]) if which == 0 else (sides[0], made)), told
+
+
+def _unit_of(times: TimeArray) -> str:
+    """The unit in which numbers may be times since 1970, by their size; blank if none fits."""
+    ends = [abs(float(times[k])) for k in (0, -1)]
+    for unit in EPOCHS:
+        scale = SECOND / TIME_UNITS[unit]
+        if all(EARLIEST * scale <= end < LATEST * scale for end in ends):
+            return unit
+    return ""

@@ -1,0 +1,256 @@
+"""Places of two sides in one frame: the Earth, local axes, or range and bearing of a sensor.
+
+Around the origin, in two dimensions, a place is s sin(a) east and s cos(a) north, with the length s
+and the direction a of the shortest path on WGS 84 (azimuthal equidistant): lengths from the origin
+are those of the ellipsoid, others are too long by at most (s / R)^2 / 6, 0.016 % at 200 km. With
+heights it is metres east, north and up of the tangent plane at the origin, straight lines without
+any error.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tgospa_eval.common.earth import ellipsoid, from_crs, topocentric
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import parsed
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.text import quoted
+from tgospa_eval.tracks.trajectories import Floats, Trajectories
+
+EARTH = ("lat", "lon", "alt")
+LOCAL = ("x", "y", "z")
+POLAR = ("range", "bearing", "elevation")
+
+AXES = re.compile(r"(enu|ned)(?::(.+))?")
+SYSTEM = re.compile(r"[A-Za-z]+:[0-9]+")
+
+FORMS = (
+    "lat,lon[,alt], enu, ned, enu:DEGREES, range,bearing[,elevation] or a code such as EPSG:25832"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """What the coordinates of a side are.
+
+    Parameters
+    ----------
+    text : str
+        As it was given.
+    kind : {"earth", "local", "polar", "system"}
+        Degrees, metres along axes at the origin, range and angles from it, or a projected system.
+    columns : tuple of str, optional
+        State columns; None of x, y and z as far as they are there.
+    down : bool
+        Axes are north, east, down; otherwise east, north, up.
+    turn : float
+        Degrees by which the axes are turned clockwise: the bearing of the one that was north.
+    option : str
+        For messages.
+    """
+
+    text: str
+    kind: str
+    columns: tuple[str, ...] | None = None
+    down: bool = False
+    turn: float = 0.0
+    option: str = "--truth-crs"
+
+    def to_local(self, states: Floats) -> Floats:
+        """East, north, perhaps up, of states that are local or polar."""
+        if self.kind == "polar":
+            bearing = np.radians(states[:, 1])
+            flat = states[:, 0]
+            up = []
+            if len(self.columns or ()) == len(POLAR):
+                elevation = np.radians(states[:, 2])
+                flat, up = flat * np.cos(elevation), [flat * np.sin(elevation)]
+            return np.stack((flat * np.sin(bearing), flat * np.cos(bearing), *up), axis=1)
+        if self.down:
+            states = np.column_stack((states[:, 1], states[:, 0], -states[:, 2:]))
+        cos, sin = math.cos(math.radians(self.turn)), math.sin(math.radians(self.turn))
+        if self.turn % 90 == 0:
+            cos, sin = float(round(cos)), float(round(sin))
+        east = cos * states[:, 0] + sin * states[:, 1]
+        north = cos * states[:, 1] - sin * states[:, 0]
+        return np.column_stack((east, north, states[:, 2:]))
+
+    def to_earth(self, states: Floats) -> Floats:
+        """Latitude, longitude, perhaps height, of states that are on the Earth or of a system."""
+        if self.kind == "earth":
+            return states
+        x, y = from_crs(self.text, self.option).transform(states[:, 0], states[:, 1])
+        return np.column_stack((y, x, states[:, 2:]))
+
+
+def parse_frame(text: str, option: str) -> Frame:
+    """What a text such as ``lat,lon``, ``enu``, ``ned:30`` or ``EPSG:25832`` means.
+
+    Raises
+    ------
+    ConfigError
+        It is none of these.
+    """
+    plain = ",".join(part.strip() for part in text.split(","))
+    for kind, names in (("earth", EARTH), ("polar", POLAR)):
+        for columns in (names[:2], names):
+            if plain == ",".join(columns):
+                return Frame(text=plain, kind=kind, columns=columns, option=option)
+    match = AXES.fullmatch(plain)
+    turn = parsed(match[2]) if match and match[2] else 0.0
+    if match and turn is not None:
+        return Frame(text=plain, kind="local", down=match[1] == "ned", turn=turn, option=option)
+    if SYSTEM.fullmatch(plain):
+        from_crs(plain, option)
+        return Frame(text=plain, kind="system", option=option)
+    raise ConfigError(f"{option} {quoted(text)}: must be {FORMS}")
+
+
+def parse_origin(text: str) -> tuple[float, float, float]:
+    """Latitude, longitude and height of the origin, ``LAT,LON[,ALT]``.
+
+    Raises
+    ------
+    ConfigError
+        It is none.
+    """
+    numbers = [parsed(part) for part in text.split(",")]
+    known = [number for number in numbers if number is not None]
+    if len(known) != len(numbers) or len(known) not in (2, 3) or abs(known[0]) > 90:
+        raise ConfigError(
+            f"--origin {quoted(text)}: must be LAT,LON or LAT,LON,ALT, degrees and metres, such as "
+            "55.7,12.6"
+        )
+    latitude, longitude, *height = known
+    return latitude, longitude, height[0] if height else 0.0
+
+
+def on_earth(states: Floats, origin: Sequence[float]) -> Floats:
+    """Latitude, longitude and perhaps height of local states, east, north and perhaps up."""
+    latitude, longitude, height = origin
+    if states.shape[1] > 2:
+        found = topocentric(latitude, longitude, height).transform(*states.T, direction="INVERSE")
+        return np.column_stack((found[1], found[0], found[2]))
+    centre = np.full(len(states), longitude), np.full(len(states), latitude)
+    direction = np.degrees(np.arctan2(states[:, 0], states[:, 1]))
+    east, north, _ = ellipsoid().fwd(*centre, direction, np.hypot(*states.T))
+    return np.column_stack((north, east))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frames:
+    """Those of truth and estimate, and where local axes begin.
+
+    Parameters
+    ----------
+    frames : pair of Frame
+        Of truth and estimate.
+    origin : tuple of float, optional
+        Latitude, longitude and height.
+
+    Raises
+    ------
+    ConfigError
+        One side is local, the other is not, and there is no origin.
+    """
+
+    frames: tuple[Frame, Frame]
+    origin: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.is_local) == 2 and self.origin is None:
+            raise ConfigError(
+                f"--truth-crs {self.frames[0].text} and --estimate-crs {self.frames[1].text} need "
+                "--origin LAT,LON, where the local axes begin"
+            )
+
+    @property
+    def is_local(self) -> set[bool]:
+        """Whether sides are local: of both alike a single value."""
+        return {frame.kind in ("local", "polar") for frame in self.frames}
+
+    @property
+    def recorded(self) -> dict[str, object]:
+        """What changes the number, by the names of the JSON."""
+        truth, estimate = self.frames
+        origin = {} if self.origin is None else {"origin": list(self.origin)}
+        return {"truth_crs": truth.text, "estimate_crs": estimate.text, **origin}
+
+    def joined(
+        self, sides: tuple[Trajectories, Trajectories], names: tuple[str, ...]
+    ) -> tuple[Trajectories, Trajectories]:
+        """Both sides in one frame: local metres where one is local, else degrees and heights.
+
+        Heights take part where both sides have some.
+
+        Raises
+        ------
+        InputError
+            States have other columns, covariances, or places that the Earth has not.
+        """
+        for side, frame, name in zip(sides, self.frames, names, strict=True):
+            self._check(side, frame, name)
+        size = min(len(side.columns) for side in sides)
+        columns = (LOCAL if True in self.is_local else EARTH)[:size]
+        first, second = (
+            self._moved(side, frame, columns)
+            for side, frame in zip(sides, self.frames, strict=True)
+        )
+        return first, second
+
+    def _check(self, side: Trajectories, frame: Frame, name: str) -> None:
+        wanted = frame.columns or LOCAL[: len(side.columns)]
+        if side.columns != wanted or len(wanted) < 2:
+            shown = ",".join(frame.columns or LOCAL[:2])
+            raise InputError(
+                f"{name}: {frame.option} {frame.text} needs the state columns {shown}, not "
+                f"{','.join(side.columns)}; name or map them with --columns"
+            )
+        if side.covariance is not None:
+            raise InputError(
+                f"{name}: has covariances, which are not converted to other coordinates; compare "
+                "means with another --distance, or write both files in one frame"
+            )
+        if frame.kind == "earth" and len(side.state):
+            off = np.abs(side.state[:, 0]) > 90
+            if off.any():
+                row = int(np.argmax(off))
+                raise InputError(
+                    f"{name}: id {quoted(side.ids[side.track[row]])} at t = "
+                    f"{side.shown[side.step[row]]} has the latitude {side.state[row, 0]:g}; must "
+                    "be from -90 to 90"
+                )
+
+    def _moved(self, side: Trajectories, frame: Frame, columns: tuple[str, ...]) -> Trajectories:
+        def moved(states: Floats) -> Floats:
+            found = self._converted(states, frame, len(columns))
+            if not np.isfinite(found).all():
+                raise InputError(
+                    f"{frame.option} {frame.text}: places are outside of what it can express"
+                )
+            return found
+
+        if side.clouds is None:
+            return replace(side, columns=columns, state=moved(side.state))
+        clouds = side.clouds.moved(moved(side.clouds.points))
+        return replace(side, columns=columns, state=clouds.means, clouds=clouds)
+
+    def _converted(self, states: Floats, frame: Frame, size: int) -> Floats:
+        """States of a frame in the common one, of so many columns."""
+        if frame.kind in ("local", "polar"):
+            return np.ascontiguousarray(frame.to_local(states)[:, :size])
+        earth = frame.to_earth(states)[:, :size]
+        if True not in self.is_local or self.origin is None:
+            return np.ascontiguousarray(earth)
+        latitude, longitude, _ = self.origin
+        if size > 2:
+            found = topocentric(*self.origin).transform(earth[:, 1], earth[:, 0], earth[:, 2])
+            return np.column_stack(found)
+        centre = np.full(len(earth), longitude), np.full(len(earth), latitude)
+        direction, _, length = ellipsoid().inv(*centre, earth[:, 1].copy(), earth[:, 0].copy())
+        direction = np.radians(direction)
+        return np.column_stack((length * np.sin(direction), length * np.cos(direction)))
