@@ -342,7 +342,7 @@ def test_rows_have_the_metrics_of_single_evaluations(invoke: Invoke, tmp_path: P
         for name, value in found.items():
             assert job[f"with.{metric}.{name}"] == value
     report = invoke("batch", "report", str(tmp_path / "r"))
-    assert "left out by --preprocess motchallenge" in report.out
+    assert "by --preprocess motchallenge boxes were left out" in report.out
 
 
 def test_trackers_are_ranked_and_what_is_missing_is_told(invoke: Invoke, runs: Path) -> None:

@@ -1,6 +1,7 @@
 """Places and units as people have them."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -187,3 +188,27 @@ def test_feet_beside_metres_are_proposed_by_column(invoke) -> None:
     earth = ("--distance", "geodesic", "--columns", "lat,lon,alt", "-c", "300", "-g", "100")
     assert "or use --estimate-scale alt=3.2808" in invoke(*files, *earth).err
     assert "seem" not in invoke(*files, *earth, "--truth-scale", "alt=0.3048").err
+
+
+def test_a_filter_by_place_takes_a_circle_or_a_file(tmp_path: Path) -> None:
+    truth, length, bearing = radar()
+    options = {"cutoff": 100, "switch_penalty": 10}
+    near = truth[length <= 5e4]
+    earth = options | {"distance": "geodesic"}
+    found = evaluate(truth, truth, **earth, region="circle=55.7,12.6,49850")
+    assert abs(found.judged["truth_states"] - len(near)) <= 1  # caps are those of the sphere
+    local = options | {"estimate_crs": "range,bearing", "origin": ORIGIN}
+    plots = truth[["id", "t"]].assign(range=length, bearing=bearing)
+    found = evaluate(truth, plots, **local, region="circle=0,0,50000")
+    assert found.total < 1e-6
+    assert found.judged["truth_states"] == len(near)
+    assert found.input["estimate"]["left_out"] == {"region": 100 - len(near)}
+    assert found.parameters["region"] == "circle=0,0,50000"
+    file = tmp_path / "coverage.csv"
+    file.write_text("x,y,radius\n0,0,30000\n0,0,50000\n")
+    found = evaluate(truth, plots, **local, region=str(file))
+    assert found.judged["truth_states"] == len(near)
+    with pytest.raises(ConfigError, match="must be circle=LAT,LON,RADIUS"):
+        evaluate(truth, plots, **local, region="circle=0,0")
+    with pytest.raises(InputError, match="no such file"):
+        evaluate(truth, plots, **local, region="missing.geojson")

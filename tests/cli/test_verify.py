@@ -214,6 +214,24 @@ MOT = tuple(str(SAMPLES / "motchallenge" / f"{name}.txt") for name in ("gt", "re
 GAUSSIANS = tuple(str(SAMPLES / "gaussian" / f"{name}.csv") for name in ("truth", "estimate"))
 GAUSSIAN = ("--distance", "gaussian-wasserstein")
 
+COAST = tuple(str(SAMPLES / "coast" / f"{name}.csv") for name in ("ais", "radar"))
+SAID = {
+    "truth_crs": "lat,lon",
+    "estimate_crs": "ned",
+    "origin": "55.6,12.8",
+    "truth_time_format": "%d/%m/%Y %H:%M:%S",
+    "estimate_time_format": "s",
+    "truth_time_zone": "UTC",
+}
+
+
+def of_coast(name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The files of a coast with one of the options that they need in front of the others."""
+    others = ((f"--{other.replace('_', '-')}", value) for other, value in SAID.items())
+    return COAST, (SAID[name], *(part for pair in others if name not in pair[0].replace("-", "_")
+                                 for part in pair))  # fmt: skip
+
+
 NAMED: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
     "columns": (QUICK, ("x",)),
     "truth_columns": (QUICK, ("x,y",)),
@@ -238,6 +256,12 @@ NAMED: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
     "truth_class": (KITTI, ("Car", "--distance", "iou")),
     "estimate_class": (KITTI, ("Car", "--distance", "iou")),
     "region": (QUICK, ("x=0:50",)),
+    "ignore_regions": (QUICK, ("r.csv",)),
+    "ignore": (QUICK, ("x>50",)),
+    "truth_scale": (QUICK, ("x=2",)),
+    "estimate_scale": (QUICK, ("x=2,y=2",)),
+    "estimate_time_zone": (QUICK, ("UTC",)),
+    **{name: of_coast(name) for name in SAID},
     "by": (KITTI, ("class", "--distance", "iou")),
     "preprocess": (MOT, ("motchallenge", "--distance", "iou")),
     "fix_cov": (GAUSSIANS, GAUSSIAN),
@@ -247,14 +271,23 @@ NAMED: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
 
 PARAMETERS = {
     *("cutoff", "order", "switch_penalty", "rho", "distance", "covariance", "periodic", "scale"),
-    *("mixed", "cloud_order", "inner", "inner_cov", "reduce", "reduce_method", "directions"),
+    *(
+        "vertical_weight",
+        "mixed",
+        "cloud_order",
+        "inner",
+        "inner_cov",
+        "reduce",
+        "reduce_method",
+        "directions",
+    ),
     *("iterations", "restarts", "polish", "seed"),
 }
 """Options that a verdict has as parameters of the metric, files or not."""
 
 NEITHER = {
     *("unit", "solver", "gap", "epsilon", "time_limit", "no_gating"),  # the claim is the same
-    *("step_weights", "existence"),  # --proof refuses them
+    *("step_weights", "existence", "max_speed"),  # --proof refuses them
     "pairwise",  # of another verb
 }
 
@@ -272,6 +305,7 @@ def test_every_option_that_a_proof_records_is_one_of_these() -> None:
 @pytest.mark.parametrize("name", NAMED)
 def test_a_verdict_names_how_the_files_were_read(invoke: Invoke, write: Write, name: str) -> None:
     write("t.csv", "id;t;x\na;0;0,5\n")
+    write("r.csv", "x,y,radius\n90,90,40\n")
     files, values = NAMED[name]
     option = f"--{name.strip('_').replace('_', '-')}"
     answer = invoke(*files, option, *values, "-o", "r", "--proof", "-q")

@@ -42,6 +42,8 @@ def partitioned(result: Result, work: Path, shards: int = 3) -> PartitionedResul
             _sums(result.table("per_estimate"), "false", result.scale),
         ),
         folders,
+        assigned=[folder / "assigned.npy" for folder in folders],
+        further={name: {} for name in ("step", "truth", "estimate")},
     )
     return PartitionedResult(
         proof=costs,

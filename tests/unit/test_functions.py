@@ -87,7 +87,7 @@ def test_every_option_is_a_keyword() -> None:
         ({"columns": ["x", 3]}, "columns is .*: must be a text, or several"),
         ({"cutoff": [10]}, "cutoff is .10.: must be a number"),
         ({"max_gap": np.array([2, 3])}, "max-gap is array"),
-        ({"missing_cov": "zero"}, "missing_cov is for gaussian-wasserstein, not for euclidean"),
+        ({"missing_cov": "zero"}, "missing_cov is for gaussian-wasserstein and NEES, not for"),
     ],
 )
 def test_wrong_keywords(options: dict[str, object], said: str) -> None:

@@ -41,6 +41,7 @@ from tgospa_eval.campaign.store import (
     locked,
 )
 from tgospa_eval.campaign.sums import check_labels, tabulated
+from tgospa_eval.common import patterns
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.manifest import read_manifest, unchanged
@@ -60,7 +61,7 @@ from tgospa_eval.reports.curves import BANDS, curves_csv
 from tgospa_eval.reports.files import BATCH, Files, write_texts
 from tgospa_eval.reports.proofs import folder_name
 from tgospa_eval.reports.rendering import csv_text
-from tgospa_eval.text import as_unicode, quoted
+from tgospa_eval.text import as_unicode, listed, quoted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -450,6 +451,15 @@ def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[JobTask]:
         elif job.frames:
             first, last = job.frames
             chosen = replace(shared, steps=f"{first}:{last}")
+        if isinstance(chosen.ignore_regions, str):
+            try:
+                path = patterns.fill(chosen.ignore_regions, job.labels)
+            except KeyError as error:
+                raise ConfigError(
+                    f"--ignore-regions {quoted(chosen.ignore_regions)}: jobs have no label "
+                    f"{quoted(error.args[0])}, but {listed(job.labels)}"
+                ) from None
+            chosen = replace(chosen, ignore_regions=path)
         folder = folder_of(batch.output, job.labels, job.options) if batch.reports else None
         yield JobTask(
             job=job,

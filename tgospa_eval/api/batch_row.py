@@ -37,7 +37,7 @@ NOT_WRITTEN = "not_written"
 UNSEEN = "unseen"
 """Where a row names the file that its worker did not see, on its way to who looks for it too."""
 
-NAMING_FILES = ("covariance", "inner_cov", "step_weights")
+NAMING_FILES = ("covariance", "inner_cov", "step_weights", "ignore_regions")
 """Options that may name a file."""
 
 

@@ -40,6 +40,7 @@ from tgospa_eval.evaluation.prepare import Prepared, prepare
 from tgospa_eval.evaluation.sides import TrajectoriesLike, as_solver
 from tgospa_eval.formats import Reading
 from tgospa_eval.reports.comparison import estimates_columns, pairs_columns, render, solvers_columns
+from tgospa_eval.results.consistency import ABOUT_COVARIANCES
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import MADE_BY, read_result, saved_result, unlike
 from tgospa_eval.solvers import SOLVERS, Solver
@@ -102,7 +103,7 @@ class Compared:
     __repr__ = __str__
 
 
-@with_options(*ONE_EVALUATION)
+@with_options(*(name for name in ONE_EVALUATION if name != "with_"))
 def compare(
     truth: "TrajectoriesLike",
     estimates: "Estimates | TrajectoriesLike",
@@ -158,11 +159,16 @@ def compare(
     pairs = PairReader(settings, stopwatch, notices.append, mapping=mapping, in_python=True)
     found: Json
     if chosen:
+        if options.get("with_"):
+            raise ConfigError("--with is for estimates that are ranked, not for solvers")
         found = solvers_on(pairs, truth, cast("TrajectoriesLike", estimates), chosen)
     else:
         named = _named(estimates)
         runs = [(truth, list(named.values()))]
-        found, _ = ranked(pairs, runs, list(named), settings.evaluation.solver)
+        request = settings.evaluation
+        found, _ = ranked(pairs, runs, list(named), request.solver, with_=request.with_)
+        told = (Notice(**record) for record in found["warnings"])
+        notices += (notice for notice in told if notice.code in ABOUT_COVARIANCES)
     warn_user(notices)
     return Compared(document=found)
 

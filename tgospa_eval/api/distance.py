@@ -130,6 +130,8 @@ class DistanceOptions:
     ----------
     options : Request
         Values of the options.
+    nees : bool
+        Whether covariances are read for NEES, whatever the distance.
 
     Raises
     ------
@@ -139,7 +141,7 @@ class DistanceOptions:
         The covariance file is missing or wrong.
     """
 
-    def __init__(self, options: Request) -> None:
+    def __init__(self, options: Request, *, nees: bool = False) -> None:
         self.chosen = options.distance is not None
         self.named = as_distance(USUAL if options.distance is None else options.distance)
         self.is_record = self.chosen and not isinstance(options.distance, str)
@@ -152,7 +154,7 @@ class DistanceOptions:
         of_matrix = self.named.name == "mahalanobis" and not self.is_record
         of_pairs = of_matrix and self.path is None and options.pairwise
         moments = self.named.name == "gaussian-wasserstein" and not self.is_record
-        of_gaussians = moments or of_pairs
+        of_gaussians = moments or of_pairs or nees
         of_norms = (isinstance(self.named, Norm) and not self.is_record) or moments
         of_heights = self.named.name == "geodesic" and not self.is_record
         zero = options.missing_cov != "error"
@@ -165,8 +167,8 @@ class DistanceOptions:
                 of_norms or of_matrix or of_clouds,
                 "the norms, mahalanobis, gaussian-wasserstein and cloud-wasserstein",
             ),
-            ("fix-cov", options.fix_cov, of_gaussians, "gaussian-wasserstein"),
-            ("missing-cov", zero, of_gaussians, "gaussian-wasserstein"),
+            ("fix-cov", options.fix_cov, of_gaussians, "gaussian-wasserstein and NEES"),
+            ("missing-cov", zero, of_gaussians, "gaussian-wasserstein and NEES"),
             ("mixed", self.mixed != "error", moments, "gaussian-wasserstein"),
             ("covariance", self.path is not None, of_matrix, "mahalanobis"),
             ("vertical-weight", options.vertical_weight is not None, of_heights, "geodesic"),

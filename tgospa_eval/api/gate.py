@@ -36,7 +36,7 @@ from tgospa_eval.campaign.outcome import (
     updated_outcome,
 )
 from tgospa_eval.campaign.row import Row, job_name, labels_of
-from tgospa_eval.campaign.rules import Rule, Verdict, parse_rules, split_rules
+from tgospa_eval.campaign.rules import OF_NEES, Rule, Verdict, parse_rules, split_rules
 from tgospa_eval.campaign.store import SETTINGS_FILE, Store
 from tgospa_eval.campaign.suite import (
     ONLY_PAIR,
@@ -53,6 +53,7 @@ from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.evaluation.sides import TrajectoriesLike
 from tgospa_eval.reports.files import PROOF, write_file, write_texts
+from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import ACCURACY
 from tgospa_eval.results.summary import Summary
@@ -66,7 +67,7 @@ if TYPE_CHECKING:
 WITHOUT_EFFECT = ("jobs", "max-input")
 """Options of an evaluation that change neither the number nor its bracket."""
 
-PATHS_GIVEN = ("covariance", "step-weights")
+PATHS_GIVEN = ("covariance", "step-weights", "ignore-regions")
 """Options that name a file."""
 
 RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
@@ -208,7 +209,7 @@ class GateOptions(Values):
             (*suite["max"], *own["max"]),
             default=baseline and default,
         )
-        relative = [rule for rule in found if not rule.maximum]
+        relative = [rule for rule in found if not rule.absolute]
         if not baseline and (relative or not found) and default:
             why = f"{relative[0].text} needs one" if relative else "limits of --max need none"
             raise ConfigError(
@@ -293,7 +294,9 @@ def judge_all(
         groups,
         path or "",
         load_baseline(path) if path else None,
-        lambda pair, entry: _evaluated(gate, pair, entry, path or "", evaluate_pair, notify),
+        lambda pair, entry: _evaluated(
+            gate, pair, entry, path or "", groups, evaluate_pair, notify
+        ),
         "the suite",
     )
 
@@ -369,7 +372,7 @@ def _against(
         groups,
         path,
         old,
-        lambda pair, entry: _evaluated(other, pair, entry, path, evaluate_pair, notify),
+        lambda pair, entry: _evaluated(other, pair, entry, path, groups, evaluate_pair, notify),
         "the suite",
     )
     return replace(report, against=gate.against, weakened=tuple(found), protect=gate.protect)
@@ -670,12 +673,15 @@ def _evaluated(
     pair: Pair,
     entry: Json | None,
     path: str,
+    groups: Sequence[GroupTable],
     evaluate_pair: EvaluatePair,
     notify: Callable[[str], None],
 ) -> Evaluated:
     """A pair of files, read and evaluated."""
     given, prefix = gate.resolve(pair, entry, path), gate.prefix(pair)
-    options = Request.of(given)
+    rules = [*gate.rules(pair, default=False), *(rule for table in groups for rule in table.rules)]
+    nees = {"with_": NEES} if any(rule.path in OF_NEES for rule in rules) else {}
+    options = Request.of({**given, **nees})
     result, finished = evaluate_pair(
         pair.truth, pair.estimate, options, lambda text: notify(prefix + text)
     )
@@ -885,7 +891,7 @@ def gate(
     baseline : str or path
         The JSON file that an update makes; the command reads and makes the same.
     fail_on : str or iterable of str
-        Rules, ``"total:+2%"`` or ``"counts.switch:+1"``; ``"total:+0.001%"`` by default.
+        Rules, ``"total:+2%"`` or ``"nees:1.5..2.5"``; ``"total:+0.001%"`` by default.
     warn_on : str or iterable of str
         Rules that only warn.
     limits : mapping of str to float, optional

@@ -31,6 +31,7 @@ IN_OBJECTS = {
     "origin": "a sequence of two or three numbers",
     "step_weights": "a mapping from time to weight, a table ``t, weight[, switch_weight]``, an "
     "array (T,)",
+    "ignore_regions": "a table, a GeoJSON document as a dictionary",
     "with_": "a sequence of names",
     "time_tolerance": "a number",
     "max_gap": "a number, or a pair of truth and estimate",

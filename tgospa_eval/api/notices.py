@@ -15,6 +15,7 @@ from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
 
 
 def slow_notice() -> Iterator[Notice]:
@@ -50,6 +51,9 @@ def pair_notices(
     yield from axis_notices(sides.axis, request.time_matching)
     for text in alignment_notices(aligned, request.time_matching):
         yield Notice(text=text)
+    regions = None if request.ignoring is None else request.ignoring.regions
+    if regions is not None and not marks_of(aligned.estimate, NOT_JUDGED).any():
+        yield Notice(text=f"{regions.name}: no state of the estimate is inside")
     found = diagnose(sides, request)
     yield from found
     if request.defaults:

@@ -27,6 +27,11 @@ FILE_FORMATS = (
     *("csv", "parquet", "feather", "motchallenge", "visdrone", "kitti", "npz", "npy", "mat"),
     *("nuscenes", "argoverse"),
 )
+PREPROCESS = tuple(
+    f"{name}{how}"
+    for name in ("motchallenge", "kitti", "visdrone", "uadetrac")
+    for how in ("", ":delete", ":ignore")
+)
 REDUCTIONS = (
     *("sliced", "recursive", "atl", "kmeans"),
     *("systematic", "stratified", "multinomial", "top"),
@@ -386,9 +391,10 @@ class Request(Values):
         "--class for ESTIMATE alone.",
     )
     region: str | None = _filters(
-        "--region RANGES",
-        "Only rows inside ranges of columns, ends included: x=-50:50,y=0:100. Either end may be "
-        "left out.",
+        "--region REGION",
+        "Only rows inside ranges of columns, ends included: x=-50:50,y=0:100, either end may be "
+        "left out; inside circle=LAT,LON,RADIUS or circle=X,Y,RADIUS; or inside the regions of a "
+        "file, as of --ignore-regions.",
     )
     by: str | None = _filters(
         "--by class",
@@ -397,10 +403,11 @@ class Request(Values):
         parts="evaluate one class after the other, by --class NAME",
     )
     preprocess: str | None = _filters(
-        "--preprocess motchallenge",
-        "With boxes: leave out estimates that match a distractor, and truths that are no "
-        "pedestrians, as MOTChallenge 2016 and 2017 do before they evaluate.",
-        choices=("motchallenge",),
+        "--preprocess RULES",
+        "With boxes: leave out what a benchmark leaves out before it evaluates: motchallenge (2016 "
+        "and 2017), kitti (with --class), visdrone or uadetrac (with --ignore-regions); "
+        "NAME:ignore marks as not judged what NAME, or NAME:delete, leaves out.",
+        choices=PREPROCESS,
         parts=FITTING,
     )
     ignore: tuple[str, ...] = _filters(
@@ -411,6 +418,14 @@ class Request(Values):
         "times at which TRUTH has no row; truth-gaps: the straight line across gaps longer than "
         "--max-gap. Repeatable.",
         default=(),
+        parts=FITTING,
+    )
+    ignore_regions: str | None = _filters(
+        "--ignore-regions FILE",
+        "Regions in which estimates may be false for nothing: CSV of boxes, circles or polygons, "
+        "with t if they are of one step, or GeoJSON. Points inside, and boxes with half of their "
+        "area inside. Polygons need the extra regions.",
+        kind="path",
         parts=FITTING,
     )
     max_speed: float | None = _filters(
@@ -565,7 +580,8 @@ class Request(Values):
     with_: str | None = _beside(
         "--with NAMES",
         "Other metrics beside TGOSPA: hota, clear (MOTA), identity (IDF1), which need the extra "
-        "mot; gospa, of each step by itself. Several with commas.",
+        "mot; gospa, of each step by itself; nees, whether covariances are as large as errors, "
+        "also where the distance compares points. Several with commas.",
         parts=FITTING,
     )
     slices: tuple[str, ...] = _beside(
@@ -618,6 +634,11 @@ class Request(Values):
             for name, default in OF_THE_NUMBER.items()
             if getattr(self, name) != default
         }
+
+
+def is_coverage(region: str | None) -> bool:
+    """Whether a region is a circle or a file, and not ranges of columns."""
+    return region is not None and (region.startswith("circle=") or "=" not in region)
 
 
 SETTINGS: dict[str, Setting] = {

@@ -11,7 +11,7 @@ from typing import Any
 
 from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, SETTINGS
 from tgospa_eval.campaign.baseline import Baseline
-from tgospa_eval.campaign.rules import NO_CHANGE, Rule
+from tgospa_eval.campaign.rules import NO_CHANGE, OF_NEES, Rule
 from tgospa_eval.campaign.suite import GroupTable, Pair
 from tgospa_eval.campaign.target import Target
 from tgospa_eval.common import config
@@ -135,14 +135,15 @@ def of_rules(theirs: Sequence[Rule], mine: Sequence[Rule]) -> Iterator[str]:
         alike = [
             own
             for own in mine
-            if (own.path, own.maximum, own.relative, own.last)
-            == (rule.path, rule.maximum, rule.relative, rule.last)
+            if (own.path, own.absolute, own.least, own.relative, own.last)
+            == (rule.path, rule.absolute, rule.least, rule.relative, rule.last)
             and own.warns <= rule.warns
         ]
-        least = min(alike, key=lambda own: own.slack, default=None)
+        sign = -1 if rule.absolute and rule.least else 1  # a higher lower limit is stricter
+        least = min(alike, key=lambda own: sign * own.slack, default=None)
         if least is None:
             yield f"the rule {rule.text} is removed"
-        elif least.slack > rule.slack:
+        elif sign * least.slack > sign * rule.slack:
             yield f"the rule {rule.text} is loosened to {least.text}"
 
 
@@ -192,12 +193,16 @@ def of_baselines(theirs: Baseline, mine: Baseline) -> Iterator[str]:
 
 
 def _raised(old: Json, new: Json, prefix: str = "") -> Iterator[tuple[str, float, float]]:
-    """Values that are larger, with their paths, those of classes as well."""
-    for name in sorted(old, key=lambda name: name != "total"):
+    """Values that are larger, or a share inside that is less; with paths, of classes as well."""
+
+    def looser(new: float, old: float, path: str) -> bool:
+        return new < old * (1 - NO_CHANGE) if path == OF_NEES[-1] else new > old * (1 + NO_CHANGE)
+
+    for name in sorted(old.keys() - {"sums"}, key=lambda name: (name != "total", name)):
         value, other = old[name], new.get(name)
         if isinstance(value, dict):
             yield from _raised(value, other if isinstance(other, dict) else {}, f"{prefix}{name}.")
-        elif isinstance(other, int | float) and other > value * (1 + NO_CHANGE):
+        elif isinstance(other, int | float) and looser(other, value, f"{prefix}{name}"):
             yield f"{prefix}{name}", value, other
 
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.distance import DistanceOptions, numbers_by_name
-from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request
+from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request, is_coverage
 from tgospa_eval.api.places import check_places
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.checks import check_columns, check_states
@@ -39,6 +39,8 @@ from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.headers import columns_of_each
 from tgospa_eval.formats.options import parse_moments, parse_steps
 from tgospa_eval.formats.reading import check_classes
+from tgospa_eval.formats.rows import NOT_CONSIDERED
+from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.numbers import Calibration
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.tracks.alignment import TimeMatching
@@ -77,6 +79,8 @@ class Settings:
         Rules of a benchmark by which rows are left out.
     frames : Frames, optional
         What the coordinates of truth and estimate are, if they are to be brought to one frame.
+    coverage : str, optional
+        A circle, or a file of regions: only rows inside take part.
     similarity : Calibration, optional
         Of the score that is shown.
     one_of_many : bool
@@ -92,6 +96,7 @@ class Settings:
     of_tables: tuple[tuple[str, ...], tuple[str, ...]]
     preprocess: str | None
     frames: "Frames | None" = None
+    coverage: str | None = None
     similarity: Calibration | None = None
     one_of_many: bool = False
 
@@ -115,8 +120,13 @@ class Settings:
                 for name, text in vars(options.form).items()
                 if name != "role" and text
             },
-            **dict(self.reading.covariances()),
+            **{
+                name: value
+                for name, value in self.reading.covariances()
+                if self.measure.named.kinds or value not in (False, "error")
+            },
             **({} if self.frames is None else self.frames.recorded),
+            **({} if self.coverage is None else {"region": self.coverage}),
             **{
                 name: value
                 for role, conversion in zip(ROLES, self.conversions, strict=True)
@@ -191,6 +201,8 @@ class Settings:
                 read = tuple(
                     replace(one, trajectories=made) for one, made in zip(read, pair, strict=True)
                 )
+        if self.coverage is not None:
+            read = self._covered(read, names)
         with suppress(NothingLeftError) if self.one_of_many else nullcontext():
             self.check(read, names)
         if roles != ROLES:
@@ -235,7 +247,7 @@ class Settings:
                 f"--{self.of_tables[side][0]} is for files and tables, and {role} is none: choose "
                 "its rows and columns before"
             )
-        made = of_object(given, role, self.evaluation.distance, components)
+        made = of_object(given, role, self.evaluation, components)
         return Reading(trajectories=made, rows=len(made.step), format="")
 
     def _converted(self, read: tuple[Reading, ...], side: int, given: Sequence[object]) -> Reading:
@@ -256,6 +268,20 @@ class Settings:
             conversion = replace(conversion, angles=tuple(settings.get("periodic", ())))
         return replace(found, trajectories=conversion(found.trajectories, role))
 
+    def _covered(self, read: tuple[Reading, ...], names: tuple[str, ...]) -> tuple[Reading, ...]:
+        """The rows of all sides that are inside the regions of --region."""
+        from tgospa_eval.evaluation.preprocess import kept_rows  # here: few have regions
+        from tgospa_eval.evaluation.regions import coverage, inside
+
+        assert self.coverage is not None
+        found = []
+        for side, name in zip(read, names, strict=True):
+            regions = coverage(self.coverage, side.trajectories.columns, self.reading.decimal)
+            near = self.evaluation.time_matching.near
+            rows = inside(regions, side.trajectories, near, name)
+            found.append(kept_rows(side, rows, "region"))
+        return tuple(found)
+
     def preprocessed(
         self, sides: tuple[Reading, ...], paths: tuple[str, ...]
     ) -> tuple[Reading, ...]:
@@ -272,24 +298,25 @@ class Settings:
         if len(sides) < len(ROLES) or not (self.preprocess or in_tables):
             return sides
         from tgospa_eval.evaluation.preprocess import (  # here: for boxes only
-            PREPROCESS,
             benchmark_warnings,
             preprocessed,
         )
 
-        if self.preprocess and not sides[0].format:
-            raise ConfigError(f"{PREPROCESS}: the truth is no file of MOTChallenge")
-
         def everything(**changes: Any) -> Reading:
-            """As an estimate, of which nothing is left out by a flag."""
-            options = replace(self.each[0], **changes)
-            return read(paths[0], options, "estimate", self.formats[0])
+            """With the rows that a flag leaves out, of all classes."""
+            options = replace(self.each[0], classes=None, kept=(NOT_CONSIDERED,), **changes)
+            return read(paths[0], options, "truth", self.formats[0])
 
         if self.preprocess:
-            return preprocessed(sides, everything(), (paths[0], paths[1]))
-        found = benchmark_warnings(
-            sides[0], lambda: everything(classes=None, attributes=("class",))
-        )
+            ignoring = self.evaluation.ignoring
+            return preprocessed(
+                self.preprocess,
+                sides,
+                lambda: everything(attributes=(*self.each[0].attributes, "conf")),
+                (paths[0], paths[1]),
+                None if ignoring is None else ignoring.regions,
+            )
+        found = benchmark_warnings(sides[0], lambda: everything(attributes=("class",)))
         return replace(sides[0], warnings=(*sides[0].warnings, *found)), *sides[1:]
 
     def check(self, sides: tuple[Reading, ...], paths: tuple[str, ...]) -> None:
@@ -366,7 +393,7 @@ def make_settings(options: Request) -> Settings:
         The file of a covariance is missing or wrong.
     """
     # A file may change from one job of a batch to the next; options do not, if they are texts.
-    named = options.covariance, options.inner_cov, options.step_weights
+    named = options.covariance, options.inner_cov, options.step_weights, options.ignore_regions
     if any(name is not None for name in named):
         return _settings(options)
     try:
@@ -382,13 +409,18 @@ def _kept(options: Request) -> Settings:
 
 
 def _settings(options: Request) -> Settings:
-    if options.by and options.with_:
+    asked = () if options.with_ is None else chosen_metrics(options.with_)
+    others, nees = tuple(name for name in asked if name != NEES), NEES in asked
+    if options.by and others:
         raise ConfigError(
             "--with takes all rows together, not --by class; choose one class by --class NAME"
         )
     if options.similarity is not None and options.step_weights is not None:
         raise ConfigError("--similarity is of the mean over steps, not for --step-weights")
-    measure = DistanceOptions(options)
+    region, coverage = options.region, None
+    if is_coverage(region):
+        region, coverage = None, region
+    measure = DistanceOptions(options, nees=nees)
     slices, columns = _slices(options)
     ignoring = _ignoring(options)
     if ignoring is not None:
@@ -400,12 +432,12 @@ def _settings(options: Request) -> Settings:
         boxes=measure.boxes,
         time=options.time,
         classes=_list(options.class_),
-        region=options.region,
+        region=region,
         by_class=options.by == "class",
-        covariance=bool(measure.named.kinds),
+        covariance=nees or bool(measure.named.kinds),
         fix_covariance=options.fix_cov,
         missing_covariance=options.missing_cov,
-        clouds="cloud" in measure.named.kinds,
+        clouds="cloud" in measure.named.kinds or (nees and not measure.named.kinds),
         fault=measure.fault,
         attributes=(*columns, *((EXISTENCE,) if options.existence == "use" else ())),
         max_input=options.max_input,
@@ -438,12 +470,7 @@ def _settings(options: Request) -> Settings:
     if ignoring is not None and ignoring.classes:
         each = replace(each[0], by_class=True, class_for="--ignore", also=ignoring.classes), each[1]
     if options.preprocess:
-        if not measure.boxes:
-            raise ConfigError("--preprocess motchallenge: looks at boxes; choose --distance iou")
-        if options.by:
-            raise ConfigError("--preprocess motchallenge: leaves pedestrians alone, not --by class")
-        # Distractors are classes of the truth.
-        each = replace(each[0], by_class=True, class_for="--preprocess"), each[1]
+        each = _of_benchmark(options, measure, each[0]), each[1]
     return Settings(
         evaluation=EvaluationRequest(
             parameters=parameters,
@@ -461,7 +488,8 @@ def _settings(options: Request) -> Settings:
             unit=options.unit,
             curve=options.curve,
             sliding=Sliding.asked(options.window, options.every),
-            with_=() if options.with_ is None else chosen_metrics(options.with_),
+            with_=others,
+            nees=nees,
             defaults=defaults,
             slices=slices,
             step_weights=as_step_weights(options.step_weights, options.decimal),
@@ -474,8 +502,9 @@ def _settings(options: Request) -> Settings:
         formats=(options.truth_format, options.estimate_format),
         conversions=(of_truth, conversion),
         of_tables=(_of_tables(options, "truth"), _of_tables(options, "estimate")),
-        preprocess=options.preprocess,
+        preprocess=(options.preprocess or "").removesuffix(":delete") or None,
         frames=frames,
+        coverage=coverage,
         similarity=_calibration(options),
     )
 
@@ -499,14 +528,20 @@ def _ignoring(options: Request) -> "Ignoring | None":
         raise ConfigError(
             f"--max-speed {speed:g}: must be >= 0 and finite, and is for --ignore truth-gaps"
         )
-    if not options.ignore:
+    marks = (options.preprocess or "").endswith(":ignore")
+    if not (options.ignore or marks) and options.ignore_regions is None:
         return None
     from tgospa_eval.evaluation.ignoring import GAPS, OUTSIDE, parse_ignoring  # here: as weights
+    from tgospa_eval.evaluation.regions import as_regions
 
     if options.existence == "use":
-        raise ConfigError("--ignore and --existence use do not go together; leave one of them out")
-    found = parse_ignoring(
-        (options.ignore,) if isinstance(options.ignore, str) else options.ignore, speed
+        raise ConfigError(
+            "--existence use does not go together with --ignore, --ignore-regions and --preprocess "
+            "NAME:ignore; leave one of them out"
+        )
+    texts = (options.ignore,) if isinstance(options.ignore, str) else options.ignore
+    found = replace(
+        parse_ignoring(texts, speed), regions=as_regions(options.ignore_regions, options.decimal)
     )
     if found.classes and options.by:
         raise ConfigError(
@@ -525,6 +560,30 @@ def _ignoring(options: Request) -> "Ignoring | None":
             "what a gap is"
         )
     return found
+
+
+def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions) -> ReadOptions:
+    """How to read a truth with all that the rules of a benchmark look at."""
+    from tgospa_eval.evaluation.preprocess import HIDDEN, NEIGHBOURS, judged_class  # here: as above
+
+    rule = str(options.preprocess)
+    if not measure.boxes:
+        raise ConfigError(f"--preprocess {rule}: looks at boxes; choose --distance iou")
+    if rule.startswith("uadetrac"):
+        return truth
+    truth = replace(truth, regions=True)
+    if rule.startswith("visdrone"):
+        return truth
+    if options.by:
+        raise ConfigError(f"--preprocess {rule}: is of one class, not --by class")
+    truth = replace(truth, by_class=True, class_for="--preprocess")
+    if rule.startswith("motchallenge"):
+        return truth
+    return replace(
+        truth,
+        also=(*truth.also, *NEIGHBOURS[judged_class(truth.classes, rule)]),
+        attributes=(*truth.attributes, *HIDDEN),
+    )
 
 
 def _in_one_clock(read: tuple[Reading, ...]) -> tuple[Reading, ...]:

@@ -13,6 +13,7 @@ from tgospa_eval.campaign.rules import PROVEN, SPLIT, Value
 from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, SolverError
+from tgospa_eval.results.consistency import NEES, NeesSums, right_record
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import ACCURACY, NEUTRAL, contradiction, strict_json, unlike
 from tgospa_eval.results.summary import Summary
@@ -42,6 +43,8 @@ class Measured:
         How the solver ended.
     certified : bool
         Whether the asked gap was met.
+    nees : NeesSums, optional
+        What NEES is made of, where there is any.
     """
 
     values: Mapping[str, Value]
@@ -52,6 +55,7 @@ class Measured:
     version: str
     status: str
     certified: bool
+    nees: NeesSums | None = None
 
     @property
     def order(self) -> float:
@@ -138,14 +142,16 @@ def values_of(numbers: Mapping[str, float], scale: float) -> dict[str, Value]:
     }
     for path in SPLIT:
         unit = 1.0 if path.startswith("counts.") else scale
-        found[path] = Value(lower=numbers[path], upper=numbers[path], proven=False, unit=unit)
+        found[path] = Value.of(numbers[path], unit)
     return found
 
 
 def measured_row(row: Row) -> Measured:
     """What a gate judges of a row of a store."""
+    nees = NeesSums.of_row(row)
     return Measured(
-        values=values_of(row, row["cutoff"] ** row["order"]),
+        nees=nees,
+        values=values_of(row, row["cutoff"] ** row["order"]) | nees_values(nees),
         classes={},
         bounds=(row["lower_bound"], row["upper_bound"]),
         parameters=json.loads(row["parameters"]),
@@ -154,6 +160,12 @@ def measured_row(row: Row) -> Measured:
         status=row["message"],
         certified=bool(row["certified"]),
     )
+
+
+def nees_values(nees: NeesSums | None) -> dict[str, Value]:
+    """Those that rules can name."""
+    numbers = {} if nees is None else nees.numbers()
+    return {path: Value.of(value) for path, value in numbers.items()}
 
 
 SCHEMA = "tgospa-eval/baseline/2"
@@ -178,9 +190,14 @@ def make_entry(
     SolverError
         A value is not finite.
     """
-    values = nested(now.values) | dict(zip(BOUNDS, now.bounds, strict=True))
+    values = nested({path: one for path, one in now.values.items() if path in MEASURED}) | dict(
+        zip(BOUNDS, now.bounds, strict=True)
+    )
     if not all(math.isfinite(value.upper) for value in now.values.values()):
         raise SolverError("the bracket is not finite; no baseline can be made of it")
+    if now.nees is not None:
+        record = now.nees.record()
+        values[NEES] = {name: record[name] for name in ("mean", "anees", "inside", "sums")}
     if now.classes:
         values["by_class"] = {name: nested(group) for name, group in now.classes.items()}
     return {
@@ -208,6 +225,7 @@ def nested(values: Mapping[str, Value]) -> Json:
 def value_at(values: Json, path: str) -> Any:
     """What a path names among values, as ``counts.missed``; None if there is nothing."""
     found: Any = values
+    path = f"{NEES}.mean" if path == NEES else path
     for part in path.split("."):
         found = found.get(part) if isinstance(found, dict) else None
     return found
@@ -274,6 +292,8 @@ def _fault(entry: Json) -> str | None:
     values, parameters, judged, _ = (
         _object(entry, name) for name in ("values", "parameters", "judged", "options")
     )
+    if NEES in values and not right_record(values[NEES]):
+        return f"values.{NEES} is not as this program wrote it"
     classes = _object(values, "by_class") if "by_class" in values else {}
     groups = [("values", values, BASELINE_VALUES)]
     groups += [(f"values.by_class.{name}", _object(classes, name), MEASURED) for name in classes]

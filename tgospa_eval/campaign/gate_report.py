@@ -74,9 +74,10 @@ def rows_of(
         for path, change in outcome.changes.items():
             yield outcome, path, change, "", True
         for finding in outcome.findings:
-            base = None if finding.rule.maximum else finding.base
+            base = None if finding.rule.absolute else finding.base
             # The bound that decides.
-            now = finding.now.lower if finding.verdict is Verdict.FAIL else finding.now.upper
+            first = (finding.verdict is Verdict.FAIL) is not finding.rule.least
+            now = finding.now.lower if first else finding.now.upper
             values = (base, finding.limit, now)
             yield outcome, finding.rule.text, values, shown_verdict(finding), finding.now.proven
         if not outcome.findings and outcome.verdict not in (Verdict.UPDATED, Verdict.PASS):
@@ -232,7 +233,7 @@ def finding_record(finding: Finding) -> Json:
         "rule": finding.rule.text,
         "warns": finding.rule.warns,
         "path": finding.rule.path,
-        "baseline": None if finding.rule.maximum else finding.base,
+        "baseline": None if finding.rule.absolute else finding.base,
         "limit": _finite(finding.limit),
         "lower": _finite(finding.now.lower),
         "upper": _finite(finding.now.upper),
@@ -501,9 +502,10 @@ def _cases(outcome: PairOutcome, told: list[str]) -> Iterator[str]:
     for place, finding in enumerate(outcome.findings):
         verdict = shown_verdict(finding)
         mark = "" if finding.now.proven else " (split, not proven)"
+        least = "at least " if finding.rule.least else ""
         lower, upper, limit = texts(finding.now.lower, finding.now.upper, finding.limit)
         value = lower if lower == upper else f"between {lower} and {upper}"
-        about = f"{finding.rule.path} is {value}, allowed is {limit}{mark}"
+        about = f"{finding.rule.path} is {value}, allowed is {least}{limit}{mark}"
         if finding.verdict is Verdict.INCOMPARABLE:
             about = f"there is no {finding.rule.path}"
         result, lines = "", [] if place else told
@@ -516,8 +518,9 @@ def _cases(outcome: PairOutcome, told: list[str]) -> Iterator[str]:
         seconds = 0.0 if place else outcome.seconds
         # Without the limit: a case keeps its history where that changes.
         rule = finding.rule
-        kinds = (" max" * rule.maximum, " best-of-last" * bool(rule.last), " warning" * rule.warns)
-        yield _case(outcome, rule.path + "".join(kinds), seconds, result + _output(lines))
+        kind = (" min" if rule.least else " max") if rule.absolute else " less" * rule.least
+        kind += " best-of-last" * bool(rule.last) + " warning" * rule.warns
+        yield _case(outcome, rule.path + kind, seconds, result + _output(lines))
 
 
 def _case(outcome: PairOutcome, name: str, seconds: float, result: str) -> str:

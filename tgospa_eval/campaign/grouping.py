@@ -21,6 +21,7 @@ READ_AS_GIVEN = (
     *("time", "class", "region", "truth_class", "estimate_class", "time_tolerance"),
     *("time_offset", "time_scale", "unit_scale", "max_gap"),
     *("on_duplicate", "on_invalid", "fix_cov", "missing_cov", "inner_cov", "decimal", "steps"),
+    "ignore_regions",
 )
 """Parameters that say how a file is read, or come from what is in it: each job may have its own."""
 

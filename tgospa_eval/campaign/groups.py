@@ -15,16 +15,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from tgospa_eval.campaign.baseline import Baseline, Measured, differences, value_at
+from tgospa_eval.campaign.baseline import Baseline, Measured, differences, nees_values, value_at
 from tgospa_eval.campaign.outcome import PairOutcome, combined_outcome, judged_by_past
 from tgospa_eval.campaign.permutation import Stratum, fewest, noticeable, p_value
-from tgospa_eval.campaign.rules import Finding, Inference, Rule, Value, Verdict, judge, meanings
+from tgospa_eval.campaign.rules import (
+    OF_NEES,
+    Finding,
+    Inference,
+    Rule,
+    Value,
+    Verdict,
+    judge,
+    meanings,
+)
 from tgospa_eval.campaign.statistics import holm
 from tgospa_eval.campaign.suite import GroupTable
 from tgospa_eval.common import patterns
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.results.consistency import NeesSums
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import unlike
 from tgospa_eval.text import listed, quoted
@@ -267,7 +277,9 @@ class Summed:
     def is_tested(self) -> bool:
         """Whether something is inferred: there are seeds, and the rule is about a change."""
         rule = self.finding.rule
-        return self.group.runs > len(self.group.scenes) and not (rule.maximum or rule.last)
+        return self.group.runs > len(self.group.scenes) and not (
+            rule.absolute or rule.last or rule.path in OF_NEES
+        )
 
     def strata(self) -> list[Stratum]:
         """What each run is allowed, and its value."""
@@ -346,6 +358,14 @@ def _summed(
     part = next((part for part in meanings(rule.path) if part[0] in classes), None)
     if part is None or group.faults:
         return None
+    if rule.path in OF_NEES:
+        old = [NeesSums.of_values(entry["values"]) for scene in group.scenes for entry in scene.old]
+        sums = (NeesSums.joined(filter(None, each)) for each in ([one.nees for one in runs], old))
+        own, before = (nees_values(each).get(rule.path) for each in sums)
+        if own is None or (before is None and not rule.absolute):
+            return None
+        finding = judge(rule, own, before.upper if before else None)
+        return Summed(finding=finding, group=group, part=part, base=0.0, limit=0.0, of_sum=float)
     tail, order, steps, old_steps = part[1], 1.0, 1.0, 1.0
     if tail.endswith("tgospa"):
         part, order = (part[0], "total"), runs[0].order

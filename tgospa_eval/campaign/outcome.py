@@ -6,7 +6,6 @@ from dataclasses import field, replace
 from typing import Any, Self
 
 from tgospa_eval.campaign.baseline import (
-    MEASURED,
     Baseline,
     Measured,
     differences,
@@ -14,6 +13,8 @@ from tgospa_eval.campaign.baseline import (
 )
 from tgospa_eval.campaign.rules import (
     BY_CLASS,
+    JUDGED,
+    OF_NEES,
     STATUS,
     Finding,
     Inference,
@@ -280,6 +281,11 @@ def _judged(rule: Rule, now: Measured, old: Json, past: Past | None) -> Finding:
     if rule.last and rule.path in now.values:
         best = past(rule.path, rule.last) if past else None
         return judged_by_past(rule, now.values[rule.path], best)
+    if rule.path in OF_NEES:
+        found, base = now.values.get(rule.path), value_at(old, rule.path)
+        if found is None or (base is None and not rule.absolute):
+            return replace(_unknown(rule), now=found) if found else _unknown(rule)
+        return judge(rule, found, base)
     for name, path in meanings(rule.path):
         own = now.values if name is None else now.classes.get(name)
         before = old if name is None else old.get("by_class", {}).get(name)
@@ -293,7 +299,7 @@ def _changes(
     before: Json, after: Json, name: str = ""
 ) -> dict[str, tuple[float | None, float | None]]:
     """Values that differ between two entries, bounds left out: `tgospa` is the upper one."""
-    values = {path: (value_at(before, path), value_at(after, path)) for path in MEASURED}
+    values = {path: (value_at(before, path), value_at(after, path)) for path in JUDGED}
     changes = {name + path: ends for path, ends in values.items() if ends[0] != ends[1]}
     old, new = (side.get("by_class", {}) for side in (before, after))
     for inner in sorted({*old, *new}):
@@ -336,10 +342,10 @@ def _against(findings: list[Finding], now: Measured, old: Json) -> Iterator[str]
 def _sentences(finding: Finding) -> Iterator[str]:
     rule, now = finding.rule, finding.now
     lower, upper, limit = texts(now.lower, now.upper, finding.limit)
-    allowed = f"{limit} allowed by {rule.text}"
+    allowed = f"{'at least ' * rule.least}{limit} allowed by {rule.text}"
     warning = "warning: " if rule.warns else ""
     if finding.verdict is Verdict.INCOMPARABLE:
-        yield f"{warning}{rule.text}: the result has no {rule.path}, nor has a baseline"
+        yield f"{warning}{rule.text}: {_absent(finding)}"
     elif finding.inference and finding.verdict in (Verdict.FAIL, Verdict.NOISE):
         yield from _inferred(finding, finding.inference, warning)
     elif finding.verdict is Verdict.UNDECIDED:
@@ -349,6 +355,19 @@ def _sentences(finding: Finding) -> Iterator[str]:
         known = f"at least {lower}, proven" if now.proven else lower
         mark = "" if now.proven else " (split, not proven)"
         yield f"{warning}{rule.path} is {known}, {allowed}{mark}"
+
+
+def _absent(finding: Finding) -> str:
+    """Why there is nothing to judge."""
+    path = finding.rule.path
+    if path not in OF_NEES:
+        return f"the result has no {path}, nor has a baseline"
+    if not math.isnan(finding.now.upper):
+        return "the baseline has no NEES; make it anew with --update-baseline and this rule"
+    return (
+        "the result has no NEES: no assigned state has a covariance that can be inverted, or it "
+        "was stored without --with nees"
+    )
 
 
 def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[str]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tgospa_eval._version import __version__
 from tgospa_eval.campaign import SCHEMA
 from tgospa_eval.campaign.grouping import ESTIMATE_DIGEST, pair_numbers, truths
-from tgospa_eval.campaign.row import LABEL
+from tgospa_eval.campaign.row import LABEL, covariances_of
 from tgospa_eval.campaign.statistics import (
     CONFIDENCE,
     LEAST_PAIRS,
@@ -281,7 +281,7 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
                 times=named,
                 judged=document["judged"],
                 split={name: document[name] for name in SPLIT_PARTS if name in document},
-                nees=NeesSums(**document[NEES]["sums"]) if NEES in document else None,
+                nees=NeesSums.of_values(document),
             )
         )
     return found
@@ -451,7 +451,7 @@ def ranking_document(
                 },
             }
         )
-    warnings = [*warnings, *(notice.record() for notice in _about_covariances(estimates))]
+    warnings = [*warnings, *(notice.record() for notice in about_covariances(estimates))]
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -467,7 +467,7 @@ def ranking_document(
     }
 
 
-def _about_covariances(estimates: Sequence[Json]) -> Iterator[Notice]:
+def about_covariances(estimates: Sequence[Json]) -> Iterator[Notice]:
     """What an order by a distance of covariances does not say: `estimates` are in this order."""
     for item in estimates:
         if item.get(NEES):
@@ -645,6 +645,11 @@ def _ranking(
         left_out=tuple(sorted(set(all_names) - set(names), key=natural)),
     )
     yield from _opposed(common, column, names)
+    items: list[Json] = []
+    for name in names:
+        costs, nees = covariances_of(common[common[column] == name])
+        items.append({"name": name, **costs, NEES: nees and nees.record()})
+    yield from map(str, about_covariances(items))
 
 
 def _opposed(common: "pd.DataFrame", column: str, names: Sequence[str]) -> Iterator[str]:

@@ -2,10 +2,15 @@
 
 import json
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from tgospa_eval.results.consistency import STORED_NEES, NeesSums
+from tgospa_eval.results.numbers import SPLIT_PARTS
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Row = dict[str, Any]
 """Plain values by column; labels begin with ``label.``."""
@@ -50,9 +55,18 @@ def row_of(result: Summary) -> Row:
             name: result.input[role]["left_out"].get("steps", 0) for role, name in OFF_STEPS.items()
         },
         **result.other_numbers,
-        **({} if result.nees is None else result.nees.numbers()),
+        **result.split_parts,
+        **({} if result.nees is None else result.nees.row()),
         **{f"with.{name}": value for name, value in result.sums.items()},
     }
+
+
+def covariances_of(rows: "pd.DataFrame") -> tuple[dict[str, float], NeesSums | None]:
+    """Sums of the parts of localisation, and of NEES, of rows that all have them."""
+    parts = [name for name in SPLIT_PARTS if name in rows and rows[name].notna().all()]
+    each = [NeesSums.of_row({STORED_NEES: text}) for text in rows.get(STORED_NEES, ())]
+    nees = NeesSums.joined(filter(None, each)) if all(each) else None
+    return {name: float(rows[name].sum()) for name in parts}, nees
 
 
 def stored_slices(result: Summary) -> dict[str, str]:

@@ -2,13 +2,14 @@
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from enum import StrEnum
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import parsed
 from tgospa_eval.errors import ConfigError, ExitStatus
+from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.text import quoted
 
@@ -17,6 +18,12 @@ PROVEN = ("total", "tgospa", "normalised.tgospa")
 
 SPLIT = (*PARTS, "counts.missed", "counts.false", "counts.switch")
 """Values of one optimal assignment; another one may split the same total in another way."""
+
+OF_NEES = (NEES, f"{NEES}.anees", f"{NEES}.inside")
+"""Values of the assigned pairs of one optimal assignment; classes have none."""
+
+JUDGED = (*PROVEN, *SPLIT, *OF_NEES)
+"""All that a rule can name, but for those of classes."""
 
 BY_CLASS = "by_class."
 TAILS = tuple(sorted((*PROVEN, *SPLIT), key=len, reverse=True))
@@ -32,9 +39,10 @@ NO_CHANGE = 1e-9
 """Relative change that is no improvement."""
 
 _RULE = (
-    r"(?P<path>.+):\+\s*(?P<slack>[^%\s]+)\s*(?P<percent>%?)"
+    r"(?P<path>.+):(?P<sign>[+-])\s*(?P<slack>[^%\s]+)\s*(?P<percent>%?)"
     r"(?:\s+best-of-last\s+(?P<last>[1-9]\d{0,5}))?"
 )
+_RANGE = r"(?P<path>.+):\s*(?P<least>[^:]*?)\s*\.\.\s*(?P<most>[^:]*)"
 
 
 class Verdict(StrEnum):
@@ -98,6 +106,11 @@ class Value(Interval):
     proven: bool
     unit: float
 
+    @classmethod
+    def of(cls, number: float, unit: float = 1.0) -> "Value":
+        """One of the reported assignment, not proven."""
+        return cls(lower=number, upper=number, proven=False, unit=unit)
+
     @property
     def tolerance(self) -> float:
         """What a limit may be exceeded by."""
@@ -115,13 +128,15 @@ class Rule:
     path : str
         Name of the value.
     slack : float
-        How much worse than the baseline is allowed; of `maximum` the limit itself.
+        How much worse than the baseline is allowed; of `absolute` the limit itself.
     relative : bool
         Whether the slack is a share of the baseline.
     floor : float
         Least slack, in units of the value.
-    maximum : bool
+    absolute : bool
         Whether the limit does not depend on the baseline.
+    least : bool
+        Whether it is the least value that is allowed, not the largest.
     warns : bool
         Whether breaking it is a warning only.
     last : int
@@ -133,18 +148,19 @@ class Rule:
     slack: float
     relative: bool = False
     floor: float = 0.0
-    maximum: bool = False
+    absolute: bool = False
+    least: bool = False
     warns: bool = False
     last: int = 0
 
     def limit(self, base: float | None, unit: float) -> float:
-        """The largest value that keeps the rule, given that of the baseline."""
-        if self.maximum:
+        """The last value that keeps the rule, given that of the baseline."""
+        if self.absolute:
             return self.slack
         if base is None:
             raise ConfigError(f"{self.text}: the baseline has no {self.path}")
         slack = base * self.slack if self.relative else self.slack
-        limit = base + max(slack, self.floor * unit)
+        limit = base - slack if self.least else base + max(slack, self.floor * unit)
         if math.isinf(limit):
             raise ConfigError(f"{self.text}: allows more than any number; choose a smaller one")
         return limit
@@ -200,7 +216,7 @@ class Finding:
     base : float or None
         Value of the baseline.
     limit : float
-        The largest value that keeps the rule.
+        The last value that keeps the rule.
     now : Value
         Value of this run.
     verdict : Verdict
@@ -233,7 +249,7 @@ class Finding:
     @property
     def improved(self) -> bool:
         """Whether the value is better than the baseline by more than the rule's slack."""
-        if self.base is None or self.rule.maximum or self.noisy:
+        if self.base is None or self.rule.absolute or self.rule.path in OF_NEES or self.noisy:
             return False
         if self.inference and not self.inference.supports(self.inference.better):
             return False
@@ -250,9 +266,11 @@ def judge(rule: Rule, now: Value, base: float | None) -> Finding:
         The rule needs a value that the baseline does not have.
     """
     limit = rule.limit(base, now.unit)
-    if now.lower > limit + now.tolerance:
+    sign = -1 if rule.least else 1
+    best, worst_ = sorted((sign * now.lower, sign * now.upper))
+    if best > sign * limit + now.tolerance:
         verdict = Verdict.FAIL
-    elif now.upper <= limit + now.tolerance:
+    elif worst_ <= sign * limit + now.tolerance:
         verdict = Verdict.PASS
     else:
         verdict = Verdict.UNDECIDED
@@ -262,6 +280,8 @@ def judge(rule: Rule, now: Value, base: float | None) -> Finding:
 def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
     """The rule of ``PATH:+N`` or ``PATH:+N%``.
 
+    ``PATH:-N`` is how much less than the baseline NEES, or the share of states inside, may be.
+
     Raises
     ------
     ConfigError
@@ -270,15 +290,24 @@ def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
     found = re.fullmatch(_RULE, text.strip())
     slack = _not_negative(found["slack"]) if found else None
     if found is None or slack is None:
-        raise ConfigError(f"--{option} {quoted(text)}: must be PATH:+N or PATH:+N%, as total:+0.1%")
+        raise ConfigError(
+            f"--{option} {quoted(text)}: must be PATH:+N or PATH:+N%, as total:+0.1%, or "
+            "PATH:LEAST..MOST"
+        )
     path = _path(found["path"].strip(), option, text)
-    relative = found["percent"] == "%"
+    relative, less = found["percent"] == "%", found["sign"] == "-"
+    if path not in OF_NEES if less else path == OF_NEES[-1]:
+        right = "is worse the larger it is: PATH:+N" if less else "is worse the less it is: PATH:-N"
+        raise ConfigError(f"--{option} {quoted(text)}: {path} {right}")
+    if found["last"] and path in OF_NEES:
+        raise ConfigError(f"--{option} {quoted(text)}: best-of-last is for costs and counts")
     return Rule(
-        text=f"{path}:+{found['slack'].strip()}{found['percent']}"
+        text=f"{path}:{found['sign']}{found['slack'].strip()}{found['percent']}"
         + (f" best-of-last {found['last']}" if found["last"] else ""),
         path=path,
         slack=slack / 100 if relative else slack,
         relative=relative,
+        least=less,
         warns=option == "warn-on",
         last=int(found["last"] or 0),
     )
@@ -297,7 +326,7 @@ def parse_maximum(text: str) -> Rule:
     if not equals or limit is None:
         raise ConfigError(f"--max {quoted(text)}: must be NAME=VALUE, as tgospa=50")
     path = _path(name.strip(), "max", text)
-    return Rule(text=f"{path}<={number.strip()}", path=path, slack=limit, maximum=True)
+    return Rule(text=f"{path}<={number.strip()}", path=path, slack=limit, absolute=True)
 
 
 def parse_rules(
@@ -311,10 +340,32 @@ def parse_rules(
         One is wrong.
     """
     return [
-        *([parse_rule(text) for text in fail_on] or [DEFAULT][:default]),
-        *(parse_rule(text, option="warn-on") for text in warn_on),
+        *([*_parsed(fail_on, "fail-on")] or [DEFAULT][:default]),
+        *_parsed(warn_on, "warn-on"),
         *(parse_maximum(text) for text in maximum),
     ]
+
+
+def _parsed(rules: Iterable[str], option: str) -> Iterator[Rule]:
+    """Those of one option; a range ``PATH:LEAST..MOST`` is a rule for each end that it has."""
+    for text in rules:
+        ends = re.fullmatch(_RANGE, text.strip())
+        if ends is None:
+            yield parse_rule(text, option=option)
+            continue
+        given = {sign: ends[sign] for sign in ("least", "most") if ends[sign]}
+        limits = {sign: _not_negative(number) for sign, number in given.items()}
+        path = _path(ends["path"].strip(), option, text)
+        for sign, limit in (limits or {"": None}).items():
+            if limit is None:
+                raise ConfigError(
+                    f"--{option} {quoted(text)}: must be PATH:LEAST..MOST, PATH:LEAST.. or "
+                    "PATH:..MOST, as nees:1.5..2.5"
+                )
+            least = sign == "least"
+            shown = f"{path}{'>=' if least else '<='}{given[sign]}"
+            warns = option == "warn-on"
+            yield Rule(text=shown, path=path, slack=limit, absolute=True, least=least, warns=warns)
 
 
 def meanings(path: str) -> list[tuple[str | None, str]]:
@@ -334,7 +385,7 @@ def split_rules(text: str) -> list[str]:
 
     Only a comma after the number ends a rule: the name of a class may have commas itself.
     """
-    parts = re.split(r"(:\+[^,]*|=[^,=]*)(?:,|$)", text)
+    parts = re.split(r"(:[+-][^,]*|:[^,:]*\.\.[^,:]*|=[^,=]*)(?:,|$)", text)
     found = [head + end for head, end in zip(parts[::2], (*parts[1::2], ""), strict=True)]
     return [rule for rule in found if rule.strip()]
 
@@ -345,9 +396,9 @@ def _not_negative(text: str) -> float | None:
 
 
 def _path(path: str, option: str, text: str) -> str:
-    if not any(value in (*PROVEN, *SPLIT) for _, value in meanings(path)):
+    if not any(value in JUDGED for _, value in meanings(path)):
         raise ConfigError(
             f"--{option} {quoted(text)}: {quoted(path)} cannot be judged; there are "
-            f"{', '.join((*PROVEN, *SPLIT))}, and with --by class {BY_CLASS}NAME.total and so on"
+            f"{', '.join(JUDGED)}, and with --by class {BY_CLASS}NAME.total and so on"
         )
     return path

@@ -286,7 +286,9 @@ def _options(table: Table, where: str, known: Mapping[str, bool], folder: str) -
     if not isinstance(options, dict):
         raise ConfigError(f'{where}: "options" must be a table of options')
     settings = config.settings_of(options, where, known)
-    for name in (name for name in ("covariance", "step-weights") if name in settings):
+    for name in (
+        name for name in ("covariance", "step-weights", "ignore-regions") if name in settings
+    ):
         settings[name] = os.path.join(folder, str(settings[name]))
     return {**settings}
 

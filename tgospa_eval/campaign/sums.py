@@ -18,12 +18,14 @@ from tgospa_eval.campaign.grouping import (
     with_parameters,
 )
 from tgospa_eval.campaign.ranking import rankings
-from tgospa_eval.campaign.row import LABEL, STORED_SLICES
+from tgospa_eval.campaign.row import LABEL, STORED_SLICES, covariances_of
 from tgospa_eval.campaign.statistics import confidence
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.states import connected_components
 from tgospa_eval.reports.batch import BatchTables, Ranking
+from tgospa_eval.results.consistency import STORED_NEES
+from tgospa_eval.results.numbers import MEAN
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, OtherMetrics
 from tgospa_eval.results.slices import Slicing, added_up
 
@@ -40,7 +42,7 @@ def metrics_of(columns: Iterable[str]) -> list[str]:
     return [name for name in dict.fromkeys(inside) if name != "similarity"]
 
 
-def joined_metrics(rows: "pd.DataFrame") -> dict[str, float]:
+def joined_metrics(rows: "pd.DataFrame") -> dict[str, Any]:
     """Numbers of a group of rows, by the names of their columns.
 
     Matches are counted over all rows, and what is a ratio is one of these sums; costs of GOSPA are
@@ -65,7 +67,7 @@ def joined_metrics(rows: "pd.DataFrame") -> dict[str, float]:
         {str(name).removeprefix(WITH_PREFIX): value for name, value in row.items()}
         for row in rows.to_dict("records")
     ]
-    numbers: dict[str, float] = {}
+    numbers: dict[str, Any] = {}
     ratios = [name for name in asked if name in METRIC_FIELDS]
     if ratios:
         if len(found) == 1:
@@ -85,7 +87,9 @@ def joined_metrics(rows: "pd.DataFrame") -> dict[str, float]:
             name: float(rows[name].iloc[0]) for name in names if name.startswith("with.similarity.")
         }
     costs = [name for name in names if name.startswith("with.gospa.")]
-    return numbers | {name: float(rows[name].sum()) for name in costs}
+    parts, nees = covariances_of(rows)
+    numbers |= {name: float(rows[name].sum()) for name in costs} | parts
+    return numbers | (nees.row() if nees else {})
 
 
 SUMS = (
@@ -152,9 +156,9 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     orders = orders.reindex(heads.index, fill_value=float(orders.iloc[0]))
     table = _summed(having, own, orders)
     table["expected"] = _expected(having if parameters else filled, numbers, by, parameters)
-    for name, group in having.groupby(own) if metrics_of(having.columns) else ():
-        for column, value in joined_metrics(group).items():
-            table.loc[name, column] = value
+    if metrics_of(having.columns) or STORED_NEES in having or MEAN in having:
+        found = {name: joined_metrics(group) for name, group in having.groupby(own)}
+        table = table.join(pd.DataFrame.from_dict(found, orient="index"))
     if roots:
         for end in ENDS:
             values = having["total" + end] ** (1 / having["order"])

@@ -31,7 +31,8 @@ SENSOR_OPTIONS = {
     item.key for item in EVALUATION if not item.key.startswith(("truth-", "estimate-"))
 } - {
     *("cutoff", "order", "switch-penalty", "rho", "step-weights", "existence"),
-    *("by", "preprocess", "unit", "solver", "gap", "epsilon", "time-limit"),
+    *("by", "preprocess", "ignore", "ignore-regions", "max-speed"),
+    *("unit", "solver", "gap", "epsilon", "time-limit"),
 }
 """What it has of the options of everything that evaluates."""
 

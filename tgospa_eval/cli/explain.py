@@ -4,7 +4,7 @@ from functools import partial
 
 import click
 
-from tgospa_eval.api.options import Request
+from tgospa_eval.api.options import PREPROCESS, Request
 from tgospa_eval.cli.shared.click_options import (
     BY_OF_SETTINGS,
     CONFIG_FILE,
@@ -30,10 +30,10 @@ _output = partial(Option, section="Output")
         *(item for item in EVALUATION if item.key not in LEFT_ASIDE),
         BY_OF_SETTINGS,
         option(
-            "--preprocess motchallenge",
+            "--preprocess RULES",
             "",
             section="Filters",
-            type=click.Choice(("motchallenge",)),
+            type=click.Choice(PREPROCESS),
             hidden=True,
         ),
         _output(

@@ -206,7 +206,7 @@ def _made(
     from tgospa_eval.tracks.interpolation import interpolated  # here: few want it
 
     return interpolated(
-        side.seen_as(distance.kinds),
+        side.seen_as(("gaussian", *distance.kinds)),  # of these there may be a NEES
         other,
         max_gap=float(gap),
         tolerance=matching.near,

@@ -8,11 +8,13 @@ the filter, as of a reference that was measured apart.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.distances import Distance
+from tgospa_eval.evaluation.axis import periods_of
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.readout import read_assigned
 from tgospa_eval.results.consistency import BINS, NeesSums, nees_sums
@@ -36,14 +38,37 @@ def pair_nees(proof: Proof, distance: Distance) -> tuple[Floats, NeesSums]:
     assert compared.estimate_covariance is not None
     found = read_assigned(proof.states, proof.weights)
     rows = problem.truth_row[found.entry], problem.estimate_row[found.entry]
-    packed = compared.estimate_covariance[rows[1]].T
-    if compared.truth_covariance is not None:
-        packed = packed + compared.truth_covariance[rows[0]].T
-    truth, estimate = compared.truth[rows[0]], compared.estimate[rows[1]]
-    periods, clouds = getattr(distance, "period", None), compared.estimate_clouds
-    nees = squared(apart(truth - estimate, periods).T, covariances.factor(packed))
-    histogram = None if clouds is None else ranks(truth, clouds, rows[1], found.weight, periods)
-    return nees, nees_sums(found, nees, truth.shape[1], histogram)
+    states = compared.truth, compared.estimate
+    spreads = compared.truth_covariance, compared.estimate_covariance
+    periods, clouds = periods_in(distance, compared.columns), compared.estimate_clouds
+    nees, histogram = nees_of(states, spreads, rows, periods), None
+    if problem.unjudged is not None:  # nobody is judged by an ignored truth
+        ignored = problem.unjudged[0][rows[0]]
+        nees[ignored] = np.nan
+        found = replace(found, weight=np.where(ignored, 0.0, found.weight))
+    if clouds is not None:
+        histogram = ranks(states[0][rows[0]], clouds, rows[1], found.weight, periods)
+    return nees, nees_sums(found, nees, states[0].shape[1], histogram)
+
+
+def periods_in(distance: Distance, columns: tuple[str, ...]) -> list[float] | None:
+    """That of each component, infinite where it has none; None if none has."""
+    found = periods_of(distance, columns)
+    return [found.get(name, np.inf) for name in columns] if found else None
+
+
+def nees_of(
+    states: tuple[Floats, Floats],
+    spreads: tuple[Floats | None, Floats],
+    rows: tuple[Ints, Ints],
+    periods: Sequence[float] | None,
+) -> Floats:
+    """NEES of pairs of rows of truth and estimate, of states and of what is around each."""
+    packed = spreads[1][rows[1]].T
+    if spreads[0] is not None:
+        packed = packed + spreads[0][rows[0]].T
+    errors = apart(states[0][rows[0]] - states[1][rows[1]], periods)
+    return squared(errors.T, covariances.factor(packed))
 
 
 def apart(differences: Floats, periods: Sequence[float] | None) -> Floats:

@@ -14,13 +14,14 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import parsed
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.evaluation.regions import inside
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.options import class_named
 from tgospa_eval.text import listed, quoted
-from tgospa_eval.tracks.alignment import comparable, joined_to
 from tgospa_eval.tracks.attributes import Values
 from tgospa_eval.tracks.ignored import EXCUSED, IGNORED, Mask, marked, marks_of
-from tgospa_eval.tracks.interpolation import found_at
+from tgospa_eval.tracks.interpolation import found_near
+from tgospa_eval.tracks.regions import Regions
 from tgospa_eval.tracks.trajectories import Trajectories
 
 MARKED, OUTSIDE, GAPS = "marked", "outside-truth-steps", "truth-gaps"
@@ -93,6 +94,8 @@ class Ignoring:
         As given.
     conditions : tuple of Condition
         Rows of the truth that are ignored.
+    regions : Regions, optional
+        In which states of the estimate are excused.
     max_speed : float
         How fast truths may leave the line across a gap, in units of states per second, or per unit
         of the stamps.
@@ -100,6 +103,7 @@ class Ignoring:
 
     texts: tuple[str, ...] = ()
     conditions: tuple[Condition, ...] = ()
+    regions: Regions | None = None
     max_speed: float = 0.0
 
     @property
@@ -109,9 +113,13 @@ class Ignoring:
 
     @property
     def recorded(self) -> dict[str, object]:
-        """What changes the number, by the names of the JSON."""
-        speed = {"max_speed": self.max_speed} if self.max_speed else {}
-        return {"ignore": list(self.texts), **speed}
+        """What changes the number, by the names of the JSON; regions by their digest."""
+        given = {
+            "ignore": list(self.texts),
+            "max_speed": self.max_speed,
+            "ignore_regions": self.regions and self.regions.sha256,
+        }
+        return {name: value for name, value in given.items() if value}
 
     @property
     def gaps(self) -> bool:
@@ -145,14 +153,16 @@ class Ignoring:
     def excuse(
         self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]
     ) -> Trajectories:
-        """The estimate with its rows marked that are at no time of the truth's file."""
-        if OUTSIDE not in self.texts or not len(estimate.step):
+        """The estimate with its rows marked that are in a region, or at no time of the truth."""
+        if not len(estimate.step):
             return estimate
-        mine, theirs = comparable(estimate, truth, (names[1], names[0]))
-        if len(theirs):
-            mine, _ = joined_to(mine, theirs, tolerance, estimate.clock)
-        _, there = found_at(mine, theirs)
-        return marked(estimate, ~there[estimate.step])
+        rows = np.zeros(len(estimate.step), bool)
+        if OUTSIDE in self.texts:
+            _, there = found_near(estimate, truth, tolerance, (names[1], names[0]))
+            rows |= ~there[estimate.step]
+        if self.regions is not None:
+            rows |= inside(self.regions, estimate, tolerance, names[1])
+        return marked(estimate, rows)
 
 
 def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:

@@ -8,7 +8,8 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.distances.base import Sides
 from tgospa_eval.evaluation.prepare import Prepared
-from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.metric_family import Parameters
+from tgospa_eval.problem.problem import Floats, Ints, Problem
 from tgospa_eval.problem.readout import read_assigned
 from tgospa_eval.problem.solution import Bounds
 from tgospa_eval.results.numbers import MEAN, SPREAD
@@ -75,7 +76,8 @@ def pair_parts(prepared: Prepared, proof: Proof) -> dict[str, Floats]:
     problem, scale = proof.states.problem, proof.parameters.scale
     pairs = read_assigned(proof.states, proof.weights)
     entry, weight = pairs.entry, pairs.weight
-    found = _parts_of_distances(prepared.sides, prepared.distance, proof, entry, weight)
+    parts = parts_of_distances(prepared.sides, prepared.distance, proof.parameters, problem, entry)
+    found = {name: weight * part for name, part in parts.items()}
     if prepared.existence is None:
         return found
     if not found:
@@ -84,13 +86,12 @@ def pair_parts(prepared: Prepared, proof: Proof) -> dict[str, Floats]:
     return {**found, "existence_mismatch": scale * weight * problem.mismatch(entry)}
 
 
-def _parts_of_distances(
-    sides: Sides, distance: Distance, proof: Proof, entries: Ints, weights: Floats
+def parts_of_distances(
+    sides: Sides, distance: Distance, parameters: Parameters, problem: Problem, entries: Ints
 ) -> dict[str, Floats]:
-    """Cost of pairs by means and by spreads, if the cost is a square and has such parts."""
-    if proof.parameters.order != 2 or type(distance).parts is Distance.parts:
+    """Cost of whole pairs by means and by spreads, if the cost is a square and has such parts."""
+    if parameters.order != 2 or type(distance).parts is Distance.parts:
         return {}
-    problem = proof.states.problem
     costs = np.zeros((2, len(entries)))
     for begin in range(0, len(entries) or 1, BLOCK):
         part = slice(begin, begin + BLOCK)
@@ -98,10 +99,10 @@ def _parts_of_distances(
         pairs = Pairs(
             truth_row=problem.truth_row[entry],
             estimate_row=problem.estimate_row[entry],
-            distance=proof.parameters.cutoff * np.sqrt(problem.powers(entry)),
+            distance=parameters.cutoff * np.sqrt(problem.powers(entry)),
         )
         parts = distance.parts(pairs, sides)
         if parts is None:
             return {}
-        costs[:, part] = problem.share(entry) * weights[part] * np.square(parts)
+        costs[:, part] = problem.share(entry) * np.square(parts)
     return dict(zip((MEAN, SPREAD), costs, strict=True))

@@ -13,7 +13,7 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.distances.pair_search import prepared_pairs
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.axis import Axis, Sides, on_axis
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.merging import merge_runs
@@ -27,6 +27,7 @@ from tgospa_eval.problem.metric_family import (
 )
 from tgospa_eval.problem.problem import Floats, Problem
 from tgospa_eval.problem.states import States
+from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.results.result import ComparedSides, Result
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
@@ -267,7 +268,9 @@ def measure(
 
     with stopwatch.span("distances"):
         seen = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
-        truth, estimate = seen
+        truth, estimate = (
+            side.seen_as(request.kinds) for side in (aligned.truth, aligned.estimate)
+        )
         scene: dict[str, Any] = {  # as they were read, not as a distance scales or whitens them
             "columns": truth.columns,
             "truth": truth.state,
@@ -356,6 +359,9 @@ def _recorded(
     if unjudged is not None and unjudged[0].any():
         counts = counts.chosen(np.flatnonzero(~unjudged[0]))
         sha256 = hashlib.sha256(f"{sha256} {digest(counts)}".encode()).hexdigest()
+    regions = None if request.ignoring is None else request.ignoring.regions
+    if regions is not None:
+        sha256 = hashlib.sha256(f"{sha256} {regions.sha256}".encode()).hexdigest()
     judged = judge(sides.axis.horizon, counts, sha256)
     left_out = zip(aligned.left_out, sides.axis.left_out, strict=True)
     found = {
@@ -405,6 +411,11 @@ def fit(
         raise ConfigError(
             f"--grid {time_matching.grid}: no step is left, none of {aligned.union:,} counts; if "
             "the clocks differ, see --time-tolerance"
+        )
+    if request.nees and len(aligned.estimate.step) and aligned.estimate.kind == "point":
+        raise InputError(
+            f"{names[1]}: --with {NEES}: its states have neither covariances (columns cov_xx, "
+            "cov_xy, cov_yy or std_x, std_y) nor particles, which are not interpolated"
         )
     if request.sliding is not None:
         request.sliding.check(aligned.truth.clock)

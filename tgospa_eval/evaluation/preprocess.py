@@ -1,13 +1,21 @@
-"""What MOTChallenge leaves out before it evaluates, in its benchmarks of 2016 and 2017.
+"""What benchmarks leave out before they evaluate, or what it means in marks.
 
-At each step boxes of the estimate are matched with all boxes of the truth, whatever their class and
-flag: one to one, the sum of their IoU is largest, and only pairs with an IoU of 1/2 or more count.
-A box that is matched with a distractor is left out. Of the truth the pedestrians remain whose flag
-is not 0. The rules, and the order of its steps, are those of TrackEval.
+MOTChallenge of 2016 and 2017, and KITTI in the image, match at each step the boxes of the estimate
+with those of the truth, one to one: the sum of their IoU is largest, and only pairs with an IoU of
+1/2 or more count. Estimates that are matched with a truth that is not judged are left out. KITTI
+leaves out others, too, that are small or in a region `DontCare`: where the shared area is more than
+half of the estimate's, by one region. Their rules, and the order of their steps, are those of
+TrackEval. VisDrone leaves out, on both sides, what has half of its area or more in ignored regions,
+all of a step together (dropObjects of its toolkit, but for the edge of the image, which no file
+has); so does UA-DETRAC.
+
+Instead of leaving them out by a matching that no metric knows, ``:ignore`` marks: truths that are
+not judged are ignored, estimates that are small or in a region are excused.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,51 +24,108 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.distances.boxes import TRACKEVAL_EPS, overlaps
 from tgospa_eval.distances.pair_search import starts_of_steps
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.regions import inside
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.options import Flags
+from tgospa_eval.formats.rows import AS_REGIONS
 from tgospa_eval.formats.text.table import IGNORED
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching, align
+from tgospa_eval.tracks.ignored import marked
+from tgospa_eval.tracks.regions import Regions
+from tgospa_eval.tracks.trajectories import Floats, Ints
+
+IGNORE = "ignore"
 
 PEDESTRIAN = "1"
 DISTRACTORS = ("2", "7", "8", "12")
 """A person on a vehicle, a static person, a distractor, a reflection."""
 
+NEIGHBOURS = {"car": ("Van",), "pedestrian": ("Person", "Person_sitting")}
+"""Classes that KITTI judges, and those that a tracker may take for them."""
+
+HIDDEN = ("truncated", "occluded")
+MOST_OCCLUDED, LEAST_HEIGHT = 2, 25
+"""A truth that is more occluded, or truncated at all, is not judged; estimates are to be higher."""
+
 LEAST_MATCH = 0.5 - TRACKEVAL_EPS
 """IoU from which boxes match."""
 
-PREPROCESS = "--preprocess motchallenge"
+MOST_INSIDE = 0.5 + TRACKEVAL_EPS
+"""Share of a box in a region DontCare that it may have."""
+
+
+class Judgement(NamedTuple):
+    """What a benchmark says of the rows of both sides.
+
+    `judged` and `neutral` rows of the truth: those that are to be found, and those that may be.
+    Rows of the estimate that the benchmark has `removed`, and those that are `excused` wherever
+    they are matched.
+    """
+
+    truth: Reading
+    judged: Flags
+    neutral: Flags
+    removed: Flags
+    excused: Flags
 
 
 def preprocessed(
-    sides: tuple[Reading, ...], everything: Reading, names: tuple[str, str]
+    rule: str,
+    sides: tuple[Reading, ...],
+    everything: Callable[[], Reading],
+    names: tuple[str, str],
+    regions: Regions | None,
 ) -> tuple[Reading, Reading]:
-    """Truth and estimate as MOTChallenge evaluates them.
+    """Truth and estimate as a benchmark evaluates them.
 
     Parameters
     ----------
+    rule : str
+        Its name, and with ``:ignore`` that rows are marked instead of left out.
     sides : pair of Reading
-        Boxes; of the truth those whose flag is not 0, with their classes.
-    everything : Reading
-        All boxes of the truth, with their classes.
+        Boxes; of the truth those that are judged and those with classes that may be taken for
+        them, with their classes.
+    everything : callable
+        Reads all boxes of the truth, with classes and the attribute ``conf``.
     names : pair of str
         Of the files, for messages.
+    regions : Regions, optional
+        Of the option ``--ignore-regions``.
 
     Raises
     ------
     ConfigError
-        The truth does not say what is a distractor.
+        The truth does not say what is not judged.
     """
+    benchmark, _, how = rule.partition(":")
+    option = f"--preprocess {rule}"
     truth, estimate = sides
-    if everything.format != "motchallenge":
+    if benchmark == "uadetrac":
+        if regions is None:
+            raise ConfigError(f"{option}: needs the regions of the sequence, by --ignore-regions")
+    elif truth.format != benchmark:
         raise ConfigError(
-            f"{PREPROCESS}: {names[0]} is read as {everything.format}; only MOTChallenge text says "
-            "which boxes are distractors"
+            f"{option}: {names[0]} is read as {truth.format or 'a table'}; only files of "
+            f"{benchmark} say what is not judged"
         )
-    if everything.klass is None:
-        raise ConfigError(f"{PREPROCESS}: {names[0]} has no classes, column 8")
+    if benchmark == "motchallenge":
+        if truth.klass is None:
+            raise ConfigError(f"{option}: {names[0]} has no classes, column 8")
+        found = _motchallenge(truth, estimate, everything(), names, whole=how == IGNORE)
+    elif benchmark == "kitti":
+        found = _kitti(truth, estimate, names)
+    elif benchmark == "visdrone":
+        found = _visdrone(truth, estimate, names)
+    else:
+        found = _in_regions(truth, estimate, regions, names)
+    if how != IGNORE:
+        return kept_rows(found.truth, found.judged), kept_rows(estimate, ~found.removed)
+    kept = found.judged | found.neutral
+    truth = kept_rows(found.truth, kept)
     return (
-        _left(truth, _of_classes(truth, (PEDESTRIAN,))),
-        _left(estimate, ~_on_distractors(everything, estimate, names)),
+        replace(truth, trajectories=marked(truth.trajectories, found.neutral[kept])),
+        replace(estimate, trajectories=marked(estimate.trajectories, found.excused)),
     )
 
 
@@ -74,56 +139,149 @@ def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Ite
     everything : callable
         Reads all boxes of the truth, with the attribute ``class`` if there is one.
     """
+    text = ""
     if truth.format == "motchallenge":
-        classes = everything().trajectories.attributes.get("class", np.zeros(0))
-        count = int(
-            np.isin(classes.astype(str), [*DISTRACTORS, *map("{}.0".format, DISTRACTORS)]).sum()
-        )
+        classes = everything().trajectories.attributes.get("class", np.zeros(0)).astype(str)
+        count = int(np.isin(classes, [*DISTRACTORS, *map("{}.0".format, DISTRACTORS)]).sum())
         if count:
-            yield Notice(
-                code="benchmark-rules",
-                text=f"{counted(count, 'box is a distractor', 'boxes are distractors')} "
-                f"(classes {', '.join(DISTRACTORS)}), and a tracker that has them is charged for "
-                "them: HOTA, MOTA and IDF1 are not those of the tables",
-                remedy=f"{PREPROCESS} leaves out what they leave out",
+            text = (
+                f"{counted(count, 'box is a distractor', 'boxes are distractors')} (classes "
+                f"{', '.join(DISTRACTORS)}), and a tracker that has them is charged for them"
             )
     elif truth.format == "kitti" and IGNORED in truth.left_out:
+        text = (
+            "tables of KITTI are of one class, without what a tracker has in regions "
+            f"{IGNORED}, on neighbours of the class (Van, Person_sitting), or too small: here it "
+            "is charged for all"
+        )
+    elif truth.format == "visdrone" and not truth.left_out.keys().isdisjoint(AS_REGIONS):
+        text = (
+            "tables of VisDrone are without what is in ignored regions and on others: here a "
+            "tracker is charged for it"
+        )
+    if text:
+        rule = truth.format + " --class car, or pedestrian," * (truth.format == "kitti")
         yield Notice(
             code="benchmark-rules",
-            text="tables of KITTI are of one class, without what a tracker has in regions "
-            f"{IGNORED}, on neighbours of the class (Van, Person_sitting), or too small: here it "
-            "is charged for all, and HOTA, MOTA and IDF1 are not those of the tables",
-            remedy="compare these numbers with one another; TrackEval makes those of the tables",
+            text=f"{text}: HOTA, MOTA and IDF1 are not those of the tables",
+            remedy=f"--preprocess {rule} leaves out what they leave out",
         )
+
+
+def judged_class(classes: tuple[str, ...] | None, rule: str) -> str:
+    """The class of KITTI that is judged, of those of the truth that are asked for.
+
+    Raises
+    ------
+    ConfigError
+        It is not one of them.
+    """
+    asked = [name.strip().casefold() for name in classes or ()]
+    if len(asked) != 1 or asked[0] not in NEIGHBOURS:
+        given = f", not for {quoted(','.join(classes))}" if classes else ""
+        raise ConfigError(
+            f"--preprocess {rule}: is for one class{given}: --class car or --class pedestrian"
+        )
+    return asked[0]
+
+
+def _motchallenge(
+    truth: Reading, estimate: Reading, everything: Reading, names: tuple[str, str], *, whole: bool
+) -> Judgement:
+    """Of the truth the pedestrians remain whose flag is not 0; distractors may be followed."""
+    distractors = _of_classes(everything, DISTRACTORS)
+    removed = _on(distractors, _matched(everything, estimate, names))
+    if not whole:
+        pedestrians = _of_classes(truth, (PEDESTRIAN,))
+        return Judgement(truth, pedestrians, ~pedestrians, removed, removed)
+    judged = _of_classes(everything, (PEDESTRIAN,))
+    judged &= everything.trajectories.attributes["conf"] != 0
+    return Judgement(everything, judged, distractors, removed, np.zeros_like(removed))
+
+
+def _kitti(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Judgement:
+    """Of the truth the class that is asked for remains, where it is to be seen."""
+    truncated, occluded = (truth.trajectories.attributes[name] for name in HIDDEN)
+    neighbours = sorted(set().union(*NEIGHBOURS.values()), key=str.casefold)
+    neutral = _of_classes(truth, tuple(neighbours))
+    neutral |= (np.trunc(occluded) > MOST_OCCLUDED) | (np.trunc(truncated) > 0)
+    match = _matched(truth, estimate, names)
+    boxes = estimate.trajectories
+    excused = boxes.state[:, 3] <= LEAST_HEIGHT + TRACKEVAL_EPS
+    if truth.regions is not None:
+        excused |= inside(truth.regions, boxes, 0.0, names[1], MOST_INSIDE)
+    removed = np.where(match >= 0, _on(neutral, match), excused)
+    return Judgement(truth, ~neutral, neutral, removed, excused)
+
+
+def _visdrone(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Judgement:
+    """As of UA-DETRAC, in whole pixels: a region begins one before its left and upper edge."""
+    wider = np.array([-1.0, -1.0, 1.0, 1.0])
+    regions = truth.regions and replace(
+        truth.regions,
+        shapes=tuple(
+            replace(shape, rings=(_pixels(shape.rings[0]) + wider,))
+            for shape in truth.regions.shapes
+        ),
+    )
+    first, second = (
+        replace(side, trajectories=replace(whole, state=_pixels(whole.state)))
+        for side, whole in ((truth, truth.trajectories), (estimate, estimate.trajectories))
+    )
+    return _in_regions(first, second, regions, names)._replace(truth=truth)
+
+
+def _pixels(boxes: Floats) -> Floats:
+    """Boxes in whole pixels, from 1 on, halves up."""
+    return np.maximum(np.floor(boxes + 0.5), 1.0)
+
+
+def _in_regions(
+    truth: Reading, estimate: Reading, regions: Regions | None, names: tuple[str, str]
+) -> Judgement:
+    """Nothing in a region is judged."""
+    within, excused = (
+        np.zeros(side.taken, bool)
+        if regions is None
+        else inside(regions, side.trajectories, 0.0, name)
+        for side, name in zip((truth, estimate), names, strict=True)
+    )
+    return Judgement(truth, ~within, within, excused, excused)
 
 
 def _of_classes(reading: Reading, names: tuple[str, ...]) -> Flags:
-    """Rows of these classes."""
+    """Rows of these classes, in capitals or not."""
     assert reading.klass is not None
-    return np.isin(reading.klass, [k for k, name in enumerate(reading.classes) if name in names])
+    wanted = {name.casefold() for name in names}
+    known = [k for k, name in enumerate(reading.classes) if name.casefold() in wanted]
+    return np.asarray(np.isin(reading.klass, known))
 
 
-def _on_distractors(everything: Reading, estimate: Reading, names: tuple[str, str]) -> Flags:
-    """Rows of the estimate that match a distractor."""
+def _on(neutral: Flags, match: Ints) -> Flags:
+    """Which rows are matched with a neutral truth."""
+    return np.asarray((match >= 0) & np.append(neutral, False)[match])
+
+
+def _matched(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Ints:
+    """The row of the truth that each row of the estimate matches; -1 for none."""
     from scipy.optimize import linear_sum_assignment  # here: slow to import
 
-    aligned = align(everything.trajectories, estimate.trajectories, TimeMatching(), names)
+    aligned = align(truth.trajectories, estimate.trajectories, TimeMatching(), names)
     sides = aligned.truth, aligned.estimate
-    wrong = _of_classes(everything, DISTRACTORS)
-    found = np.zeros(len(aligned.estimate.step), bool)
+    found = np.full(len(aligned.estimate.step), -1)
     starts = [starts_of_steps(side) for side in sides]
     for step in range(len(sides[0].times)):
         rows, columns = (slice(start[step], start[step + 1]) for start in starts)
         overlap = overlaps(sides[0].state[rows], sides[1].state[columns])
         overlap[overlap < LEAST_MATCH] = 0.0
         i, j = linear_sum_assignment(-overlap)
-        matched = overlap[i, j] > 0
-        found[columns][j[matched]] = wrong[rows][i[matched]]
+        some = overlap[i, j] > TRACKEVAL_EPS
+        found[columns][j[some]] = rows.start + i[some]
     return found
 
 
-def _left(reading: Reading, keep: Flags) -> Reading:
-    """The rows that stay, at the steps of the whole file, and how many do not."""
+def kept_rows(reading: Reading, keep: Flags, rule: str = "preprocess") -> Reading:
+    """The rows that stay, at the steps of the whole file, and how many an option leaves out."""
     count = int(np.count_nonzero(~keep))
     if not count:
         return reading
@@ -132,6 +290,6 @@ def _left(reading: Reading, keep: Flags) -> Reading:
         reading,
         trajectories=reading.trajectories.chosen(rows),
         klass=None if reading.klass is None else reading.klass[rows],
-        left_out={**reading.left_out, "preprocess": count},
-        notices=(*reading.notices, f"{counted(count, 'row')} left out by --preprocess"),
+        left_out={**reading.left_out, rule: count},
+        notices=(*reading.notices, f"{counted(count, 'row')} left out by --{rule}"),
     )

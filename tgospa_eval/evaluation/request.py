@@ -14,6 +14,7 @@ from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.metric_family import NEEDS_SYMMETRY, Parameters
 from tgospa_eval.problem.problem import Ints
+from tgospa_eval.results.consistency import NEES
 from tgospa_eval.solvers import Solver
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching
@@ -161,7 +162,7 @@ def _spans_of_time(times: TimeArray, size: Duration, every: Duration) -> tuple[I
 
 
 OF_TRACKEVAL = ("hota", "clear", "identity")
-OTHER_METRICS = (*OF_TRACKEVAL, "gospa")
+OTHER_METRICS = (*OF_TRACKEVAL, "gospa", NEES)
 """What can be evaluated beside TGOSPA, in the order in which it is shown."""
 
 
@@ -186,7 +187,9 @@ class EvaluationRequest:
     sliding : Sliding, optional
         Which sliding windows to evaluate as well.
     with_ : sequence of str
-        Other metrics beside it, of `OTHER_METRICS`.
+        Other metrics beside it, of `OTHER_METRICS` but for NEES.
+    nees : bool
+        Whether NEES is asked for where the distance compares points; else there is none then.
     recorded : mapping of str to object
         Further options that change the number, as the result records them in ``parameters``.
     defaults : sequence of str
@@ -215,6 +218,7 @@ class EvaluationRequest:
     curve: bool = False
     sliding: Sliding | None = None
     with_: Sequence[str] = ()
+    nees: bool = False
     recorded: Mapping[str, object] = field(default_factory=dict)
     defaults: Sequence[str] = ()
     slices: "Sequence[SliceBy]" = ()
@@ -230,6 +234,11 @@ class EvaluationRequest:
         for asked, what in ((self.curve, "the curve needs"), (self.sliding, "windows need")):
             if asked and not self.solver.proves:
                 raise ConfigError(f"{what} the solver certified, not {self.solver.name}")
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What is read of states beside points: what the distance compares, or all for NEES."""
+        return self.distance.kinds or (("gaussian", "cloud") if self.nees else ())
 
     @property
     def probabilistic(self) -> bool:

@@ -31,6 +31,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 if TYPE_CHECKING:
     import pandas as pd
 
+    from tgospa_eval.evaluation.request import EvaluationRequest
     from tgospa_eval.tracks.clouds import Cloud
 
 
@@ -254,11 +255,14 @@ def _counts_steps(side: object) -> bool:
 
 
 def of_object(
-    side: TrajectoriesLike, name: str, distance: Distance, mapping: "Sequence[int] | None" = None
+    side: TrajectoriesLike,
+    name: str,
+    request: "EvaluationRequest",
+    mapping: "Sequence[int] | None" = None,
 ) -> Trajectories:
     """What is neither file nor table, as Trajectories.
 
-    `name` begins the messages; the distance may prescribe the state columns, and want covariances
+    `name` begins the messages; the request may prescribe the state columns, and want covariances
     or particles.
 
     Raises
@@ -266,7 +270,7 @@ def of_object(
     ConfigError, InputError
         It is of no accepted type, or wrong.
     """
-    columns = distance.columns
+    columns = request.distance.columns
     if isinstance(side, Trajectories):
         return side
     if hasattr(side, "__array__"):
@@ -277,7 +281,7 @@ def of_object(
         return of_mapping(side, name, columns)
     if _is_tracks(side):
         tracks = [side] if hasattr(side, "states") else cast("Iterable[TrackLike]", side)
-        return of_tracks(tracks, name, columns, mapping, distance.kinds)
+        return of_tracks(tracks, name, columns, mapping, request.kinds)
     lazy = "call its collect() first; it " if type(side).__name__ == "LazyFrame" else ""
     raise ConfigError(
         f"{name} is of the type {type(side).__name__}: {lazy}must be Trajectories, a DataFrame "

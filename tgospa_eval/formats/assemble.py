@@ -13,10 +13,11 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.options import Flags, ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import Reading
-from tgospa_eval.formats.rows import Rows
+from tgospa_eval.formats.rows import AS_REGIONS, Rows
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.attributes import Values
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
+from tgospa_eval.tracks.regions import BOX, Regions, Shape
 from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray, Trajectories
 
 if TYPE_CHECKING:
@@ -59,7 +60,8 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         state = scaled(state, factors, rows.name)
     choice = _Choice(len(state))
     for rule, (apart, sentence) in rows.apart.items():
-        choice.keep(~apart, rule, sentence)
+        if rule not in options.kept:
+            choice.keep(~apart, rule, sentence)
     filled = (state == state).all(axis=1)  # NaN is not
     choice.keep(filled, "blank")
     if roles.names[:2] == ("lat", "lon"):
@@ -127,7 +129,23 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         headers=roles.called,
         centres=roles.centres,
         pixels=roles.centres and roles.fixed,
+        regions=_regions(rows, state) if options.regions else None,
     )
+
+
+def _regions(rows: Rows, state: Floats) -> Regions | None:
+    """The boxes that the format itself has as regions."""
+    at = [np.flatnonzero(apart) for rule, (apart, _) in rows.apart.items() if rule in AS_REGIONS]
+    found = np.concatenate([np.zeros(0, np.int64), *at])
+    found = found[(state[found, 2:] > 0).all(axis=1)]
+    if not len(found):
+        return None
+    moments = rows.times.value[found].tolist()
+    shapes = (
+        Shape(kind=BOX, rings=(state[k],), where=rows.where(k), moment=moment)
+        for k, moment in zip(found.tolist(), moments, strict=True)
+    )
+    return Regions(shapes=tuple(shapes), clock=rows.times.clock, name=rows.name)
 
 
 def said_of(rule: str, count: int, which: str) -> str:

@@ -206,6 +206,10 @@ class ReadOptions:
         Rows of these classes.
     also : tuple of str
         Classes that a filter by class leaves in as well, as far as there are such.
+    kept : tuple of str
+        Rules of the format itself that leave nothing out.
+    regions : bool
+        The reading has the boxes that are no objects but regions.
     region : str, optional
         ``"x=-50:50,y=0:100"``: rows inside these ranges, ends included; either end may be blank.
     by_class : bool
@@ -255,6 +259,8 @@ class ReadOptions:
     time: str | None = None
     classes: tuple[str, ...] | None = None
     also: tuple[str, ...] = ()
+    kept: tuple[str, ...] = ()
+    regions: bool = False
     region: str | None = None
     by_class: bool = False
     class_for: str = "--by class"

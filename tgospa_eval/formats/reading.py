@@ -11,6 +11,7 @@ from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.regions import Regions
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 
@@ -46,6 +47,9 @@ class Reading:
         The states are centres of boxes.
     pixels : bool
         They are in an image, by the rules of the format.
+    regions : Regions, optional
+        Boxes of the file that are no objects but regions in which nothing is judged, if
+        `ReadOptions.regions` asks for them.
     """
 
     trajectories: Trajectories
@@ -61,6 +65,7 @@ class Reading:
     headers: dict[str, str] = field(default_factory=dict)
     centres: bool = False
     pixels: bool = False
+    regions: Regions | None = None
 
     @property
     def record(self) -> dict[str, Any]:

@@ -20,6 +20,12 @@ from tgospa_eval.tracks.trajectories import Floats, Ints
 Numbered = tuple[NDArray[np.object_], Ints]
 """Distinct texts in natural order, and the number of each row's."""
 
+NOT_CONSIDERED = "not considered"
+"""Rule of rows of a truth that have the flag 0."""
+
+AS_REGIONS = ("DontCare", "ignored regions", "others")
+"""Rules by which KITTI and VisDrone set rows apart that are regions in which nothing is judged."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rows:

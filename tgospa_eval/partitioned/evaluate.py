@@ -35,6 +35,7 @@ from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.metric_family import check_underflow
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Solution
+from tgospa_eval.results.numbers import SPLIT_PARTS, SPREAD
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.solvers.certified import Certified
@@ -227,8 +228,15 @@ def _result(
         zip((truths.rows, estimates.rows), found.track_costs, strict=True),
         found.folders,
         run,
+        assigned=found.assigned,
+        further=found.beside,
         assignments=assignments,
     )
+    split = {
+        name: float(sums.sum())
+        for name, sums in found.beside["step"].items()
+        if name in SPLIT_PARTS
+    }
     spent = stopwatch.spans.get("solve/sweeps", 0.0)
     late = solver.time_limit is not None and spent >= solver.time_limit
     solution = Solution(
@@ -267,9 +275,12 @@ def _result(
             at=int(np.count_nonzero(counts)),
         ),
         version=__version__,
+        split=split or None,
+        nees=found.nees,
         warnings=(
             *(notice for one in known for notice in one.warnings),
             *within_rounding(bounds, solver.gap),
+            *(() if found.nees is None else found.nees.warnings(split.get(SPREAD))),
         ),
         sizes={
             "truth": len(truths.ids),

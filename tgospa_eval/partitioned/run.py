@@ -4,11 +4,12 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
@@ -16,7 +17,7 @@ from tgospa_eval.engines.processes import PersistentPool
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
 from tgospa_eval.partitioned.long.run import solve_long
-from tgospa_eval.partitioned.scan import READ, Scanned, constants, scan
+from tgospa_eval.partitioned.scan import BESIDE, READ, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import (
     PARTS_OF_TRACKS,
     PartialSums,
@@ -24,6 +25,7 @@ from tgospa_eval.partitioned.shards import (
     sort_entries,
 )
 from tgospa_eval.partitioned.steps import BlockPlan
+from tgospa_eval.partitioned.tables import found_in, looked_up, sums_beside
 from tgospa_eval.partitioned.tasks import Task, run_tasks
 from tgospa_eval.problem.certificate import lower_cost, upper_cost
 from tgospa_eval.problem.metric_family import Parameters
@@ -31,7 +33,8 @@ from tgospa_eval.problem.paths import down
 from tgospa_eval.problem.problem import Ints, Problem
 from tgospa_eval.problem.readout import PerTrack
 from tgospa_eval.problem.solution import Bounds, Breakdown
-from tgospa_eval.results.records import Costs, Json
+from tgospa_eval.results.consistency import NeesSums
+from tgospa_eval.results.records import Arrays, Costs, Json
 from tgospa_eval.solvers.certified import Certified
 
 # -------------------------------------------------------------------------------------------------
@@ -204,7 +207,7 @@ def add_up(
     lower: list[float] = []
     upper: list[float] = []
     iterations = 0
-    for path in _of(folders, "share.npz"):
+    for path in found_in(folders, "share.npz"):
         share = PartialSums.load(path)
         span = slice(share.first, share.first + len(share.truths))
         for name, part in parts.items():
@@ -231,16 +234,11 @@ def add_up(
     return Costs(parameters=parameters, bounds=bounds, breakdown=breakdown), objects, iterations
 
 
-def _of(folders: Sequence[Path], name: str) -> list[Path]:
-    """The files of this name, of the folders that have one."""
-    return [folder / name for folder in folders if (folder / name).exists()]
-
-
 def _track_costs(folders: Sequence[Path], name: str, tracks: Tracks, price: float) -> PerTrack:
     """What each track contributes; the rows of those in shards that have no near pair as well."""
     found = {part: np.zeros(len(tracks.ids)) for part in PARTS_OF_TRACKS}
     rest = tracks.rows.copy()
-    for path in _of(folders, f"{name}.npz"):
+    for path in found_in(folders, f"{name}.npz"):
         with np.load(path) as shard:
             track = shard["track"]
             for part, values in found.items():
@@ -281,7 +279,13 @@ class Evaluated:
     shards : Shards
         How components were solved.
     folders : list of Path
-        One for each shard, with the tables of its assignment.
+        One for each shard, with the table of its switches.
+    assigned : list of Path
+        Files of assigned pairs.
+    beside : dict of dict of arrays
+        Sums of what these have beside their cost, as of `sums_beside`.
+    nees : NeesSums, optional
+        Whether covariances say how large errors are.
     iterations : int
         Of the solvers of all shards.
     constants : Problem
@@ -294,6 +298,9 @@ class Evaluated:
     track_costs: tuple[PerTrack, ...]
     shards: Shards
     folders: list[Path]
+    assigned: list[Path]
+    beside: dict[str, Arrays]
+    nees: NeesSums | None
     iterations: int
     constants: Problem
 
@@ -373,6 +380,10 @@ def evaluate_parts(
         solved = _solve(cut.request, work, folders, shards, most, stages)
     stages.end()
     with span("certify"):
+        sizes, assigned = (len(cut.times), len(truths.ids), len(estimates.ids)), []
+        assigned += found_in(solved, "assigned.npy")
+        pieces = _beside(work, blocks, (truths, estimates), assigned)
+        beside, nees = sums_beside(pieces, sizes, len(cut.sides[0].columns))
         fixed = constants(cut.request, cut.sides[0].columns, blocks)
         proof, objects, iterations = add_up(solved, blocks, len(cut.times), fixed, parameters)
         track_costs = tuple(
@@ -391,6 +402,9 @@ def evaluate_parts(
         track_costs=track_costs,
         shards=shards,
         folders=solved,
+        assigned=assigned,
+        beside=beside,
+        nees=nees,
         iterations=iterations,
         constants=fixed,
     )
@@ -416,6 +430,25 @@ def _shuffle(
     }
     stages.run("sorting near pairs", tasks)
     return tuple(tasks)
+
+
+def _beside(
+    work: Path, blocks: Sequence[Scanned], numbers: Sequence[Tracks], assigned: list[Path]
+) -> Iterator[NDArray[np.void]]:
+    """The assigned pairs of each range of steps with what is beside their cost, if anything is.
+
+    They are written as well, each in the place of what is in `assigned`.
+    """
+    if not any((block.folder / BESIDE).exists() for block in blocks):
+        return
+    pieces, folder = [*map(str, assigned)], work / "assigned"
+    assigned.clear()
+    folder.mkdir(exist_ok=True)
+    for k, block in enumerate(blocks):
+        found = looked_up(block, [side.numbers[k] for side in numbers], pieces)
+        assigned.append(folder / f"{k:08d}.npy")
+        np.save(assigned[-1], found)
+        yield found
 
 
 def _solve(

@@ -12,13 +12,20 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import Effort, Pairs
 from tgospa_eval.evaluation.axis import Axis, Sides
-from tgospa_eval.evaluation.prepare import Fitted, fit, near_pairs, problem_of_pairs
+from tgospa_eval.evaluation.localisation import parts_of_distances
+from tgospa_eval.evaluation.prepare import (
+    Fitted,
+    fit,
+    near_pairs,
+    problem_of_pairs,
+)
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.shards import ENTRY
 from tgospa_eval.partitioned.steps import BlockPiece, Resampled
 from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.problem.problem import Ints, Problem
-from tgospa_eval.results.records import Json
+from tgospa_eval.results.consistency import NEES
+from tgospa_eval.results.records import Arrays, Json
 from tgospa_eval.tracks.judged import row_sums
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -110,6 +117,9 @@ class Scanned:
             )
 
 
+BESIDE = "beside.npz"
+"""In the folder of a range, what its near pairs have beside their cost, if anything."""
+
 READ = "read.json"
 """In the folder of a block, what is known of the rows that were read: a record for each side."""
 
@@ -165,7 +175,7 @@ def scan(
 
 def _write_range(folder: Path, low: int, fitted: Fitted, request: EvaluationRequest) -> None:
     """Write the near pairs of some steps, the first of this number, and what `Scanned` has."""
-    problem, blur = _problem(fitted, request)
+    problem, blur, beside = _problem(fitted, request)
     aligned, kinds = (fitted.alignment.truth, fitted.alignment.estimate), fitted.distance.kinds
     entry = np.empty(len(problem.cost), ENTRY)
     entry["step"] = problem.entry_step
@@ -188,11 +198,16 @@ def _write_range(folder: Path, low: int, fitted: Fitted, request: EvaluationRequ
         found[f"{role}_rows"] = np.bincount(side.track, minlength=len(side.ids))
     folder.mkdir()
     np.save(folder / "entries.npy", entry)
+    if beside:
+        np.savez(folder / BESIDE, **beside)  # type: ignore[arg-type]
     np.savez(folder / "block.npz", **found)  # type: ignore[arg-type]
 
 
-def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[Problem, float]:
-    """The near pairs of a block as a problem, and what last places change of a distance."""
+def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[Problem, float, Arrays]:
+    """The near pairs of a block as a problem, and what last places change of a distance.
+
+    And of each near pair what the table of assignments has beside its cost.
+    """
     aligned, kinds = sides.alignment, sides.distance.kinds
     seen = aligned.truth.seen_as(kinds), aligned.estimate.seen_as(kinds)
     compared, distance, pairs = near_pairs(
@@ -200,7 +215,18 @@ def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[Problem, float]
     )
     problem = problem_of_pairs(compared, distance, pairs, request.parameters)
     is_empty = not len(problem.truth_step) + len(problem.estimate_step)
-    return problem, np.inf if is_empty else distance.last_place(compared)
+    blur = np.inf if is_empty else distance.last_place(compared)
+    entries, rows = np.arange(len(problem.cost)), (problem.truth_row, problem.estimate_row)
+    beside = parts_of_distances(compared, distance, request.parameters, problem, entries)
+    told = aligned.truth.seen_as(request.kinds), aligned.estimate.seen_as(request.kinds)
+    spread = told[1].second_moments
+    if spread is not None:
+        from tgospa_eval.evaluation.consistency import nees_of, periods_in  # here: as in memory
+
+        periods = periods_in(distance, told[0].columns)
+        spreads = told[0].second_moments, spread
+        beside[NEES] = nees_of((told[0].state, told[1].state), spreads, rows, periods)
+    return problem, blur, beside
 
 
 def _pairs(entry: NDArray[np.void], width: int) -> NDArray[np.void]:

@@ -145,7 +145,7 @@ class Resampled:
         return float(self.request.time_matching.gaps[self.number])
 
     def _seen(self, found: Trajectories) -> Trajectories:
-        return found.seen_as(self.request.distance.kinds)
+        return found.seen_as(self.request.kinds)
 
     def _neighbours(self, span: slice, *, last: bool) -> Trajectories:
         """The last state of each track at some stamps, or the first."""

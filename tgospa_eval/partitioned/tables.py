@@ -20,11 +20,13 @@ from tgospa_eval.common.arrays import stretches
 from tgospa_eval.common.files import named
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.partitioned.scan import BESIDE, Scanned
 from tgospa_eval.partitioned.shards import ASSIGNED_PAIR, SWITCHED
 from tgospa_eval.partitioned.tasks import Run, Task, run_tasks, writing, writing_folder
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Ints
-from tgospa_eval.problem.readout import PerTrack
+from tgospa_eval.problem.readout import AssignedPairs, PerTrack
+from tgospa_eval.results.consistency import NEES, NeesSums, mean_columns, nees_sums
 from tgospa_eval.results.partitioned import IN_PARTS, StoredTables, name_of
 from tgospa_eval.results.records import Arrays, Costs, step_columns, track_columns
 
@@ -111,7 +113,12 @@ def write_table(
     def batch(chunk: Any) -> "pa.RecordBatch":
         columns = columns_of(chunk).items()
         return pa.RecordBatch.from_pydict(
-            {k: _array(v) if isinstance(v, np.ndarray) else v for k, v in columns}
+            {
+                k: _array(v, v != v if v.dtype.kind == "f" else None)  # NaN is blank
+                if isinstance(v, np.ndarray)
+                else v
+                for k, v in columns
+            }
         )
 
     schema = batch(none).schema
@@ -205,9 +212,11 @@ def write_part(
             "weight": weight,
             "distance": parameters.cutoff * cost ** (1 / parameters.order),
             "cost": parameters.scale * cost * weight,
+            **{name: chunk[name] for name in _further(kind)},
         }
 
-    write_table(output, columns, in_order(pieces, edges), np.zeros(0, ASSIGNED_PAIR))
+    kind = np.load(pieces[0], mmap_mode="r").dtype if pieces else ASSIGNED_PAIR
+    write_table(output, columns, in_order(pieces, edges), np.zeros(0, kind))
 
 
 def in_order(pieces: Sequence[str], edges: Ints) -> Iterator[NDArray[np.void]]:
@@ -220,6 +229,79 @@ def in_order(pieces: Sequence[str], edges: Ints) -> Iterator[NDArray[np.void]]:
             names = joined.dtype.names or ()
             keys = [joined[name] for name in reversed(ORDER) if name in names]
             yield joined[np.lexsort(keys)]
+
+
+def _further(kind: np.dtype[Any]) -> tuple[str, ...]:
+    """Columns beside those of ASSIGNED_PAIR."""
+    return (kind.names or ())[len(ASSIGNED_PAIR.names or ()) :]
+
+
+def looked_up(block: Scanned, numbers: Sequence[Ints], pieces: Sequence[str]) -> NDArray[np.void]:
+    """The assigned pairs of a range of steps with what `scan` found beside their cost.
+
+    Parameters
+    ----------
+    block : Scanned
+        The range.
+    numbers : pair of int arrays
+        Global numbers of its truths and estimates, sorted.
+    pieces : sequence of str
+        Files of ASSIGNED_PAIR, each by time.
+    """
+    steps = np.array([block.first, block.first + len(block.objects[0])])
+    rows = next(in_order(pieces, steps), np.zeros(0, ASSIGNED_PAIR))
+    entry, width = np.load(block.folder / "entries.npy"), len(numbers[1])
+    pair, place = np.unique(
+        entry["truth"].astype(np.int64) * width + entry["estimate"], return_inverse=True
+    )
+    truth, estimate = map(np.searchsorted, numbers, (rows["truth"], rows["estimate"]))
+    own, size = np.searchsorted(pair, truth * width + estimate), np.int64(len(pair))
+    found = np.searchsorted(entry["step"] * size + place, rows["step"] * size + own)
+    with np.load(block.folder / BESIDE) as beside:
+        names = [(name, "<f8") for name in beside]
+        made = np.empty(len(rows), [*ASSIGNED_PAIR.descr, *names])
+        made[[*ORDER, "cost", "weight"]] = rows
+        for name, _ in names:
+            made[name] = beside[name][found] * (1.0 if name == NEES else rows["weight"])
+    return made
+
+
+def sums_beside(
+    pieces: Iterable[NDArray[np.void]], sizes: Sequence[int], components: int
+) -> tuple[dict[str, Arrays], NeesSums | None]:
+    """Sums of what is beside the cost of assigned pairs, by `ORDER`; and those of NEES.
+
+    Parameters
+    ----------
+    pieces : iterable
+        What `looked_up` gives, in the order of time.
+    sizes : sequence of int
+        Steps, truths and estimates.
+    components : int
+        d, of the states.
+    """
+    by: dict[str, Arrays] = {index: {} for index in ORDER}
+    nees: list[NeesSums] = []
+    last = np.zeros(0, ASSIGNED_PAIR)
+    for rows in pieces:
+        weight, step = rows["weight"], rows["step"]
+        values = {name: rows[name] for name in _further(rows.dtype)}
+        if NEES in values:
+            known = ~np.isnan(values[NEES])
+            values |= {NEES: np.where(known, weight * values[NEES], 0.0), "count": weight * known}
+            seam = np.concatenate((last, rows[step == step[:1]])) if len(last) else rows[:0]
+            across, own = (
+                nees_sums(AssignedPairs.of(some), some[NEES], components) for some in (seam, rows)
+            )
+            between = {name: getattr(across, name) for name in ("neighbours", "products", "ends")}
+            nees += [own, NeesSums(components=components, **between)]
+            last = rows[step == step[-1:]]
+        for (index, sums), size in zip(by.items(), sizes, strict=True):
+            for name, value in values.items():
+                sums[name] = sums.get(name, 0.0) + np.bincount(rows[index], value, size)
+    for sums in by.values() if nees else ():
+        sums |= mean_columns(sums.pop("count"), sums.pop(NEES), components)
+    return by, NeesSums.joined(nees)
 
 
 def _first(rows: NDArray[np.void], step: int) -> int:
@@ -243,6 +325,11 @@ def _rows_by_step(pieces: Sequence[str], steps: int) -> Ints:
     return counts
 
 
+def found_in(folders: Iterable[Path], name: str) -> list[Path]:
+    """The files of this name, of the folders that have one."""
+    return [folder / name for folder in folders if (folder / name).exists()]
+
+
 # -------------------------------------------------------------------------------------------------
 # What the shards found, as the tables of a result.
 
@@ -255,6 +342,8 @@ def write_tables(
     shards: Sequence[Path],
     run: Run = run_tasks,
     *,
+    assigned: Sequence[Path],
+    further: Mapping[str, Arrays],
     assignments: bool = True,
 ) -> StoredTables:
     """Write all tables, those that are not there yet.
@@ -270,9 +359,13 @@ def write_tables(
     tracks : pair of pairs
         Of truths and estimates: at how many steps each exists, and what it contributes.
     shards : sequence of Path
-        Folders with ``assigned.npy`` and ``switched.npy``, each by time.
+        Folders with ``switched.npy``, each by time.
     run : callable
         Does tasks.
+    assigned : sequence of Path
+        Files of assigned pairs, each by time.
+    further : mapping
+        Further columns of steps, truths and estimates, by `ORDER`.
     assignments : bool
         Whether the table of assigned pairs is wanted, which is as long as the data; else it has no
         rows.
@@ -297,21 +390,18 @@ def write_tables(
         path = place / name_of(table)
         return None if path.exists() else str(path)
 
-    def found(name: str) -> list[Path]:
-        return [shard / name for shard in shards if (shard / name).exists()]
-
     if path := missing("per_step"):
         costs = step_columns(proof.breakdown, parameters.scale)
-        _write_columns(path, {"t": names["times"]} | costs)
+        _write_columns(path, {"t": names["times"]} | costs | further["step"])
     for side, (table, ids, (steps, parts)) in enumerate(
         zip(("per_truth", "per_estimate"), ("truths", "estimates"), tracks, strict=True)
     ):
         if path := missing(table):
             columns = track_columns(side, steps, parts, parameters.scale)
-            _write_columns(path, {"id": names[ids]} | columns)
+            _write_columns(path, {"id": names[ids]} | columns | further[ORDER[1 + side]])
     if path := missing("switches"):
-        write_switches(path, found("switched.npy"), names, parameters)
-    pieces = tuple(map(str, found("assigned.npy"))) if assignments else ()
+        write_switches(path, found_in(shards, "switched.npy"), names, parameters)
+    pieces = tuple(map(str, assigned)) if assignments else ()
     rows = _rows_by_step(pieces, len(names["times"]))
     tasks: dict[str, Task] = {
         str(place / name_of(IN_PARTS) / f"part-{number:05d}.parquet"): partial(

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 plot_costs = Summary.plot_costs
 plot_cumulative = Summary.plot_cumulative
 plot_lanes = Summary.plot_lanes
+plot_nees = Summary.plot_nees
 plot_plane = Summary.plot_plane
 plot_windows = Summary.plot_windows
 plot_worst = Summary.plot_worst

@@ -13,6 +13,7 @@ from tgospa_eval.plots.style import (
     FILLS,
     INK,
     MISSED,
+    NOT_JUDGED,
     SOFT,
     Style,
     legend,
@@ -20,7 +21,7 @@ from tgospa_eval.plots.style import (
     titled,
 )
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.reports.plot_data import NONE, DrawnSide, PlotData
+from tgospa_eval.reports.plot_data import FREE, NONE, DrawnSide, PlotData
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -150,9 +151,9 @@ def _bars(
     are shown by `_shares`.
     """
     run, truth = lanes.side.run, lanes.side.name == "truth"
-    place = lanes.place(run["track"])
+    place = place_of = lanes.place(run["track"])
     begin, end = seen.time.edges[0][run["begin"]], seen.time.edges[1][run["end"]]
-    held = ~np.isnan(place) & (run["other"] != NONE)
+    held = ~np.isnan(place) & (run["other"] >= 0)
     half = HALF if truth else 0.14
     track = run["other"] if truth else run["track"]
     thin = 0.6 if style.titles else 0.3
@@ -176,6 +177,12 @@ def _bars(
         from matplotlib.patches import Patch
 
         handles[f"share of steps {kind}"] = Patch(facecolor=MISSED if truth else FALSE)
+    free = np.isfinite(place_of) & run.get("unjudged", run["other"] == FREE).astype(bool)
+    if free.any():
+        edges = seen.time.edges[0][run["begin"][free]], seen.time.edges[1][run["end"][free]]
+        corners = boxes(*edges, place_of[free] - half, place_of[free] + half)
+        name = f"{lanes.side.name}/not judged"
+        handles["not judged"] = _put(axis, corners, name, linewidths=0, zorder=2.3, **NOT_JUDGED)
     return handles
 
 
@@ -224,7 +231,7 @@ def _errors(axis: "Axes", lanes: Lanes, seen: PlotData, columns: int) -> None:
     """Error as a share of the cutoff: a darker foot of the bar, the largest of each column."""
     row = lanes.side.row
     place = lanes.place(row["track"])
-    kept = np.flatnonzero((row["other"] != NONE) & ~np.isnan(place))
+    kept = np.flatnonzero((row["other"] >= 0) & ~np.isnan(place))
     if not len(kept):
         return
     column = _columns(row["step"][kept], columns, seen.steps)
@@ -298,7 +305,7 @@ def _names(axis: "Axes", lanes: Lanes, seen: PlotData, letters: float, room: flo
     place = lanes.place(run["track"])
     (begin, end), point = seen.time.edges, (seen.time.edges[1][-1] - seen.time.edges[0][0]) / room
     wide = (end[run["end"]] - begin[run["begin"]]) / point
-    held = np.flatnonzero((run["other"] != NONE) & ~np.isnan(place) & (wide > letters))
+    held = np.flatnonzero((run["other"] >= 0) & ~np.isnan(place) & (wide > letters))
     looks: dict[str, Any] = {"va": "center_baseline", "color": "white" if truth else INK}
     looks |= {"fontsize": letters, "parse_math": False, "zorder": 3}
     looks["backgroundcolor"] = "none" if truth else "white"

@@ -1,21 +1,26 @@
 """Pictures over time: stacked cost of each step, normalised cumulative cost, sliding windows."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.common.words import number
-from tgospa_eval.plots import boxes, counted, figure, stairs
-from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, titled
+from tgospa_eval.plots import COLOURS, boxes, counted, figure, stairs
+from tgospa_eval.plots.style import FILLS, LINES, SOFT, Style, legend, literal, power, titled
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.plot_data import KINDS, DrawnSide, PlotData, binned
 from tgospa_eval.reports.time_axis import TimeAxis
+from tgospa_eval.results.numbers import SPREAD
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+
+TINY = 1e-300
 
 MARGIN = 0.8
 """Inches beside the axes, about."""
@@ -25,6 +30,12 @@ def draw_costs(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
     """Stacked bars of each step, or of the costliest of several."""
     made, ((axis,),) = figure(style.width, style.low)
     costs = {name: np.asarray(seen.document["costs"][name], float) for name in parts}
+    names = dict(zip(parts, parts, strict=True))
+    if SPREAD in seen.document["costs"] and "localisation" in costs:
+        spread = np.asarray(seen.document["costs"][SPREAD], float)
+        means = {"localisation": costs["localisation"] - spread, SPREAD: spread}
+        costs = means | {name: cost for name, cost in costs.items() if name != "localisation"}
+        names |= {"localisation": "means", SPREAD: "spreads"}
     stretch = seen.document["together"]
     most = style.bars if stretch == 1 else seen.steps
     first, costliest = binned(sum(costs.values(), np.zeros(seen.steps)), most)
@@ -38,7 +49,7 @@ def draw_costs(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
         # What costs nothing has no outline either.
         height = np.where(cost[costliest] > 0, cost[costliest], np.nan)
         places, (top, foot) = _with_gaps(begin, end, base + height, base)
-        looks = {"linewidth": thin, "label": name, **FILLS[name]}
+        looks = {"linewidth": thin, "label": names[name], **FILLS[name]}
         handles.append(stairs(axis, top, places, baseline=foot, **looks))
         base = base + cost[costliest]
     axis.set_ylim(0, float(base.max(initial=0.0)) * 1.03 or 1.0)
@@ -51,7 +62,42 @@ def draw_costs(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
     cost_unit = power(seen.document["unit"], seen.document["order"])
     axis.set_ylabel(f"cost{cost_unit}", parse_math=False)
     titled(axis, style, "Cost of each step", seen.about)
-    legend(made, handles, [str(bars.get_label()) for bars in handles], 4)
+    legend(made, handles, [str(bars.get_label()) for bars in handles], 5)
+    return made
+
+
+def draw_nees(seen: PlotData, style: Style) -> "Figure":
+    """NEES of each step with its band; below it of particles the ranks of the truth."""
+    found = seen.document["nees"]
+    ranks = np.array(found["ranks"], float)
+    made, axes = figure(style.width, style.low * (1 + bool(len(ranks))), rows=1 + bool(len(ranks)))
+    axis = axes[0][0]
+    value, low, high = (np.array(line, float) for line in found["lines"].values())
+    at, ideal = seen.time.at, found["ideal"]
+    handles = [
+        axis.fill_between(at, low, high, step="mid", color=LIGHT["grid"], linewidth=0),
+        axis.axhline(ideal, color=SOFT, linestyle="--"),
+        *axis.plot(at, value, color=LIGHT["localisation"], marker=".", markersize=3),
+    ]
+    most = np.nan_to_num(np.concatenate((value, high)), nan=ideal).max(initial=ideal)
+    axis.set_ylim(0, 1.05 * float(most))
+    time_axis(axis, seen, style)
+    axis.set_ylabel("NEES", parse_math=False)
+    which = "each step" if seen.document["together"] == 1 else "some steps"
+    titled(axis, style, f"NEES of assigned states, mean of {which}", seen.about)
+    legend(made, handles, ["95 % band of a calibrated filter", f"expected: {ideal}", "NEES"], 3)
+    if len(ranks):
+        below = axes[1][0]
+        edges = np.linspace(0, 1, ranks.shape[1] + 1)
+        shares = ranks / np.maximum(ranks.mean(axis=1, keepdims=True), TINY)
+        for share, name, colour in zip(shares, found["columns"], itertools.cycle(COLOURS)):
+            below.stairs(share, edges, color=colour, label=literal(name), linewidth=1.5)
+        below.axhline(1, color=SOFT, linestyle="--")
+        below.set_xlim(0, 1)
+        below.set_ylim(0, max(2.0, 1.05 * float(shares.max())))
+        below.set_xlabel("weight of the particles below the truth", parse_math=False)
+        below.set_ylabel("states / expected", parse_math=False)
+        below.legend(frameon=False, fontsize="small", ncols=len(ranks))
     return made
 
 

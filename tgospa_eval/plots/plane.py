@@ -224,7 +224,7 @@ def rows_enlarged(plane: Plane) -> dict[str, Ints]:
     few = sum(len(one.row["step"]) for one in seen.sides) < 3
     if seen.document["boxes"] or not len(known) or few:
         return {}
-    error = np.where(side.row["other"] == NONE, -1.0, side.row["error"])
+    error = np.where(side.row["other"] < 0, -1.0, side.row["error"])
     middle = known[np.argmax(error[known])]
     far = WINDOW * float(np.median(reach[side.name][known]))
     near: dict[str, Ints] = {}
@@ -385,7 +385,7 @@ def _enlarged(axis: "Axes", plane: Plane, rows: dict[str, Ints]) -> "dict[str, A
     steps = np.concatenate([side.row["step"][rows[side.name]] for side in seen.sides])
     begin, end = (str(seen.document["times"][k]) for k in (steps.min(), steps.max()))
     span = begin if begin == end else f"{begin} to {end}"
-    what = "farthest pair" if (seen.truth.row["other"] != NONE).any() else "first state"
+    what = "farthest pair" if (seen.truth.row["other"] >= 0).any() else "first state"
     titled(axis, plane.style, f"Around the {what}, t = {literal(span, 50)}")
     # last, and not fixed: the aspect may widen them
     low, high = (end(np.concatenate([line.T, *drawn]), axis=0) for end in (np.nanmin, np.nanmax))

@@ -9,7 +9,13 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import FILES, available, files_of, pictures
 from tgospa_eval.plots.lanes import draw_lanes
-from tgospa_eval.plots.overtime import draw_costs, draw_cumulative, draw_windows, draw_worst
+from tgospa_eval.plots.overtime import (
+    draw_costs,
+    draw_cumulative,
+    draw_nees,
+    draw_windows,
+    draw_worst,
+)
 from tgospa_eval.plots.plane import draw_plane, plane_columns
 from tgospa_eval.plots.style import STYLES, Style, styled
 from tgospa_eval.reports.files import ASSOCIATION, RESULT, probe_folder, result_texts, write_texts
@@ -25,8 +31,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DRAWN = ("costs", "lanes", "plane", "cumulative", "worst")
-OVER_TIME = ("costs", "cumulative")
+OVER_TIME = ("costs", "cumulative", "nees")
 """Those of data in parts, of which no tracks are drawn."""
+
+
+ABSENT = {
+    "windows": "there are no windows: evaluate with window=, the steps of each",
+    "nees": "there is no NEES: evaluate with with_='nees', and states that have covariances",
+}
+"""Why there is no such picture."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +79,7 @@ class Pictures:
     @property
     def names(self) -> tuple[str, ...]:
         """The files of `result_pictures`."""
-        return tuple(f"{name}.{kind}" for name in DRAWN for kind in self.formats)
+        return tuple(f"{name}.{kind}" for name in (*DRAWN, "nees") for kind in self.formats)
 
     def check(self, known: Sequence[str]) -> None:
         """See that the plane can be drawn of these state columns, before any work is done.
@@ -86,15 +99,15 @@ def result_pictures(
 ) -> dict[str, bytes]:
     """Files by name: costs, lanes, plane, cumulative and worst, each in all formats.
 
-    And windows, where they were asked for. `notify` takes the name of each before it is drawn, and
-    the share that is done.
+    And NEES, where there is any, and windows, where they were asked for. `notify` takes the name of
+    each before it is drawn, and the share that is done.
     """
     if not wanted.formats:
         return {}
     with styled(wanted.style) as style:
         draw = _pictures(result, style, wanted.components, wanted.columns)
         if isinstance(result, PartitionedResult):
-            draw = {name: draw[name] for name in OVER_TIME}
+            draw = {name: draw[name] for name in OVER_TIME if name in draw}
         return files_of(draw, wanted.formats, style.dots, notify)
 
 
@@ -116,7 +129,7 @@ def plot(
     with styled(style) as made:
         draw = _pictures(result, made, components, columns)
         if name not in draw:
-            raise ConfigError("there are no windows: evaluate with window=, the steps of each")
+            raise ConfigError(ABSENT[name])
         return draw[name]()
 
 
@@ -136,6 +149,8 @@ def _pictures(
         "cumulative": lambda: draw_cumulative(seen, style, parts),
         "worst": lambda: draw_worst(seen, style, parts),
     }
+    if "nees" in seen.document:
+        found["nees"] = lambda: draw_nees(seen, style)
     if result.slid is not None:
         found["windows"] = lambda: draw_windows(seen, style, parts)
     return found

@@ -9,6 +9,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import DOTS, MISSING, available
+from tgospa_eval.results.numbers import SPREAD
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
@@ -89,11 +90,15 @@ MISSED, FALSE = LIGHT["missed"], LIGHT["false"]
 
 FILLS: Mapping[str, dict[str, Any]] = {
     "localisation": {"facecolor": LIGHT["localisation"], "edgecolor": LIGHT["localisation"]},
+    SPREAD: {"facecolor": "white", "edgecolor": LIGHT["localisation"], "hatch": "|||||"},
     "missed": {"facecolor": "white", "edgecolor": MISSED, "hatch": "/////"},
     "false": {"facecolor": "white", "edgecolor": FALSE, "hatch": "....."},
     "switch": {"facecolor": LIGHT["switch"], "edgecolor": LIGHT["switch"]},
 }
 """Of the parts of the cost, distinguished by their patterns where there are no colours."""
+
+NOT_JUDGED: Mapping[str, Any] = {"facecolor": "none", "edgecolor": SOFT, "hatch": "\\\\\\"}
+"""Of stretches of which nothing is judged, over whatever else is there."""
 
 LINES: Mapping[str, dict[str, Any]] = {
     "localisation": {"color": LIGHT["localisation"], "linestyle": "-"},

@@ -29,6 +29,12 @@ class AssignedPairs:
     entry: Ints
     weight: Floats
 
+    @classmethod
+    def of(cls, rows: NDArray[np.void]) -> "AssignedPairs":
+        """Of rows with such columns, each its own entry."""
+        columns = {name: rows[name] for name in ("step", "truth", "estimate", "weight")}
+        return cls(**columns, entry=np.arange(len(rows)))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Unjudged:

@@ -17,7 +17,12 @@ from tgospa_eval.reports.batch import (
     value_in_words,
 )
 from tgospa_eval.reports.curves import curves_json
-from tgospa_eval.reports.other_metrics import direction, grouped_table, other_records
+from tgospa_eval.reports.other_metrics import (
+    covariances_table,
+    direction,
+    grouped_table,
+    other_records,
+)
 from tgospa_eval.reports.phrases import (
     MOST_NAMED,
     PART_HEADS,
@@ -30,6 +35,7 @@ from tgospa_eval.reports.phrases import (
 )
 from tgospa_eval.reports.rendering import Document, Table, rendered
 from tgospa_eval.reports.slices import about_slices, group_tables
+from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text, records
 from tgospa_eval.results.slices import Slicing, slices_columns
 from tgospa_eval.text import listed
@@ -81,7 +87,7 @@ def batch_columns(tables: BatchTables) -> Columns:
     return {
         str(name): [value if value == value else None for value in column.tolist()]
         for name, column in tables.rows.items()
-        if THRESHOLDS not in str(name) and name != STORED
+        if THRESHOLDS not in str(name) and name not in (STORED, STORED_NEES)
     }
 
 
@@ -133,7 +139,7 @@ def _records(frame: "pd.DataFrame") -> list[dict[str, object]]:
 
 
 def _plain(name: str, value: Any) -> Any:
-    if name == STORED:
+    if name in (STORED, STORED_NEES):
         return json.loads(value)
     return list(value) if THRESHOLDS in name else value
 
@@ -151,7 +157,10 @@ def document(tables: BatchTables) -> Document:
     failed = int((rows["status"] == "failed").sum()) if len(rows) else 0
     return Document(
         title=f"{counted(len(rows), 'job')}, {failed} failed",
-        lines=[line for ranking in tables.rankings for line in _orders(ranking)],
+        lines=[
+            *(line for ranking in tables.rankings for line in _orders(ranking)),
+            *filter(_warns, tables.notes),
+        ],
         tables=[
             *([_sums_table(tables), _parts_table(tables)] if len(groups) else []),
             *(table for ranking in tables.rankings for table in _ranking_tables(ranking)),
@@ -160,6 +169,11 @@ def document(tables: BatchTables) -> Document:
         ],
         notes=list(_notes(tables)),
     )
+
+
+def _warns(note: str) -> bool:
+    """Whether a note stands beside the order."""
+    return note.startswith("warning:")
 
 
 def of_expected(jobs: int, expected: int) -> str:
@@ -223,6 +237,9 @@ def other_tables(tables: BatchTables) -> Iterator[Table]:
     names = [tables.named(row) for row in rows]
     found = list(other_records(rows))
     yield from grouped_table(tuple(heads.values()), names, found, _rivals(tables, rows))
+    nees = [NeesSums.of_row(row) for row in rows]
+    items = [{**row, NEES: own and own.record()} for row, own in zip(rows, nees, strict=True)]
+    yield from covariances_table(tuple(heads.values()), names, items)
 
 
 def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:
@@ -337,7 +354,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
             f"{counted(opened, 'job')} did not reach the accuracy that was asked for: values are "
             "between the proven bounds"
         )
-    yield from tables.notes
+    yield from (note for note in tables.notes if not _warns(note))
     if tables.rankings:
         yield "proven place: by the brackets of combined, on these files"
     for others in dict.fromkeys(item.others for item in tables.rankings if item.permutations):
@@ -353,7 +370,8 @@ def _notes(tables: BatchTables) -> Iterator[str]:
             yield f"{_where(ranking)}{names}: no job with a value, and no place"
     texts = tables.rows["parameters"].dropna().unique() if "parameters" in tables.rows else ()
     for name in sorted({str(json.loads(text).get("preprocess") or "") for text in texts} - {""}):
-        yield f"boxes were left out by --preprocess {name} before all metrics"
+        done = "are not judged" if name.endswith(":ignore") else "were left out before all metrics"
+        yield f"by --preprocess {name} boxes {done}"
     yield from about_others(tables)
     yield from about_slices_of(tables)
 

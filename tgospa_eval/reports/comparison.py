@@ -7,7 +7,12 @@ from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, number
-from tgospa_eval.reports.other_metrics import direction, grouped_table, other_columns
+from tgospa_eval.reports.other_metrics import (
+    covariances_table,
+    direction,
+    grouped_table,
+    other_columns,
+)
 from tgospa_eval.reports.phrases import (
     EXACT,
     ORDERS,
@@ -45,7 +50,11 @@ def estimates_document(document: Json) -> Document:
     return Document(
         kind=_what(document),
         title=_order(document),
-        lines=[_runs(document), parameters_of(document["parameters"])],
+        lines=[
+            *_warned(document, of_order=True),
+            _runs(document),
+            parameters_of(document["parameters"]),
+        ],
         tables=[
             _normalised_table(document, places=True),
             *_pair_tables(document),
@@ -53,13 +62,13 @@ def estimates_document(document: Json) -> Document:
             *_against_tables(document),
             *_other_tables(document),
         ],
-        notes=[*_warned(document, of_order=True), *_ranking_notes(document)],
+        notes=list(_ranking_notes(document)),
         warnings=[*_warned(document, of_order=False)],
     )
 
 
 def _warned(document: Json, *, of_order: bool) -> Iterator[str]:
-    """What looks wrong: with the data, or with an order by covariances, which stands below it."""
+    """What looks wrong: with the data, or with an order by covariances, which stands beside it."""
     for record in document["warnings"]:
         if (record["code"] in ABOUT_COVARIANCES) is of_order:
             yield str(Notice(**record))
@@ -170,26 +179,12 @@ def _costs_tables(estimates: list[Json]) -> Iterator[Table]:
     for head, part in zip(PART_HEADS, PARTS, strict=True):
         columns[head] = [number(item[part], 5) for item in estimates]
     yield table_of(columns, bold=best_cells({1: roots, 2: totals}, [range(len(estimates))]))
-    if all(item.get(NEES) for item in estimates):
-        yield _covariances_table(estimates)
+    yield from _covariances(estimates)
 
 
-def _covariances_table(estimates: list[Json]) -> Table:
-    """Whether covariances say how large errors are, and what they cost."""
-    found = [item[NEES] for item in estimates]
-    columns = {"covariances": [item["name"] for item in estimates]}
-    for head, part in (("means", MEAN), ("spreads", SPREAD)):
-        if all(part in item for item in estimates):
-            columns[head] = [number(item[part], 5) for item in estimates]
-    columns["NEES"] = [_cell(record["mean"]) for record in found]
-    columns["ideal"] = [str(record["sums"]["components"]) for record in found]
-    columns["in 95 %"] = [_cell(record["inside"], "{:.1%}") for record in found]
-    columns["verdict"] = [record["verdict"] for record in found]
-    return table_of(columns)
-
-
-def _cell(value: float | None, form: str = "{:.4g}") -> str:
-    return "-" if value is None else form.format(value)
+def _covariances(estimates: list[Json]) -> Iterator[Table]:
+    names = [(item["name"],) for item in estimates]
+    return covariances_table(("covariances",), names, estimates)
 
 
 def _pair_tables(document: Json) -> Iterator[Table]:
@@ -563,7 +558,11 @@ def render(document: Json, format: str) -> str:
     def page(document: Json) -> Document:
         made = DOCUMENTS[kind](document)
         if (kind, format) == ("estimates", "latex"):  # what goes into a paper: roots, RMS over runs
-            tables = [_normalised_table(document), *_other_tables(document)]
+            tables = [
+                _normalised_table(document),
+                *_covariances(document["estimates"]),
+                *_other_tables(document),
+            ]
             made = replace(made, tables=tables, notes=())
         if "settings_file" not in document:
             return made

@@ -111,6 +111,7 @@ def _inside(drawn: PlotData) -> dict[str, object]:
     return {
         "data": drawn.document,
         "word": drawn.word,
+        "tracks": len(TRACK_COLOURS),
         "arrays": packed(drawn.arrays),
         "style": page_colours() + inlined("page.css"),
         "script": "".join(inlined(f"{name}.js") for name in SCRIPTS),

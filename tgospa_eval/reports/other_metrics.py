@@ -6,7 +6,9 @@ from typing import Any
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import number
 from tgospa_eval.reports.phrases import best_cells
-from tgospa_eval.reports.rendering import Row, Table
+from tgospa_eval.reports.rendering import Row, Table, table_of
+from tgospa_eval.results.consistency import NEES, band_in_words
+from tgospa_eval.results.numbers import MEAN, SPREAD
 from tgospa_eval.results.records import Columns, OtherMetrics
 
 PARTS_SHOWN = {
@@ -84,6 +86,28 @@ def grouped_table(
                 rivals,
             ),
         )
+
+
+def covariances_table(
+    head: tuple[str, ...], names: Sequence[tuple[str, ...]], items: Sequence[Mapping[Any, Any]]
+) -> Iterator[Table]:
+    """Whether covariances say how large errors are, and what they cost; if all say so.
+
+    Items have the costs of means and of spreads, and the record of NEES.
+    """
+    found = [item.get(NEES) or {"mean": None} for item in items]
+    if not found or any(record["mean"] is None for record in found):
+        return
+    columns = dict(zip(head, map(list, zip(*names, strict=True)), strict=True))
+    for title, part in (("means", MEAN), ("spreads", SPREAD)):
+        if all(item.get(part) is not None and item[part] == item[part] for item in items):
+            columns[title] = [number(item[part], 5) for item in items]
+    columns["NEES"] = [number(record["mean"], 4) for record in found]
+    columns["ideal"] = [str(record["sums"]["components"]) for record in found]
+    columns["band"] = [band_in_words(record["lower"], record["upper"], "-") for record in found]
+    columns["in 95 %"] = [f"{record['inside']:.1%}" for record in found]
+    columns["verdict"] = [record["verdict"] for record in found]
+    yield table_of(columns, align="l" * len(head) + "r" * (len(columns) - len(head)))
 
 
 def _falls_short(part: str, values: Sequence[float]) -> list[Interval]:

@@ -22,7 +22,8 @@ from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports.time_axis import TimeAxis, moments, readable
 from tgospa_eval.results.by_class import ByClass
-from tgospa_eval.results.numbers import costliest
+from tgospa_eval.results.consistency import NEES
+from tgospa_eval.results.numbers import SPREAD, costliest
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
 from tgospa_eval.results.result import Result
@@ -34,11 +35,11 @@ from tgospa_eval.tracks.covariances import size_of
 Rows: TypeAlias = dict[str, NDArray[Any]]
 """States of one side, by track and step: columns ``track``, ``step``, ``other``, ``error`` ....
 
-``other`` is the track of the other side to which the largest part of it is assigned, or `NONE`, and
-``shared`` whether that is a part only; ``error`` the distance to it as a fraction of the cutoff, 1
-where it is unassigned; ``state`` (R, d), with d = 0 where the states are unknown; ``spread``
-(R, d (d + 1) / 2) lower triangles of covariances, (R, 0) of points; ``cloud`` the number of its
-cloud of particles, or `NONE`.
+``other`` is the track of the other side to which the largest part of it is assigned, `NONE` or
+`FREE`, ``unjudged`` whether it is ignored, or excused, and ``shared`` whether that is a part only;
+``error`` the distance to it as a fraction of the cutoff, 1 where it is unassigned; ``state``
+(R, d), with d = 0 where the states are unknown; ``spread`` (R, d (d + 1) / 2) lower triangles of
+covariances, (R, 0) of points; ``cloud`` the number of its cloud of particles, or `NONE`.
 """
 
 VALUES = 800_000
@@ -74,7 +75,8 @@ FEWEST, MOST = 10, 200
 SHARES = 10_000
 """Parts into which the weight of a cloud is divided."""
 
-NONE = -1
+NONE, FREE = -1, -2
+"""No other: missed or false, and what is not judged and costs nothing."""
 
 KINDS = {"truth": "missed", "estimate": "false"}
 """What a track of either side costs where it is unassigned."""
@@ -281,7 +283,7 @@ def drawn_data(
 
     for name, side in rows.items():
         (opens, closes), keep = runs[name], kept[name]
-        run = {column: side[column][opens] for column in ("track", "other")}
+        run: Rows = {c: side[c][opens] for c in ("track", "other", "unjudged") if c in side}
         run |= {"begin": side["step"][opens], "end": side["step"][closes]}
         row = {column: values[keep] for column, values in side.items()}
         particles = drawn_particles(row, given[name][1], every, len(columns))
@@ -289,6 +291,8 @@ def drawn_data(
             name=name, table=tables[name], run=run, row=row, particles=particles
         )
         arrays |= {f"{name}/run/{field}": run[field] for field in RUN}
+        if "unjudged" in run and run["unjudged"].any():
+            arrays[f"{name}/run/unjudged"] = run["unjudged"].astype(np.int64)
         arrays |= {f"{name}/row/{column}": row[column] for column in ("track", "step")}
         places = {"row": row["state"], "particles": particles["state"]}
         for axis in range(len(columns)):
@@ -400,7 +404,7 @@ def _joined(parts: list[Result], name: str, size: int) -> tuple[Rows, list[Cloud
     """One side of all parts, tracks numbered through; and its clouds."""
     none = np.zeros(0, np.int64)
     found: list[Rows] = [
-        dict.fromkeys(("track", "step", "other", "error", "shared", "cloud"), none)
+        dict.fromkeys(("track", "step", "other", "error", "shared", "cloud", "unjudged"), none)
         | {"state": np.zeros((0, size)), "spread": np.zeros((0, 0))}
     ]
     clouds: list[Clouds] = []
@@ -408,7 +412,7 @@ def _joined(parts: list[Result], name: str, size: int) -> tuple[Rows, list[Cloud
     first = {"truth": 0, "estimate": 0}
     for part in parts:
         rows = _rows(part, name, other)
-        rows["other"] = np.where(rows["other"] == NONE, NONE, rows["other"] + first[other])
+        rows["other"] += np.where(rows["other"] < 0, 0, first[other])
         rows["cloud"][rows["cloud"] != NONE] += sum(map(len, clouds))
         clouds += [] if (own := _clouds(part, name)) is None else [own]
         found.append(rows | {"track": rows["track"] + first[name]})
@@ -447,10 +451,14 @@ def _rows(result: Result, name: str, other: str) -> Rows:
     np.subtract.at(free, row, weight)
     partner[free > best] = NONE
     error[partner == NONE] = 1.0
+    unjudged = problem.sides[name == "estimate"].unjudged
+    if unjudged is None:
+        unjudged = np.zeros(len(step), bool)
+    partner[(partner == NONE) & unjudged] = FREE
 
     compared = result.proof.compared
     rows: Rows = {"track": track, "step": step, "other": partner, "error": error}
-    rows |= {"shared": (partner != NONE) & (best < ONE)}
+    rows |= {"shared": (partner >= 0) & (best < ONE), "unjudged": unjudged}
     covariance, clouds = (getattr(compared, f"{name}_{what}") for what in ("covariance", "clouds"))
     return by_track(rows, getattr(compared, name), covariance, clouds)
 
@@ -467,9 +475,11 @@ def by_track(rows: Rows, state: Floats, covariance: Floats | None, clouds: Cloud
 
 def _runs(side: Rows) -> tuple[Ints, Ints]:
     """First and last row of each run."""
-    track, step, other = side["track"], side["step"], side["other"]
+    track, step = side["track"], side["step"]
     opens = np.ones(len(track), bool)
-    opens[1:] = (np.diff(track) != 0) | (np.diff(step) != 1) | (np.diff(other) != 0)
+    opens[1:] = (np.diff(track) != 0) | (np.diff(step) != 1)
+    for name in {"other", "unjudged"} & side.keys():
+        opens[1:] |= side[name][1:] != side[name][:-1]
     first = np.flatnonzero(opens)
     return first, np.append(first, len(track))[1:] - 1
 
@@ -698,6 +708,19 @@ def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
     return first, first + padded.reshape(len(first), together).argmax(axis=1)
 
 
+def _consistency(result: Summary, table: Columns, first: Ints) -> Json:
+    """NEES of the first step of each stretch, whose band is its own, and ranks of particles."""
+    assert result.nees is not None
+    names = ("nees", "nees_lower", "nees_upper")
+    return {
+        "lines": {name: [table[name][k] for k in first.tolist()] for name in names},
+        "ideal": result.nees.components,
+        "words": result.nees.in_words,
+        "ranks": result.nees.ranks,
+        "columns": result.settings["columns"],
+    }
+
+
 def over_time(result: Summary, stretches: int) -> Json:
     """What is drawn over time, of at most so many stretches of steps: means, the curve at ends."""
     steps = len(result.labels.times)
@@ -705,15 +728,17 @@ def over_time(result: Summary, stretches: int) -> Json:
     first = np.arange(0, steps, together)
     last = np.minimum(first + together, steps) - 1
     times = readable([result.labels.times[k] for k in first.tolist()])
-    split, parameters = result.proof.breakdown, result.proof.parameters
+    breakdown, parameters = result.proof.breakdown, result.proof.parameters
 
     def mean(values: Floats) -> list[float]:
         sums = np.add.reduceat(values, first) if steps else values
         return rounded((sums / (last - first + 1)).tolist())
 
-    costs = {name: result.scale * getattr(split, name) for name in PARTS}
-    counts = {name: getattr(split, f"{name}_count") for name in COUNTED_PARTS}
+    costs = {name: result.scale * getattr(breakdown, name) for name in PARTS}
+    counts = {name: getattr(breakdown, f"{name}_count") for name in COUNTED_PARTS}
     total = sum(costs.values(), np.zeros(steps))
+    split = {} if result.split is None and result.nees is None else result.table("per_step")
+    spread = {SPREAD: mean(np.array(split[SPREAD], float))} if SPREAD in split else {}
     worst = costliest(list(range(steps)), total, SHOWN_ROWS) if together > 1 else []
     return {
         "together": together,
@@ -724,7 +749,8 @@ def over_time(result: Summary, stretches: int) -> Json:
         },
         "times": times,
         "axis": moments(times),
-        "costs": {name: mean(cost) for name, cost in costs.items()},
+        "costs": {name: mean(cost) for name, cost in costs.items()} | spread,
+        **({"nees": _consistency(result, split, first)} if NEES in split else {}),
         "counts": {name: mean(count) for name, count in counts.items()},
         "curve": {
             name: rounded([values[k] for k in last.tolist()])

@@ -7,7 +7,8 @@ is chi-square distributed with d degrees of freedom where errors are Gaussian an
 2001). The sums of several evaluations, or of pieces of one, add up.
 """
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -18,10 +19,13 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import number
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.readout import AssignedPairs
-from tgospa_eval.results.records import Columns, Json
+from tgospa_eval.results.records import Arrays, Columns, Json
 
 NEES = "nees"
 """Name of the column, and of the record."""
+
+STORED_NEES = f"{NEES}.sums"
+"""Column of a store with them, as text."""
 
 ABOUT_COVARIANCES = ("overconfident", "underconfident", "order-by-covariances")
 """Codes of notices."""
@@ -54,6 +58,12 @@ def band(count: Floats | float, components: int, share: float = INSIDE) -> tuple
     freedom = np.asarray(count) * components
     low, high = (chi_square((1 + sign * share) / 2, freedom) / count for sign in (-1, 1))
     return (low, high) if np.ndim(count) else (float(low), float(high))
+
+
+def band_in_words(low: float, high: float, between: str = " to ") -> str:
+    """Both ends, with more digits where it is narrow."""
+    digits = 3 if high > 1.02 * low else 5
+    return f"{number(low, digits)}{between}{number(high, digits)}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,6 +103,26 @@ class NeesSums:
     def plain(self) -> dict[str, Any]:
         """As values of a row; `NeesSums(**values)` is the way back."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
+
+    def row(self) -> dict[str, Any]:
+        """What a row of a store has; `of_row` is the way back."""
+        import json  # here, as below: a small evaluation does without
+
+        record = {f"{NEES}.{name}": value for name, value in self.record().items()}
+        return {NEES: record.pop(f"{NEES}.mean"), **record, STORED_NEES: json.dumps(self.plain())}
+
+    @classmethod
+    def of_row(cls, row: Mapping[Any, Any]) -> "NeesSums | None":
+        """Of a row of a store, if it has any."""
+        import json
+
+        text = row.get(STORED_NEES)
+        return cls(**json.loads(text)) if isinstance(text, str) else None
+
+    @classmethod
+    def of_values(cls, values: Json) -> "NeesSums | None":
+        """Of a document that may have its record."""
+        return cls(**values[NEES]["sums"]) if values.get(NEES) else None
 
     @classmethod
     def joined(cls, several: Iterable["NeesSums"]) -> "NeesSums | None":
@@ -170,10 +200,11 @@ class NeesSums:
         if not self.pairs:
             return f"none: {self.verdict}"
         low, high = band(self.independent, self.components)
+        share = f"{100 * self.inside / self.pairs:.1f} %"
         return (
-            f"{number(self.mean, 4)} where {self.components} is expected ({number(low, 3)} to "
-            f"{number(high, 3)}), {100 * self.inside / self.pairs:.1f} % of states inside "
-            f"{100 * INSIDE:g} %: {self.verdict}"
+            f"{number(self.mean, 4)} where {self.components} is expected "
+            f"({band_in_words(low, high)}), {share} of states inside {100 * INSIDE:g} %: "
+            f"{self.verdict}"
         )
 
     def warnings(self, spread: float | None) -> tuple[Notice, ...]:
@@ -192,6 +223,24 @@ class NeesSums:
                 remedy=f"compare NEES beside the value{caveat}",
             ),
         )
+
+
+def right_record(record: Any) -> bool:
+    """Whether it is one that `NeesSums.record` can have made, with the numbers of its sums."""
+    try:
+        sums = NeesSums(**record["sums"])
+        ranks, own = np.asarray(sums.ranks, float), sums.record()
+        numbers = [value for name, value in sums.plain().items() if name != "ranks"]
+        shapes = (0,), (sums.components, BINS)
+        return (
+            (type(sums.components) is int and sums.components > 0)
+            and ranks.shape in shapes
+            and bool(np.isfinite(ranks).all())
+            and all(type(value) is not bool and 0 <= value < math.inf for value in numbers)
+            and all(record[name] == own[name] for name in ("mean", "anees", "inside"))
+        )
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError):
+        return False
 
 
 def nees_sums(
@@ -228,11 +277,15 @@ def mean_nees(index: Ints, weight: Floats, nees: Floats, components: int, size: 
     known = ~np.isnan(nees)
     count = sum_by(index[known], weight[known], size)
     total = sum_by(index[known], (weight * nees)[known], size)
-    columns = np.full((3, size), np.nan)
-    some = count > 0
+    found = mean_columns(count, total, components)
+    return {name: or_none(column) for name, column in found.items()}
+
+
+def mean_columns(count: Floats, total: Floats, components: int) -> Arrays:
+    """The same of so many pairs and the sums of their NEES; NaN where there is no pair."""
+    columns, some = np.full((3, len(count)), np.nan), count > 0
     columns[:, some] = total[some] / count[some], *band(count[some], components)
-    names = (NEES, f"{NEES}_lower", f"{NEES}_upper")
-    return dict(zip(names, map(or_none, columns), strict=True))
+    return dict(zip((NEES, f"{NEES}_lower", f"{NEES}_upper"), columns, strict=True))
 
 
 def or_none(values: Floats) -> list[float | None]:

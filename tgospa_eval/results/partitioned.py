@@ -184,6 +184,10 @@ class PartitionedResult(Summary):
     def _worst_tracks(self, kind: str, count: int) -> list[str]:
         return [row["id"] for row in self.costliest_tracks(kind, count)]
 
+    def _per_step(self) -> Columns:
+        beside = self.split is not None or self.nees is not None
+        return self._of_tracks("per_step") if beside else super()._per_step()
+
     def _records(self) -> Json:
         """The tables by their names in the result folder, and those records that are not many."""
         found: Json = {"tables": {name: name_of(name) for name in STORED_TABLES}}

@@ -8,12 +8,10 @@ from contextlib import suppress
 from dataclasses import asdict
 from typing import NoReturn
 
-import numpy as np
-
 from tgospa_eval.common.files import read_bytes
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.errors import InputError
-from tgospa_eval.results.consistency import BINS, NEES, NeesSums
+from tgospa_eval.results.consistency import NEES, right_record
 from tgospa_eval.results.numbers import SPLIT_PARTS
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.summary import BRACKET, RESULT_SCHEMA
@@ -162,14 +160,8 @@ def _fault(document: Json) -> str | None:
     }
     values |= {name: parameters[name] for name in ("cutoff", "order", "switch_penalty")}
     values |= {name: document[name] for name in SPLIT_PARTS if name in document}
-    nees = NeesSums(**document[NEES]["sums"]) if NEES in document else None
-    if nees is not None:
-        sums = nees.plain()
-        ranks = np.asarray(sums.pop("ranks"), float)
-        right = ranks.shape in ((0,), (nees.components, BINS)) and np.isfinite(ranks).all()
-        if not right or not isinstance(nees.components, int) or nees.components < 1:
-            return "nees.sums is not as this program wrote it"
-        values |= {f"{NEES}.sums.{name}": value for name, value in sums.items()}
+    if NEES in document and not right_record(document[NEES]):
+        return f"{NEES} is not as this program wrote it, or its sums are of other numbers"
     for name, value in values.items():
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         if not is_number or not 0 <= float(value) < math.inf:

@@ -75,8 +75,8 @@ PUBLIC = (
     *("windows", "with_", "slices", "nees", "ignored"),
     *("metrics", "similarity", "gradient", "proof", "explain"),
     *("to_dict", "to_json", "to_html", "to_geojson", "save"),
-    *("plot_costs", "plot_cumulative", "plot_lanes", "plot_plane", "plot_windows"),
-    "plot_worst",
+    *("plot_costs", "plot_cumulative", "plot_lanes", "plot_nees", "plot_plane"),
+    *("plot_windows", "plot_worst"),
 )
 """What ``dir`` lists: the names of the JSON, the tables, and what can be made of them."""
 
@@ -722,6 +722,18 @@ class Summary(ABC):
             A column or the style is unknown, or matplotlib is not installed.
         """
         return self._plot("plane", columns=columns, style=style)
+
+    def plot_nees(self, *, style: str = "screen") -> "Figure":
+        """NEES of each step with its 95 % band; of particles also the ranks of the truth.
+
+        Errors and return value are those of `plot_costs`.
+
+        Raises
+        ------
+        ConfigError
+            There is no NEES.
+        """
+        return self._plot("nees", style=style)
 
     def plot_windows(
         self, *, style: str = "screen", components: Sequence[str] | None = None

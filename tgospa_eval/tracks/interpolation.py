@@ -135,12 +135,25 @@ def at_ticks(
     InputError
         The stamps cannot be compared.
     """
-    mine, theirs = comparable(side, ticks, names)
+    at, there = found_near(side, ticks, tolerance, names)
+    rows = np.flatnonzero(there[side.step])
+    return side.chosen(rows, at[side.step[rows]], ticks.times, ticks.labels, ticks.clock)
+
+
+def found_near(
+    side: Trajectories, other: Trajectories, tolerance: float, names: tuple[str, str]
+) -> tuple[Ints, NDArray[np.bool_]]:
+    """Where the stamps of a side are among those of another, and which of them are there.
+
+    Raises
+    ------
+    InputError
+        The stamps cannot be compared.
+    """
+    mine, theirs = comparable(side, other, names)
     if len(mine) and len(theirs):
         mine, _ = joined_to(mine, theirs, tolerance, side.clock)
-    at, there = found_at(mine, theirs)
-    rows = np.flatnonzero(there[side.step])
-    return side.chosen(rows, at[side.step[rows]], theirs, ticks.labels, ticks.clock)
+    return found_at(mine, theirs)
 
 
 def found_at(mine: Times, theirs: Times) -> tuple[Ints, NDArray[np.bool_]]:

@@ -100,12 +100,12 @@ def test_by_hand() -> None:
 def measured(
     truth: np.ndarray, estimate: np.ndarray, cutoff: float
 ) -> tuple[MeasuredSides, object]:
-    sides = [of_object(side, "side", as_distance("euclidean")) for side in (truth, estimate)]
     request = EvaluationRequest(
         parameters=Parameters(cutoff=cutoff, order=2, switch_penalty=0.0),
         distance=as_distance("euclidean"),
         solver=Certified(),
     )
+    sides = [of_object(side, "side", request) for side in (truth, estimate)]
     return measure(fit(*sides, request), request, cutoff=cutoff, stopwatch=Stopwatch())
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tgospa_eval._version import __version__
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.options import DEFAULTS, FITTING, SETTINGS, Request
+from tgospa_eval.api.options import DEFAULTS, FITTING, SETTINGS, Request, is_coverage
 from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.campaign.store import locked
 from tgospa_eval.cli.evaluate.in_parts import memory_of
@@ -30,6 +30,7 @@ from tgospa_eval.partitioned.input.listing import state_of, stored
 from tgospa_eval.partitioned.run import SCANNED
 from tgospa_eval.partitioned.tasks import removing
 from tgospa_eval.reports.files import WORK_FOLDER, WORK_LOG
+from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.partitioned import IN_PARTS, STORED_TABLES, name_of
 
 TABLE_FILES = (*map(name_of, STORED_TABLES[:-1]), f"{IN_PARTS}/part-00000.parquet")
@@ -59,10 +60,12 @@ def check_parts(options: Request, output: OutputOptions, why: str, *, sweep: boo
     asked = [
         (about.key, about.parts)
         for name, about in SETTINGS.items()
-        if about.parts and getattr(options, name) != DEFAULTS[name]
+        if about.parts and getattr(options, name) not in (DEFAULTS[name], NEES)
     ]
     if output.proof:
         asked.append(("proof", FITTING))
+    if is_coverage(options.region):
+        asked.append(("region", "name ranges of columns, x=-50:50"))
     if output.geojson:
         asked.append(("geojson", FITTING))
     if output.plane is not None:

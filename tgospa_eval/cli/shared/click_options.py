@@ -193,7 +193,8 @@ GATE = (
     _gate(
         "--fail-on RULE",
         "Fail if a value is worse than in the baseline by more than this: total:+1%, "
-        "counts.switch:+2. Values have the names of the JSON. Repeatable.",
+        "counts.switch:+2; or is not in a range: nees:1.5..2.5. Values have the names of the JSON. "
+        "Repeatable.",
         multiple=True,
         show_default="total:+0.001%",
     ),

@@ -500,7 +500,7 @@ class Roles:
             folded = {name.casefold() for name in unused}
             way = ""
             if not (self.asked or clouds) and any(name.startswith(PREFIXES) for name in folded):
-                way = "; --distance gaussian-wasserstein compares covariances"
+                way = "; --distance gaussian-wasserstein compares covariances; see also --with nees"
             if EXISTENCE in folded:
                 way += "; --existence use takes existence as probabilities"
             yield f"columns not used: {listed(unused)}{way}"

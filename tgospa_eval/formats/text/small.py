@@ -28,7 +28,7 @@ def read_matrix(path: str, decimal: str) -> list[list[float]]:
         The file is missing or unreadable, a field is no number, the matrix is not square.
     """
     data = unpack(load(path), path)
-    lines, rows = _rows(data, path, decimal) if data.strip() else ([], [])
+    lines, rows = rows_of(data, path, decimal) if data.strip() else ([], [])
     if not rows:
         raise InputError(f"{path}: the file is empty; {MATRIX_NEEDED}")
     for line, fields in zip(lines, rows, strict=True):
@@ -54,7 +54,7 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
     InputError
         The file is missing, has other columns, a row is wrong, or a time is there twice.
     """
-    lines, rows = _rows(unpack(load(path), path), path, decimal)
+    lines, rows = rows_of(unpack(load(path), path), path, decimal, even=True)
     names = [name.strip().lower() for name in rows[0]] if rows else []
     time = next((name for name in names if name in FIRST_ALIASES["t"]), "")
     if not time or "weight" not in names:
@@ -63,11 +63,6 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
             f"{path}, line {lines[0] if lines else 1}: no column {quoted(missing)}; weights of "
             f"steps are a CSV file with the header {WEIGHTS_HEADER}"
         )
-    for line, row in zip(lines, rows, strict=True):
-        if len(row) != len(names):
-            raise InputError(
-                f"{path}, line {line}: {counted(len(row), 'field')}, the header has {len(names)}"
-            )
     if len(rows) == 1:
         raise InputError(f"{path}: a header alone; give every step of the two files a row")
     columns = dict(zip(names, zip(*rows[1:], strict=True), strict=True))
@@ -103,12 +98,17 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
     return WeightsByTime(times=found.value, cost=cost, switch=switch, clock=found.clock, name=path)
 
 
-def _rows(data: bytes, path: str, decimal: str) -> tuple[list[int], list[list[str]]]:
-    """Line and fields of each row that is not blank; the first one decides the delimiter."""
+def rows_of(
+    data: bytes, path: str, decimal: str, *, even: bool = False
+) -> tuple[list[int], list[list[str]]]:
+    """Line and fields of each row that is not blank; the first one decides the delimiter.
+
+    `even`: it is a header, and all others have as many fields.
+    """
     check_text(data, path)
     text = decode(data, path)
     head = text.lstrip("\n").partition("\n")[0]
-    delimiter = max(";\t,", key=lambda mark: (mark != decimal and mark in head, head.count(mark)))
+    delimiter = max("\t;,", key=lambda mark: (mark != decimal and mark in head, head.count(mark)))
     reader = csv.reader(text.split("\n"), delimiter=delimiter, strict=True, skipinitialspace=True)
     lines: list[int] = []
     rows: list[list[str]] = []
@@ -119,4 +119,9 @@ def _rows(data: bytes, path: str, decimal: str) -> tuple[list[int], list[list[st
                 rows.append(row)
     except csv.Error as error:
         raise InputError(f"{path}, line {reader.line_num}: {error}") from None
+    for line, row in zip(lines, rows, strict=True) if even else ():
+        if len(row) != len(rows[0]):
+            raise InputError(
+                f"{path}, line {line}: {counted(len(row), 'field')}, the header has {len(rows[0])}"
+            )
     return lines, rows

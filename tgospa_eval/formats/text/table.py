@@ -36,7 +36,7 @@ from tgospa_eval.formats.fields import Coded, attribute_of, is_number
 from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.guess import split as split_line
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.formats.rows import Rows, numbered
+from tgospa_eval.formats.rows import AS_REGIONS, NOT_CONSIDERED, Rows, numbered
 from tgospa_eval.formats.text.lines import (
     BLANKS,
     ROWS_OF_BLOCK,
@@ -228,8 +228,8 @@ CATEGORIES = (
     *("tricycle", "awning-tricycle", "bus", "motor", "others"),
 )
 """Names of the classes 0 to 11."""
-NOT_EVALUATED = ("ignored regions", "others")
-"""Classes that are no objects to be tracked."""
+IGNORED, *NOT_EVALUATED = AS_REGIONS
+"""Types of KITTI, and of VisDrone, that are no objects to be tracked."""
 UNCLASSED = "-1"
 """Class of trackers that tell none apart."""
 
@@ -244,7 +244,6 @@ KITTI_RULE = (
     "alpha left top right bottom ..."
 )
 KITTI_UNKNOWN = -1000.0
-IGNORED = "DontCare"
 
 
 def read_motchallenge(
@@ -420,7 +419,7 @@ def _leave_out_flagged(rows: Rows, texts: Mapping[str, Coded], name: str, flag: 
         row, message = wrong[0]
         raise InputError(f"{rows.where(row)}, column {quoted(name)}: {message}")
     apart = values[column.code] == 0
-    rows.apart["not considered"] = apart, f"left out: {flag}, not to be considered"
+    rows.apart[NOT_CONSIDERED] = apart, f"left out: {flag}, not to be considered"
 
 
 def _leave_out_unknown(rows: Rows, unknown: float) -> None:

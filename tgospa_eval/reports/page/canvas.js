@@ -24,8 +24,11 @@ function pattern(context, name) {
   const tile = document.createElement("canvas"), size = 6 * Math.ceil(devicePixelRatio);
   tile.width = tile.height = size;
   const pen = tile.getContext("2d");
-  pen.fillStyle = colour("paper");
-  pen.fillRect(0, 0, size, size);
+  const free = name === "soft" || name === "paper";
+  if (!free) {
+    pen.fillStyle = colour("paper");
+    pen.fillRect(0, 0, size, size);
+  }
   pen.fillStyle = pen.strokeStyle = colour(name);
   if (name === "missed") {
     pen.lineWidth = size / 3;
@@ -33,6 +36,14 @@ function pattern(context, name) {
       pen.beginPath();
       pen.moveTo(shift - 1, size + 1);
       pen.lineTo(shift + size + 1, -1);
+      pen.stroke();
+    }
+  } else if (free) {
+    pen.lineWidth = size / 6;
+    for (const shift of [-size, 0, size]) {
+      pen.beginPath();
+      pen.moveTo(shift - 1, -1);
+      pen.lineTo(shift + size + 1, size + 1);
       pen.stroke();
     }
   } else {

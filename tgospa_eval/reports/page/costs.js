@@ -34,6 +34,13 @@ const costs = {
           context.lineWidth = 1;
           context.strokeRect(x + 0.5, y - tall + 0.5, wide - 2, tall - 1);
         }
+        const pale = name === "localisation" && doc.costs.localisation_spread;
+        if (pale) {
+          context.globalAlpha = 0.6;
+          context.fillStyle = colour("paper");
+          context.fillRect(x, y - tall, Math.max(wide - (wide > 4 ? 1 : 0), 0.8), pale[step] / high * (bottom - top));
+          context.globalAlpha = 1;
+        }
         y -= tall;
       }
     }
@@ -109,6 +116,74 @@ const windows = doc.windows && {
   },
 };
 
+// NEES of each step over its band, with gaps where no pair has any; below it the ranks of particles.
+const nees = doc.nees && {
+  canvas: document.getElementById("nees"),
+  words(step) {
+    const [value, low, high] = Object.values(doc.nees.lines).map((line) => line[step]);
+    return value === null ? `step ${time(step)}: no NEES` : `step ${time(step)}: NEES ${number(value)}, band ${number(low)} to ${number(high)}`;
+  },
+  draw() {
+    alignWithLanes(this.canvas);
+    const [context, width, height] = prepare(this.canvas, 180), top = 8, bottom = height - FOOT;
+    const [values, low, high] = Object.values(doc.nees.lines);
+    let most = doc.nees.ideal;
+    for (let k = state.from; k <= state.to; k++) most = Math.max(most, values[k] ?? 0, high[k] ?? 0);
+    most *= 1.05;
+    const up = (value) => bottom - value / most * (bottom - top);
+    valueAxis(context, width, top, bottom, most);
+    context.fillStyle = colour("chosen");
+    for (let k = state.from; k <= state.to; k++) {
+      if (low[k] !== null) context.fillRect(left(k, width), up(high[k]), right(k, width) - left(k, width), up(low[k]) - up(high[k]));
+    }
+    const line = (name, dash, draw) => {
+      context.strokeStyle = colour(name);
+      context.lineWidth = 1.5;
+      context.setLineDash(dash);
+      context.beginPath();
+      draw();
+      context.stroke();
+    };
+    line("missed", [7, 3], () => { context.moveTo(LEFT, up(doc.nees.ideal)); context.lineTo(width - RIGHT, up(doc.nees.ideal)); });
+    line("localisation", [], () => {
+      for (let k = state.from, alone = true; k <= state.to; k++) {
+        if (values[k] === null) { alone = true; continue; }
+        const place = [across(moments[k], width), up(values[k])];
+        if (alone && (values[k + 1] ?? null) === null) context.rect(place[0] - 1, place[1] - 1, 2, 2);
+        else if (alone) context.moveTo(...place); else context.lineTo(...place);
+        alone = false;
+      }
+    });
+    context.setLineDash([]);
+    timeAxis(context, width, bottom);
+    upright(context, "NEES", top, bottom);
+    chosenStep(context, width, top, bottom);
+    if (doc.nees.ranks.length) this.ranks(document.getElementById("ranks"));
+  },
+  ranks(canvas) {
+    alignWithLanes(canvas);
+    const [context, width, height] = prepare(canvas, 150), top = 8, bottom = height - FOOT;
+    const shares = doc.nees.ranks.map((row) => row.map((count) => count * row.length / (row.reduce((sum, each) => sum + each, 0) || 1)));
+    const most = 1.05 * Math.max(1.9, ...shares.flat()), wide = (width - LEFT - RIGHT) / shares[0].length;
+    const up = (value) => bottom - value / most * (bottom - top);
+    valueAxis(context, width, top, bottom, most);
+    context.fillStyle = colour("missed");
+    for (let x = LEFT; x < width - RIGHT; x += 10) context.fillRect(x, up(1), 7, 1.5);
+    shares.forEach((row, axis) => {
+      context.strokeStyle = colourOf(axis);
+      context.lineWidth = 2;
+      context.beginPath();
+      row.forEach((share, k) => { context.lineTo(LEFT + k * wide, up(share)); context.lineTo(LEFT + (k + 1) * wide, up(share)); });
+      context.stroke();
+    });
+    context.fillStyle = colour("soft");
+    context.textAlign = "center";
+    for (let k = 0; k < 10; k += 2) context.fillText(`${k * 10} %`, LEFT + k / 10 * (width - LEFT - RIGHT), bottom + 13);
+    context.fillText("weight of the particles below the truth", LEFT + (width - LEFT - RIGHT) / 2, bottom + 30);
+    upright(context, "/ expected", top, bottom);
+  },
+};
+
 function costWords(step) {
   const parts = PARTS.filter((name) => doc.costs[name][step] > 0).map((name) => {
     const count = doc.counts[name] ? ` (${number(doc.counts[name][step])})` : "";
@@ -123,6 +198,7 @@ timePointer(curve.canvas, (event) => {
   const step = stepAt(event.offsetX, curve.canvas.clientWidth);
   return `steps up to ${time(step)}: ${withUnit(doc.curve.total[step])} per step\n${PARTS.map((name) => `${word(name)} ${number(doc.curve[name][step])}`).join(", ")}`;
 }, (_, step) => choose({ step }));
+if (nees) timePointer(nees.canvas, (event) => nees.words(stepAt(event.offsetX, nees.canvas.clientWidth)), (_, step) => choose({ step }));
 if (windows) {
   timePointer(windows.canvas, (event) => {
     const k = windows.nearest(event.offsetX), { first, last, tgospa, lines } = doc.windows;

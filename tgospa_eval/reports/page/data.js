@@ -1,6 +1,6 @@
 // The data: a JSON document, and whole numbers in one compressed block (reports/page_data.py).
 const doc = JSON.parse(document.getElementById("data").textContent);
-const NONE = -1;
+const NONE = -1, FREE = -2;
 const PARTS = doc.parts;
 const word = (name) => doc.words[name] ?? name; // what a side or a part is called
 const paired = PARTS.includes("switch") ? ["followed by", "follows"] : ["with", "with"];
@@ -60,6 +60,7 @@ function makeSide(name, arrays) {
   const table = doc.tracks[name], count = table.id.length;
   const run = {}, row = {};
   for (const field of ["track", "begin", "end", "other"]) run[field] = arrays[`${name}/run/${field}`];
+  run.unjudged = arrays[`${name}/run/unjudged`];
   for (const field of ["track", "step", "error"]) row[field] = arrays[`${name}/row/${field}`];
   row.axes = doc.columns.map((_, axis) => {
     const levels = arrays[`${name}/row/${axis}`], values = new Float64Array(levels.length);
@@ -137,7 +138,7 @@ const switchSteps = [...switchesOf.step.keys()].sort((a, b) => a - b);
 
 // Ids of the user stand apart from the words around them, whatever their direction.
 const isolate = (text) => `\u2068${text}\u2069`;
-const labelOf = (name, track) => track === NONE ? "none" : isolate(sides[name].label[track]);
+const labelOf = (name, track) => track < 0 ? "none" : isolate(sides[name].label[track]);
 const grouped = (value, digits) => value.toLocaleString("en-US", { maximumFractionDigits: digits ?? 12, minimumFractionDigits: digits ?? 0 });
 const number = (value) => {
   if (value === 0) return "0";

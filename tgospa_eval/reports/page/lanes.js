@@ -102,7 +102,7 @@ const lanes = {
       if (run.end[r] >= state.from && run.begin[r] <= state.to) inside.push(r);
     }
     for (const r of inside) {
-      if (run.other[r] === NONE) continue;
+      if (run.other[r] < 0) continue;
       const x = left(run.begin[r], width), wide = Math.max(right(run.end[r], width) - x, 0.7);
       const high = truth ? tall - 4 : 5;
       context.fillStyle = truth ? colourOf(run.other[r]) : colourOf(track);
@@ -124,8 +124,14 @@ const lanes = {
         context.strokeRect(x + 0.5, y + 3.5, wide - 1, tall - 7);
       }
     }
+    for (const r of run.unjudged ? inside : []) {
+      if (!run.unjudged[r]) continue;
+      const x = left(run.begin[r], width);
+      context.fillStyle = pattern(context, run.other[r] < 0 ? "soft" : "paper");
+      context.fillRect(x, y + 3, Math.max(right(run.end[r], width) - x, 1.5), tall - 6);
+    }
     for (const r of inside) {
-      if (run.other[r] === NONE) continue;
+      if (run.other[r] < 0) continue;
       const x = Math.max(left(run.begin[r], width), LEFT), room = Math.min(right(run.end[r], width), width - RIGHT) - x - 8;
       let name = sides[side.other].label[run.other[r]];
       if (room < 14 || (room < 40 && context.measureText(name).width > room)) continue;
@@ -152,7 +158,7 @@ const lanes = {
     const wide = (width - LEFT - RIGHT) / span() * doc.stride;
     let last = -1, most = 0;
     for (let k = from; k < to; k++) {
-      if (row.other[k] === NONE) continue;
+      if (row.other[k] < 0) continue;
       const x = left(row.step[k], width), high = row.error[k] / doc.errors * tall;
       if (wide >= 1) context.fillRect(x, y + 2 + tall - high, right(row.step[k] + doc.stride - 1, width) - x, high);
       else if (Math.floor(x) !== last) {
@@ -206,9 +212,10 @@ function laneWords({ side, track }, step) {
   const { run } = side, r = runAt(side, track, step), name = `${word(side.name)} ${isolate(side.label[track])}`;
   if (r < 0) return `${name} does not exist at ${time(step)}`;
   const stretch = run.begin[r] === run.end[r] ? `at ${time(run.begin[r])}` : `from ${time(run.begin[r])} to ${time(run.end[r])}`;
-  const words = run.other[r] === NONE
+  const free = run.unjudged?.[r] ? "not judged" : "";
+  const words = run.other[r] === FREE ? free : run.other[r] === NONE
     ? word(side.name === "truth" ? "missed" : "false")
-    : `${paired[side.name === "truth" ? 0 : 1]} ${labelOf(side.other, run.other[r])}`;
+    : `${free}${free && ", "}` + `${paired[side.name === "truth" ? 0 : 1]} ${labelOf(side.other, run.other[r])}`;
   const changes = side.name === "truth" ? (switchesOf.truth.get(track) || []).filter((k) => doc.switches.step[k] === step).map(switchWords) : [];
   return [`${name}: ${words} ${stretch}`, ...changes].join("\n");
 }

@@ -123,7 +123,7 @@ async function begin() {
   for (const name of ["truth", "estimate"]) sides[name] = makeSide(name, arrays);
   lanes.arrange();
   plane.arrange();
-  views.push(lanes, costs, plane, curve, ...(windows ? [windows] : []));
+  views.push(lanes, costs, plane, curve, ...[nees, windows].filter(Boolean));
   readAddress();
   worstTables();
   for (const name of ["truth", "estimate"]) trackTable(name);

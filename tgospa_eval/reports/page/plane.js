@@ -44,7 +44,7 @@ const plane = {
     const side = sides[state.side], { run } = side;
     if (state.side === name) return new Set([state.track]);
     const found = new Set();
-    for (let r = run.first[state.track]; r < run.first[state.track + 1]; r++) if (run.other[r] !== NONE) found.add(run.other[r]);
+    for (let r = run.first[state.track]; r < run.first[state.track + 1]; r++) if (run.other[r] >= 0) found.add(run.other[r]);
     return found;
   },
   coordinates(side) {

@@ -8,7 +8,7 @@ function concerned(k) {
   for (const track of repairs.tracks[k]) {
     let before = NONE, after = NONE;
     for (let r = run.first[track]; r < run.first[track + 1]; r++) {
-      if (run.other[r] === NONE) continue;
+      if (run.other[r] < 0) continue;
       if (run.end[r] < from) before = run.other[r];
       else if (run.begin[r] <= to) found.truth.add(run.other[r]);
       else if (after === NONE) after = run.other[r];

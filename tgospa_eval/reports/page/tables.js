@@ -16,7 +16,7 @@ function link(text, selection) {
   return element;
 }
 const stepLink = (step) => link(time(step), { step });
-const trackLink = (name, track, step) => track === NONE ? "none"
+const trackLink = (name, track, step) => track < 0 ? "none"
   : link(sides[name].label[track], step === undefined ? { side: name, track } : { side: name, track, step });
 
 const FEW = 50;
@@ -164,7 +164,7 @@ function drawDetail() {
         `cost ${number(table.total[k])}: ${word("localisation")} ${number(table.localisation[k])}, ${word(kind)} ${number(table.unassigned[k])}${table.switch ? `, switch ${number(table.switch[k])}` : ""}.`));
     if (state.step !== null) {
       const r = rowFrom(side, k, state.step), at = runAt(side, k, state.step);
-      const error = truth && doc.columns.length && at >= 0 && run.other[at] !== NONE && side.row.step[r] === state.step
+      const error = truth && doc.columns.length && at >= 0 && run.other[at] >= 0 && side.row.step[r] === state.step
         ? `, ${doc.words.localisation ?? "error"} ${withUnit(side.row.error[r] / doc.errors * doc.cutoff)}` : "";
       parts.push(make("p", laneWords({ side, track: k }, state.step).split("\n")[0] + error + "."));
     }
@@ -176,7 +176,7 @@ function drawDetail() {
     if (begin > first) runs.push(`${begin - first} before`);
     for (let r = begin; r < Math.min(begin + MANY, end); r++) {
       const stretch = run.begin[r] === run.end[r] ? ["at ", stepLink(run.begin[r])] : [stepLink(run.begin[r]), " to ", stepLink(run.end[r])];
-      runs.push([...stretch, ...(run.other[r] === NONE ? [`: ${word(kind)}`] : [`: ${paired[truth ? 0 : 1]} `, trackLink(side.other, run.other[r])])]);
+      runs.push([...stretch, ...(run.other[r] < 0 ? [`: ${run.other[r] === FREE ? "not judged" : word(kind)}`] : [`: ${paired[truth ? 0 : 1]} `, trackLink(side.other, run.other[r])])]);
     }
     if (begin + MANY < end) runs.push(`and ${end - begin - MANY} more`);
     parts.push(make("ul", runs.map((item) => make("li", item))));

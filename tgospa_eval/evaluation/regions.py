@@ -1,0 +1,277 @@
+"""Which states are inside regions: points, and boxes by the share of their area."""
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
+
+import numpy as np
+
+from tgospa_eval.common.words import install
+from tgospa_eval.distances.pair_search import starts_of_steps
+from tgospa_eval.distances.sphere import Haversine
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.evaluation.sides import as_frame, is_path
+from tgospa_eval.formats.fields import is_number
+from tgospa_eval.text import quoted
+from tgospa_eval.tracks.ignored import Mask
+from tgospa_eval.tracks.interpolation import found_near
+from tgospa_eval.tracks.regions import BOX, CAP, CIRCLE, GEOJSON, POLYGON, SHAPES, Regions, Shape
+from tgospa_eval.tracks.trajectories import Floats, TimeArray, Trajectories
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tgospa_eval.evaluation.sides import ArrowTable
+
+RegionsLike: TypeAlias = "str | os.PathLike[str] | pd.DataFrame | ArrowTable | Mapping[str, Any]"
+"""A path, a table, or a GeoJSON document."""
+
+GIVEN = "ignore_regions"
+
+HALF = 0.5 - 1e-12
+"""Least share of the area of a box that is inside, with room for rounding."""
+
+PLANE, EARTH = ("x", "y"), ("lat", "lon")
+
+
+def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | None:
+    """Any accepted form of regions; `decimal` is the mark in a file.
+
+    Raises
+    ------
+    ConfigError
+        It is of no accepted type, or there are polygons and shapely is missing.
+    InputError
+        A region is wrong: it has no area, or a polygon crosses itself.
+    """
+    if given is None:
+        return None
+    from tgospa_eval.formats.regions import of_geojson, of_rows, read_regions  # here: few have any
+
+    if is_path(given):
+        found = read_regions(os.fspath(given), decimal)
+    elif isinstance(given, Mapping):
+        found = of_geojson(given, GIVEN)
+    else:
+        frame = as_frame(given, GIVEN)
+        if frame is None:
+            kind = type(given).__name__
+            raise ConfigError(f"{GIVEN} is of the type {kind}: must be a path, a table or GeoJSON")
+        rows = [[_text(value) for value in row] for row in frame.itertuples(index=False)]
+        places = [GIVEN, *(f"{GIVEN}, row {row}" for row in range(len(rows)))]
+        found = of_rows([*map(str, frame.columns)], rows, places, ".", GIVEN)
+    for shape in found.shapes:
+        if shape.kind in (POLYGON, GEOJSON) and not _shapely().is_valid(_polygon(shape)):
+            place = _shapely().is_valid_reason(_polygon(shape)).partition("[")[2].rstrip("]")
+            raise InputError(
+                f"{shape.where}: a polygon whose edges cross or overlap, at {place or 'a hole'}; "
+                "write its corners in order around it, or two polygons"
+            )
+    return found
+
+
+def coverage(text: str, columns: tuple[str, ...], decimal: str = ".") -> Regions:
+    """A circle, ``circle=LAT,LON,RADIUS`` or ``circle=X,Y,RADIUS``, or regions of a file.
+
+    Raises
+    ------
+    ConfigError
+        It is no circle.
+    InputError
+        The file is missing, or a region in it is wrong.
+    """
+    circle, equals, numbers = text.partition("=")
+    if circle != CIRCLE or not equals:
+        found = as_regions(text, decimal)
+        assert found is not None
+        return found
+    from tgospa_eval.formats.regions import of_rows  # here: few have any
+
+    row = [part.strip() for part in numbers.split(",")]
+    header = SHAPES[CAP if "lat" in columns else CIRCLE]
+    if len(row) != len(header) or not all(map(is_number, row)):
+        raise ConfigError(
+            f"--region {quoted(text)}: must be circle=LAT,LON,RADIUS, in degrees and metres, or "
+            "circle=X,Y,RADIUS"
+        )
+    return of_rows(header, [row], ["--region"] * 2, ".", f"--region {text}")
+
+
+@np.errstate(over="ignore")  # infinitely far is right
+def inside(
+    regions: Regions,
+    side: Trajectories,
+    tolerance: float,
+    name: str,
+    more_than: float | None = None,
+) -> Mask:
+    """Which rows are in the regions of their step.
+
+    Points are in a region or on its edge; boxes are, if at least half of their area is in all
+    regions of the step together. The share of a box with edges a_1 <= b_1, a_2 <= b_2 in that of a
+    region is that of TrackEval, ``prod_k max(0, min(b_k, b'_k) - max(a_k, a'_k)) / prod_k (b_k -
+    a_k)``; 0 where it has no area.
+
+    Parameters
+    ----------
+    regions : Regions
+        What they are in.
+    side : Trajectories
+        Its rows (R,).
+    tolerance : float
+        Of times that are one step.
+    name : str
+        Of the side, for messages.
+    more_than : float, optional
+        Instead of a half the share that has to be exceeded in one region alone.
+
+    Raises
+    ------
+    InputError
+        Regions and states are not of one kind, or their times are not.
+    """
+    placed = _placed(regions, side, tolerance, name)
+    most, total = np.zeros((2, len(side.step)))
+    begins = starts_of_steps(side)
+    boxes, earth = side.columns == SHAPES[BOX], "lat" in side.columns
+    axes = [side.columns.index(c) for c in (EARTH if earth else PLANE) if c in side.columns]
+    if not boxes and len(axes) < 2:
+        raise InputError(
+            f"{regions.name}: regions are of states x,y, lat,lon or left,top,width,height; those "
+            f"of {name} are {','.join(side.columns)}"
+        )
+    for step, shapes in placed.items():
+        rows = slice(None) if step is None else slice(begins[step], begins[step + 1])
+        state = side.state[rows]
+        for shape in shapes:
+            share = _share(shape, state) if boxes else _holds(shape, state[:, axes], earth=earth)
+            most[rows] = np.maximum(most[rows], share)
+            total[rows] += share
+    if more_than is not None:
+        return np.asarray(most > more_than)
+    found = most >= HALF
+    for row in np.flatnonzero(~found & (total >= HALF)).tolist():
+        together = placed.get(None, []) + placed.get(int(side.step[row]), [])
+        found[row] = _share_of_all(side.state[row], together) >= HALF
+    return np.asarray(found)
+
+
+def _placed(
+    regions: Regions, side: Trajectories, tolerance: float, name: str
+) -> dict[int | None, list[Shape]]:
+    """The regions of each step of the side; those of all steps under None."""
+    times = cast("TimeArray", np.unique([s.moment for s in regions.shapes if s.moment is not None]))
+    own = Trajectories.of_times(times, (), regions.clock)
+    at, there = found_near(own, side, tolerance, (regions.name, name))
+    step: dict[int | float | None, int | None] = {None: None}
+    step |= dict(zip(times[there].tolist(), at[there].tolist(), strict=True))
+    placed: dict[int | None, list[Shape]] = {}
+    for shape in regions.shapes:
+        if shape.moment in step:
+            placed.setdefault(step[shape.moment], []).append(shape)
+    return placed
+
+
+def _share(shape: Shape, state: Floats) -> Floats:
+    """Share of the area of boxes (N, 4) that is in a region."""
+    begin, end = state[:, :2], state[:, :2] + state[:, 2:]
+    area = (end - begin).prod(axis=1)
+    if shape.kind == BOX:
+        box = shape.rings[0]
+        edges = np.minimum(end, box[:2] + box[2:]) - np.maximum(begin, box[:2])
+        shared = np.maximum(edges, 0.0).prod(axis=1)
+    else:
+        shared = _shared([shape], state)
+    share: Floats = np.divide(shared, area, out=np.zeros(len(area)), where=area > 0)
+    return share
+
+
+def _share_of_all(state: Floats, shapes: Sequence[Shape]) -> float:
+    """Share of the area of one box (4,) that is in several regions together."""
+    begin, end = state[:2], state[:2] + state[2:]
+    area = float((end - begin).prod())
+    if any(shape.kind != BOX for shape in shapes):
+        return float(_shared(shapes, state[None])[0] / area)
+    boxes = np.array([shape.rings[0] for shape in shapes])
+    edges = np.stack((boxes[:, :2], boxes[:, :2] + boxes[:, 2:])).clip(begin, end)  # (2, N, axis)
+    edges = edges[:, (edges[0] < edges[1]).all(axis=1)]
+    cuts = [np.unique(edges[:, :, axis]) for axis in (0, 1)]
+    across, along = (  # which stretches between two cuts each region has
+        (edges[0, :, axis, None] <= cuts[axis][:-1]) & (cuts[axis][1:] <= edges[1, :, axis, None])
+        for axis in (0, 1)
+    )
+    covered = (across[:, :, None] & along[:, None, :]).any(axis=0)
+    return float(np.diff(cuts[0]) @ covered @ np.diff(cuts[1]) / area)
+
+
+def _holds(shape: Shape, points: Floats, *, earth: bool) -> Mask:
+    """Which of the points (N, 2), x, y or latitude and longitude, are in a region or on its edge.
+
+    Edges of polygons on the Earth are straight lines in longitude and latitude (RFC 7946).
+    """
+    if shape.kind not in ((CAP, POLYGON, GEOJSON) if earth else (BOX, CIRCLE, POLYGON, GEOJSON)):
+        raise InputError(
+            f"{shape.where}: {','.join(SHAPES[shape.kind])} is no region of states "
+            f"{','.join(EARTH if earth else PLANE)}"
+        )
+    ring, turned = shape.rings[0], earth and shape.kind == GEOJSON
+    corners = ring[None, :2] if shape.kind == CAP else np.concatenate(shape.rings)
+    if earth and (abs(corners[:, ::-1] if turned else corners) > (90, 360)).any():
+        order = "lon, lat" if turned else "lat lon"
+        raise InputError(f"{shape.where}: places are {order}, in degrees, and one is out of range")
+    if shape.kind == CAP:
+        sides = ((points[:, axis], ring[axis]) for axis in (0, 1))
+        near: Mask = Haversine().between(sides) <= ring[2]
+        return near
+    if shape.kind == CIRCLE:
+        return np.asarray(np.hypot(*(points - ring[:2]).T) <= ring[2])
+    if shape.kind == BOX:
+        edges = (points >= ring[:2]) & (points <= ring[:2] + ring[2:])
+        return np.asarray(edges.all(axis=1))
+    shapely, polygon = _shapely(), _polygon(shape, turned=turned)
+    shapely.prepare(polygon)
+    x, y = points.T
+    turns = (-360, 0, 360) if earth else (0,)
+    return np.asarray(np.any([shapely.intersects_xy(polygon, x, y + t) for t in turns], axis=0))
+
+
+def _shared(shapes: Sequence[Shape], state: Floats) -> Floats:
+    """Area of boxes (N, 4) that is in several regions together, by shapely."""
+    for shape in shapes:
+        if shape.kind in (CIRCLE, CAP):
+            raise InputError(
+                f"{shape.where}: a circle holds points, and the states are boxes; give a box or a "
+                "polygon"
+            )
+    shapely = _shapely()
+    every = shapely.union_all([_polygon(shape) for shape in shapes])
+    boxes = shapely.box(*state[:, :2].T, *(state[:, :2] + state[:, 2:]).T)
+    return np.asarray(shapely.area(shapely.intersection(every, boxes)))
+
+
+def _polygon(shape: Shape, *, turned: bool = False) -> Any:
+    """A box or polygon as shapely has it; `turned` exchanges its coordinates."""
+    if shape.kind == BOX:
+        left, top, width, height = shape.rings[0]
+        return _shapely().box(left, top, left + width, top + height)
+    edge, *holes = (ring[:, ::-1] if turned else ring for ring in shape.rings)
+    return _shapely().Polygon(edge, holes)
+
+
+def _shapely() -> Any:
+    try:
+        import shapely  # here: of an extra
+    except ModuleNotFoundError:
+        raise ConfigError(
+            f"--ignore-regions: polygons need the extra regions: {install('regions')}"
+        ) from None
+    return shapely
+
+
+def _text(value: Any) -> str:
+    """A value of a table as a file has it; a list of corners as ``x y; x y``."""
+    import pandas as pd  # here: files do without
+
+    if isinstance(value, list | tuple | np.ndarray):
+        return "; ".join(" ".join(str(float(part)) for part in pair) for pair in value)
+    return "" if pd.isna(value) else str(value)
