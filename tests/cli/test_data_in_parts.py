@@ -20,8 +20,8 @@ import pytest
 
 from tgospa_eval.api.options import Request
 from tgospa_eval.campaign.store import locked
-from tgospa_eval.cli.evaluate import in_parts, partitioned, work
-from tgospa_eval.cli.evaluate.work import work_folder
+from tgospa_eval.cli.evaluate import in_parts, partitioned
+from tgospa_eval.cli.evaluate.partitioned import work_folder
 from tgospa_eval.cli.shared.click_options import OutputOptions, Size
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.partitioned import run, sides
@@ -437,7 +437,7 @@ def test_a_killed_run_is_begun_anew_where_a_file_was_replaced(
     else:
         changed = changed.rename(tmp_path / "estimate" / changed.name)
     if change == "in place, unseen":
-        for user in (work, sides):
+        for user in (partitioned, sides):
             monkeypatch.setattr(user, "state_of", lambda s: (s.st_size, s.st_mtime_ns))
     asked = ("truth", "estimate", *METRIC, "--memory", "200MB", "--format", "json")
 
