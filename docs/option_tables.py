@@ -1,6 +1,7 @@
-"""Tables of the options of a verb, from its click command: what `tgospa-eval help VERB` prints.
+"""Tables that are made from the code: of options, what `tgospa-eval help VERB` prints; of headers.
 
-In a page a block `{options} VERB`, or `{options} VERB SECTION`, is replaced by its table.
+In a page a block `{options} VERB`, or `{options} VERB SECTION`, is replaced by its table, and a
+block `{headers}` by the headers of tables that are found without options.
 """
 
 import re
@@ -9,8 +10,10 @@ import click
 
 from tgospa_eval.cli.shared.command import SECTIONS
 from tgospa_eval.cli.verbs import load
+from tgospa_eval.formats.columns.headers import HEADER_ALIASES
 
 BLOCK = re.compile(r"^```\{options\} (\w+)(?: (.+))?\n```$", re.M)
+HEADERS = "```{headers}\n```"
 DEFAULT = "evaluate"
 """Of the other verbs those options are shown that this one has not, or not with the same help."""
 
@@ -61,6 +64,16 @@ def table(verb: str, section: str | None = None) -> str:
     return f"{text}\n\nOptions that `evaluate` has too: {names}."
 
 
+def headers() -> str:
+    """By column the headers that are found."""
+    lines = [
+        f"| {name} | {', '.join(f'`{alias}`' for alias in aliases)} |"
+        for name, aliases in HEADER_ALIASES.items()
+    ]
+    return "\n".join(("| column | headers |", "|---|---|", *lines))
+
+
 def insert(app: object, docname: str, source: list[str]) -> None:
     """Replace the blocks of a page, for the event `source-read`."""
-    source[0] = BLOCK.sub(lambda found: table(found[1], found[2]), source[0])
+    text = BLOCK.sub(lambda found: table(found[1], found[2]), source[0])
+    source[0] = text.replace(HEADERS, headers())

@@ -6,13 +6,14 @@ silent for four minutes. ADS-B has heights in feet, the tracker in metres.
 """
 
 import csv
+import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 from pyproj import Geod
 
-HERE = Path(__file__).parent
+FOLDER = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent
 START = datetime(2025, 4, 3, 10, 0, 0, tzinfo=UTC)
 RADAR = (55.6, 12.8)
 AHEAD = 4.7
@@ -48,7 +49,7 @@ def on_earth(places):
 
 def write(name, header, rows, delimiter=","):
     """A table."""
-    with (HERE / name).open("w", newline="", encoding="utf-8") as file:
+    with (FOLDER / name).open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, delimiter=delimiter, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(rows)

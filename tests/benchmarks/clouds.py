@@ -9,25 +9,33 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tgospa_eval.distances import CloudWasserstein, cloud_wasserstein, near_pairs, reduce_cloud
+from tgospa_eval.distances import (
+    CloudWasserstein,
+    SlicedWasserstein,
+    cloud_wasserstein,
+    near_pairs,
+    reduce_cloud,
+)
 from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.trajectories import Trajectories
 
 TRACKS, PARTICLES, CUTOFF = 20, 200, 10.0
 
 
-def scene(centres: np.ndarray, rng: np.random.Generator) -> Trajectories:
+def scene(
+    centres: np.ndarray, rng: np.random.Generator, particles: int = PARTICLES
+) -> Trajectories:
     """Weighted clouds around the centres (T, m, 2), with two modes each."""
     steps, tracks, _ = centres.shape
     rows = steps * tracks
-    modes = rng.choice((-3.0, 3.0), (rows, PARTICLES, 1)) * (1, 0.5)
-    points = centres.reshape(rows, 1, 2) + modes + rng.standard_normal((rows, PARTICLES, 2))
-    weights = rng.random((rows, PARTICLES))
+    modes = rng.choice((-3.0, 3.0), (rows, particles, 1)) * (1, 0.5)
+    points = centres.reshape(rows, 1, 2) + modes + rng.standard_normal((rows, particles, 2))
+    weights = rng.random((rows, particles))
     weights /= weights.sum(axis=1, keepdims=True)
     clouds = Clouds(
         points=points.reshape(-1, 2),
         weights=weights.ravel(),
-        first=np.arange(rows + 1) * PARTICLES,
+        first=np.arange(rows + 1) * particles,
     )
     return Trajectories(
         step=np.repeat(np.arange(steps), tracks),
@@ -65,6 +73,23 @@ def gating(steps: int) -> None:
     )
 
 
+def slicing(steps: int, particles: int) -> None:
+    """The sliced distances, beside a transport of clouds of as many particles."""
+    rng = np.random.default_rng(0)
+    centres = rng.uniform(0, 100, (steps, TRACKS, 2))
+    truth = scene(centres, rng, particles)
+    estimate = scene(centres + 2 * rng.standard_normal(centres.shape), rng, particles)
+    some = [truth.clouds[row] + estimate.clouds[row] for row in range(0, 400, 50)]
+    _, one = timed(lambda: [cloud_wasserstein(*pair) for pair in some])
+    for distance in (SlicedWasserstein(), SlicedWasserstein(maximum=True)):
+        near, spent = timed(lambda d=distance: near_pairs(truth, estimate, CUTOFF / 2**0.5, d))
+        count = len(near.distance)
+        print(
+            f"{distance.name}, {TRACKS} x {TRACKS} x {steps} clouds of {particles}: {spent:.1f} s, "
+            f"{count} near pairs; transports of as many pairs about {count * one / len(some):.0f} s"
+        )
+
+
 def reduction(pairs: int = 8) -> None:
     """1,000 particles to 50: what it costs for a pair of clouds, and the error of W2."""
     rng = np.random.default_rng(1)
@@ -93,5 +118,6 @@ def reduction(pairs: int = 8) -> None:
 
 if __name__ == "__main__":
     cloud_wasserstein([(0, 0), (1, 0)], None, [(0, 0), (2, 2), (3, 1)], None)  # imports
+    slicing(100, 500)
     reduction()
     gating(int(sys.argv[1]) if len(sys.argv) > 1 else 50)

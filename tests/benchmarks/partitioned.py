@@ -1,12 +1,14 @@
 """Recordings in parts: against the same in memory, and how time and memory grow with the rows."""
 
 import math
+import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet as pq
+import recordings
 from launch import Run, launch
 from scale import COMMAND
 
@@ -24,7 +26,7 @@ RUNS = 3
 
 @dataclass(frozen=True)
 class Recording:
-    """What `simulate --partitioned` makes, of so many rows of the truth."""
+    """What `recordings.py` makes, of so many rows of the truth."""
 
     kind: str
     rows: int
@@ -44,8 +46,8 @@ def measure(case: Recording) -> dict[str, Any]:
     """Seconds and the largest process of both ways; in memory with one thread and with two."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        make = [COMMAND, "simulate", str(folder / "data"), "--partitioned", case.kind]
-        made = _done(launch([*make, "--rows", str(case.rows), "-q"], folder / "out", LIMIT))
+        make = [sys.executable, recordings.__file__, str(folder / "data"), case.kind]
+        made = _done(launch([*make, str(case.rows)], folder / "out", LIMIT))
         sides = [str(folder / "data" / side) for side in ("truth", "estimate")]
         files = [f"{side}.parquet" for side in sides]
         found: dict[str, Any] = {"simulate": made.seconds}

@@ -4,7 +4,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -41,13 +41,6 @@ def runs(tmp_path: Path) -> None:
             rows = "".join(f"1,{k},{k + error},{run}\n" for k in range(5))
             (tmp_path / name).mkdir(exist_ok=True)
             (tmp_path / name / f"{run}.csv").write_text(f"id,t,x,y\n{rows}", encoding="utf-8")
-
-
-@pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """Two workers."""
-    with cluster(tmp_path_factory.mktemp("cluster")) as found:
-        yield found
 
 
 def after_first_rows(monkeypatch: pytest.MonkeyPatch, act: Callable[[], object]) -> None:

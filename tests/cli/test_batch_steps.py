@@ -164,7 +164,7 @@ def test_curves_of_a_monte_carlo_study_are_those_of_a_script(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     results, stamps = [], []
-    for run, texts in enumerate(scenes(100)):
+    for run, texts in enumerate(scenes(30)):
         paths = [Path(f"mc/{run:03d}/{name}.csv") for name in ("truth", "mine")]
         for path, text in zip(paths, texts, strict=True):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -178,7 +178,7 @@ def test_curves_of_a_monte_carlo_study_are_those_of_a_script(
     answer = invoke("batch", *patterns, "-o", "r", "--workers", "1", "-c", "10", "-g", "3", *steps)
     curves = json.loads(answer.out)["curves"]
     table = {curve["curve"]: pd.DataFrame(curve["points"]) for curve in curves}
-    assert all((points["runs"] == 100).all() for points in table.values())
+    assert all((points["runs"] == 30).all() for points in table.values())
     for column, name in (("rms", "total"), *((part, part) for part in PARTS)):
         for kind, values in by_script(results, stamps, name).items():
             assert table[kind][column].tolist() == values

@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from cluster import cluster
+from cluster import Running
 
 from tgospa_eval.partitioned import run
 from tgospa_eval.simulation import Scene, Tracker, simulate
@@ -57,24 +57,22 @@ def contents(folder: Path) -> dict[str, object]:
 
 
 def test_same_bytes_in_a_folder_named_from_here_while_a_worker_is_killed(
-    invoke: Invoke, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    invoke: Invoke, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, running: Running
 ) -> None:
     write(tmp_path)
     monkeypatch.setattr(run, "MOST_ROWS", 60)  # several blocks
     assert invoke(*OPTIONS, "--jobs", "1", "-o", "here").status == 0
     number_tracks = run.number_tracks
-    (tmp_path / "cluster").mkdir()
-    with cluster(tmp_path / "cluster") as running:
-        pids = running.workers()[:1]
+    pids = running.workers()[:1]
 
-        def after_the_scan(*arguments: Any) -> Any:
-            while pids:
-                os.kill(pids.pop(), signal.SIGKILL)
-            return number_tracks(*arguments)
+    def after_the_scan(*arguments: Any) -> Any:
+        while pids:
+            os.kill(pids.pop(), signal.SIGKILL)
+        return number_tracks(*arguments)
 
-        monkeypatch.setattr(run, "number_tracks", after_the_scan)
-        answer = invoke(*OPTIONS, "--scheduler", running.address, "-o", "there")
-        assert (answer.status, answer.err) == (0, "")
-        assert not pids
+    monkeypatch.setattr(run, "number_tracks", after_the_scan)
+    answer = invoke(*OPTIONS, "--scheduler", running.address, "-o", "there")
+    assert (answer.status, answer.err) == (0, "")
+    assert not pids
     assert contents(tmp_path / "there") == contents(tmp_path / "here")
     assert not (tmp_path / "there" / "work").exists()

@@ -47,16 +47,16 @@ def test_counts(invoke: Run, write: Write) -> None:
     assert done.out == json.dumps(document, sort_keys=True, indent=1) + "\n"
 
 
-def test_table(run: Run, write: Write) -> None:
+def test_table(invoke: Run, write: Write) -> None:
     files = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
     for arguments in (files, files[:1]):
-        done = run("inspect", *arguments)
+        done = invoke("inspect", *arguments)
         assert done.status == 0
         assert max(map(len, done.out.splitlines())) <= 80
         assert "  no position      1" in " ".join(done.out.splitlines()[4:5])
         assert "  repeated         1" in " ".join(done.out.splitlines()[5:6])
-    assert run("inspect", *files, "--on-duplicate", "error").status == 3
-    assert "nearer than the cutoff c = 2: 25.0 %" in run("inspect", *files, "-c", "2").out
+    assert invoke("inspect", *files, "--on-duplicate", "error").status == 3
+    assert "nearer than the cutoff c = 2: 25.0 %" in invoke("inspect", *files, "-c", "2").out
 
 
 def test_steps_between_large_stamps_have_no_rounding(invoke: Run, write: Write) -> None:

@@ -90,14 +90,16 @@ def test_every_report_says_what_is_not_judged(files, invoke) -> None:
     ("options", "message"),
     [
         (("--ignore", "colour=red"), 'truth.csv has no column "colour"; it has id, t, x, y, class'),
-        (("--ignore", "class=Bus"), 'truth.csv has no class "Bus"; there are Car, Van'),
+        (("--ignore", "x==3"), "must be COLUMN=VALUE[,VALUE]"),
+        (("--ignore", "x!=3"), "must be COLUMN=VALUE[,VALUE]"),
+        (("--ignore", "x=far"), 'column "x" has numbers, and "far" is none'),
         (("--ignore", "class>3"), "classes are compared by ="),
         (("--ignore", "x>a"), '"a" is no plain, finite number'),
         (("--ignore", "x"), "must be COLUMN=VALUE[,VALUE]"),
         (("--ignore", "marked"), "truth.csv has no column ignored, and estimate.csv no column"),
         (("--ignore", "truth-gaps"), "is for --interpolate truth and --resample"),
         (("--ignore", "class=Van", "--by", "class"), "each class is judged by itself"),
-        (("--ignore", "x>1", "--existence", "use"), "do not go together"),
+        (("--ignore", "x>1", "--existence", "use"), "does not go together"),
         (
             ("--ignore", "outside-truth-steps", "--resample", "1", "--max-gap", "2"),
             "--ignore truth-gaps leaves",
@@ -194,6 +196,28 @@ def test_the_reach_of_a_gap_grows_with_the_speed_that_is_allowed(tmp_path: Path)
         evaluate(ship, radar, **options, max_speed=2)
 
 
+@pytest.mark.parametrize("clock_of", [{"interpolate": "truth"}, {"resample": 1}])
+def test_what_is_between_two_ignored_states_is_ignored(clock_of) -> None:
+    """Beside gaps, of which there is none here, as without."""
+    truth = pd.DataFrame({"id": [1, 1, 2, 2], "t": [0, 4] * 2, "x": [0.0, 0, 9, 9]})
+    truth["class"] = ["Car", "Car", "Van", "Van"]
+    estimate = pd.DataFrame({"id": 7, "t": range(5), "x": 0.0})
+    options = {"cutoff": 2, "switch_penalty": 1, "max_gap": 10, **clock_of}
+    for rules in (["class=Van"], ["class=Van", "truth-gaps"]):
+        found = evaluate(truth, estimate, **options, ignore=rules)
+        assert (found.total, found.ignored["truth_states"]) == (0, 5)
+
+
+@pytest.mark.parametrize("empty", [0, 1])
+@pytest.mark.parametrize("clock_of", [{"interpolate": "truth"}, {"resample": 1}])
+def test_an_empty_side_has_no_gaps(clock_of, empty) -> None:
+    sides = [pd.DataFrame({"id": 1, "t": [0, 5], "x": 0.0}) for _ in range(2)]
+    sides[empty] = sides[empty].iloc[:0]
+    options = {"cutoff": 2, "switch_penalty": 1, "max_gap": 1, **clock_of}
+    found = evaluate(*sides, **options, ignore="truth-gaps", max_speed=1)
+    assert found.total == 2 * 2
+
+
 def test_other_metrics_are_without_what_is_not_judged() -> None:
     pytest.importorskip("trackeval")
     truth = pd.DataFrame({"id": 1, "t": range(10), "x": 0.0})
@@ -212,3 +236,24 @@ def test_marks_of_trajectories(files) -> None:
     assert not side.attributes
     found = evaluate(truth, truth, cutoff=4, switch_penalty=1, ignore=["class=Van", "occlusion>1"])
     assert found.ignored == {"truth_states": 4, "absorbed": 4.0, "excused": 0}
+
+
+def test_a_rule_that_fits_nothing_is_told(files, invoke) -> None:
+    """One recording of many may have no Bus: that is no error."""
+    answer = invoke(*files, *METRIC[:-1], "--ignore", "class=Bus,Van")
+    assert answer.status == 0
+    assert '--ignore class=Bus,Van: no row of class "Bus"; there are Car, Van' in answer.err
+    assert "no state fits" not in answer.err
+    answer = invoke(*files, *METRIC[:-1], "--ignore", "occlusion>7")
+    assert "--ignore occlusion>7: no state fits, all are judged" in answer.err
+
+
+def test_several_rules_with_commas_are_those_of_a_list(files, invoke) -> None:
+    rules = ["class=Van,Bus", "occlusion>1", "outside-truth-steps"]
+    Path("s.toml").write_text(f"ignore = {json.dumps(rules)}\n", encoding="utf-8")
+    asked = (ignoring(*rules), ("--ignore", ",".join(rules)), ("--config", "s.toml"))
+    texts = [invoke(*files, *METRIC, *given, "--format", "json").out for given in asked]
+    first, *others = map(json.loads, texts)
+    assert first["parameters"]["ignore"] == rules
+    for other in others:
+        assert (other["total"], other["parameters"]) == (first["total"], first["parameters"])

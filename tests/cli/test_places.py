@@ -212,3 +212,39 @@ def test_a_filter_by_place_takes_a_circle_or_a_file(tmp_path: Path) -> None:
         evaluate(truth, plots, **local, region="circle=0,0")
     with pytest.raises(InputError, match="no such file"):
         evaluate(truth, plots, **local, region="missing.geojson")
+
+
+def test_regions_on_the_earth_hold_states_along_local_axes() -> None:
+    """lon, lat of GeoJSON, and lat, lon of circles; x, y of other shapes are local metres."""
+    pytest.importorskip("shapely")
+    truth = pd.DataFrame({"id": 1, "t": range(3), "lat": 55.6, "lon": 12.8})
+    estimate = pd.DataFrame({"id": 7, "t": range(3), "x": [0.0, 3000, 9000], "y": [0.0, 0, 4000]})
+    options = {"cutoff": 50, "switch_penalty": 1, "estimate_crs": "enu", "origin": (55.6, 12.8)}
+    square = [[12.84, 55.59], [12.86, 55.59], [12.86, 55.61], [12.84, 55.61], [12.84, 55.59]]
+    regions = (
+        {"type": "Polygon", "coordinates": [square]},
+        pd.DataFrame({"lat": [55.6], "lon": [12.85], "radius": [300]}),
+        pd.DataFrame({"x": [3000], "y": [0], "radius": [300]}),
+    )
+    for given in regions:
+        found = evaluate(truth, estimate, **options, ignore_regions=given)
+        assert (found.ignored["excused"], found.counts["false"]) == (1, 1)
+
+
+def test_what_no_sensor_reports_is_an_error() -> None:
+    truth = pd.DataFrame({"id": 1, "t": [0], "lat": 55.6, "lon": 12.8, "alt": 0.0})
+    seen = pd.DataFrame({"id": 7, "t": [0], "range": -1.0, "bearing": 0.0, "elevation": 91.0})
+    options = {"cutoff": 50, "switch_penalty": 1, "origin": "55.6,12.8"}
+    with pytest.raises(InputError, match="has the range -1; must be >= 0"):
+        evaluate(truth, seen, **options, estimate_crs="range,bearing")
+    polar = {"truth_crs": "lat,lon,alt", "estimate_crs": "range,bearing,elevation"}
+    with pytest.raises(InputError, match="has the elevation 91; must be from -90 to 90"):
+        evaluate(truth, seen.assign(range=1.0), **options, **polar)
+    for origin in (5, (1,), ("a", 2), (55, 400)):
+        with pytest.raises(ConfigError, match="must be LAT,LON or LAT,LON,ALT"):
+            evaluate(truth, seen, **{**options, "origin": origin}, estimate_crs="range,bearing")
+
+
+def test_a_weight_of_heights_needs_heights() -> None:
+    with pytest.raises(InputError, match="vertical_weight is for heights"):
+        evaluate(FLIGHT, FLIGHT, **{**EARTH, "columns": "lat,lon"}, vertical_weight=2)

@@ -36,8 +36,9 @@ CLOUDS = tuple(str(SAMPLES / "clouds" / f"{name}.csv") for name in ("truth", "es
         (QUICK, ("--periodic", "x=360", "--scale", "y=2", "-p", "3"), [""]),
         (KITTI, ("--distance", "iou", "--by", "class"), ["/Car"]),
         (CLOUDS, ("--distance", "cloud-wasserstein", "--reduce", "5"), [""]),
+        (CLOUDS, ("--distance", "max-sliced-wasserstein", "--directions", "9"), [""]),
     ],
-    ids=["plain", "filtered", "periodic", "classes", "clouds"],
+    ids=["plain", "filtered", "periodic", "classes", "clouds", "sliced"],
 )
 def test_from_files_to_a_verdict(
     invoke: Invoke, files: tuple[str, str], options: tuple[str, ...], folders: list[str]

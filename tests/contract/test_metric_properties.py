@@ -32,7 +32,7 @@ def triples(draw: st.DrawFn) -> tuple[np.ndarray, ...]:
     return tuple(draw(sets(steps, dimension)) for _ in range(3))
 
 
-@settings(max_examples=30)
+@settings(max_examples=20)
 @given(three=triples(), p=ORDERS, gamma=GAMMA)
 def test_metric(three: tuple[np.ndarray, ...], p: float, gamma: float) -> None:
     x, y, z = three
@@ -41,7 +41,7 @@ def test_metric(three: tuple[np.ndarray, ...], p: float, gamma: float) -> None:
     assert d(x, y, p, gamma) <= d(x, z, p, gamma) + d(z, y, p, gamma) + 1e-9
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(sides=pairs_of_sets(), p=ORDERS)
 def test_between_gospa_and_the_static_assignment(
     sides: tuple[np.ndarray, np.ndarray], p: float
@@ -59,7 +59,7 @@ def test_between_gospa_and_the_static_assignment(
     assert between >= 0.5 * C**p * np.abs(counts[0] - counts[1]).sum() - 1e-9
 
 
-@settings(max_examples=20)
+@settings(max_examples=15)
 @given(sides=pairs_of_sets(), p=ORDERS, data=st.data())
 def test_monotone_and_concave(
     sides: tuple[np.ndarray, np.ndarray], p: float, data: st.DataObject
@@ -72,7 +72,7 @@ def test_monotone_and_concave(
     assert d(*sides, p, 1.0, c=1.0) <= d(*sides, p, 1.0, c=2.5) + 1e-9
 
 
-@settings(max_examples=20)
+@settings(max_examples=15)
 @given(sides=pairs_of_sets(), p=ORDERS, gamma=GAMMA, seed=st.integers(0, 99))
 def test_symmetries(
     sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, seed: int
@@ -117,7 +117,7 @@ def test_huge_coordinates(sides: tuple[np.ndarray, np.ndarray], p: float, gamma:
     assert d(x + 1e8, y + 1e8, p, gamma) == close(d(x, y, p, gamma))
 
 
-@settings(max_examples=20)
+@settings(max_examples=15)
 @given(sides=pairs_of_sets(most=1), p=ORDERS, gamma=GAMMA)
 def test_single_pair(sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float) -> None:
     """One truth, one estimate: a sum over the steps, whatever gamma is."""
@@ -151,14 +151,14 @@ def test_nearly_perfect_estimates_keep_their_digits(
 
 def test_nearly_perfect_estimates_of_long_scenes_keep_their_digits() -> None:
     """Sums over many steps must not lose one miss and errors of 1e-6."""
-    steps, m = 20_000, 3
+    steps, m = 5_000, 3
     truth = np.zeros((steps, m, 2))
     truth[..., 0] = 4.0 * np.arange(m)  # in a row, all nearer than the cutoff
     estimate = truth + np.array([1e-6, 0.0])
     estimate[steps // 2, 0] = np.nan
     result = evaluate(truth, estimate, 5.0, 2, 2.0)
     assert result.certified
-    assert result.total == pytest.approx(12.5 + (m * steps - 1) * 1e-12, rel=1e-9)
+    assert result.total == pytest.approx(12.5 + (m * steps - 1) * 1e-12, rel=1e-10)
 
 
 @pytest.mark.parametrize("solver", ["certified", "exact"])

@@ -49,7 +49,7 @@ def test_every_solver_is_under_contract() -> None:
     assert set(PROMISE) == set(SOLVERS)
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(sides=pairs_of_sets(), p=ORDERS, gamma=SWITCH, c=st.sampled_from([1.0, 2.0, 3.0]))
 def test_small(sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, c: float) -> None:
     check(*sides, c, p, gamma, "certified", "sinkhorn")

@@ -11,7 +11,7 @@ from exact_lp import Costs, costs_of, solve
 from strategies import scene
 
 import tgospa_eval
-from tgospa_eval import evaluate
+from tgospa_eval import evaluate, sweep
 from tgospa_eval.results.result import Result
 
 SCENES, MORE = 150, 1000
@@ -153,3 +153,23 @@ def test_an_excused_estimate_far_from_a_judged_truth_is_better_unassigned() -> N
     for place, total in ((0.75, 0.75), (1.25, 1.0)):
         estimate = pd.DataFrame({"id": 7, "t": [0], "x": place, "excused": True})
         assert evaluate(truth, estimate, **options).total == total
+
+
+@pytest.mark.parametrize("name", ["cutoff", "order", "switch_penalty", "rho"])
+def test_each_point_of_a_sweep_is_an_evaluation(name: str) -> None:
+    """With excuses rho changes which pairs gain, so it is solved at each value."""
+    values = {"cutoff": [1.0, 2.5, 3.0], "order": [1, 2, 3], "switch_penalty": [0, 1, 2]}
+    for seed in range(20):
+        masked = Masked(seed)
+        sides = (
+            table(masked.truth, ignored=masked.ignored),
+            table(masked.estimate, excused=masked.excused),
+        )
+        options = {"cutoff": masked.c, "order": masked.p, "switch_penalty": masked.gamma}
+        options |= {"ignore": "marked"}
+        given = values.get(name, [0.2, 0.5, 0.9])
+        swept = sweep(*sides, **{**options, name: given})
+        for value, point in zip(given, swept.points, strict=True):
+            assert point.certified
+            total = evaluate(*sides, **{**options, name: value}).total
+            assert point.total == pytest.approx(total, rel=1e-9, abs=1e-12)

@@ -47,9 +47,8 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.manifest import read_manifest, unchanged
 from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.common.words import counted, parsed_whole
-from tgospa_eval.engines.cluster import Cluster
 from tgospa_eval.engines.engine import Engine, spread
-from tgospa_eval.engines.processes import Processes
+from tgospa_eval.engines.processes import engine_of
 from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.evaluation.request import chosen_metrics
 from tgospa_eval.evaluation.slicing import parse_slices
@@ -278,11 +277,6 @@ class BatchOptions(Values):
         ]
         return list(dict.fromkeys(names))
 
-    @property
-    def engine(self) -> Engine:
-        """Where the jobs are done."""
-        return Cluster(self.scheduler) if self.scheduler else Processes(self.workers)
-
 
 def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) -> Batch:
     """Do what is not done yet.
@@ -339,7 +333,7 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
         left.sort(key=_size, reverse=True)
         if len(left) < len(tasks):
             tell(f"{counted(len(tasks) - len(left), 'job')} of {len(tasks)} done before")
-        failed = _work(left, store, batch.engine, tell)
+        failed = _work(left, store, engine_of(batch.scheduler, batch.workers), tell)
     rows = store.rows() if left else rows
     rows = rows[rows["key"].isin({task.key for task in tasks})] if len(rows) else rows
     tables = tables_of(store, rows, batch)

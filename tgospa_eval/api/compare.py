@@ -346,7 +346,7 @@ def solvers_on(
     states = takes_long(prepared) if spare else None
     if states is not None:
         chosen = [solver for solver in solvers if not solver.referee]
-        reason = f"{states:,} reduced states, it would take minutes; --solvers "
+        reason = f"{states:,} reduced states, it may take minutes; --solvers "
         reason += f"{','.join(SOLVERS)} runs it all the same"
         left_out = {solver.name: reason for solver in solvers if solver.referee}
     stopwatch.stage = "solve/lp"

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.api.options import Request
+from tgospa_eval.api.options import OF_CLOUDS, Request
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import parsed
 from tgospa_eval.distances import Distance
@@ -44,8 +44,8 @@ def given_particles(options: Request) -> Iterator[str]:
             yield _spelt(name)
 
 
-def reduction(options: Request, size: int | None) -> "Reduction | None":
-    """How to reduce; None without a size.
+def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) -> "Reduction | None":
+    """How to reduce; None without a size. Some options are `shared` with the distance.
 
     Raises
     ------
@@ -58,12 +58,15 @@ def reduction(options: Request, size: int | None) -> "Reduction | None":
         name: value for name in REDUCTION_NAMES if (value := getattr(options, name)) is not None
     }
     if size is None:
-        if given:
-            raise ConfigError(f"--{_spelt(next(iter(given)))} is for --reduce N, which is missing")
+        alone = [name for name in given if name not in shared]
+        if alone:
+            raise ConfigError(f"--{_spelt(alone[0])} is for --reduce N, which is missing")
         return None
     method = given.pop("reduce_method", "sliced")
-    for name in given:
-        if method not in USED_BY[name]:
+    for name in [name for name in given if method not in USED_BY[name]]:
+        if name in shared:
+            del given[name]
+        else:
             raise ConfigError(
                 f"--{name} is for the methods {', '.join(USED_BY[name])}, not for {method}"
             )
@@ -80,7 +83,7 @@ def cloud_distance(options: Request) -> "CloudWasserstein":
     InputError
         The file of a covariance is missing or wrong.
     """
-    from tgospa_eval.distances import CloudWasserstein, PairCloudWasserstein
+    from tgospa_eval.distances import CloudWasserstein, PairCloudWasserstein, SlicedWasserstein
     from tgospa_eval.formats.text.small import read_matrix
 
     inner = options.inner or "euclidean"
@@ -93,19 +96,26 @@ def cloud_distance(options: Request) -> "CloudWasserstein":
         matrix = path
     elif path not in ("global", "pair"):
         matrix = read_matrix(path, options.decimal)
+    named = as_distance(options.distance or OF_CLOUDS[0])
+    sliced = named if isinstance(named, SlicedWasserstein) else None
+    shared = ("directions", "seed") if sliced else ()
     settings: dict[str, Any] = {
         "order": options.cloud_order or 2,
-        "reduction": reduction(options, options.reduce),
+        "reduction": reduction(options, options.reduce, shared),
         "gating": not options.no_gating,
+        **{name: value for name in shared if (value := getattr(options, name)) is not None},
     }
     pair = isinstance(path, str) and path == "pair"
-    if pair or (pairwise and inner == "mahalanobis" and path is None):
-        if not pairwise:
+    if pair or (pairwise and inner == "mahalanobis" and path is None and not sliced):
+        if not pairwise or sliced:
             raise ConfigError(
-                "--inner-cov pair makes no metric, and is for associate; take global or a file"
+                "--inner-cov pair makes no metric, and is for associate with cloud-wasserstein; "
+                "take global or a file"
             )
         return PairCloudWasserstein(**settings)
     try:
+        if sliced:
+            return replace(sliced, inner=inner, covariance=matrix, **settings)
         return CloudWasserstein(inner=inner, covariance=matrix, **settings)
     except ConfigError as error:
         if not isinstance(path, str):
@@ -158,21 +168,21 @@ class DistanceOptions:
         of_norms = (isinstance(self.named, Norm) and not self.is_record) or moments
         of_heights = self.named.name == "geodesic" and not self.is_record
         zero = options.missing_cov != "error"
-        of_clouds = self.named.name == "cloud-wasserstein" and not self.is_record
+        of_clouds = self.named.name in OF_CLOUDS and not self.is_record
         for name, given, allowed, whose in (
             ("periodic", self.period, of_norms, "the norms and gaussian-wasserstein"),
             (
                 "scale",
                 self.scale,
                 of_norms or of_matrix or of_clouds,
-                "the norms, mahalanobis, gaussian-wasserstein and cloud-wasserstein",
+                "the norms, mahalanobis, gaussian-wasserstein and distances of clouds",
             ),
             ("fix-cov", options.fix_cov, of_gaussians, "gaussian-wasserstein and NEES"),
             ("missing-cov", zero, of_gaussians, "gaussian-wasserstein and NEES"),
             ("mixed", self.mixed != "error", moments, "gaussian-wasserstein"),
             ("covariance", self.path is not None, of_matrix, "mahalanobis"),
             ("vertical-weight", options.vertical_weight is not None, of_heights, "geodesic"),
-            *((name, True, of_clouds, "cloud-wasserstein") for name in given_particles(options)),
+            *((name, True, of_clouds, "distances of clouds") for name in given_particles(options)),
         ):
             if given and not allowed:
                 other = "a record with settings of its own" if self.is_record else self.named.name

@@ -11,10 +11,11 @@ from tgospa_eval.evaluation.diagnosis import (
     diagnose,
 )
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained, unit_notices
-from tgospa_eval.evaluation.prepare import Fitted
+from tgospa_eval.evaluation.prepare import Fitted, unjudged_of
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.text import listed
 from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
 
 
@@ -54,6 +55,9 @@ def pair_notices(
     regions = None if request.ignoring is None else request.ignoring.regions
     if regions is not None and not marks_of(aligned.estimate, NOT_JUDGED).any():
         yield Notice(text=f"{regions.name}: no state of the estimate is inside")
+    texts = () if request.ignoring is None else request.ignoring.texts
+    if texts and unjudged_of(aligned, request) is None:
+        yield Notice(text=f"--ignore {listed(texts)}: no state fits, all are judged")
     found = diagnose(sides, request)
     yield from found
     if request.defaults:

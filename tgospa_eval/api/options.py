@@ -5,6 +5,7 @@ Imports nothing heavy: the command line needs it for its help.
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Self, get_args
 
 from tgospa_eval.common import config
@@ -16,8 +17,9 @@ from tgospa_eval.text import quoted
 # Spelled out here, because importing the members costs numpy; tests hold them together.
 DISTANCES = (
     *("euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "geodesic", "iou"),
-    *("gaussian-wasserstein", "cloud-wasserstein"),
+    *("gaussian-wasserstein", "cloud-wasserstein", "sliced-wasserstein", "max-sliced-wasserstein"),
 )
+OF_CLOUDS = DISTANCES[-3:]
 SOLVERS = ("certified", "exact", "sinkhorn")
 EXISTENCES = ("ignore", "use")
 GRIDS = ("union", "truth", "estimate", "common")
@@ -101,6 +103,16 @@ def setting(section: str, declaration: str, text: str, *, default: Any = None, *
     )
 
 
+_metric = partial(setting, "Metric")
+_files = partial(setting, "Files")
+_filters = partial(setting, "Filters")
+_solver = partial(setting, "Solver", trusted=False)
+_gaussians = partial(setting, "Gaussians")
+_particles = partial(setting, "Particles")
+_output = partial(setting, "Output")
+_beside = partial(_output, number=False, everywhere=False, stored=False)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Values:
     """A record of options."""
@@ -121,46 +133,40 @@ class Request(Values):
     to those of other evaluations.
     """
 
-    cutoff: float | None = setting(
-        "Metric",
+    cutoff: float | None = _metric(
         "-c, --cutoff C",
         "Cutoff c > 0, in state units. A true and an estimated state farther apart than c are not "
         "matched: they are one missed and one false target, which together cost as much as an "
         "error of c.",
         shown="10.0; 0.5 with iou",
     )
-    order: float = setting(
-        "Metric",
+    order: float = _metric(
         "-p, --order P",
         "Order p >= 1: errors are raised to this power before they are summed. It does not change "
         "the distance between two states.",
         default=2.0,
         shown="2",
     )
-    switch_penalty: float | None = setting(
-        "Metric",
+    switch_penalty: float | None = _metric(
         "-g, --switch-penalty, --gamma GAMMA",
         "Switch penalty gamma >= 0, in state units: what a track switch costs. 0 gives per-step "
         "GOSPA, summed.",
         shown="2.0; 0.5 with iou",
     )
-    rho: float = setting(
-        "Metric",
+    rho: float = _metric(
         "--rho RHO",
         "Share of c^p that a false target costs, between 0 and 1; a missed one costs the rest. "
         "Other than 0.5 it is a quasi-metric: truth and estimate cannot be exchanged.",
         default=0.5,
     )
-    step_weights: str | None = setting(
-        "Metric",
+    step_weights: str | None = _metric(
         "--step-weights FILE",
         "What each step counts: CSV t,weight[,switch_weight]. The costs of a step are multiplied "
         "by its weight, the switches into it by its switch_weight, the same by default.",
         kind="path",
         parts=FITTING,
     )
-    existence: str = setting(
-        "Metric",
+    existence: str = _metric(
         "--existence NAME",
         "use: states exist with the probabilities of the column existence, 1 where a file has none "
         "(experimental); ignore: all exist.",
@@ -168,116 +174,100 @@ class Request(Values):
         choices=EXISTENCES,
         parts="leave it out: all objects exist then",
     )
-    distance: str | None = setting(
-        "Metric",
+    distance: str | None = _metric(
         "--distance NAME",
         "Distance between two states: euclidean, manhattan, chebyshev, mahalanobis, haversine "
         "(metres on a sphere, from lat,lon), geodesic (on the ellipsoid, also with heights, from "
         "lat,lon,alt), iou (1 - IoU of boxes left,top,width,height), "
-        "gaussian-wasserstein (means and covariances) or cloud-wasserstein (particles, with a "
-        "column weight).",
+        "gaussian-wasserstein (means and covariances), cloud-wasserstein (particles, with a column "
+        "weight), or, on projections of these, sliced-wasserstein and max-sliced-wasserstein.",
         choices=DISTANCES,
         shown="euclidean; none of lat,lon",
     )
-    covariance: str | None = setting(
-        "Metric",
+    covariance: str | None = _metric(
         "--covariance FILE",
         "Covariance matrix for mahalanobis: a CSV file without header, with a row and a column for "
         "each state column.",
         kind="path",
     )
-    vertical_weight: float | None = setting(
-        "Metric",
+    vertical_weight: float | None = _metric(
         "--vertical-weight W",
         "With --distance geodesic of lat,lon,alt: how much a metre of height counts, beside one "
         "along the surface.",
         shown="1",
     )
-    periodic: tuple[str, ...] = setting(
-        "Metric",
+    periodic: tuple[str, ...] = _metric(
         "--periodic NAME[=PERIOD]",
         "State columns that wrap around, such as angles: theta (period 2 pi), theta=360. Several "
         "with commas.",
         default=(),
     )
-    scale: tuple[str, ...] = setting(
-        "Metric",
+    scale: tuple[str, ...] = _metric(
         "--scale NAME=FACTOR",
         "State units for one unit of a column: with theta=2 an error of 1 in theta counts as 2. "
         "Several with commas.",
         default=(),
     )
-    columns: str | None = setting(
-        "Files",
+    columns: str | None = _files(
         "--columns NAMES",
         "State columns, in order: x,y. NAME=HEADER says what a column is called in the files: "
         "id=trk,t=clock,x=px,y=py. A file without that header is read by the usual names.",
         shown="x[,y[,z]], else lat,lon, else the centres of boxes",
     )
-    truth_columns: str | None = setting(
-        "Files",
+    truth_columns: str | None = _files(
         "--truth-columns NAMES",
         "--columns for TRUTH alone.",
     )
-    estimate_columns: str | None = setting(
-        "Files",
+    estimate_columns: str | None = _files(
         "--estimate-columns NAMES",
         "--columns for ESTIMATE alone.",
     )
-    truth_format: str | None = setting(
-        "Files",
+    truth_format: str | None = _files(
         "--truth-format FORMAT",
         "Format of TRUTH: csv, parquet, feather, motchallenge, visdrone, kitti, npz, npy, mat, "
         "nuscenes or argoverse.",
         choices=FILE_FORMATS,
         shown="found from name and content",
     )
-    estimate_format: str | None = setting(
-        "Files",
+    estimate_format: str | None = _files(
         "--estimate-format FORMAT",
         "Format of ESTIMATE, one of the same.",
         choices=FILE_FORMATS,
         shown="found from name and content",
     )
-    time_tolerance: str = setting(
-        "Files",
+    time_tolerance: str = _files(
         "--time-tolerance DT",
         "Times of the two files that differ by at most DT are one step, nearest to nearest; 20ms, "
         "or a number, of seconds for ISO times.",
         default="0",
         parts="round the times of both sides before, or leave it out",
     )
-    grid: str = setting(
-        "Files",
+    grid: str = _files(
         "--grid NAME",
         "Steps that count: those of either file (union), of the truth, of the estimate, or those "
         "of both (common). Rows at other steps are left out.",
         default="union",
         choices=GRIDS,
     )
-    on_duplicate: str = setting(
-        "Files",
+    on_duplicate: str = _files(
         "--on-duplicate NAME",
         "Rows of one id and time: error, first or last.",
         default="error",
         choices=("error", "first", "last"),
     )
-    on_invalid: str = setting(
-        "Files",
+    on_invalid: str = _files(
         "--on-invalid NAME",
         "Boxes of negative size, places out of range: error, or drop it.",
         default="error",
         choices=("error", "drop"),
     )
-    decimal: str = setting(
-        "Files",
+    decimal: str = _files(
         "--decimal [.|,]",
         "Decimal mark in the files.",
         default=".",
         choices=(".", ","),
     )
-    max_input: float | None = setting(
-        "Files",
+    max_input: float | None = _files(
         "--max-input GB",
         "Memory that reading one file may take; 0 for any.",
         least=0,
@@ -285,63 +275,54 @@ class Request(Values):
         number=False,
         trusted=False,
     )
-    interpolate: str | None = setting(
-        "Files",
+    interpolate: str | None = _files(
         "--interpolate SIDE",
         "Bring the estimate, or the truth, to the times of the other file: states on the straight "
         "line between two of a track, at most --max-gap apart. Never done unless asked for.",
         choices=INTERPOLATED,
         parts="bring both to a common clock by --resample, or leave it out",
     )
-    max_gap: str | None = setting(
-        "Files",
+    max_gap: str | None = _files(
         "--max-gap DT[,DT]",
         "The longest time between two states of a track to interpolate across; of truth and "
         "estimate, if they differ: 200s,10s.",
     )
-    resample: str | None = setting(
-        "Files",
+    resample: str | None = _files(
         "--resample S",
         "A common clock: both files are interpolated at every multiple of S (3s, 200ms, 2min; "
         "without unit where times are numbers), from the truth's first time to its last, each "
         "within its --max-gap. The way to compare trackers whose times differ.",
     )
-    steps: str | None = setting(
-        "Files",
+    steps: str | None = _files(
         "--steps FIRST:LAST[:EVERY]",
         "Exactly these steps are evaluated, and values per step divide by their number; empty ones "
         "cost nothing and count. EVERY is 1 for whole numbers. Rows at other times are left out.",
         shown="the times of either file; per step of the truth's",
     )
-    outage: str | None = setting(
-        "Files",
+    outage: str | None = _files(
         "--outage DT",
         "With --interpolate truth: where the estimate has no state within c of a truth for longer "
         "than this, the truth's own times are steps, and what is there is missed. none says that "
         "the tracker reports only when it sees something.",
         shown="five times the median of such intervals",
     )
-    time_offset: float = setting(
-        "Files",
+    time_offset: float = _files(
         "--time-offset DT",
         "Added to the times of ESTIMATE, after --time-scale; in seconds for ISO times.",
         default=0.0,
     )
-    time_scale: float = setting(
-        "Files",
+    time_scale: float = _files(
         "--time-scale FACTOR",
         "The times of ESTIMATE are multiplied by this: 0.001 makes seconds of milliseconds.",
         default=1.0,
     )
-    unit_scale: float = setting(
-        "Files",
+    unit_scale: float = _files(
         "--unit-scale FACTOR",
         "The state columns of ESTIMATE, with covariances and particles, are multiplied by this, "
         "but for --periodic ones: 1000 makes metres of kilometres.",
         default=1.0,
     )
-    truth_crs: str | None = setting(
-        "Files",
+    truth_crs: str | None = _files(
         "--truth-crs SYSTEM",
         "What the coordinates of TRUTH are: lat,lon[,alt] (degrees, metres); enu (x east, y north, "
         "z up, metres from --origin) or ned (north, east, down), enu:30 where the axes are turned "
@@ -350,94 +331,79 @@ class Request(Values):
         shown="lat,lon where the other file has one",
         parts=FITTING,
     )
-    estimate_crs: str | None = setting(
-        "Files",
+    estimate_crs: str | None = _files(
         "--estimate-crs SYSTEM",
         "--truth-crs for ESTIMATE.",
         parts=FITTING,
     )
-    origin: str | None = setting(
-        "Files",
+    origin: str | None = _files(
         "--origin LAT,LON[,ALT]",
         "Where local axes begin, or the sensor is: degrees, and metres above the ellipsoid.",
     )
-    truth_scale: tuple[str, ...] = setting(
-        "Files",
+    truth_scale: tuple[str, ...] = _files(
         "--truth-scale NAME=FACTOR",
         "State columns of TRUTH are multiplied by this, with covariances and particles: "
         "alt=0.3048 makes metres of feet, alt=30.48 of flight levels. Several with commas.",
         default=(),
     )
-    estimate_scale: tuple[str, ...] = setting(
-        "Files",
+    estimate_scale: tuple[str, ...] = _files(
         "--estimate-scale NAME=FACTOR",
         "--truth-scale for ESTIMATE: x=1000,y=1000 makes metres of kilometres.",
         default=(),
     )
-    truth_time_format: str | None = setting(
-        "Files",
+    truth_time_format: str | None = _files(
         "--truth-time-format FORMAT",
         "How TRUTH writes its times: as of strptime, '%d/%m/%Y %H:%M:%S'; s, ms, us or ns since "
         "1970; gps: week and seconds. Two columns are one: --truth-columns t=DATE+TIME.",
         shown="numbers or ISO times",
         parts=FITTING,
     )
-    estimate_time_format: str | None = setting(
-        "Files",
+    estimate_time_format: str | None = _files(
         "--estimate-time-format FORMAT",
         "--truth-time-format for ESTIMATE.",
         parts=FITTING,
     )
-    truth_time_zone: str | None = setting(
-        "Files",
+    truth_time_zone: str | None = _files(
         "--truth-time-zone ZONE",
         "The zone of times of TRUTH that are written without: UTC, Europe/Copenhagen.",
         parts=FITTING,
     )
-    estimate_time_zone: str | None = setting(
-        "Files",
+    estimate_time_zone: str | None = _files(
         "--estimate-time-zone ZONE",
         "--truth-time-zone for ESTIMATE.",
         parts=FITTING,
     )
-    time: str | None = setting(
-        "Filters",
+    time: str | None = _filters(
         "--time A:B",
         "Only the steps from A to B, both included; numbers or ISO times, as in the files. A or B "
         "may be left out.",
     )
-    class_: str | None = setting(
-        "Filters",
+    class_: str | None = _filters(
         "--class A[,B]",
         "Only rows of these classes, in each file that has classes. Upper and lower case are alike "
         "where that is unambiguous.",
     )
-    truth_class: str | None = setting(
-        "Filters",
+    truth_class: str | None = _filters(
         "--truth-class A[,B]",
         "--class for TRUTH alone.",
     )
-    estimate_class: str | None = setting(
-        "Filters",
+    estimate_class: str | None = _filters(
         "--estimate-class A[,B]",
         "--class for ESTIMATE alone.",
     )
-    region: str | None = setting(
-        "Filters",
+    region: str | None = _filters(
         "--region REGION",
         "Only rows inside ranges of columns, ends included: x=-50:50,y=0:100, either end may be "
         "left out; inside circle=LAT,LON,RADIUS or circle=X,Y,RADIUS; or inside the regions of a "
         "file, as of --ignore-regions.",
     )
-    by: str | None = setting(
-        "Filters",
+    by: str | None = _filters(
         "--by class",
         "One result for each class, and their sum. States of different classes are never matched.",
         choices=("class",),
         parts="evaluate one class after the other, by --class NAME",
     )
-    preprocess: str | None = setting(
-        "Filters",
+    preprocess: str | None = _filters(
         "--preprocess RULES",
         "With boxes: leave out what a benchmark leaves out before it evaluates: motchallenge (2016 "
         "and 2017), kitti (with --class), visdrone or uadetrac (with --ignore-regions); "
@@ -445,8 +411,7 @@ class Request(Values):
         choices=PREPROCESS,
         parts=FITTING,
     )
-    ignore: tuple[str, ...] = setting(
-        "Filters",
+    ignore: tuple[str, ...] = _filters(
         "--ignore SPEC",
         "What is not judged: an estimate that follows an ignored truth costs nothing, nor does its "
         "absence. Truths by a column (class=Van,Person, occlusion>1, height<25); marked: as the "
@@ -456,8 +421,7 @@ class Request(Values):
         default=(),
         parts=FITTING,
     )
-    ignore_regions: str | None = setting(
-        "Filters",
+    ignore_regions: str | None = _filters(
         "--ignore-regions FILE",
         "Regions in which estimates may be false for nothing: CSV of boxes, circles or polygons, "
         "with t if they are of one step, or GeoJSON. Points inside, and boxes with half of their "
@@ -465,8 +429,7 @@ class Request(Values):
         kind="path",
         parts=FITTING,
     )
-    max_speed: float | None = setting(
-        "Filters",
+    max_speed: float | None = _filters(
         "--max-speed V",
         "With --ignore truth-gaps: how fast a truth may leave the line across a gap, in state "
         "units per second. What is within c, and V times the time to the nearer end, is not "
@@ -474,104 +437,85 @@ class Request(Values):
         shown="0",
         parts=FITTING,
     )
-    unit: str | None = setting(
-        "Output",
+    unit: str | None = _output(
         "--unit TEXT",
         "Unit of the states, printed beside values: m. No number changes.",
     )
-    solver: str = setting(
-        "Solver",
+    solver: str = _solver(
         "--solver NAME",
         "certified: exact, with proven bounds; exact: another, slower method to check it with "
         "(CVXPY and Clarabel); sinkhorn: an approximation with proven bounds.",
         default="certified",
         choices=SOLVERS,
-        trusted=False,
         parts="leave it out: the solver certified is exact",
     )
-    gap: float = setting(
-        "Solver",
+    gap: float = _solver(
         "--gap G",
         "Relative difference of the proven bounds on the total that counts as exact (certified), "
         "or at which to stop early (sinkhorn).",
         default=1e-09,
-        trusted=False,
     )
-    epsilon: float = setting(
-        "Solver",
+    epsilon: float = _solver(
         "--epsilon E",
         "Temperature of sinkhorn, as a fraction of c^p. A lower one is slower and nearer to the "
         "exact value.",
         default=0.03,
-        trusted=False,
     )
-    time_limit: float | None = setting(
-        "Solver",
+    time_limit: float | None = _solver(
         "--time-limit SECONDS",
         "Stop solving after so long: the bounds proven by then are printed, and the exit status is "
         "4.",
-        trusted=False,
     )
-    jobs: int | None = setting(
-        "Solver",
+    jobs: int | None = _solver(
         "--jobs N",
         "Number of threads; the result does not depend on it.",
         least=1,
         shown="all cores",
         number=False,
-        trusted=False,
     )
-    fix_cov: bool = setting(
-        "Gaussians",
+    fix_cov: bool = _gaussians(
         "--fix-cov",
         "Replace a matrix that is no covariance by the nearest one that is. Without it such a "
         "matrix is an error.",
         default=False,
     )
-    missing_cov: str = setting(
-        "Gaussians",
+    missing_cov: str = _gaussians(
         "--missing-cov NAME",
         "A row without covariance is an error, or a point (zero).",
         default="error",
         choices=("error", "zero"),
     )
-    mixed: str = setting(
-        "Gaussians",
+    mixed: str = _gaussians(
         "--mixed NAME",
         "A particle cloud is an error, or a Gaussian with its mean and covariance (moments).",
         default="error",
         choices=("error", "moments"),
     )
-    cloud_order: int | None = setting(
-        "Particles",
+    cloud_order: int | None = _particles(
         "--cloud-order 1|2",
         "Order of the Wasserstein distance, whatever the order p of the metric is.",
         least=1,
         most=2,
         shown="2",
     )
-    inner: str | None = setting(
-        "Particles",
+    inner: str | None = _particles(
         "--inner NAME",
         "Distance between two particles: euclidean or mahalanobis.",
         choices=("euclidean", "mahalanobis"),
         shown="euclidean",
     )
-    inner_cov: str | None = setting(
-        "Particles",
+    inner_cov: str | None = _particles(
         "--inner-cov global|FILE",
         "Covariance of --inner mahalanobis. global: the mean over all clouds; or a CSV file with a "
         "matrix. With associate also pair, its default: the mean of the two clouds.",
         shown="global",
     )
-    reduce: int | None = setting(
-        "Particles",
+    reduce: int | None = _particles(
         "--reduce N",
         "Reduce clouds to N particles first.",
         least=1,
     )
-    reduce_method: str | None = setting(
-        "Particles",
+    reduce_method: str | None = _particles(
         "--reduce-method METHOD",
         "How clouds are reduced. sliced, recursive: least squares on projections; atl: transport "
         "and new locations in turn; kmeans: clustering; systematic, stratified, multinomial: "
@@ -579,51 +523,44 @@ class Request(Values):
         choices=REDUCTIONS,
         shown="sliced",
     )
-    directions: int | None = setting(
-        "Particles",
+    directions: int | None = _particles(
         "--directions N",
-        "Number of projections of sliced and recursive.",
+        "Number of projections, of the sliced distances and of sliced and recursive.",
         least=1,
         shown="32; 24 each from 3-D on",
     )
-    iterations: int | None = setting(
-        "Particles",
+    iterations: int | None = _particles(
         "--iterations N",
         "Most iterations of sliced, recursive, atl and kmeans.",
         least=1,
         shown="25",
     )
-    restarts: int | None = setting(
-        "Particles",
+    restarts: int | None = _particles(
         "--restarts N",
         "Number of starts of these four; the nearest result is kept.",
         least=1,
         shown="1",
     )
-    polish: int | None = setting(
-        "Particles",
+    polish: int | None = _particles(
         "--polish N",
         "Number of atl iterations after sliced and recursive.",
         least=0,
         shown="0",
     )
-    seed: int | None = setting(
-        "Particles",
+    seed: int | None = _particles(
         "--seed N",
         "Seed of the random choices; equal clouds are reduced alike.",
         least=0,
         shown="0",
     )
-    no_gating: bool = setting(
-        "Particles",
+    no_gating: bool = _particles(
         "--no-gating",
         "Solve all pairs of clouds, also those that bounds show to be far apart. Slow; to check "
         "the bounds.",
         default=False,
         trusted=False,
     )
-    memory: int | None = setting(
-        "Files",
+    memory: int | None = _files(
         "--memory SIZE",
         "Memory that the evaluation may take, 4GB or 500MB. Folders of Parquet or CSV files, and "
         "files that would take more, are read and evaluated in parts. With --scheduler that of "
@@ -634,85 +571,55 @@ class Request(Values):
         trusted=False,
         everywhere=False,
     )
-    scheduler: str | None = setting(
-        "Solver",
+    scheduler: str | None = _solver(
         "--scheduler ADDRESS",
         "For data in parts: use the workers of a Dask cluster that is there, tcp://host:8786. "
         "Default: as many processes as --jobs says.",
         number=False,
-        trusted=False,
         everywhere=False,
     )
-    with_: str | None = setting(
-        "Output",
+    with_: str | None = _beside(
         "--with NAMES",
         "Other metrics beside TGOSPA: hota, clear (MOTA), identity (IDF1), which need the extra "
         "mot; gospa, of each step by itself; nees, whether covariances are as large as errors, "
         "also where the distance compares points. Several with commas.",
-        number=False,
-        everywhere=False,
-        stored=False,
         parts=FITTING,
     )
-    slices: tuple[str, ...] = setting(
-        "Output",
+    slices: tuple[str, ...] = _beside(
         "--slice NAME[=EDGES]",
         "Split costs by an attribute of truth and estimate at each step: a column (class, "
         "visibility=0:0.5:1), range=0:50:100, range@X,Y, speed, size, density, age, "
         "region=x=-50:50; visibility=weight for shares; two crossed with *. Repeatable.",
         default=(),
-        number=False,
-        everywhere=False,
-        stored=False,
         parts=FITTING,
     )
-    curve: bool = setting(
-        "Output",
+    curve: bool = _beside(
         "--curve",
         "Evaluate the steps up to each step as well: the normalised metric over time.",
         default=False,
-        number=False,
-        everywhere=False,
-        stored=False,
         parts=FITTING,
     )
-    window: str | None = setting(
-        "Output",
+    window: str | None = _beside(
         "--window W",
         "Evaluate each window of W steps by itself as well, or of a time: 30min. Where in a long "
         "recording does a tracker fail? Windows begin at the first step and every S after it.",
-        number=False,
-        everywhere=False,
-        stored=False,
         parts=FITTING,
     )
-    every: str | None = setting(
-        "Output",
+    every: str | None = _beside(
         "--every S",
         "From one window to the next: steps, or a time as W is; at most W.",
         shown="half of W",
-        number=False,
-        everywhere=False,
-        stored=False,
     )
-    similarity: float | None = setting(
-        "Output",
+    similarity: float | None = _beside(
         "--similarity N",
         "Show a score from 0 to 1 of the value per step as well: 1 is perfect, N false targets at "
         "each step score 0.1.",
-        number=False,
-        everywhere=False,
-        stored=False,
     )
-    explain: bool = setting(
-        "Output",
+    explain: bool = _beside(
         "--explain",
         "Show the ten repairs of the estimate that are proven to save most, as the verb explain "
         "does; with -o also as files, and in report.html.",
         default=False,
-        number=False,
-        everywhere=False,
-        stored=False,
         parts=FITTING,
     )
 

@@ -297,6 +297,8 @@ class Settings:
         found = []
         for side, name in zip(read, names, strict=True):
             regions = coverage(self.coverage, side.trajectories.columns, self.reading.decimal)
+            if self.frames is not None:
+                regions = replace(regions, origin=self.frames.begin)
             near = self.evaluation.time_matching.near
             rows = inside(regions, side.trajectories, near, name)
             found.append(kept_rows(side, rows, "region"))
@@ -481,6 +483,9 @@ def _settings(options: Request) -> Settings:
             "--time and --region are in the units of the truth: choose the distance by its name"
         )
     frames = _frames(options)
+    if frames is not None and ignoring is not None and ignoring.regions is not None:
+        placed = replace(ignoring.regions, origin=frames.begin)
+        ignoring = replace(ignoring, regions=placed)
     each = _each(reading, measure, options, frames)
     if not measure.is_record:  # whose angles are known when the columns are
         each = (
@@ -542,14 +547,9 @@ def _slices(options: Request) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
 def _ignoring(options: Request) -> "Ignoring | None":
     """What is not judged, if there is such."""
     speed = options.max_speed or 0.0
-    if options.max_speed is not None and not (
-        "truth-gaps" in options.ignore and 0 <= speed < math.inf
-    ):
-        raise ConfigError(
-            f"--max-speed {speed:g}: must be >= 0 and finite, and is for --ignore truth-gaps"
-        )
     marks = (options.preprocess or "").endswith(":ignore")
-    if not (options.ignore or marks) and options.ignore_regions is None:
+    asked = options.max_speed is not None or options.ignore_regions is not None
+    if not (options.ignore or marks or asked):
         return None
     from tgospa_eval.evaluation.ignoring import GAPS, OUTSIDE, parse_ignoring  # here: as weights
     from tgospa_eval.evaluation.regions import as_regions
@@ -563,6 +563,10 @@ def _ignoring(options: Request) -> "Ignoring | None":
     found = replace(
         parse_ignoring(texts, speed), regions=as_regions(options.ignore_regions, options.decimal)
     )
+    if options.max_speed is not None and not (found.gaps and 0 <= speed < math.inf):
+        raise ConfigError(
+            f"--max-speed {speed:g}: must be >= 0 and finite, and is for --ignore truth-gaps"
+        )
     if found.classes and options.by:
         raise ConfigError(
             "--ignore class=NAME: with --by class each class is judged by itself; choose one by "
@@ -645,7 +649,8 @@ def _frames(options: Request) -> "Frames | None":
     )
     origin = options.origin
     if origin is not None and not isinstance(origin, str):
-        origin = ",".join(repr(float(number)) for number in origin)
+        values = tuple(origin) if isinstance(origin, Iterable) else (origin,)
+        origin = ",".join(map(str, values))
     return Frames(frames=(truth, estimate), origin=None if origin is None else parse_origin(origin))
 
 

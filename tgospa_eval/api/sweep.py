@@ -77,7 +77,8 @@ def sweep(
 
     Exactly one of `cutoff`, `order`, `switch_penalty` and `rho` is a sequence of values; everything
     else is as for `evaluate`. Each point is what `evaluate` gives; the near pairs are searched
-    once, and over `rho`, which changes no optimal assignment, the problem is solved once.
+    once, and over `rho`, which changes no optimal assignment while all is judged, the problem is
+    solved once.
 
     Parameters
     ----------

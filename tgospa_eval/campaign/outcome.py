@@ -164,14 +164,11 @@ class Report:
     @property
     def verdict(self) -> Verdict:
         """The verdict that decides the exit status."""
-        if self.status == ExitStatus.WEAKENED:
+        status = self.status  # of all pairs: once
+        if status == ExitStatus.WEAKENED:
             return Verdict.WEAKENED
-        found = {one.verdict for one in self.outcomes if one.status == self.status}
-        return (
-            Verdict.NOISE
-            if Verdict.NOISE in found
-            else next(one.verdict for one in self.outcomes if one.status == self.status)
-        )
+        found = [one.verdict for one in self.outcomes if one.status == status]
+        return Verdict.NOISE if Verdict.NOISE in found else found[0]
 
     @property
     def advice(self) -> str:

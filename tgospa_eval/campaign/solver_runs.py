@@ -12,7 +12,7 @@ from tgospa_eval._version import __version__
 from tgospa_eval.campaign import SCHEMA
 from tgospa_eval.common.interval import Interval, excess, narrowest, overlap, shortfall
 from tgospa_eval.common.machine import fault_of
-from tgospa_eval.common.progress import Progress, Stopwatch
+from tgospa_eval.common.progress import Limit, Progress, Stopwatch
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError, TgospaError
 from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve
@@ -22,12 +22,13 @@ from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.solvers import Solver
+from tgospa_eval.solvers.entropic import entropic_trace
 from tgospa_eval.tracks.trajectories import Trajectories
 
 RUN = (
     *("name", "solver", "epsilon", "status", "finished", "counts", "history"),
     *("tgospa", "lower_bound", "total", "total_lower", "error", "lower_error", *PARTS),
-    *("iterations", "seconds", "memory"),
+    *("iterations", "seconds", "memory", "entropic"),
 )
 """What a run has; all but the first five are None, or empty, of one that failed."""
 
@@ -93,8 +94,23 @@ def run_here(prepared: Prepared, solver: Solver, progress: Progress | None = Non
         seconds=seconds | {"stages": stages},
         memory=before and peak and {"before": before, "peak": peak},
         history=list(result.solver["history"]),
+        entropic=_entropic(prepared, solver, stopwatch.progress),
         **{name: getattr(result, name) for name in PARTS},
     )
+
+
+def _entropic(prepared: Prepared, solver: Solver, progress: Progress) -> Json | None:
+    """The value of the regularised problem of a temperature, in units of the total."""
+    if solver.epsilon is None:
+        return None
+    limit = Limit.of(getattr(solver, "time_limit", None), progress)
+    scale, problem_units = prepared.parameters.scale, ("primal", "dual", "cost")
+    trace = entropic_trace(prepared.states, solver.epsilon, limit.late)
+    history = [look | {name: scale * look[name] for name in problem_units} for look in trace]
+    if not history:
+        return None
+    last = {name: history[-1][name] for name in ("sweep", "violation", *problem_units)}
+    return {**last, "error": None, "cost_error": None, "history": history}
 
 
 def memory(field: str) -> int | None:
@@ -185,6 +201,15 @@ def errors(run: Json, known: Interval | None) -> tuple[float | None, float | Non
     return excess(bracket.upper, known.lower), shortfall(bracket.lower, known.upper)
 
 
+def judge_entropic(run: Json, known: Interval | None) -> None:
+    """How far the entropic value and its cost may at most be from the total, relative."""
+    found = run["entropic"]
+    if found is not None and known is not None and known.lower > 0:
+        for error, name in (("error", "dual"), ("cost_error", "cost")):
+            far = max(known.upper - found[name], found[name] - known.lower)
+            found[error] = far / known.lower
+
+
 def bracket_of(run: Json) -> Interval | None:
     """What a run proves of the total; None where it failed."""
     if run["total"] is None:
@@ -255,6 +280,7 @@ def solvers_document(
     for run in runs:
         error, run["lower_error"] = errors(run, known)
         run["error"] = error if error is not None and math.isfinite(error) else None
+        judge_entropic(run, known)
     order = prepared.parameters.order
     return {
         "schema": SCHEMA,

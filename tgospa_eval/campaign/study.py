@@ -27,6 +27,7 @@ from tgospa_eval.campaign.solver_runs import (
     contradictions,
     errors,
     failed,
+    judge_entropic,
     referee,
     spent,
     warm_up,
@@ -50,7 +51,7 @@ from tgospa_eval.solvers import Solver
 Key = tuple[int, int, int]
 """Targets, steps and number of a scene."""
 
-LOG_SCHEMA = "tgospa-eval/study/2"
+LOG_SCHEMA = "tgospa-eval/study/3"
 LOG_NAME = "runs.jsonl"
 
 RECORD = {"targets", "steps", "run", "occupied", "sizes", "prepare_seconds", "runs"}
@@ -314,7 +315,12 @@ def measure(study: Study, targets: int, steps: int, run: int) -> Json:
         stopwatch.spans[name] for name in ("distances", "solve/preparation")
     )
     found = compare_solvers(prepared, study.solvers)
-    record["runs"] = [run | {"history": [], "memory": None} for run in found]
+    for made in found:
+        made |= {"history": [], "memory": None}
+        if made["entropic"] is not None:
+            judge_entropic(made, referee(found))
+            del made["entropic"]["history"]
+    record["runs"] = found
     return record
 
 
@@ -373,6 +379,7 @@ def _solver(scenes: Sequence[Json], sound: Sequence[Json], k: int) -> Json:
     made = [run for record in sound if (run := record["runs"][k])["total"] is not None]
     found = [errors(record["runs"][k], referee(record["runs"])) for record in sound]
     above = [error for error, _ in found if error is not None]
+    entropic = [run["entropic"] for run in made if run["entropic"] is not None]
     return {
         "name": every[0]["name"],
         "solver": every[0]["solver"],
@@ -381,6 +388,8 @@ def _solver(scenes: Sequence[Json], sound: Sequence[Json], k: int) -> Json:
         "error": spread(error for error in above if math.isfinite(error)),
         "infinite_errors": sum(map(math.isinf, above)),
         "lower_error": spread(below for _, below in found),
+        "entropic_error": spread(value["error"] for value in entropic),
+        "entropic_cost_error": spread(value["cost_error"] for value in entropic),
         "iterations": spread(run["iterations"] for run in made),
         "failed": sum(run["total"] is None for run in every),
         "unfinished": sum(not run["finished"] and run["total"] is not None for run in every),

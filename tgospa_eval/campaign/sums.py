@@ -17,8 +17,9 @@ from tgospa_eval.campaign.grouping import (
     truths,
     with_parameters,
 )
+from tgospa_eval.campaign.ranking import rankings
 from tgospa_eval.campaign.row import LABEL, STORED_SLICES, covariances_of
-from tgospa_eval.campaign.statistics import confidence, rankings
+from tgospa_eval.campaign.statistics import confidence
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.states import connected_components

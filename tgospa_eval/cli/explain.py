@@ -1,5 +1,7 @@
 """``tgospa-eval explain TRUTH ESTIMATE``: which single repairs would save most."""
 
+from functools import partial
+
 import click
 
 from tgospa_eval.api.options import PREPROCESS, Request
@@ -18,6 +20,8 @@ from tgospa_eval.errors import ConfigError, ExitStatus
 LEFT_ASIDE = ("by", "preprocess")
 """Options of everything that evaluates that this verb has not; a settings file may have them."""
 
+_output = partial(Option, section="Output")
+
 
 @click.command(
     "explain",
@@ -32,28 +36,25 @@ LEFT_ASIDE = ("by", "preprocess")
             type=click.Choice(PREPROCESS),
             hidden=True,
         ),
-        Option(
+        _output(
             "--top N",
             "How many repairs to list; up to twice as many are tried.",
-            section="Output",
             type=click.IntRange(min=1),
             default=10,
         ),
-        Option(
+        _output(
             "-o, --output FILE",
             "Write the repaired estimate: id,t and the state columns. The ending gives the "
             "format: .csv, .parquet or .npz.",
-            section="Output",
             type=PATH,
         ),
-        Option(
+        _output(
             "--apply N",
             "Rank of the repair that the file of -o has.",
-            section="Output",
             type=click.IntRange(min=1),
             default=1,
         ),
-        Option("--force", "Write over the file of -o if it exists.", section="Output"),
+        _output("--force", "Write over the file of -o if it exists."),
         format_option("table", "json", "csv", "markdown", "latex"),
         CONFIG_FILE,
         QUIET,

@@ -5,6 +5,7 @@ import shutil
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 TYPED = "tgospa_eval.typed"
 """Under this name the context keeps the arguments as they were typed."""
 
+_gate = partial(Option, section="Gate")
+
 
 class Gate(Verb):
     """Keeps its arguments, for commands that messages propose."""
@@ -39,74 +42,63 @@ class Gate(Verb):
     cls=Gate,
     params=[
         *GATE_OPTIONS,
-        Option(
+        _gate(
             "--update-baseline",
             "Make the baseline, or renew the entries of all pairs, and exit with 0.",
-            section="Gate",
         ),
-        Option(
+        _gate(
             "--against TARGET",
             "Judge by the suite, the baseline and the configuration of the target branch, a git "
             "revision such as origin/main, or of a folder; and list where those of this branch let "
             "more pass.",
-            section="Gate",
         ),
-        Option(
+        _gate(
             "--protect",
             "With --against, exit with 6 if this branch lets more pass.",
-            section="Gate",
         ),
-        Option(
+        _gate(
             "--history FILE",
             "Add a line with commit, time and values to this file, a line of JSON for each run; "
             "tgospa-eval gate history FILE shows them. Rules such as 'total:+5% best-of-last 20' "
             "judge by them.",
-            section="Gate",
             type=PATH,
         ),
-        Option(
+        _gate(
             "-o, --output DIR",
             "Write gate.html, gate.md and gate.json to this folder, and a page for each pair.",
-            section="Gate",
             type=PATH,
         ),
-        Option("--force", "Write into a folder with other files in it.", section="Gate"),
-        Option(
+        _gate("--force", "Write into a folder with other files in it."),
+        _gate(
             "--only PATTERN",
             "With --update-baseline, renew the entries of these pairs alone: 'slow/*'. Repeatable.",
-            section="Gate",
             multiple=True,
         ),
-        Option(
+        _gate(
             "--prune",
             "With --update-baseline, remove entries of pairs that are there no more.",
-            section="Gate",
         ),
-        Option(
+        _gate(
             "--group LABELS",
             "Add up all pairs that agree in these labels of their patterns, such as scenario, and "
             "judge the sums by --fail-on; all adds up all. Runs with other seeds say whether a "
             "change is more than their noise.",
-            section="Gate",
         ),
-        Option(
+        _gate(
             "--confidence P",
             "Of what is inferred from runs with other seeds: a tracker that is as good as the "
             "limit fails in at most 1 - P of all gates.",
-            section="Gate",
             type=click.FloatRange(0.5, 1, max_open=True),
             show_default="0.95",
         ),
-        Option(
+        _gate(
             "--seed-label LABEL",
             "Label in which the runs of one scene differ.",
-            section="Gate",
             show_default="seed",
         ),
-        Option(
+        _gate(
             "--proof DIR",
             "Write the proof of each value: to DIR/run, with --update-baseline to DIR/baseline.",
-            section="Gate",
             type=PATH,
         ),
         format_option("table", "json", "markdown", "bencher", "github-action-benchmark"),

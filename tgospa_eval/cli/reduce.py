@@ -72,7 +72,7 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
     from tgospa_eval.reports.rendering import csv_text
     from tgospa_eval.reports.sensors import reduction_text
     from tgospa_eval.results.records import json_text, records
-    from tgospa_eval.sensors.reduction import CHANGES
+    from tgospa_eval.sensors.reduction import CHANGES, HISTORY
 
     request, output = Request.of(options), OutputOptions.of(options)
     ending = check_file(target, "OUT", force=force, others=[source], endings=TABLES)
@@ -107,7 +107,7 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
     texts = {
         "table": lambda: reduction_text(counts, change),
         "json": lambda: json_text(document),
-        "csv": lambda: csv_text(table),
+        "csv": lambda: csv_text({name: table[name] for name in table if name != HISTORY}),
     }
     emit(texts[output.format_](), output.format_)
 

@@ -16,17 +16,14 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import visible
 
 if TYPE_CHECKING:
-    from tgospa_eval.common.manifest import FileEntry
     from tgospa_eval.reports.files import Kind
-    from tgospa_eval.simulation.recordings import RecordedRows
     from tgospa_eval.tracks.trajectories import Trajectories
 
 # Spelled out here, because importing the members costs numpy; a test holds them together.
 SCENARIOS = ("crossing", "parallel", "convoy", "dense", "births", "manoeuvring")
 PUBLISHED = ("garcia-fernandez-2020", "xia-2019")
-RECORDING_KINDS = ("ais", "city")
-BESIDE_MODES = ("seed", "force", "quiet", "folder")
-"""Parameters that go with whatever is made."""
+BESIDE_SETTING = ("setting", "seed", "force", "quiet", "folder")
+"""Parameters that go with a setting."""
 
 SCENE_FORMATS = ("csv", "motchallenge", "kitti")
 
@@ -35,12 +32,6 @@ OPTION = "DIR"
 
 DISTANCE_OF_STATE = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
 """Distances of states that are more than points."""
-
-FOLDERS = ("truth", "estimate")
-"""Of the parts of a recording."""
-
-LARGEST_RECORDING = 10**12
-"""Rows of a recording: ids have 40 bits where they are sorted."""
 
 
 def _lengths(ctx: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:  # noqa: ARG001
@@ -63,18 +54,6 @@ OPTIONS = (
         "What a publication simulates, with the measurements for a tracker: garcia-fernandez-2020 "
         "or xia-2019. Only --seed goes with it.",
         type=click.Choice(PUBLISHED),
-    ),
-    _scene(
-        "--partitioned KIND",
-        "A recording of any length, as folders of Parquet files by time: ais (many short tracks, "
-        "few encounters) or city (dense). Only --rows and --seed go with it.",
-        type=click.Choice(RECORDING_KINDS),
-    ),
-    _scene(
-        "--rows N",
-        "Rows of the truth with --partitioned, rounded up to whole steps.",
-        default=1_000_000,
-        type=click.IntRange(1, LARGEST_RECORDING),
     ),
     _scene(
         "--scenario NAME",
@@ -174,16 +153,16 @@ OPTIONS = (
 )
 
 
-def _check_alone(ctx: click.Context, mode: str, *also: str) -> None:
-    """Whether nothing is asked for that this option says."""
+def _check_alone(ctx: click.Context) -> None:
+    """Whether nothing is asked for that a setting says."""
     given = [
         item.opts[-1]
         for item in ctx.command.params
-        if item.name not in (mode, *also, *BESIDE_MODES)
+        if item.name not in BESIDE_SETTING
         and ctx.get_parameter_source(str(item.name)) is not ParameterSource.DEFAULT
     ]
     if given:
-        raise click.UsageError(f"--{mode} says what is made: leave out {', '.join(given)}", ctx)
+        raise click.UsageError(f"--setting says what is made: leave out {', '.join(given)}", ctx)
 
 
 @click.command("simulate", cls=Verb, params=[*OPTIONS])
@@ -195,8 +174,6 @@ def command(
     folder: str,
     *,
     setting: str | None,
-    partitioned: str | None,
-    rows: int,
     seed: int,
     force: bool,
     quiet: bool,
@@ -214,18 +191,12 @@ def command(
       tgospa-eval simulate crowd --scenario dense --targets 20 --steps 100
       tgospa-eval simulate late --latency 2 --detection 1 --seed 7
       tgospa-eval simulate xia --setting xia-2019 --seed 1
-      tgospa-eval simulate coast --partitioned ais --rows 10000000
 
     Exit status: 0 done, 2 wrong option, or a folder that cannot be written.
     """
     if setting is not None:
-        _check_alone(ctx, "setting")
+        _check_alone(ctx)
         lines = _make_setting(folder, setting, seed, force=force)
-    elif partitioned is not None:
-        _check_alone(ctx, "partitioned", "rows")
-        lines = _make_recording(folder, partitioned, rows, seed, force=force, quiet=quiet)
-    elif ctx.get_parameter_source("rows") is not ParameterSource.DEFAULT:
-        raise click.UsageError("--rows is for --partitioned", ctx)
     else:
         lines = _make_scene(folder, seed, force=force, **options)
     if not quiet:
@@ -338,101 +309,3 @@ def _make_scene(
         f"{_size_of(sides[1], 'estimate')} in {names[1]}",
         f"tgospa-eval {_paths(folder, names)}{formats} -c {cutoff:g} -g {cutoff / 2:g}",
     )
-
-
-def _make_recording(
-    folder: str, name: str, rows: int, seed: int, *, force: bool, quiet: bool
-) -> tuple[str, ...]:
-    """Write a recording, in memory of a stretch of it; what was made, and how to evaluate it."""
-    import numpy as np
-
-    from tgospa_eval.cli.shared.progress import Display
-    from tgospa_eval.common.manifest import entry
-    from tgospa_eval.common.progress import Progress, Stopwatch
-    from tgospa_eval.formats.loading import check_parquet
-    from tgospa_eval.formats.write import PartWriter, part_name
-    from tgospa_eval.reports.files import probe_folder, write_files
-    from tgospa_eval.simulation.recordings import RECORDINGS, Layout, simulate_recording
-
-    check_parquet()
-    recording = RECORDINGS[name]
-    layout = Layout.of(recording, rows)
-    names = [f"{side}/{part_name(k)}" for side in FOLDERS for k in range(layout.parts)]
-    kind = _kind(names)
-    probe_folder(folder, kind, force=force, option=OPTION)
-    _check_strangers(folder, kind)
-    counts = [_Count(), _Count()]
-    stopwatch = Stopwatch()
-    stopwatch.progress = Progress(watched=not quiet)
-
-    def fill(fresh: Path) -> "Collection[FileEntry]":
-        counts[:] = _Count(), _Count()
-        for side in FOLDERS:
-            (fresh / side).mkdir()
-        with PartWriter(fresh / FOLDERS[0]) as truth, PartWriter(fresh / FOLDERS[1]) as estimate:
-            writers = truth, estimate
-            stretches = simulate_recording(recording, layout, np.random.default_rng(seed))
-            for number, sides in enumerate(stretches, start=1):
-                for writer, count, rows in zip(writers, counts, sides, strict=True):
-                    writer.add(rows)
-                    count.add(rows)
-                    if number * layout.stretch % layout.part == 0:
-                        writer.end_part()
-                stopwatch.progress.done(min(number * layout.stretch / layout.steps, 1.0))
-                if not quiet:
-                    display.update()
-        return [entry(fresh, name) for name in names]
-
-    with Display(stopwatch) as display, stopwatch.span("simulating"):
-        write_files(fill, folder, kind, force=force, option=OPTION)
-    return (
-        f"{folder}: {name}, {counted(layout.steps, 'step')}; "
-        f"{counts[0].text('truth')} in truth/, {counts[1].text('estimate')} in estimate/, "
-        f"{counted(layout.parts, 'file')} each",
-        f"tgospa-eval evaluate {_paths(folder, FOLDERS)} -c {recording.cutoff:g} "
-        f"-g {recording.switch_penalty:g}",
-    )
-
-
-class _Count:
-    """How many rows and tracks there are, in a byte for each track."""
-
-    def __init__(self) -> None:
-        self.rows, self.seen = 0, bytearray()
-
-    def add(self, rows: "RecordedRows") -> None:
-        """Count some."""
-        import numpy as np
-
-        self.rows += len(rows["id"])
-        most = int(rows["id"].max(initial=0)) + 1
-        if most > len(self.seen):
-            self.seen.extend(bytes(most))
-        np.frombuffer(self.seen, np.uint8)[rows["id"]] = 1
-
-    def text(self, what: str) -> str:
-        """In words."""
-        return f"{counted(self.seen.count(1), what)} with {counted(self.rows, 'row')}"
-
-
-def _check_strangers(folder: str, kind: "Kind") -> None:
-    """See that the folders of the sides hold nothing that would become part of the data.
-
-    Raises
-    ------
-    ConfigError
-        They do, and it is not of a run before.
-    """
-    from tgospa_eval.common.manifest import read_manifest, unchanged
-
-    path = Path(folder)
-    own = {*kind.names, *unchanged(path, read_manifest(path, kind.name) or ())}
-    for side in FOLDERS:
-        if (path / side).is_file():
-            raise ConfigError(f"{OPTION} {folder}: {side} in it is a file; name another folder")
-        for item in sorted((path / side).glob("*")):
-            if f"{side}/{item.name}" not in own:
-                raise ConfigError(
-                    f"{OPTION} {folder}: {side}/{item.name} in it would be part of the data; "
-                    "remove it, or name another folder"
-                )

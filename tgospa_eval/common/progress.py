@@ -5,7 +5,7 @@ Those who do the work write it, whoever waits for it reads it; where nobody does
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import field
 from enum import StrEnum
@@ -215,6 +215,10 @@ class Limit:
 # Where the time went: a stopwatch that adds up named, nestable spans.
 
 
+PACED_FROM, ANNOUNCED_FROM = 2.0, 5.0
+"""Seconds of work that show its pace; of what is left, from which on the user is notified."""
+
+
 class Stopwatch:
     """Adds up the seconds spent under each name; a name may be a path, ``"solve/lp"``.
 
@@ -267,6 +271,32 @@ class Stopwatch:
             yield
         finally:
             self.stage = outer
+
+    def paced(
+        self, pieces: Iterable[T], works: Iterable[float], what: str, hint: str = ""
+    ) -> Iterator[T]:
+        """Pass on pieces of work as they are done, and say how long the others take at their pace.
+
+        Measured where it matters: these pieces on this machine, as busy as it is. `works` is how
+        much each of them is, in any unit; `what` all of them are.
+        """
+        works = list(works)
+        begin, first, done, whole, told = -1.0, 0.0, 0.0, sum(works), False
+        try:
+            for piece, work in zip(pieces, works, strict=True):
+                done += work
+                if begin < 0:  # threads have other pieces under way then, as they have later on
+                    begin, first = self._clock(), done
+                spent = self._clock() - begin
+                if spent > PACED_FROM and done > first:
+                    left = self.progress.left = spent / (done - first) * (whole - done)
+                    if not told and left > ANNOUNCED_FROM:
+                        shown = f"{left:.0f} s" if left < 120 else f"{left / 60:.0f} min"
+                        self.notify(f"{what}, about {shown} left{hint}")
+                    told = True
+                yield piece
+        finally:
+            self.progress.left = None
 
     def add(self, name: str, seconds: float) -> None:
         """Add seconds that were measured elsewhere."""

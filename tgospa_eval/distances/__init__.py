@@ -16,6 +16,7 @@ if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.distances.clouds.distance import PairCloudWasserstein as PairCloudWasserstein
     from tgospa_eval.distances.clouds.reduction import Reduction as Reduction
     from tgospa_eval.distances.clouds.reduction import reduce_cloud as reduce_cloud
+    from tgospa_eval.distances.clouds.sliced import SlicedWasserstein as SlicedWasserstein
     from tgospa_eval.distances.clouds.transport import cloud_wasserstein as cloud_wasserstein
     from tgospa_eval.distances.clouds.transport import cross_covariance as cross_covariance
     from tgospa_eval.distances.clouds.transport import resample_cloud as resample_cloud
@@ -40,6 +41,7 @@ _HOME = {
     "PairCloudWasserstein": "clouds.distance",
     "PairMahalanobis": "mahalanobis",
     "Reduction": "clouds.reduction",
+    "SlicedWasserstein": "clouds.sliced",
     "cloud_wasserstein": "clouds.transport",
     "cross_covariance": "clouds.transport",
     "gaussian_wasserstein": "gaussian",

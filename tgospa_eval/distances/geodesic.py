@@ -70,12 +70,17 @@ class Geodesic(Distance):
         Raises
         ------
         InputError
-            They are none.
+            They are none, or heights count and there are none.
         """
         if columns not in (PLACES, (*PLACES, HEIGHT)):
             raise InputError(
                 f"{name}: the distance geodesic needs the state columns lat,lon or lat,lon,alt, "
                 f"not {','.join(columns)}; name or map them with --columns lat,lon"
+            )
+        if self.vertical_weight != 1 and HEIGHT not in columns:
+            raise InputError(
+                f"{name}: --vertical-weight is for heights, and the state columns are lat,lon; "
+                "name or map them with --columns lat,lon,alt"
             )
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:

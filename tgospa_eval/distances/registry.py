@@ -41,6 +41,8 @@ DISTANCES: Mapping[str, Distance] = _Members(
         "iou": ("boxes.IoU", {}),
         "gaussian-wasserstein": ("gaussian.GaussianWasserstein", {}),
         "cloud-wasserstein": ("clouds.distance.CloudWasserstein", {}),
+        "sliced-wasserstein": ("clouds.sliced.SlicedWasserstein", {}),
+        "max-sliced-wasserstein": ("clouds.sliced.SlicedWasserstein", {"maximum": True}),
     }
 )
 """Base distances by name; Mahalanobis without its covariance."""

@@ -12,6 +12,7 @@ from typing import Any, Self
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import available_memory, cores
+from tgospa_eval.engines.cluster import Cluster
 from tgospa_eval.engines.engine import DiedError, Engine, Future, Pool
 
 PARENT_CHECK = 1.0
@@ -54,6 +55,11 @@ class Processes:
             pool.shutdown(wait=True, kill_workers=True)
             raise
         pool.shutdown(wait=True)
+
+
+def engine_of(scheduler: str | None, number: int | None) -> Engine:
+    """The workers of a scheduler, if there is one; else so many processes of this machine."""
+    return Cluster(scheduler) if scheduler else Processes(number)
 
 
 class Local:

@@ -24,7 +24,7 @@ from tgospa_eval.tracks.interpolation import found_near
 from tgospa_eval.tracks.regions import Regions
 from tgospa_eval.tracks.trajectories import Trajectories
 
-MARKED, OUTSIDE, GAPS = "marked", "outside-truth-steps", "truth-gaps"
+WORDS = MARKED, OUTSIDE, GAPS = "marked", "outside-truth-steps", "truth-gaps"
 
 CLASS = "class"
 
@@ -35,7 +35,7 @@ COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {
     ">": operator.gt,
 }
 
-RULE = re.compile(r"\s*([^<>=]+?)\s*(<=|>=|<|>|=)\s*(.+?)\s*")
+RULE = re.compile(r"\s*([^<>=]+?)\s*(?<!!)(<=|>=|<|>|=)\s*([^<>=].*?)\s*")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,11 +65,17 @@ class Condition:
         Raises
         ------
         ConfigError
-            Texts are to be compared by size.
+            Texts are to be compared by size, or numbers with a text.
         """
         numbers = [parsed(text) for text in self.values]
         if self.sign == "=":
             if values.dtype.kind == "f":
+                if None in numbers and not np.isnan(values).all():
+                    wrong = self.values[numbers.index(None)]
+                    raise ConfigError(
+                        f"--ignore {quoted(self.text)}: column {quoted(self.column)} has numbers, "
+                        f"and {quoted(wrong)} is none"
+                    )
                 return np.isin(values, [number for number in numbers if number is not None])
             return np.array([text in self.values for text in values.tolist()], bool)
         if values.dtype.kind != "f":
@@ -147,7 +153,9 @@ class Ignoring:
             truth, estimate = _with_marks(sides, names)
         rows = np.zeros(truth.taken, bool)
         for one in self.conditions:
-            rows |= _spelt(one, truth, names[0]).fits(_values(truth, one, names[0]))
+            spelt, absent = _spelt(one, truth) if one.column == CLASS else (one, [])
+            rows |= spelt.fits(_values(truth, one, names[0]))
+            truth = replace(truth, notices=(*truth.notices, *absent))
         return replace(truth, trajectories=marked(truth.trajectories, rows)), estimate
 
     def excuse(
@@ -166,17 +174,17 @@ class Ignoring:
 
 
 def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
-    """What each of the texts asks for; `max_speed` is for gaps.
+    """What the texts ask for, each one rule or several with commas; `max_speed` is for gaps.
 
     Raises
     ------
     ConfigError
         One cannot be understood.
     """
-    given = tuple(dict.fromkeys(text.strip() for text in texts))
+    given = tuple(dict.fromkeys(rule for text in texts for rule in _rules(text)))
     conditions = []
     for text in given:
-        if text in (MARKED, OUTSIDE, GAPS):
+        if text in WORDS:
             continue
         match = RULE.fullmatch(text)
         values = tuple(v.strip() for v in match[3].split(",")) if match else ()
@@ -193,6 +201,20 @@ def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
             )
         conditions.append(Condition(text=text, column=match[1], sign=match[2], values=values))
     return Ignoring(texts=given, conditions=tuple(conditions), max_speed=max_speed)
+
+
+def _rules(text: str) -> list[str]:
+    """One rule or several: ``class=Van,Person,marked`` has two, as a list of a settings file has.
+
+    What is no rule of itself is another value of the one before.
+    """
+    found: list[str] = []
+    for part in (part.strip() for part in text.split(",")):
+        if found and part not in WORDS and not set("<>=") & {*part}:
+            found[-1] += f",{part}"
+        else:
+            found.append(part)
+    return found
 
 
 def _with_marks(sides: Sequence[Reading], names: Sequence[str]) -> list[Reading]:
@@ -230,15 +252,15 @@ def _values(truth: Reading, rule: Condition, name: str) -> Values:
     return np.array(truth.classes, dtype=object)[truth.klass]
 
 
-def _spelt(rule: Condition, truth: Reading, name: str) -> Condition:
-    """A rule about classes with their names as the truth writes them."""
-    if rule.column != CLASS:
-        return rule
-    found = [class_named(value, truth.named) for value in rule.values]
-    if None in found:
-        wrong = rule.values[found.index(None)]
-        raise ConfigError(
-            f"--ignore {quoted(rule.text)}: {name} has no class {quoted(wrong)}; there are "
-            f"{listed(truth.named)}"
-        )
-    return replace(rule, values=tuple(map(str, found)))
+def _spelt(rule: Condition, truth: Reading) -> tuple[Condition, list[str]]:
+    """A rule about classes with their names as the truth writes them; what to say of absent ones.
+
+    One recording of many may lack a class.
+    """
+    found = {value: class_named(value, truth.named) for value in rule.values}
+    absent = [
+        f"--ignore {rule.text}: no row of class {quoted(value)}; there are {listed(truth.named)}"
+        for value, name in found.items()
+        if name is None
+    ]
+    return replace(rule, values=tuple(name for name in found.values() if name)), absent

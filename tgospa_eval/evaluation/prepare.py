@@ -283,9 +283,10 @@ def measure(
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
         (truth, estimate), prepared, pairs = near_pairs(seen, distance, cutoff, effort)
         reach = None
-        if request.ignoring is not None and request.ignoring.max_speed:
+        speed = 0.0 if request.ignoring is None else request.ignoring.max_speed
+        if speed and AWAY in aligned.truth.attributes:  # not where nothing was interpolated
             away = np.asarray(aligned.truth.attributes[AWAY], np.float64)
-            reach = request.ignoring.max_speed * away
+            reach = speed * away
             pairs = _with_far_pairs(pairs, (truth, estimate), prepared, cutoff, reach, effort)
     weights = None
     if request.step_weights is not None:

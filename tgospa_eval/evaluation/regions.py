@@ -15,6 +15,7 @@ from tgospa_eval.formats.fields import is_number
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.ignored import Mask
 from tgospa_eval.tracks.interpolation import found_near
+from tgospa_eval.tracks.places import on_earth
 from tgospa_eval.tracks.regions import BOX, CAP, CIRCLE, GEOJSON, POLYGON, SHAPES, Regions, Shape
 from tgospa_eval.tracks.trajectories import Floats, TimeArray, Trajectories
 
@@ -140,11 +141,17 @@ def inside(
             f"{regions.name}: regions are of states x,y, lat,lon or left,top,width,height; those "
             f"of {name} are {','.join(side.columns)}"
         )
+    seen = side.state[:, axes], earth
+    there = seen if regions.origin is None else (on_earth(side.state, regions.origin), True)
     for step, shapes in placed.items():
         rows = slice(None) if step is None else slice(begins[step], begins[step + 1])
-        state = side.state[rows]
         for shape in shapes:
-            share = _share(shape, state) if boxes else _holds(shape, state[:, axes], earth=earth)
+            points, places = there if shape.kind in (CAP, GEOJSON) else seen
+            share = (
+                _share(shape, side.state[rows])
+                if boxes
+                else _holds(shape, points[rows, :2], earth=places)
+            )
             most[rows] = np.maximum(most[rows], share)
             total[rows] += share
     if more_than is not None:

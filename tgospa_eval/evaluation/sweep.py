@@ -163,7 +163,7 @@ class _Line:
             prepared = self.measured.prepared(self._reduced(parameters), parameters)
         states = prepared.states
         stopwatch.progress.begin(parameters.root)
-        if self.name == "rho":
+        if self.name == "rho" and self.measured.unjudged is None:
             # Bounds at smaller cutoffs are for the prices that they were solved with.
             if self.found is None or self.found.reduced:
                 self.found = replace(solver(states, stopwatch), disposable=False)
@@ -192,9 +192,15 @@ class _Line:
         return _point(result, self.name), mine
 
     def _reduced(self, parameters: Parameters) -> States:
-        """The states of a point; switch penalties and rho change nothing but prices."""
+        """The states of a point; switch penalties and rho change nothing but prices.
+
+        Where states are not judged, rho changes which pairs gain.
+        """
         problem = self.measured.problem(self.pairs, parameters)
-        if self.states is not None and self.name in ("switch_penalty", "rho"):
+        unchanged = self.name == "switch_penalty" or (
+            self.name == "rho" and self.measured.unjudged is None
+        )
+        if self.states is not None and unchanged:
             return replace(self.states, problem=problem)
         self.states = merge_runs(problem)
         return self.states

@@ -38,7 +38,9 @@ def solver_pictures(document: Json) -> Draw:
     draw = {"time_over_error": partial(time_over_error, document)}
     runs = _temperatures(document)
     if len(runs) > 1 and _seen(
-        value for run in runs for value in (run["error"], run["lower_error"])
+        value
+        for run in runs
+        for value in (run["error"], run["lower_error"], (run["entropic"] or {}).get("error"))
     ):
         draw["error_over_epsilon"] = partial(error_over_epsilon, document)
     if any(len(run["history"]) > 1 for run in document["runs"]):
@@ -59,6 +61,10 @@ def error_over_epsilon(document: Json) -> "Figure":
     lines = {
         "upper bound (TGOSPA)": [floored(run["error"]) for run in runs],
         "lower bound": [floored(run["lower_error"]) for run in runs],
+        "entropic value": [floored((run["entropic"] or {}).get("error")) for run in runs],
+        "its cost, without entropy": [
+            floored((run["entropic"] or {}).get("cost_error")) for run in runs
+        ],
     }
     for k, (title, y) in enumerate(lines.items()):
         axis.plot(x, y, f"-{MARKERS[k]}", color=COLOURS[k], label=title, clip_on=False, zorder=3)
@@ -192,7 +198,11 @@ def study_pictures(document: Json) -> Draw:
     if not any(s["seconds"]["mean"] is not None for size in sizes for s in size["solvers"]):
         return {}  # all failed, or all contradict each other
     errors = (
-        s["error"]["max"] for size in sizes for s in size["solvers"] if s["epsilon"] is not None
+        s[name]["max"]
+        for size in sizes
+        for s in size["solvers"]
+        if s["epsilon"] is not None
+        for name in ("error", "entropic_error")
     )
     if len(temperatures) > 1 and _seen(errors):
         draw["error_over_epsilon"] = partial(study_errors, document)
@@ -210,7 +220,10 @@ def study_errors(document: Json) -> "Figure":
     for k, size in enumerate(sizes):
         runs = sorted((run for run in size["solvers"] if run["epsilon"] is not None), key=_epsilon)
         x = [*map(_epsilon, runs)]
-        _line(axis, x, [run["error"] for run in runs], k, f"m = {size['targets']:,}", FLOOR)
+        name = f"m = {size['targets']:,}"
+        _line(axis, x, [run["error"] for run in runs], k, name, FLOOR)
+        values = [run["entropic_error"] for run in runs]
+        _line(axis, x, values, k, f"{name}, entropic value", FLOOR, "--")
     _ticks(axis, x)
     error_axis(axis)
     label(axis, TEMPERATURE, ERROR, f"Error of sinkhorn by temperature, T = {longest:,}")
@@ -288,7 +301,13 @@ def _ticks(axis: "Axes", x: Sequence[float], form: str = "g") -> None:
 
 
 def _line(
-    axis: "Axes", x: Sequence[float], values: Sequence[Json], k: int, name: str, least: float
+    axis: "Axes",
+    x: Sequence[float],
+    values: Sequence[Json],
+    k: int,
+    name: str,
+    least: float,
+    line: str = "-",
 ) -> None:
     """Means with a band of one standard deviation, at least `least`; nothing where all failed."""
     kept = [
@@ -303,7 +322,7 @@ def _line(
     high = [m + s for m, s in zip(mean, spread, strict=True)]
     colour = COLOURS[k % len(COLOURS)]
     axis.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
-    axis.plot(x, mean, "-", marker=MARKERS[k % len(MARKERS)], ms=5, color=colour, label=name)
+    axis.plot(x, mean, line, marker=MARKERS[k % len(MARKERS)], ms=5, color=colour, label=name)
 
 
 # --- estimates ------------------------------------------------------------------------------------

@@ -62,6 +62,9 @@ EXTRAS = dict.fromkeys(CLOSED[:3], "scale periodic") | {
 EXTRAS |= {"mahalanobis": "scale covariance", "gaussian-wasserstein": "scale periodic mixed"}
 EXTRAS["cloud-wasserstein"] = """scale cloud_order inner inner_cov reduce reduce_method seed
     iterations restarts directions polish"""
+EXTRAS |= dict.fromkeys(
+    ("sliced-wasserstein", "max-sliced-wasserstein"), EXTRAS["cloud-wasserstein"]
+)
 
 
 class Wrong(Exception):

@@ -307,6 +307,7 @@ def solvers_document(document: Json) -> Document:
                     "iterations": [or_dash(run["iterations"], "d") for run in runs],
                 }
             ),
+            *_entropic_tables(runs),
             table_of(
                 {
                     "seconds": [run["name"] for run in runs],
@@ -334,6 +335,8 @@ def solvers_columns(document: Json) -> Columns:
         *("lower_error", *PARTS, "iterations", "status", "finished"),
     )
     table = columns(runs, names)
+    for name in ENTROPIC:
+        table[f"entropic_{name}"] = [run["entropic"] and run["entropic"][name] for run in runs]
     table |= {f"{stage}_seconds": values for stage, values in _stages(runs).items()}
     for name in ("before", "peak"):
         table[f"{name}_bytes"] = [run["memory"] and run["memory"][name] for run in runs]
@@ -368,6 +371,26 @@ def _solver_notes(document: Json) -> Iterator[str]:
             yield f"{run['name']}: {run['status']}"
     for name, reason in document["left_out"].items():
         yield f"{name} left out: {reason}"
+
+
+ENTROPIC = ("primal", "dual", "cost", "error", "cost_error", "sweep", "violation")
+
+
+def _entropic_tables(runs: Sequence[Json]) -> Iterator[Table]:
+    """The value of the regularised problem, where a run has one."""
+    named = [(run["name"], run["entropic"]) for run in runs if run["entropic"] is not None]
+    if named:
+        names, found = zip(*named, strict=True)
+        yield table_of(
+            {
+                "entropic": names,
+                "value": [f"{value['dual']:.7g}" for value in found],
+                "error": [error_of(value["error"]) for value in found],
+                "cost alone": [f"{value['cost']:.7g}" for value in found],
+                "its error": [error_of(value["cost_error"]) for value in found],
+                "sweeps": [str(value["sweep"]) for value in found],
+            }
+        )
 
 
 STAGES = ("all", "prepare", "sweeps", "programme", "rest", "proof")
@@ -418,7 +441,8 @@ def study_report(document: Json, pictures: list[str]) -> str:
 
 
 STATISTICS = ("mean", "deviation", "max")
-SPREADS = ("seconds", "error", "lower_error", "iterations")
+ENTROPIC_SPREADS = ("entropic_error", "entropic_cost_error")
+SPREADS = ("seconds", "error", "lower_error", *ENTROPIC_SPREADS, "iterations")
 FAULTS = ("infinite_errors", "failed", "unfinished")
 FACTS = {
     "failed": "failed",

@@ -1,7 +1,7 @@
 """The result as files: JSON, CSV tables, the report; whole or absent."""
 
 import os
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
@@ -20,9 +20,6 @@ from tgospa_eval.results.summary import Summary
 
 Files: TypeAlias = Mapping[str, str | bytes | Path]
 """Contents by name; a path is of a file that is taken as it is."""
-
-Fill = Callable[[Path], Collection[manifest.FileEntry]]
-"""Writes files into a folder that is there and empty, and says which."""
 
 PICTURES = ("png", "svg", "pdf")
 AS_FORMAT = {".json": "json", ".csv": "csv", ".md": "markdown", ".tex": "latex"}
@@ -205,45 +202,12 @@ def write_texts(
     force: bool,
     option: str = "--output",
 ) -> str:
-    """`write_files` of files by name, which says what was written.
-
-    Raises
-    ------
-    ConfigError
-        As for `write_files`.
-    """
-
-    def fill(fresh: Path) -> Collection[manifest.FileEntry]:
-        written: list[manifest.FileEntry] = []
-        for name, content in texts.items():
-            (fresh / name).parent.mkdir(parents=True, exist_ok=True)
-            if isinstance(content, Path):
-                _take(content, fresh / name, fresh.parent / WORK_FOLDER)
-                written.append(manifest.entry(fresh, name))
-                continue
-            data = content if isinstance(content, bytes) else content.encode()
-            (fresh / name).write_bytes(data)
-            written += manifest.entries({name: data})
-        return written
-
-    return write_files(fill, folder, kind, force=force, option=option)
-
-
-def write_files(
-    fill: Fill,
-    folder: str,
-    kind: Kind | None = None,
-    *,
-    force: bool,
-    option: str = "--output",
-) -> str:
     """Write the files of a folder, in place of those that an older run of its kind has left.
 
     A new folder appears whole. In one that is there, the old document goes before anything else
     changes and the new one comes last; of two runs that write it at once one waits. Those of a
     kind get a manifest. Files that are not in it, or are not as it says, are never removed, and
-    replaced only by force. `fill` is called again where another run was first to make the folder.
-    Returns what was written, in a sentence.
+    replaced only by force. Returns what was written, in a sentence.
 
     Raises
     ------
@@ -253,11 +217,11 @@ def write_files(
     check_folder(folder, kind, force=force, option=option)
     with named(f"{option} {folder}", ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
-        removed, files = 0, None if path.exists() else _write_new(fill, path, kind)
+        removed, files = 0, None if path.exists() else _write_new(texts, path, kind)
         if files is None:  # it is there, perhaps since a moment ago
             check_folder(folder, kind, force=force, option=option)
             where = None if force else f"{option} {folder}"
-            removed, files = _write_over(fill, path, kind, where)
+            removed, files = _write_over(texts, path, kind, where)
     names = [entry.name for entry in files]
     pictures = sum(name.endswith(PICTURES) for name in names)
     counts = {"file": len(names) - pictures, "picture": pictures}
@@ -314,23 +278,34 @@ def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> 
             )
 
 
-def _write_all(fill: Fill, folder: Path, kind: Kind | None) -> Collection[manifest.FileEntry]:
+def _write_all(texts: Files, folder: Path, kind: Kind | None) -> Collection[manifest.FileEntry]:
     folder.mkdir()
-    files = fill(folder)
+    files: list[manifest.FileEntry] = []
+    for name, content in texts.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        if isinstance(content, Path):
+            _take(content, folder / name, folder.parent / WORK_FOLDER)
+            files.append(manifest.entry(folder, name))
+            continue
+        data = content if isinstance(content, bytes) else content.encode()
+        (folder / name).write_bytes(data)
+        files += manifest.entries({name: data})
     if kind is not None:
         text = manifest.text_of(kind.name, files)
         (folder / manifest.NAME).write_text(text, encoding="utf-8")
     return files
 
 
-def _write_new(fill: Fill, path: Path, kind: Kind | None) -> Collection[manifest.FileEntry] | None:
+def _write_new(
+    texts: Files, path: Path, kind: Kind | None
+) -> Collection[manifest.FileEntry] | None:
     """Write a folder beside, then rename it; None if another one has come up meanwhile."""
     import shutil  # here: it brings compression
 
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(manifest.unique())
     try:
-        files = _write_all(fill, beside, kind)
+        files = _write_all(texts, beside, kind)
         try:
             os.rename(beside, path)
         except OSError:
@@ -343,7 +318,7 @@ def _write_new(fill: Fill, path: Path, kind: Kind | None) -> Collection[manifest
 
 
 def _write_over(
-    fill: Fill, path: Path, kind: Kind | None, where: str | None
+    texts: Files, path: Path, kind: Kind | None, where: str | None
 ) -> tuple[int, Collection[manifest.FileEntry]]:
     """Write into a folder that is there; how many files of an older run were taken away, and files.
 
@@ -357,7 +332,7 @@ def _write_over(
                 shutil.rmtree(left, ignore_errors=True)
         fresh = path / manifest.unique()
         try:
-            files = _write_all(fill, fresh, kind)
+            files = _write_all(texts, fresh, kind)
             names = [entry.name for entry in files]
             if kind is not None and where is not None:
                 _check_names(path, kind, names, where)

@@ -6,7 +6,7 @@ from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Effort, Reduction, cloud_wasserstein
 from tgospa_eval.distances.base import Floats
-from tgospa_eval.distances.clouds.distance import announce, reduced
+from tgospa_eval.distances.clouds.distance import reduced
 from tgospa_eval.distances.clouds.reduction import sliced_wasserstein, spread_directions
 from tgospa_eval.distances.clouds.transport import MOST_PARTICLES, POT_NEEDED, can_transport
 from tgospa_eval.results.records import Columns
@@ -17,6 +17,8 @@ CloudChange = tuple[int, int, float | None, float, float | None, float]
 """Values of `CHANGES` of a cloud; None where one is not known or has no meaning."""
 
 CHANGES = ("particles", "kept", "wasserstein", "sliced_wasserstein", "trace_kept", "mean_shift")
+HISTORY = "history"
+"""Distance to the cloud before each iteration of the reduction: a list each."""
 
 
 def reduce_trajectories(
@@ -39,39 +41,40 @@ def reduce_trajectories(
         With the reduced clouds and their means.
     dict of lists
         By cloud: id, t, particles, kept, wasserstein and sliced_wasserstein distance of both
-        clouds (order 2), trace_kept as share of the trace of the covariance, mean_shift. None
-        where a cloud is too large for the exact distance, POT is missing, or there is no spread.
+        clouds (order 2), trace_kept as share of the trace of the covariance, mean_shift, and the
+        history, as `Reduction.trace` has it. None where a cloud is too large for the exact
+        distance, POT is missing, or there is no spread.
     """
     effort = effort or Effort()
     if side.clouds is None:
-        return side, _table(side, [(1, 1, 0.0, 0.0, None, 0.0)] * len(side.step))
-    after = reduced(side.clouds, reduction, effort)
-    return side.with_clouds(after), _table(side, _changes(side.clouds, after, effort))
+        return side, _table(side, [(1, 1, 0.0, 0.0, None, 0.0)] * len(side.step), [])
+    histories: list[list[float]] = []
+    after = reduced(side.clouds, reduction, effort, histories)
+    return side.with_clouds(after), _table(side, _changes(side.clouds, after, effort), histories)
 
 
-def _table(side: Trajectories, changes: list[CloudChange]) -> Columns:
+def _table(side: Trajectories, changes: list[CloudChange], histories: list[list[float]]) -> Columns:
     table = {"id": side.ids[side.track].tolist(), "t": side.shown[side.step].tolist()}
-    return table | {name: [change[k] for change in changes] for k, name in enumerate(CHANGES)}
+    table |= {name: [change[k] for change in changes] for k, name in enumerate(CHANGES)}
+    return table | {HISTORY: histories or [[] for _ in changes]}
 
 
 def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[CloudChange]:
-    """A row for each cloud: in threads, and announced, as it takes longer than to reduce."""
+    """A row for each cloud: in threads, as it takes longer than to reduce."""
     directions = spread_directions(before.points.shape[1], None, np.random.default_rng(0))
     is_exact = can_transport()
 
     def change(row: int) -> CloudChange:
         return _compared(before[row], after[row], directions, is_exact=is_exact)
 
-    count = int(np.count_nonzero(before.counts > after.counts))
-    if count:
-        largest = int(np.argmax(before.counts * (before.counts > after.counts)))
-        what = f"{counted(count, 'cloud')} to compare with those before"
-        announce(effort, count, what, lambda: change(largest))
-        if not is_exact:
-            effort.stopwatch.notify(f"no exact distances from the clouds before: {POT_NEEDED}")
-    stage = "comparing clouds with those before"
-    with effort.stopwatch.showing(stage):
-        return list(in_order(change, range(len(before)), effort.jobs or cores()))
+    is_changed = before.counts > after.counts
+    if is_changed.any() and not is_exact:
+        effort.stopwatch.notify(f"no exact distances from the clouds before: {POT_NEEDED}")
+    what = f"{counted(int(np.count_nonzero(is_changed)), 'cloud')} to compare with those before"
+    works = (is_changed * (before.counts * after.counts.astype(float)) ** 1.05).tolist()
+    found = in_order(change, range(len(before)), effort.jobs or cores())
+    with effort.stopwatch.showing("comparing clouds with those before"):
+        return list(effort.stopwatch.paced(found, works, what))
 
 
 def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool) -> CloudChange:

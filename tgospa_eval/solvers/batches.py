@@ -2,6 +2,7 @@
 
 import itertools
 import time
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import field, replace
 from functools import partial
@@ -14,6 +15,7 @@ from tgospa_eval.common.progress import Limit, Status, Stopwatch
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
+from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.block_costs import (
     BatchProgress,
     BracketProgress,
@@ -119,58 +121,55 @@ class Routine:
         Threads, all cores by default.
     tries : bool
         Whether `solve` looks at blocks that are only to be tried.
-    divides : bool
-        Whether long blocks are solved in windows of time first, for `solve` to begin from.
+    resumes : bool
+        Whether `solve` can begin from something: long blocks are solved in windows of time first.
     """
 
     trivial: Trivial
     solve: Callable[[BlockBatch], Answer]
     jobs: int | None
     tries: bool = False
-    divides: bool = False
+    resumes: bool = False
 
 
-def solve_in_batches(
-    states: States,
-    routine: Routine,
-    stopwatch: Stopwatch,
-    *,
-    gap: float,
-    time_limit: float | None,
-    warm_start: WarmStart | None = None,
-) -> Solution:
-    """Solve batch by batch, what is trivial first, and put the answers together.
+class BatchSolver(Solver):
+    """A solver that takes blocks batch by batch."""
 
-    Parameters
-    ----------
-    states : States
-        The reduced problem.
-    routine : Routine
-        What is done with each batch.
-    stopwatch : Stopwatch
-        Gets the time by kind of work; of several threads, their shares of the time on the wall.
-    gap : float
-        Relative gap that counts as exact.
-    time_limit : float, optional
-        Seconds.
-    warm_start : WarmStart, optional
-        What may solve some blocks already.
-    """
-    progress = stopwatch.progress
-    limit = Limit.of(time_limit, progress)
+    @property
+    @abstractmethod
+    def routine(self) -> Routine:
+        """What is done with each batch."""
 
-    def base(inner: States, wanted: Mask, quickly: Mask) -> Solution:
-        whole = inner is states
-        return _solve_some(
-            inner,
-            (wanted, quickly),
-            routine,
-            stopwatch,
-            limit if whole else replace(limit, progress=progress.silent()),
-            warm_start if whole else None,
-        )
+    def __call__(
+        self, states: States, stopwatch: Stopwatch, warm_start: WarmStart | None = None
+    ) -> Solution:
+        """Solve batch by batch, what is trivial first, and put the answers together.
 
-    return solve_at_fitting_cutoffs(states, base, gap=gap, limit=limit)
+        Parameters
+        ----------
+        states : States
+            The reduced problem.
+        stopwatch : Stopwatch
+            Gets the time by kind of work; of several threads, their shares of the time on the wall.
+        warm_start : WarmStart, optional
+            What may solve some blocks already; routines that cannot begin from it pass it over.
+        """
+        routine, progress = self.routine, stopwatch.progress
+        limit = Limit.of(self.time_limit, progress)
+        start = warm_start if routine.resumes else None
+
+        def base(inner: States, wanted: Mask, quickly: Mask) -> Solution:
+            whole = inner is states
+            return _solve_some(
+                inner,
+                (wanted, quickly),
+                routine,
+                stopwatch,
+                limit if whole else replace(limit, progress=progress.silent()),
+                start if whole else None,
+            )
+
+        return solve_at_fitting_cutoffs(states, base, gap=self.gap, limit=limit)
 
 
 def _solve_some(
@@ -190,7 +189,7 @@ def _solve_some(
     prices = np.zeros(len(states.columns.step))
 
     long: Ints = np.zeros(0, np.int64)
-    if routine.divides and warm_start is None and not limit.late():
+    if routine.resumes and warm_start is None and not limit.late():
         long = divisible_blocks(states)
         long = long[wanted[long] & ~quickly[long]]
     cuts = _apart(states.cuts(BATCH_STATES), long)
@@ -228,7 +227,7 @@ def _solve_some(
         return answer
 
     begin, stopwatch.stage = time.perf_counter(), "solve/sweeps"
-    inner = replace(routine, jobs=1, divides=False)
+    inner = replace(routine, jobs=1, resumes=False)
 
     def solve_window(number: int, window: TimeWindow) -> Answer:
         division = divided[number]

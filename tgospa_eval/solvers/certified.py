@@ -5,18 +5,15 @@ Whatever happens here only proposes; the bracket is made by `problem.certificate
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from tgospa_eval.common.arrays import places_of
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.progress import Status, Stopwatch
+from tgospa_eval.common.progress import Status
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.problem.solution import Solution
-from tgospa_eval.problem.states import States
-from tgospa_eval.solvers import Solver
-from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_batches
+from tgospa_eval.solvers.batches import Answer, BatchSolver, BlockBatch, Routine
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.lp_rounds import Programmes
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
@@ -30,12 +27,9 @@ from tgospa_eval.solvers.tuning import (
 )
 from tgospa_eval.solvers.whole_lp import solve_whole
 
-if TYPE_CHECKING:
-    from tgospa_eval.solvers.warm_start import WarmStart
-
 
 @dataclass(frozen=True, kw_only=True)
-class Certified(Solver):
+class Certified(BatchSolver):
     """Exact, with proof (docs/theory/solvers.md, "The certified solver").
 
     Parameters
@@ -62,26 +56,18 @@ class Certified(Solver):
     def __post_init__(self) -> None:
         check_settings(self, gap=self.gap, time_limit=self.time_limit, jobs=self.jobs)
 
-    def __call__(
-        self, states: States, stopwatch: Stopwatch, warm_start: "WarmStart | None" = None
-    ) -> Solution:
+    @property
+    def routine(self) -> Routine:
         """Solve every block exactly, or as far as the time limit allows.
 
         A warm start, from neighbouring problems, may solve some; without kernels it is not used.
         """
-        return solve_in_batches(
-            states,
-            Routine(
-                solve_steps if kernels else solve_conflict_free,
-                self._ascend if kernels else solve_whole,
-                self.jobs,
-                tries=bool(kernels),
-                divides=bool(kernels),
-            ),
-            stopwatch,
-            gap=self.gap,
-            time_limit=self.time_limit,
-            warm_start=warm_start if kernels else None,
+        return Routine(
+            solve_steps if kernels else solve_conflict_free,
+            self._ascend if kernels else solve_whole,
+            self.jobs,
+            tries=bool(kernels),
+            resumes=bool(kernels),
         )
 
     def _ascend(self, batch: BlockBatch) -> Answer:

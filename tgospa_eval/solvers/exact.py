@@ -7,26 +7,21 @@ formulation, another modelling tool and another algorithm. The only file that kn
 import sys
 import time
 import warnings
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy import sparse
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.progress import Status, StoppedError, Stopwatch
+from tgospa_eval.common.progress import Status, StoppedError
 from tgospa_eval.errors import SolverError
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers import Solver
-from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_batches
+from tgospa_eval.solvers.batches import Answer, BatchSolver, BlockBatch, Routine
 from tgospa_eval.solvers.block_costs import better, price_cap, settle
 from tgospa_eval.solvers.capacities import CapacityRows, capacity_rows
 from tgospa_eval.solvers.trivial import dual_values, round_paths, solve_rows
 from tgospa_eval.solvers.tuning import check_settings
-
-if TYPE_CHECKING:
-    from tgospa_eval.solvers.warm_start import WarmStart
 
 IMPORT, BUILD, FACTOR, WIDTH_POWER = 2.0, 6e-5, 4e-7, 1.1
 """Seconds that importing cvxpy takes; that compiling a programme takes for each state; and a first
@@ -53,7 +48,7 @@ CLARABEL_SETTINGS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Exact(Solver):
+class Exact(BatchSolver):
     """The linear programme by CVXPY and Clarabel, to a tolerance of 1e-11.
 
     Parameters
@@ -75,18 +70,10 @@ class Exact(Solver):
     def __post_init__(self) -> None:
         check_settings(self, time_limit=self.time_limit)
 
-    def __call__(
-        self, states: States, stopwatch: Stopwatch, warm_start: "WarmStart | None" = None
-    ) -> Solution:
-        """Solve every block that is not trivial, each as a fresh problem."""
-        del warm_start  # an interior point begins anew
-        return solve_in_batches(
-            states,
-            Routine(solve_rows, _solve_blocks, self.jobs),
-            stopwatch,
-            gap=self.gap,
-            time_limit=self.time_limit,
-        )
+    @property
+    def routine(self) -> Routine:
+        """Solve every block that is not trivial, each as a fresh problem: it takes no start."""
+        return Routine(solve_rows, _solve_blocks, self.jobs)
 
 
 def _solve_blocks(batch: BlockBatch) -> Answer:

@@ -10,26 +10,20 @@ rounded assignment, not the entropic value, which is no bound.
 
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.progress import Status, Stopwatch
+from tgospa_eval.common.progress import Status
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.problem.solution import Solution
-from tgospa_eval.problem.states import States
-from tgospa_eval.solvers import Solver
-from tgospa_eval.solvers.batches import Answer, BlockBatch, Routine, solve_in_batches
+from tgospa_eval.solvers.batches import Answer, BatchSolver, BlockBatch, Routine
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.solvers.tuning import check_settings
 from tgospa_eval.solvers.whole_lp import solve_whole
-
-if TYPE_CHECKING:
-    from tgospa_eval.solvers.warm_start import WarmStart
 
 WARM_STAGES = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 """Temperatures on the way to a smaller one, each for `WARM_SWEEPS` sweeps."""
@@ -45,7 +39,7 @@ NEGLIGIBLE_SLACK = 25.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sinkhorn(Solver):
+class Sinkhorn(BatchSolver):
     """Entropic approximation, with a proven bracket.
 
     Parameters
@@ -77,24 +71,17 @@ class Sinkhorn(Solver):
             raise ConfigError(f"epsilon is {self.epsilon:g}: must be finite and more than 0")
         check_settings(self, gap=self.gap, time_limit=self.time_limit, jobs=self.jobs)
 
-    def __call__(
-        self, states: States, stopwatch: Stopwatch, warm_start: "WarmStart | None" = None
-    ) -> Solution:
+    @property
+    def routine(self) -> Routine:
         """Sweep until the bracket is met or settles, or the columns are full to 1e-6.
 
-        Without kernels linear programmes are quicker than sweeps, and exact: they take their place.
+        A warm start is passed over: hot sweeps would forget it. Without kernels linear programmes
+        are quicker than sweeps, and exact: they take their place.
         """
-        del warm_start  # hot sweeps would forget it
-        return solve_in_batches(
-            states,
-            Routine(
-                solve_steps if kernels else solve_conflict_free,
-                self._sweep if kernels else _without_kernels,
-                self.jobs,
-            ),
-            stopwatch,
-            gap=self.gap,
-            time_limit=self.time_limit,
+        return Routine(
+            solve_steps if kernels else solve_conflict_free,
+            self._sweep if kernels else _without_kernels,
+            self.jobs,
         )
 
     def _sweep(self, batch: BlockBatch) -> Answer:

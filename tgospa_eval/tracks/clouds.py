@@ -1,8 +1,9 @@
 """Weighted particles of many states in one flat table. Knows no file and no distance."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,8 @@ Ints = NDArray[np.integer]
 Floats = NDArray[np.float64]
 Cloud = tuple[Floats, Floats]
 """Points (N, d) and weights (N,) of one of them."""
+
+Changed = TypeVar("Changed")
 
 LARGEST_COORDINATE = 1e150
 """Of a coordinate of a particle: the squares of clouds are numbers."""
@@ -144,10 +147,15 @@ class Clouds:
         """The same weights elsewhere."""
         return replace(self, points=points)
 
-    def changed(self, change: Callable[[Cloud], Cloud], jobs: int | None = None) -> "Clouds":
-        """Each cloud changed by a function, in so many threads."""
+    def changed(
+        self,
+        change: Callable[[Cloud], Changed],
+        jobs: int | None,
+        passed: Callable[[Iterator[Changed]], Iterator[Cloud]],
+    ) -> "Clouds":
+        """Each cloud changed by a function, in so many threads, and as `passed` lets it go by."""
         found = in_order(lambda row: change(self[row]), range(len(self)), jobs or cores())
-        return joined(list(found), self)
+        return joined(list(passed(found)), self)
 
 
 def joined(clouds: list[Cloud], like: Clouds) -> Clouds:

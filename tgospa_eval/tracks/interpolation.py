@@ -104,7 +104,8 @@ def interpolated(
         covariance = np.concatenate((covariance[own], mixed))[order]
     attributes = chosen(side.attributes, source[order])
     if across:
-        marks, away = np.concatenate((marks_of(side, across)[own], wide)), np.zeros(len(order))
+        marks, away = marks_of(side, across)[source], np.zeros(len(order))
+        marks[len(own) :] |= wide
         away[len(own) :] = wide * np.minimum(share, 1 - share) * _apart(side, before, after)
         attributes |= {across: marks[order].astype(np.float64), AWAY: away[order]}
     found = replace(

@@ -25,6 +25,12 @@ EARTH = ("lat", "lon", "alt")
 LOCAL = ("x", "y", "z")
 POLAR = ("range", "bearing", "elevation")
 
+LIMITS = {
+    "earth": ((0, "latitude", -90.0, 90.0), (1, "longitude", -360.0, 360.0)),
+    "polar": ((0, "range", 0.0, math.inf), (2, "elevation", -90.0, 90.0)),
+}
+"""Places of columns with a least and a largest value."""
+
 AXES = re.compile(r"(enu|ned)(?::(.+))?")
 SYSTEM = re.compile(r"[A-Za-z]+:[0-9]+")
 
@@ -120,7 +126,11 @@ def parse_origin(text: str) -> tuple[float, float, float]:
     """
     numbers = [parsed(part) for part in text.split(",")]
     known = [number for number in numbers if number is not None]
-    if len(known) != len(numbers) or len(known) not in (2, 3) or abs(known[0]) > 90:
+    if (
+        len(known) != len(numbers)
+        or len(known) not in (2, 3)
+        or not all(abs(known[k]) <= most for k, _, _, most in LIMITS["earth"])
+    ):
         raise ConfigError(
             f"--origin {quoted(text)}: must be LAT,LON or LAT,LON,ALT, degrees and metres, such as "
             "55.7,12.6"
@@ -174,6 +184,11 @@ class Frames:
         return {frame.kind in ("local", "polar") for frame in self.frames}
 
     @property
+    def begin(self) -> tuple[float, float, float] | None:
+        """The origin of the common frame, if that is local."""
+        return self.origin if True in self.is_local else None
+
+    @property
     def recorded(self) -> dict[str, object]:
         """What changes the number, by the names of the JSON."""
         truth, estimate = self.frames
@@ -215,14 +230,17 @@ class Frames:
                 f"{name}: has covariances, which are not converted to other coordinates; compare "
                 "means with another --distance, or write both files in one frame"
             )
-        if frame.kind == "earth" and len(side.state):
-            off = np.abs(side.state[:, 0]) > 90
+        for k, what, least, most in LIMITS.get(frame.kind, ()):
+            if k >= len(wanted) or not len(side.state):
+                continue
+            value = side.state[:, k]
+            off = (value < least) | (value > most)
             if off.any():
                 row = int(np.argmax(off))
+                limits = f"from {least:g} to {most:g}" if most < np.inf else f">= {least:g}"
                 raise InputError(
                     f"{name}: id {quoted(side.ids[side.track[row]])} at t = "
-                    f"{side.shown[side.step[row]]} has the latitude {side.state[row, 0]:g}; must "
-                    "be from -90 to 90"
+                    f"{side.shown[side.step[row]]} has the {what} {value[row]:g}; must be {limits}"
                 )
 
     def _moved(self, side: Trajectories, frame: Frame, columns: tuple[str, ...]) -> Trajectories:
@@ -244,11 +262,11 @@ class Frames:
         if frame.kind in ("local", "polar"):
             return np.ascontiguousarray(frame.to_local(states)[:, :size])
         earth = frame.to_earth(states)[:, :size]
-        if True not in self.is_local or self.origin is None:
+        if self.begin is None:
             return np.ascontiguousarray(earth)
-        latitude, longitude, _ = self.origin
+        latitude, longitude, _ = self.begin
         if size > 2:
-            found = topocentric(*self.origin).transform(earth[:, 1], earth[:, 0], earth[:, 2])
+            found = topocentric(*self.begin).transform(earth[:, 1], earth[:, 0], earth[:, 2])
             return np.column_stack(found)
         centre = np.full(len(earth), longitude), np.full(len(earth), latitude)
         direction, _, length = ellipsoid().inv(*centre, earth[:, 1].copy(), earth[:, 0].copy())

@@ -86,11 +86,15 @@ class Regions:
         What their times are.
     name : str
         Where they come from, for messages.
+    origin : tuple of float, optional
+        Of states along local axes the place, latitude, longitude and height, where they begin:
+        circles on the Earth and GeoJSON are looked at there.
     """
 
     shapes: tuple[Shape, ...]
     clock: str = "number"
     name: str = "ignore_regions"
+    origin: tuple[float, float, float] | None = None
 
     @property
     def sha256(self) -> str:

@@ -2,11 +2,13 @@
 
 import csv
 import io
+import itertools
 import json
 import re
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from answer import Answer
 from hypothesis import given
@@ -65,8 +67,8 @@ def test_places_are_those_that_are_proven() -> None:
 
 def test_solvers_are_compared(write: Write, invoke: Invoke) -> None:
     """One error of 2 at one step: the total is 4 whatever solves it."""
-    paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
-    answer = invoke("compare", *paths, "-c", "5", "-g", "1", "--epsilon", "0.1,0.02",
+    files = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
+    answer = invoke("compare", *files, "-c", "5", "-g", "1", "--epsilon", "0.1,0.02",
                     "--format", "json")  # fmt: skip
     assert answer.status == 0
     document = json.loads(answer.out)
@@ -78,6 +80,21 @@ def test_solvers_are_compared(write: Write, invoke: Invoke) -> None:
         assert run["total"] == pytest.approx(4)
         assert run["error"] < 1e-9
         assert run["seconds"]["solve"] >= 0
+        if run["epsilon"] is None:
+            assert run["entropic"] is None
+            continue
+        # Of one pair a sum over 8 paths, with gains 1, 21/25, 1 and half a switch of 1/50.
+        paths = np.array(list(itertools.product((0, 1), repeat=3)))
+        values = paths @ [1, 21 / 25, 1] - np.abs(np.diff(paths)).sum(axis=1) / 50
+        value = 25 * (3 - run["epsilon"] * np.log(np.exp(values / run["epsilon"]).sum()))
+        found = run["entropic"]
+        assert found["primal"] == pytest.approx(value, rel=1e-9)
+        assert found["dual"] == pytest.approx(value, rel=1e-9)
+        assert found["error"] == pytest.approx(abs(value - 4) / 4, rel=1e-6)
+        assert found["history"][-1]["epsilon"] == run["epsilon"]
+        assert found["history"][-1]["dual"] == found["dual"]
+    text = invoke("compare", *files, "-c", "5", "-g", "1", "--epsilon", "0.1").out
+    assert "  entropic         value" in text
     memory = document["runs"][0]["memory"]
     if Path("/proc/self/clear_refs").exists():
         assert memory["peak"] >= memory["before"] > 1e6

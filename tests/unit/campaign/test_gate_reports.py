@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -194,6 +195,13 @@ def test_any_name_can_be_written(name: str) -> None:
         assert re.fullmatch(r"::error title=[^:,\r\n]*::[^\r\n]*", line)
         assert not re.search(r"%(?!25|0A|0D|3A|2C)", line)
     summary(found, 500).decode()
+
+
+def test_noise_is_said_before_what_passes() -> None:
+    noise = replace(outcome("b"), verdict=Verdict.NOISE)
+    found = report(outcome("a"), noise)
+    assert (found.verdict, found.status) == (Verdict.NOISE, STATUS[Verdict.NOISE])
+    assert table(found).startswith("gate: undecided by seeds")
 
 
 # --- GitHub ---------------------------------------------------------------------------------------

@@ -242,7 +242,7 @@ def test_report(tmp_path: Path, invoke: Invoke) -> None:
     answer = invoke(*SMALL, "-o", str(folder), "--format", "markdown")
     report = (folder / "report.md").read_text(encoding="utf-8")
     assert answer.out in report
-    pictures = {path.name for path in folder.glob("*.png")}  # no errors here to show over epsilon
-    assert pictures == {"scaling.png"}
+    pictures = {path.name for path in folder.glob("*.png")}
+    assert pictures == {"error_over_epsilon.png", "scaling.png"}
     assert set(re.findall(r"\]\((.+)\)", report)) == pictures
     assert "12 scenes of 4 sizes, 3 runs each: all brackets overlap" in report

@@ -169,7 +169,7 @@ def test_singular_covariances_of_any_rank(d: int) -> None:
     """
     rng = np.random.default_rng(d)
     zero = np.zeros(d)
-    for _ in range(300):
+    for _ in range(100):
         size = 10.0 ** rng.uniform(-2, 2, (d, 1))
         factors = [size * rng.normal(size=(d, int(rng.integers(1, d + 1)))) for _ in range(2)]
         a, b = factors[0] / np.linalg.norm(factors[0]), 3 * factors[1] / np.linalg.norm(factors[1])
@@ -379,7 +379,7 @@ def test_near_pairs(d: int, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     period = (5.0, *[math.inf] * (d - 1))
     for distance in (W2, GaussianWasserstein(period=period, scale=(0.5,) * d)):
         for spread in (1e-6, 3.0, 1e4):
-            sides = [table(rng, 40, d, spread) for _ in range(2)]
+            sides = [table(rng, 30, d, spread) for _ in range(2)]
             axes = [distance.axes(side, slice(None)).T for side in sides]
             every = distance(axes[0][:, None], axes[1][None])
             together = sides[0].step[:, None] == sides[1].step[None]

@@ -67,7 +67,7 @@ def test_what_counts_is_within_a_trajectory(
     ]
 
 
-def test_holes_one_trajectory_none_and_many_components(run: Run, tmp_path: Path) -> None:
+def test_holes_one_trajectory_none_and_many_components(tmp_path: Path) -> None:
     state = np.array([[1.0, np.nan, 3.0]])
     hole = read(saved(tmp_path / "a.mat", {"tVec": 1, "iVec": 3, "xState": state}))
     assert hole.left_out == {"blank": 1}

@@ -224,9 +224,8 @@ def test_plane() -> None:
             plot_plane(swap(), columns=wrong)
 
 
-@pytest.mark.parametrize("style", ["screen", "paper"])
+@pytest.mark.parametrize(("size", "style"), [(1.0, "screen"), (1e4, "paper"), (123456.0, "paper")])
 @pytest.mark.parametrize("draw", [plot_worst, plot_plane], ids=["worst", "plane"])
-@pytest.mark.parametrize("size", [1.0, 1e4, 123456.0])
 def test_labels_of_ticks_do_not_touch(draw: Callable[..., Figure], size: float, style: str) -> None:
     rng = np.random.default_rng(1)
     truth = size * (1e3 + rng.normal(size=(6, 4, 2)))

@@ -21,6 +21,7 @@ def run(solver: str, epsilon: float | None, error: float, seconds: float) -> dic
         "lower_error": 2 * error,
         "seconds": {"solve": seconds, "certify": 0.25 * seconds},
         "history": history if epsilon else [],
+        "entropic": {"error": 5 * error, "cost_error": 4 * error} if epsilon else None,
     }
 
 
@@ -52,8 +53,9 @@ def size(targets: int, steps: int) -> dict:
         "solvers": [
             {"name": "certified", "epsilon": None, "seconds": spread(targets), "error": spread(0)},
             {"name": "sinkhorn 0.1", "epsilon": 0.1, "seconds": spread(steps),
-             "error": spread(1e-3 * targets)},
-            {"name": "sinkhorn 0.01", "epsilon": 0.01, "seconds": spread(1), "error": spread(1e-5)},
+             "error": spread(1e-3 * targets), "entropic_error": spread(0.25)},
+            {"name": "sinkhorn 0.01", "epsilon": 0.01, "seconds": spread(1), "error": spread(1e-5),
+             "entropic_error": spread(0.125)},
         ],
     }  # fmt: skip
 
@@ -68,6 +70,8 @@ def test_solver_pictures() -> None:
     assert found == {
         "upper bound (TGOSPA)": ([0.01, 0.1], [1e-4, 1e-2]),
         "lower bound": ([0.01, 0.1], [2e-4, 2e-2]),
+        "entropic value": ([0.01, 0.1], [5e-4, 5e-2]),
+        "its cost, without entropy": ([0.01, 0.1], [4e-4, 4e-2]),
     }
     found = data(made["time_over_error"]().axes[0])
     assert found["certified"] == ([comparison.FLOOR], [1.25])  # no error has no logarithm
@@ -84,14 +88,22 @@ def test_study_pictures() -> None:
     assert data(time_steps)["sinkhorn 0.1"] == ([50, 100], [50, 100])
     assert "certified" not in data(error)  # named below the threshold instead
     assert "certified: below 1e-09" in error.get_title(loc="left")
-    assert data(made["error_over_epsilon"]().axes[0])["m = 20"] == ([0.01, 0.1], [1e-5, 2e-2])
+    found = data(made["error_over_epsilon"]().axes[0])
+    assert found["m = 20"] == ([0.01, 0.1], [1e-5, 2e-2])
+    assert found["m = 20, entropic value"] == ([0.01, 0.1], [0.125, 0.25])
 
 
 def test_what_failed_is_not_drawn() -> None:
     """Where all failed there is no picture; where the largest size did it has no line."""
     none = {"mean": None, "deviation": None, "max": None}
     failed = [
-        {**size, "solvers": [{**s, "seconds": none, "error": none} for s in size["solvers"]]}
+        {
+            **size,
+            "solvers": [
+                {**s, "seconds": none, "error": none, "entropic_error": none}
+                for s in size["solvers"]
+            ],
+        }
         for size in STUDY["sizes"]
     ]
     assert comparison.study_pictures({"sizes": failed}) == {}
@@ -114,13 +126,19 @@ def test_estimates() -> None:
 
 def test_no_panel_is_empty() -> None:
     """Where nobody errs there is no picture of errors, and times are drawn as bars."""
-    runs = [{**run, "error": 0.0, "lower_error": 0.0, "history": []} for run in DOCUMENT["runs"]]
+    none = {"error": 0.0, "lower_error": 0.0, "history": [], "entropic": None}
+    runs = [run | none for run in DOCUMENT["runs"]]
     made = comparison.solver_pictures({**DOCUMENT, "runs": runs})
     assert list(made) == ["time_over_error"]
     widths = [bar.get_width() for bar in made["time_over_error"]().axes[0].patches]
     assert widths == [1.25, 0.625, 2.5]
     exact = [
-        {**size, "solvers": [{**s, "error": spread(0)} for s in size["solvers"]]}
+        {
+            **size,
+            "solvers": [
+                {**s, "error": spread(0), "entropic_error": spread(0)} for s in size["solvers"]
+            ],
+        }
         for size in STUDY["sizes"]
     ]
     made = comparison.study_pictures({"sizes": exact})

@@ -1,8 +1,5 @@
 """Recordings of any length: the same size at every step, tracks whole over the seams, and files."""
 
-import json
-import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,11 +9,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from tgospa_eval import evaluate
-from tgospa_eval.cli.simulate import RECORDING_KINDS
-from tgospa_eval.simulation import Tracker
-from tgospa_eval.simulation.recordings import (
+from recordings import (
     AIS,
     CITY,
     GRAIN,
@@ -25,9 +18,11 @@ from tgospa_eval.simulation.recordings import (
     RecordingKind,
     hold_tracks,
     simulate_recording,
+    write_recording,
 )
 
-Run = Callable[..., Any]
+from tgospa_eval import evaluate
+from tgospa_eval.simulation import Tracker
 
 SMALL = {
     "ais": replace(AIS, targets=40, lifetimes=(3, 30)),
@@ -50,10 +45,6 @@ def tables(
         for side in zip(*stretches, strict=True)
     )
     return truth, estimate
-
-
-def test_kinds_are_those_of_the_option() -> None:
-    assert tuple(RECORDINGS) == RECORDING_KINDS
 
 
 @pytest.mark.parametrize("name", RECORDINGS)
@@ -209,19 +200,12 @@ def test_an_error_leaves_the_draws_of_the_others() -> None:
     )
 
 
-def test_the_command_writes_parts_by_time(
-    invoke: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_parts_are_by_time(tmp_path: Path) -> None:
     pq = pytest.importorskip("pyarrow.parquet")
-    folder = tmp_path / "a b"
-    typed = ("simulate", str(folder), "--partitioned", "city", "--rows", "9801", "--seed", "3")
-    done = invoke(*typed)
-    assert done.status == 0, done.err
-    what, command = done.out.splitlines()
-    assert command == (f"tgospa-eval evaluate '{folder}/truth' '{folder}/estimate' -c 10 -g 5")
+    write_recording(tmp_path / "a", CITY, 9801, seed=3)
     sides = {}
     for side in ("truth", "estimate"):
-        paths = sorted((folder / side).iterdir())
+        paths = sorted((tmp_path / "a" / side).iterdir())
         assert [path.name for path in paths] == [f"part-0000{k}.parquet" for k in range(5)]
         spans = [pd.read_parquet(path).t.agg(["min", "max"]).tolist() for path in paths]
         assert spans == [[1, 4], [5, 8], [9, 12], [13, 16], [17, 20]]
@@ -230,59 +214,14 @@ def test_the_command_writes_parts_by_time(
         assert [str(field.type) for field in file.schema_arrow] == ["int64"] * 2 + ["double"] * 2
         assert file.schema_arrow.names == ["t", "id", "x", "y"]
         sides[side] = pd.concat([pd.read_parquet(path) for path in paths])
-    rows = {side: f"{len(table):,} rows in {side}/" for side, table in sides.items()}
-    assert rows["truth"] == "10,000 rows in truth/"
-    assert all(text in what for text in rows.values())
-    assert f" {sides['truth'].id.nunique()} truths with" in what
-    assert f" {sides['estimate'].id.nunique()} estimates with" in what
+    assert len(sides["truth"]) == 10_000
     result = evaluate(sides["truth"], sides["estimate"], cutoff=10, switch_penalty=5)
     assert result.relative_gap < 1e-9
     assert result.tgospa > 0
 
-    files = {path: path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
-    assert invoke(*typed).out == done.out  # written anew, the same bytes
-    assert files == {path: path.read_bytes() for path in files}
-    assert invoke(*typed[:-1], "4", "--rows", "2000", "-q").out == ""
-    assert len(list(folder.rglob("part-*"))) == 8
-    assert pd.read_parquet(folder / "truth").t.max() == 4
-    _refusals(invoke, folder, typed)
-    (tmp_path / "f" / "truth").parent.mkdir()
-    (tmp_path / "f" / "truth").touch()
-    answer = invoke("simulate", str(tmp_path / "f"), *typed[2:], "--force")
-    assert (answer.status, answer.out) == (2, "")
-    assert "truth in it is a file" in answer.err
-    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
-    answer = invoke("simulate", str(tmp_path / "c"), "--partitioned", "ais")
-    assert answer.status == 2
-    assert "Parquet files need the extra parquet: " in answer.err
-    assert not (tmp_path / "c").exists()
-
-
-def _refusals(invoke: Run, folder: Path, typed: tuple[str, ...]) -> None:
-    """What stops it, each with one line."""
-    cases = [
-        (("simulate", "d", "--rows", "5"), "--rows is for --partitioned"),
-        ((*typed, "--area", "5"), "--partitioned says what is made: leave out --area"),
-        ((*typed, "--setting", "xia-2019"), "leave out --partitioned, --rows"),
-        (("simulate", "d", "--partitioned", "ais", "--rows", "0"), "--rows"),
+    write_recording(tmp_path / "b", CITY, 9801, seed=3)  # the same bytes
+    files = [
+        [path.read_bytes() for path in sorted((tmp_path / name).rglob("*.parquet"))]
+        for name in "ab"
     ]
-    for arguments, message in cases:
-        answer = invoke(*arguments)
-        assert (answer.status, answer.out) == (2, "")
-        assert message in answer.err
-    before = json.loads((folder / ".tgospa-eval.json").read_text())
-    stranger = folder / "truth" / "part-00009.parquet"
-    stranger.write_bytes(b"mine")
-    for force in ((), ("--force",)):
-        answer = invoke(*typed, *force)
-        assert answer.status == 2
-        assert "truth/part-00009.parquet in it would be part of the data" in answer.err
-    stranger.unlink()
-    (folder / "estimate" / "part-00000.parquet").write_bytes(b"changed")
-    answer = invoke(*typed)
-    assert answer.status == 2
-    assert "estimate/part-00000.parquet in it was not written by a run before" in answer.err
-    assert json.loads((folder / ".tgospa-eval.json").read_text()) == before
-    assert invoke(*typed, "--force", "-q").status == 0
-    assert pd.read_parquet(folder / "estimate").t.max() == 20
-    assert [path.name for path in folder.parent.iterdir()] == [folder.name]  # nothing beside
+    assert files[0] == files[1]

@@ -169,15 +169,15 @@ def test_settling_by_assignment() -> None:
     assert costs.lower == pytest.approx(exact)
 
 
-def test_near_misses_name_the_tolerance_that_joins_them(run: Run, write: Write) -> None:
+def test_near_misses_name_the_tolerance_that_joins_them(invoke: Run, write: Write) -> None:
     truth = "id,t,x\n" + "".join(f"a,{k / 10},0\n" for k in range(20))
     estimate = "id,t,x\n" + "".join(f"1,{k / 10 + 0.00033},0\n" for k in range(20))
     files = write("t.csv", truth), write("e.csv", estimate)
-    err = run(*files).err
+    err = invoke(*files).err
     assert "0 of 40 steps are in both files" in err
     assert "20 pairs of stamps are nearly the same, of 40 stamps that one file only has," in err
     assert "at most 0.00033 apart" in err
-    done = run(*files, "--time-tolerance", "0.00033", "--format", "json")
+    done = invoke(*files, "--time-tolerance", "0.00033", "--format", "json")
     document = json.loads(done.out)
     assert document["total"] == 0
     assert document["parameters"]["time_tolerance"] == 0.00033

@@ -1,25 +1,35 @@
 """``evaluate`` of data in parts: what has no place there, progress, Ctrl-C, the result."""
 
+import hashlib
+import json
 import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import replace
+from pathlib import Path
 
+from tgospa_eval._version import __version__
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.options import DEFAULTS, FITTING, SETTINGS, Request, is_coverage
+from tgospa_eval.api.options import DEFAULTS, FITTING, OF_CLOUDS, SETTINGS, Request, is_coverage
 from tgospa_eval.api.resolve import make_settings
+from tgospa_eval.campaign.store import locked
 from tgospa_eval.cli.evaluate.in_parts import memory_of
 from tgospa_eval.cli.evaluate.run import about_run, show
-from tgospa_eval.cli.evaluate.work import identity_of, work_folder
 from tgospa_eval.cli.shared.click_options import OutputOptions
 from tgospa_eval.cli.shared.progress import bracket, new_stopwatch, shown
-from tgospa_eval.cli.shared.streams import notifier, print_notice
+from tgospa_eval.cli.shared.streams import interrupted, notifier, print_notice
 from tgospa_eval.cli.shared.writing import probed_folder
+from tgospa_eval.common.files import named
 from tgospa_eval.common.machine import cores
 from tgospa_eval.common.progress import Progress
-from tgospa_eval.engines.cluster import Cluster
-from tgospa_eval.engines.processes import Processes
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.engines.processes import engine_of
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.partitioned.evaluate import evaluate_partitioned
-from tgospa_eval.reports.files import WORK_FOLDER
+from tgospa_eval.partitioned.input.listing import state_of, stored
+from tgospa_eval.partitioned.run import SCANNED
+from tgospa_eval.partitioned.tasks import removing
+from tgospa_eval.reports.files import WORK_FOLDER, WORK_LOG
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.partitioned import IN_PARTS, STORED_TABLES, name_of
 
@@ -62,8 +72,8 @@ def check_parts(options: Request, output: OutputOptions, why: str, *, sweep: boo
         asked.append(("plane", "leave it out: there is no picture of trajectories"))
     if sweep:
         asked.append(("sweep", "evaluate for one value after the other"))
-    if options.distance == "cloud-wasserstein":
-        asked.append(("distance cloud-wasserstein", "compare means, by another --distance"))
+    if options.distance in OF_CLOUDS:
+        asked.append((f"distance {options.distance}", "compare means, by another --distance"))
     for name, advice in asked[:1]:
         raise ConfigError(f"--{name} has no place where data are read in parts, as {why}: {advice}")
 
@@ -96,7 +106,7 @@ def evaluate_parts(
         for text in about_defaults(options, boxes=False):
             print_notice(text)
     jobs = 1 if options.scheduler else options.jobs or cores()
-    processes = Processes(jobs) if jobs > 1 else None
+    spread = bool(options.scheduler) or jobs > 1
     with work_folder(output, identity_of(paths, options)) as work:
         try:
             with shown(stopwatch, show=not output.quiet):
@@ -107,7 +117,7 @@ def evaluate_parts(
                     work=work,
                     memory=memory_of(options.memory) or UNKNOWN_MEMORY,
                     jobs=jobs,
-                    engine=Cluster(options.scheduler) if options.scheduler else processes,
+                    engine=engine_of(options.scheduler, jobs) if spread else None,
                     kept=output.output is not None,
                     stopwatch=stopwatch,
                     check=settings.check,
@@ -132,3 +142,141 @@ def _interrupted(progress: Progress, output: OutputOptions) -> str:
         return f"{proven}with -o DIR what is done is kept, and the same command goes on"
     kept = os.path.join(output.output, WORK_FOLDER)
     return f"{proven}what is done is in {kept}, and the same command goes on from there"
+
+
+# -------------------------------------------------------------------------------------------------
+# The folder of what is known on the way: found again by the same command, gone at its end.
+
+
+@contextmanager
+def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterator[Path]:
+    """The folder of work: in that of -o, where it is found again; else one that goes at the end.
+
+    Raises
+    ------
+    ConfigError
+        There is one of another evaluation, or it cannot be written.
+    """
+    if output.output is None:
+        with tempfile.TemporaryDirectory(prefix="tgospa-eval-", ignore_cleanup_errors=True) as made:
+            yield Path(made)
+        return
+    folder = Path(output.output)
+    work = folder / WORK_FOLDER
+    with named(f"--output {folder}", ConfigError, "cannot be written"):
+        work.mkdir(parents=True, exist_ok=True)
+    with locked(work, (0, 1), said=folder):
+        _begin(work, identity, output)
+        over = False
+        try:
+            yield work.absolute()  # workers of a cluster have other folders of their own
+            over = not interrupted()  # or the result was not written
+        except InputError:  # nothing to go on with, once the data are right
+            over = not (work / SCANNED).exists()
+            raise
+        finally:
+            if over:
+                _remove(work)
+    if over and work.exists():
+        _remove(work)  # Windows keeps a file that is open
+
+
+def _begin(work: Path, identity: Mapping[str, object], output: OutputOptions) -> None:
+    """See that what is there is of this evaluation, or begin it.
+
+    Raises
+    ------
+    ConfigError
+        It is of another evaluation or not ours, or it cannot be written.
+    """
+    log, where = work.parent / WORK_LOG, f"--output {output.output}"
+    with named(where, ConfigError, "cannot be written"):
+        if log.exists():
+            if _goes_on(log, identity, output, where):
+                return
+            _empty(work)
+        elif any(not path.name.startswith(".") for path in work.iterdir()):
+            raise ConfigError(
+                f"{where}: there is a folder {WORK_FOLDER} in it that is not of this program, and "
+                "would be; name another folder"
+            )
+        beside = log.with_name(f".{log.name}")
+        beside.write_text(json.dumps(identity, indent=1, sort_keys=True) + "\n", "utf-8")
+        os.replace(beside, log)
+
+
+def _empty(work: Path) -> None:
+    """Remove all but the lock; what is done loses its name first, and the log goes last.
+
+    However this is broken off, nothing that is of one evaluation passes for that of another.
+
+    Raises
+    ------
+    OSError
+        Something cannot be moved.
+    """
+    log = work.parent / WORK_LOG
+    with removing(work):
+        log.unlink(missing_ok=True)
+
+
+def _remove(work: Path) -> None:
+    """Remove the folder, as far as the system allows."""
+    with suppress(OSError):
+        _empty(work)
+        for path in work.iterdir():
+            path.unlink()
+        work.rmdir()
+
+
+def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, where: str) -> bool:
+    """Whether the work that is there is of this evaluation; it is thrown away where data changed.
+
+    Raises
+    ------
+    ConfigError
+        It is of another.
+    """
+    try:
+        old = json.loads(log.read_text("utf-8"))
+    except ValueError:
+        old = {}
+    names = sorted({*old, *identity})
+    differing = [name for name in names if old.get(name) != identity.get(name)]
+    if not differing:
+        if not output.quiet:
+            print_notice(f"going on with {log.parent}")
+        return True
+    if differing == ["data"] or output.force:
+        if not output.quiet:
+            alone = differing == ["data"]
+            what = "files that were changed or replaced since" if alone else "other data or options"
+            print_notice(f"{log.parent} is of {what}: it is begun anew")
+        return False
+    texts = (
+        f"{name.replace('_', '-')} was {json.dumps(old.get(name))}, is "
+        f"{json.dumps(identity.get(name))}"
+        for name in differing
+        if name != "data"
+    )
+    raise ConfigError(
+        f"{where}: {log.parent.name} in it is of an interrupted run with other options: "
+        f"{'; '.join(texts)}; name another folder, or --force to throw it away"
+    )
+
+
+def identity_of(paths: tuple[str, str], options: Request) -> dict[str, object]:
+    """What must be the same for the same work; as JSON gives it back."""
+    sha = hashlib.sha256()
+    for path in paths:
+        for file, found in stored(path):
+            sha.update(repr((file.path, *state_of(found))).encode("utf-8", "replace"))
+    known: dict[str, object] = json.loads(json.dumps(options.given))
+    return known | {
+        "truth": paths[0],
+        "estimate": paths[1],
+        "data": sha.hexdigest(),
+        "version": __version__,
+        "memory": memory_of(options.memory),
+        "jobs": None if options.scheduler else options.jobs or cores(),
+    }

@@ -2,17 +2,17 @@
 
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
+from tgospa_eval.api.options import PLAIN
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.verbs import CONFIG, VERBS, load
 from tgospa_eval.common import config
 from tgospa_eval.common.files import STDIN
-from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.text import clipped, listed, visible
 
 if TYPE_CHECKING:
@@ -42,10 +42,7 @@ KEYS: dict[str, bool] = {}
 TRUSTED_KEYS: set[str] = set()
 """Those that a configuration file may set which was only found: what is evaluated."""
 
-PLAIN_NUMBERS: tuple[tuple[type, Callable[[str], float | None], str], ...] = (
-    (click.types.FloatParamType, parsed, "plain, finite number; write it as 2.5 or 1e-3"),
-    (click.types.IntParamType, parsed_whole, "whole number; write it as 10"),
-)
+PLAIN_NUMBERS = ((click.types.FloatParamType, float), (click.types.IntParamType, int))
 
 
 class Option(click.Option):
@@ -84,7 +81,8 @@ class Option(click.Option):
 
     def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
         """The value; a number is a plain one, where click takes any that Python has."""
-        for kind, parse, right in PLAIN_NUMBERS if isinstance(value, str) else ():
+        for kind, plain in PLAIN_NUMBERS if isinstance(value, str) else ():
+            parse, right = PLAIN[plain]
             if isinstance(self.type, kind) and parse(value) is None:
                 raise click.BadParameter(f"{value!r} is no {right}", ctx, self)
         return super().type_cast_value(ctx, value)
@@ -194,7 +192,7 @@ SECTIONS = (
 )
 """Headings of the help, in its order."""
 
-NEEDED = {"Gaussians": "gaussian-wasserstein", "Particles": "cloud-wasserstein"}
+NEEDED = {"Gaussians": "gaussian-wasserstein", "Particles": "cloud-wasserstein or a sliced one"}
 """The distance that a section is for."""
 
 VERB_WORDS = {

@@ -82,6 +82,13 @@ def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
         if show:
             print_notice("stopping: what is proven so far follows; Ctrl-C again ends at once")
 
+    say = stopwatch.notify
+
+    def notify(text: str) -> None:
+        display.clear()
+        say(text)
+
+    stopwatch.notify = notify
     with on_interrupt(take), Display(stopwatch) as display:
         task = BackgroundTask(work)
         while not task.wait(0.1):

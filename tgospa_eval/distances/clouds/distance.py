@@ -10,9 +10,9 @@ with the Bures distance B of their covariances; it is attained where one cloud i
 the cutoff or beyond it gains nothing, so that only pairs whose bounds are below it are solved.
 """
 
-import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +33,7 @@ from tgospa_eval.distances.clouds.reduction import Reduction
 from tgospa_eval.distances.clouds.transport import (
     MOST_PARTICLES,
     TOO_LARGE,
+    Cloud,
     check_order,
     distance,
     plan,
@@ -57,11 +58,8 @@ UNSURE = 1e-11
 BOUNDS_TOGETHER = 1 << 16
 """Pairs whose bounds are computed at a time."""
 
-ANNOUNCED_FROM = 2.0
-"""Seconds of work from which on the user is notified how long it will take."""
-
-SECONDS_TOGETHER = 0.25
-"""Seconds of work that a thread does at a time, about."""
+SOON = 250.0
+"""Milliseconds of work that a thread does at a time, about."""
 
 MANY_PARTICLES = 300
 """Particles from which on there is a hint to reduce them."""
@@ -103,7 +101,7 @@ class CloudPairs(Distance):
         i, j, value = pairs.truth_row, pairs.estimate_row, pairs.distance.copy()
         are_points = a.counts[i] == 1, b.counts[j] == 1
         is_open = ~(are_points[0] & are_points[1])
-        if self.order == 2:
+        if self.has_moments_bound:
             moments = [_moments(clouds) for clouds in (a, b)]
             unsolved = np.flatnonzero(is_open)
             for begin in range(0, len(unsolved), BOUNDS_TOGETHER):
@@ -113,10 +111,32 @@ class CloudPairs(Distance):
             is_open &= ~(are_points[0] | are_points[1])
         if self.gating:
             is_open &= value < self.horizon(sides, cutoff)
-        rows = np.flatnonzero(is_open)
-        value[rows] = _solved((a, b), (i[rows], j[rows]), self.order, sides, effort)
+        at = np.flatnonzero(is_open)
+        rows = i[at], j[at]
+        sizes = a.counts[rows[0]], b.counts[rows[1]]
+        works = self.works(sizes, rows, sides)
+        most = max(int(size.max(initial=0)) for size in sizes)
+        what = f"{counted(len(at), 'distance')} of clouds of up to {most} particles"
+        what += "; --reduce 50 makes them small" if most > MANY_PARTICLES else ""
+        value[at] = _solved(partial(self.one, (a, b)), rows, works, what, effort)
         near = np.flatnonzero(value < cutoff)
         return Pairs(truth_row=i[near], estimate_row=j[near], distance=value[near])
+
+    @property
+    def has_moments_bound(self) -> bool:
+        """Whether the Gelbrich bound is one."""
+        return self.order == 2
+
+    def works(self, sizes: tuple[Ints, Ints], rows: tuple[Ints, Ints], sides: Sides) -> Floats:
+        """About how many milliseconds each pair takes: of sorting on a line, of transport else."""
+        if len(sides[0].columns) == 1:
+            return np.asarray(0.1 + 2e-4 * (sizes[0] + sizes[1]))
+        _check_sizes(sizes, rows, sides)
+        return np.asarray(0.1 + 2.0 * (sizes[0] * (sizes[1] / 1e4)) ** 1.05)
+
+    def one(self, clouds: tuple[Clouds, Clouds]) -> Callable[[int, int], float]:
+        """The distance of two clouds by their rows, for some neighbouring pairs."""
+        return lambda i, j: distance(clouds[0][i], clouds[1][j], self.order)
 
     def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
         """Of order 2: distances of the means, and of the clouds moved onto one mean."""
@@ -146,7 +166,7 @@ class OwnCovariance(CloudPairs):
         i, j = pairs.truth_row, pairs.estimate_row
         covariance = 0.5 * (a.covariances[i] + b.covariances[j])
         value = np.full(len(i), np.inf)
-        _check_sizes([a.counts[i], b.counts[j]], (i, j), sides)
+        self.works((a.counts[i], b.counts[j]), (i, j), sides)
         for k, matrix in enumerate(covariance):
             try:
                 factor = cholesky(matrix)
@@ -183,74 +203,47 @@ def _spread(moments: list[tuple[Floats, Floats]], i: Ints, j: Ints) -> Floats:
 
 
 def _solved(
-    clouds: tuple[Clouds, Clouds], rows: tuple[Ints, Ints], order: int, sides: Sides, effort: Effort
+    one: Callable[[], Callable[[int, int], float]],
+    rows: tuple[Ints, Ints],
+    works: Floats,
+    what: str,
+    effort: Effort,
 ) -> Floats:
-    """Distances (N,) of pairs of clouds, in threads: POT lets go of the interpreter."""
-    count = len(rows[0])
+    """Distances (N,) of pairs of clouds, in threads: POT lets go of the interpreter.
+
+    `one()` makes the function of two rows for some neighbouring pairs; `works` are in milliseconds,
+    about.
+    """
+    count = len(works)
     if not count:
         return np.zeros(0)
-    sizes = [part.counts[at] for part, at in zip(clouds, rows, strict=True)]
-    _check_sizes(sizes, rows, sides)
     jobs = min(effort.jobs or cores(), count)
-    seconds = estimated_seconds(*sizes, is_line=len(sides[0].columns) == 1) / jobs
-    if seconds > ANNOUNCED_FROM:
-        most = int(max(size.max() for size in sizes))
-        hint = "; --reduce 50 makes them small" if most > MANY_PARTICLES else ""
-        effort.stopwatch.notify(
-            f"{counted(count, 'transport')} of up to {most} particles to solve, about "
-            f"{_time(seconds)}{hint}"
-        )
     answer = np.zeros(count)
     # Small enough that an interrupt is heeded soon.
-    soon = int(SECONDS_TOGETHER * count / (seconds * jobs))
-    step = max(1, min(64, count // (8 * jobs), soon))
+    step = max(1, min(64, count // (8 * jobs), int(SOON * count / works.sum())))
 
     def solve(begin: int) -> int:
-        for k in range(begin, min(begin + step, count)):
-            first, second = (part[int(at[k])] for part, at in zip(clouds, rows, strict=True))
-            answer[k] = distance(first, second, order)
-        return begin + step
+        between, part = one(), range(begin, min(begin + step, count))
+        for k in part:
+            answer[k] = between(int(rows[0][k]), int(rows[1][k]))
+        return part.stop
 
     solve(0)  # what cannot be imported says so before threads are made
+    begins = range(step, count, step)
+    together = np.add.reduceat(works, np.arange(0, count, step))[1:]
     with effort.stopwatch.showing():
-        for done in in_order(solve, range(step, count, step), jobs):
-            effort.stopwatch.stage = f"transports, {min(done, count):,} of {count:,}"
+        for done in effort.stopwatch.paced(in_order(solve, begins, jobs), together, what):
+            effort.stopwatch.stage = f"distances of clouds, {done:,} of {count:,}"
     return answer
 
 
-def estimated_seconds(first: Ints, second: Ints, *, is_line: bool = False) -> float:
-    """Of transports between clouds of so many particles: about 2 ms for 100, and N^2.1.
-
-    On a line they are sorted by their place.
-    """
-    if is_line:
-        return float(np.sum(1e-4 + 2e-7 * (first + second)))
-    scale = np.sqrt(first.astype(np.float64) * second) / 100
-    return float(np.sum(2e-3 * scale**2.1 + 1e-4))
-
-
-def announce(effort: Effort, count: int, what: str, one: Callable[[], object]) -> None:
-    """Notify the user if so many pieces of work like this one take long."""
-    for _ in range(2):  # imports are what may take long the first time
-        begin = time.perf_counter()
-        one()
-        seconds = count * (time.perf_counter() - begin)
-        if seconds <= ANNOUNCED_FROM:
-            return
-    effort.stopwatch.notify(f"{what}, at most about {_time(seconds)}")
-
-
-def _check_sizes(sizes: list[Ints], rows: tuple[Ints, Ints], sides: Sides) -> None:
-    """Whether costs of all pairs fit; of points on a line there are none."""
+def _check_sizes(sizes: tuple[Ints, Ints], rows: tuple[Ints, Ints], sides: Sides) -> None:
+    """Whether costs of all pairs fit."""
     wrong = np.flatnonzero(sizes[0].astype(np.int64) * sizes[1] > MOST_PARTICLES**2)
-    if len(wrong) and len(sides[0].columns) > 1:
+    if len(wrong):
         k = int(wrong[0])
         which = [f" with {size[k]} particles" for size in sizes]
         raise InputError(f"{pair_named(sides, rows[0][k], rows[1][k], *which)}: {TOO_LARGE}")
-
-
-def _time(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"
 
 
 def slopes_of_particles(
@@ -349,8 +342,8 @@ class CloudWasserstein(Distance):
             raise ConfigError("a covariance of particles needs the inner distance mahalanobis")
         # Checks scale and covariance, and keeps them as tuples.
         for name in ("scale", "covariance"):
-            if hasattr(self.lower_bound, name):
-                object.__setattr__(self, name, getattr(self.lower_bound, name))
+            if hasattr(self.inner_of_means, name):
+                object.__setattr__(self, name, getattr(self.inner_of_means, name))
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -359,22 +352,27 @@ class CloudWasserstein(Distance):
 
     @property
     def lower_bound(self) -> Distance:
-        """The inner distance of the means, a lower bound."""
+        """The inner distance of the means."""
+        return self.inner_of_means
+
+    @property
+    def inner_of_means(self) -> Distance:
+        """The inner distance, of points."""
         if self.covariance is not None:
             return Mahalanobis(covariance=self.covariance, scale=self.scale)
         return Norm(name="euclidean", power=2.0, scale=self.scale)
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
         """Distance of points, as states alone are; of clouds the distance of their means."""
-        return self.lower_bound.between(components)
+        return self.inner_of_means.between(components)
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
         """That of the distance of the means."""
-        return self.lower_bound.reach(cutoff, axes)
+        return self.inner_of_means.reach(cutoff, axes)
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
         """Whether covariance and scale are for so many columns."""
-        self.lower_bound.check_columns(columns, name)
+        self.inner_of_means.check_columns(columns, name)
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:
         """Order, inner distance and reduction by the names of the options."""
@@ -421,7 +419,7 @@ class CloudWasserstein(Distance):
             if factor is not None and len(clouds):
                 clouds = clouds.moved(whitened_points(clouds.points, factor, centre[0]))
             found.append(side.with_clouds(clouds))
-        return (found[0], found[1]), self._measure()
+        return (found[0], found[1]), self._measure(len(sides[0].columns))
 
     def particle_slopes(self, pairs: Pairs, sides: Sides) -> Floats:
         """By the envelope theorem: the optimal plan and the weights are held.
@@ -445,7 +443,7 @@ class CloudWasserstein(Distance):
         clouds = single(side.state) if side.clouds is None else side.clouds
         return clouds if self.scale is None else clouds.moved(clouds.points * self.scale)
 
-    def _measure(self) -> Distance:
+    def _measure(self, size: int) -> Distance:
         """Of clouds as they are prepared."""
         return CloudPairs(order=self.order, gating=self.gating)
 
@@ -467,17 +465,28 @@ class PairCloudWasserstein(CloudWasserstein):
         """As of other clouds, with the word for it."""
         return {**super().settings(columns), "inner_cov": "pair"}
 
-    def _measure(self) -> Distance:
+    def _measure(self, size: int) -> Distance:
         return OwnCovariance(order=self.order, gating=self.gating)
 
 
-def reduced(clouds: Clouds, reduction: Reduction, effort: Effort) -> Clouds:
-    """Every cloud reduced; the user is notified if that takes long, as one of them shows."""
-    large = int(np.count_nonzero(clouds.counts > reduction.size))
-    if not large:
+def reduced(
+    clouds: Clouds, reduction: Reduction, effort: Effort, histories: list[list[float]] | None = None
+) -> Clouds:
+    """Every cloud reduced; the user is notified if that takes long.
+
+    `histories` get the distance to each cloud before each iteration.
+    """
+    is_large = clouds.counts > reduction.size
+    if not is_large.any():
         return clouds
-    what = counted(large, "cloud")
-    longest = clouds[int(clouds.counts.argmax())]
-    announce(effort, large, f"{what} to reduce", lambda: reduction(longest))
+    what = counted(int(np.count_nonzero(is_large)), "cloud")
+    works = (clouds.counts * is_large).tolist()
+
+    def passed(found: Iterator[tuple[Cloud, list[float]]]) -> Iterator[Cloud]:
+        for cloud, history in effort.stopwatch.paced(found, works, f"{what} to reduce"):
+            if histories is not None:
+                histories.append(history)
+            yield cloud
+
     with effort.stopwatch.showing(f"reducing {what}"):
-        return clouds.changed(reduction, effort.jobs)
+        return clouds.changed(reduction.trace, effort.jobs, passed)

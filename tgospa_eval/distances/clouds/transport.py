@@ -25,6 +25,7 @@ from tgospa_eval.text import quoted
 from tgospa_eval.tracks.clouds import LARGEST_COORDINATE, UNEVEN_SUM, are_normalised
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
 
 RESAMPLING = ("systematic", "stratified", "multinomial")
 
@@ -463,16 +464,17 @@ def _merged(cloud: Cloud) -> tuple[Floats, Floats, NDArray[np.intp]]:
 
 def distance(a: Cloud, b: Cloud, order: int) -> float:
     """W_q of two clouds; distinct particles of positive weight, in order, save time."""
-    if _are_alike(a, b):
+    if are_alike(a, b):
         return 0.0
     if a[0].shape[1] == 1:
-        return float(_along_a_line(a, b, order) ** (1 / order))
+        along = np.ones((1, 1))
+        return float(line_costs(on_lines(a, along), on_lines(b, along), order)[0] ** (1 / order))
     _check_size(a, b)
     costs = _costs(a[0], b[0], order)
     return float(np.vdot(_optimal(a[1], b[1], costs), costs) ** (1 / order))
 
 
-def _are_alike(a: Cloud, b: Cloud) -> bool:
+def are_alike(a: Cloud, b: Cloud) -> bool:
     """Whether they are the same particles, with weights that differ by rounding only.
 
     The least mass that rounding leaves over would have to go far: its root is not small.
@@ -501,27 +503,59 @@ def plan(a: Cloud, b: Cloud, order: int) -> Floats:
 
 def north_west(u: Floats, v: Floats) -> Floats:
     """The plan of sorted clouds: from the first corner on, row or column is used up in turn."""
-    ends = np.cumsum(u), np.cumsum(v)
-    cuts = np.sort(np.concatenate((ends[0][:-1], ends[1][:-1])))
-    cuts = np.concatenate(([0.0], cuts.clip(0, 1), [1.0]))
-    middle = 0.5 * (cuts[1:] + cuts[:-1])
     table = np.zeros((len(u), len(v)))
-    i, j = (np.searchsorted(end[:-1], middle) for end in ends)
-    np.add.at(table, (i, j), np.diff(cuts))
+    i, j, mass = (part[0] for part in _pieces(np.cumsum(u)[None], np.cumsum(v)[None]))
+    np.add.at(table, (i, j), mass)
     return table
 
 
-def _along_a_line(a: Cloud, b: Cloud, order: int) -> float:
-    """W_q^q in one dimension: quantiles go to quantiles."""
-    points, ends = [], []
-    for x, weights in (a, b):
-        by_place = np.argsort(x[:, 0], kind="stable")
-        points.append(x[by_place, 0])
-        ends.append(np.cumsum(weights[by_place])[:-1])
-    cuts = np.concatenate(([0.0], np.sort(np.concatenate(ends)).clip(0, 1), [1.0]))
-    middle = 0.5 * (cuts[1:] + cuts[:-1])
-    x, y = (p[np.searchsorted(end, middle)] for p, end in zip(points, ends, strict=True))
-    return float(np.diff(cuts) @ np.abs(x - y) ** order)
+def _pieces(u: Floats, v: Floats) -> tuple[Ints, Ints, Floats]:
+    """Which particles share each piece of the mass, and how much it is, (V, N + M - 1) each.
+
+    By the running weights (V, N) and (V, M) of particles in order, or one line of them for all.
+    """
+    rows = max(len(u), len(v))
+    inner = [np.broadcast_to(ends[:, :-1], (rows, ends.shape[1] - 1)) for ends in (u, v)]
+    cuts = np.concatenate(inner, axis=1)
+    by_place = np.argsort(cuts, axis=1, kind="stable")
+    cuts = np.take_along_axis(cuts, by_place, axis=1).clip(0.0, 1.0)
+    of_u = by_place < u.shape[1] - 1  # and else of v
+    i = np.concatenate((np.zeros((rows, 1), np.intp), np.cumsum(of_u, axis=1)), axis=1)
+    return i, np.arange(i.shape[1]) - i, np.diff(cuts, prepend=0.0, append=1.0, axis=1)
+
+
+Lines = tuple[Floats, Floats]
+"""Of projections of a cloud: places (V, N) in order, and the sums of their weights, or (1, N)."""
+
+
+def on_lines(cloud: Cloud, directions: Floats) -> Lines:
+    """Places of the particles along each direction (V, d), in order, with their running weights.
+
+    Summed component by component: a routine for matrices may round equal particles to different
+    places.
+    """
+    points, weights = cloud
+    places = sum(v[:, None] * x for v, x in zip(directions.T, points.T, strict=True))
+    places = np.asarray(places)
+    if (weights == weights[0]).all():
+        places.sort(axis=1)
+        ends = np.cumsum(weights)[None]
+    else:
+        order = np.argsort(places, axis=1, kind="stable")
+        places = np.take_along_axis(places, order, axis=1)
+        ends = np.cumsum(weights[order], axis=1)
+    ends[:, -1] = 1.0
+    return places, ends
+
+
+def line_costs(a: Lines, b: Lines, order: int) -> Floats:
+    """W_q^q in one dimension, (V,): ``int_0^1 |F^-1(s) - G^-1(s)|^q ds``, quantile to quantile."""
+    (x, u), (y, v) = a, b
+    if u.shape == v.shape and (u == v).all():
+        return np.asarray((np.diff(u, prepend=0.0) * np.abs(x - y) ** order).sum(axis=1))
+    i, j, mass = _pieces(u, v)
+    apart = np.take_along_axis(x, i, axis=1) - np.take_along_axis(y, j, axis=1)
+    return np.asarray((mass * np.abs(apart) ** order).sum(axis=1))
 
 
 def _check_size(a: Cloud, b: Cloud) -> None:

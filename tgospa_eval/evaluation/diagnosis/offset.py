@@ -299,6 +299,7 @@ class Search:
         self.moments, self.parameters, self.distance = moments, parameters, distance
         self.steps = self._sampled()
         self.rows = StepRows.of(self.estimate, self.steps)
+        self._fits = dict[tuple[float, float], Fit]()  # several ways lead to most shifts
 
     def _sampled(self) -> Ints:
         """Steps of the estimate that have rows, evenly spread."""
@@ -324,14 +325,18 @@ class Search:
 
     def fit(self, shift: float, sharp: float = 1.0) -> Fit:
         """Of a shift, with another cutoff than that of the evaluation if need be."""
-        wanted = self.moments[1][self.steps] + shift
-        truth = self.timeline.at(wanted)
-        return Fit(
-            shift,
-            step_costs(truth, self.rows, self.parameters, self.distance),
-            inside=(wanted >= self.moments[0][0]) & (wanted <= self.moments[0][-1]),
-            sharp=sharp,
-        )
+        if (found := self._fits.get((shift, sharp))) is None:
+            if sharp != 1:
+                found = replace(self.fit(shift), sharp=sharp)
+            else:
+                wanted = self.moments[1][self.steps] + shift
+                found = Fit(
+                    shift,
+                    step_costs(self.timeline.at(wanted), self.rows, self.parameters, self.distance),
+                    inside=(wanted >= self.moments[0][0]) & (wanted <= self.moments[0][-1]),
+                )
+            self._fits[shift, sharp] = found
+        return found
 
     def offset(
         self, others: Iterable[float], here: "Search | None" = None
@@ -363,7 +368,7 @@ class Search:
         def fit(shift: float) -> Fit:
             return self.fit(shift, sharp)
 
-        tried = [replace(one, sharp=sharp) for one in (*tried, best)]
+        tried = [fit(one.shift) for one in (*tried, best)]
         most = max(one.total for one in tried)
         tried += [self._finer(one, fit) for one in tried if one.total >= PROMISING * most]
         best = max(tried, key=lambda one: one.total)

@@ -347,9 +347,11 @@ def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
             from difflib import get_close_matches  # here: for mistakes only
 
             near = next(iter(get_close_matches(header, headers.names, n=1)), None)
-            mapping = {f"{name}={header}": f"{name}={near or 'HEADER'}"}
+            wrong = re.compile(rf"^({re.escape(name)}=(?:.*\+)?){re.escape(header)}(?=$|\+)")
             given = ("=".join(map(str.strip, item.split("=", 1))) for item in options.columns or ())
-            remedy = ask(headers.option, [mapping.get(item, item) for item in given])
+            known = (near or "HEADER").replace("\\", r"\\")
+            mended = [wrong.sub(rf"\g<1>{known}", item) for item in given]
+            remedy = ask(headers.option, mended)
             fault = (
                 f"{headers.where}: no header {quoted(header)} for {name} (found: {headers.shown}); "
                 f"{f'did you mean {remedy}?' if near else f'name one of these, {remedy}'}"

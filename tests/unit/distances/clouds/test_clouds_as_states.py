@@ -1,8 +1,9 @@
 """Particle clouds as states: files, base distance of the metric, associate and reduce."""
 
 import json
+import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from oracles import cloud_distance, programme
 
 from tgospa_eval import InputError, Trajectories, evaluate, read_trajectories
+from tgospa_eval.common import progress
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import (
     CloudWasserstein,
@@ -27,6 +29,7 @@ from tgospa_eval.distances import (
     PairMahalanobis,
     Pairs,
     Reduction,
+    SlicedWasserstein,
     cloud_wasserstein,
     near_pairs,
 )
@@ -39,7 +42,7 @@ from tgospa_eval.plots.plane import Plane, ellipses
 from tgospa_eval.plots.style import STYLES
 from tgospa_eval.sensors.association import associate
 from tgospa_eval.tracks.alignment import TimeMatching, align
-from tgospa_eval.tracks.clouds import Clouds
+from tgospa_eval.tracks.clouds import Cloud, Clouds
 from tgospa_eval.tracks.covariances import unpack
 
 Write = Callable[[str, str | bytes], str]
@@ -181,8 +184,8 @@ def test_reduction_belongs_to_the_distance() -> None:
     a, b = scene(9, most=40), scene(10, most=40)
     distance = CloudWasserstein(reduction=Reduction(size=5))
     result = evaluate(a, b, distance=distance)
-    reduced = [side.with_clouds(side.clouds.changed(Reduction(size=5))) for side in (a, b)]
-    assert result.tgospa == evaluate(*reduced, distance=CloudWasserstein()).tgospa
+    small = [side.with_clouds(reduced(side.clouds, Reduction(size=5), Effort())) for side in (a, b)]
+    assert result.tgospa == evaluate(*small, distance=CloudWasserstein()).tgospa
     assert result.parameters["reduce"] == 5
     assert evaluate(a, a, distance=distance).tgospa <= 1e-6
     with pytest.raises(ConfigError, match=r"reduction is 5: must be a Reduction\(size=\.\.\.\)"):
@@ -191,34 +194,43 @@ def test_reduction_belongs_to_the_distance() -> None:
     assert evaluate(a, a, distance=drawn).tgospa <= 1e-6
 
 
+@pytest.mark.parametrize("seconds", [0.05, 0.4, 3.0])
+def test_the_time_left_follows_from_the_pace(seconds: float) -> None:
+    """Whatever a piece takes, and whatever came before: what is told is what is left."""
+    now, said = [0.0], []
+    stopwatch = Stopwatch(lambda: now[0])
+    stopwatch.notify = lambda text: said.append((now[0], text))
+
+    def pieces() -> Iterator[int]:
+        for k in range(200):
+            now[0] += seconds * (1 + k % 2)
+            yield k
+
+    works = [1 + k % 2 for k in range(200)]
+    assert list(stopwatch.paced(pieces(), works, "200 clouds to reduce")) == list(range(200))
+    ((at, text),) = said
+    assert progress.PACED_FROM < at <= progress.PACED_FROM + 4 * seconds
+    number, unit = text.removeprefix("200 clouds to reduce, about ").split()[:2]
+    told = float(number) * {"s": 1, "min": 60}[unit]
+    assert told == pytest.approx(now[0] - at, rel=0.1)
+    assert stopwatch.progress.left is None  # what comes next has another pace
+
+
 def test_the_user_is_told_of_long_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bounds, "ANNOUNCED_FROM", 0.0)
+    monkeypatch.setattr(progress, "PACED_FROM", 0.0)
+    monkeypatch.setattr(progress, "ANNOUNCED_FROM", 0.0)
     monkeypatch.setattr(bounds, "MANY_PARTICLES", 5)
     said: list[str] = []
     stopwatch = Stopwatch()
     stopwatch.notify = said.append
-    near_pairs(scene(11), scene(12), 5, CloudWasserstein(), Effort(stopwatch=stopwatch))
-    assert "transports of up to" in said[0]
-    assert said[0].endswith("--reduce 50 makes them small")
+    near_pairs(scene(11), scene(12), 5, CloudWasserstein(), Effort(jobs=1, stopwatch=stopwatch))
+    assert re.fullmatch(
+        r"\d+ distances of clouds of up to 9 particles; --reduce 50 makes them small, "
+        r"about 0 s left",
+        said[0],
+    )
     reduced(scene(11).clouds, Reduction(size=2), Effort(stopwatch=stopwatch))
-    assert "clouds to reduce, at most about " in said[1]
-
-
-def test_the_time_to_import_is_not_multiplied(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first piece of work may take seconds, of which the others know nothing."""
-    clock = iter([0.0, 9.0, 9.0, 9.001])
-    monkeypatch.setattr(bounds.time, "perf_counter", lambda: next(clock))
-    said: list[str] = []
-    stopwatch = Stopwatch(lambda: 0.0)
-    stopwatch.notify = said.append
-    bounds.announce(Effort(stopwatch=stopwatch), 100, "100 clouds to reduce", lambda: None)
-    assert said == []
-
-
-def test_estimated_time() -> None:
-    size = np.array([1000])
-    assert bounds.estimated_seconds(size, size) == pytest.approx(0.25, 0.2)
-    assert bounds.estimated_seconds(size, size, is_line=True) < 1e-3
+    assert re.fullmatch(r"\d+ clouds to reduce, about 0 s left", said[1])
 
 
 def test_clouds_that_are_too_large_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -228,6 +240,110 @@ def test_clouds_that_are_too_large_are_named(monkeypatch: pytest.MonkeyPatch) ->
         match=r'id "\d" with \d+ particles and id "\d" with \d+ particles at t \d: more than ',
     ):
         near_pairs(scene(13), scene(14), 100, CloudWasserstein())
+
+
+# --- sliced ---------------------------------------------------------------------------------------
+
+
+def sliced_one_by_one(a: Cloud, b: Cloud, distance: SlicedWasserstein) -> float:
+    """From transports of single projections, on directions spelt out."""
+    (x, u), (y, v) = a, b
+    lines = np.linalg.inv(np.linalg.cholesky(distance.covariance or np.eye(2))).T
+    angles = np.pi * (np.arange(distance.directions) + 0.5) / distance.directions
+    lines = np.column_stack((np.cos(angles), np.sin(angles))) @ lines.T * (distance.scale or 1.0)
+    q = distance.order
+    values = np.array([cloud_wasserstein(x @ w, u, y @ w, v, order=q) for w in lines])
+    return float(values.max() if distance.maximum else np.mean(values**q) ** (1 / q))
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("maximum", [False, True])
+@pytest.mark.parametrize("cutoff", [2.0, 6.0, 100.0])
+def test_sliced_is_the_mean_or_the_largest_of_transports(
+    order: int, maximum: bool, cutoff: float
+) -> None:
+    a, b = scene(1), scene(2)
+    for inner in ({}, {"inner": "mahalanobis", "covariance": [[4, 1], [1, 2]], "scale": (2, 0.5)}):
+        distance = SlicedWasserstein(order=order, maximum=maximum, directions=7, **inner)
+        gated, whole = (
+            near_pairs(a, b, cutoff, replace(distance, gating=gating), Effort(jobs=jobs))
+            for gating, jobs in ((True, 1), (False, 3))
+        )
+        assert as_dict(gated) == as_dict(whole)
+        expected = {
+            (i, int(j)): value
+            for i, step in enumerate(a.step)
+            for j in np.flatnonzero(b.step == step)
+            if (value := sliced_one_by_one(a.clouds[i], b.clouds[int(j)], distance)) < cutoff
+        }
+        assert as_dict(gated) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@settings(max_examples=12)
+@given(st.integers(0, 10**6), st.sampled_from([1, 2]), st.booleans(), st.sampled_from([2, 3]))
+def test_sliced_is_a_pseudometric_below_the_whole_distance(
+    seed: int, order: int, maximum: bool, size: int
+) -> None:
+    sides = [scene(seed + k, tracks=3, most=5, size=size) for k in range(3)]
+    distance = SlicedWasserstein(order=order, maximum=maximum)
+
+    def value(a: int, b: int) -> dict:
+        return as_dict(near_pairs(sides[a], sides[b], 1e6, distance))
+
+    ab, ba, bc, ac = value(0, 1), value(1, 0), value(1, 2), value(0, 2)
+    whole = as_dict(near_pairs(sides[0], sides[1], 1e6, CloudWasserstein(order=order)))
+    assert all(ab[pair] <= whole[pair] * (1 + 1e-9) + 1e-9 for pair in whole)
+    assert {pair[::-1]: each for pair, each in ba.items()} == pytest.approx(ab, abs=1e-12)
+    assert all(ac[i, k] <= ab[i, j] + bc[j, k] + 1e-9 for i, j in ab for (h, k) in bc if h == j)
+    assert max(value(0, 0)[k, k] for k in range(len(sides[0].step))) == 0.0
+
+
+def test_of_points_it_is_the_mean_of_projections_in_any_dimension() -> None:
+    """A tight frame: the squares of V projections sum to V |x|^2 / d."""
+    rng = np.random.default_rng(3)
+    for size in (1, 2, 3, 4, 6):
+        a, b = rng.normal(size=(2, 9, size)) + 6e6
+        apart = np.linalg.norm(a - b, axis=1)
+        assert SlicedWasserstein()(a, b) == pytest.approx(apart / np.sqrt(size), rel=1e-9)
+        largest = SlicedWasserstein(maximum=True)(a, b)
+        assert (largest <= apart * (1 + 1e-9)).all()
+        assert (largest >= apart / np.sqrt(size) * (1 - 1e-9)).all()
+
+
+def test_different_clouds_may_be_at_no_distance() -> None:
+    """Which is why it is no metric: both have the same projections on two orthogonal directions."""
+    frames = [
+        pd.DataFrame({"id": 1, "t": 0, "weight": 0.5, "x": x, "y": y})
+        for x, y in (([1, -1], [0, 0]), ([0, 0], [1, -1]))  # directions are (1, 1) and (-1, 1)
+    ]
+    few, many = (
+        evaluate(*frames, cutoff=9, distance=SlicedWasserstein(directions=count)).tgospa
+        for count in (2, 3)
+    )
+    assert few <= 1e-7
+    assert many > 0.1
+
+
+@pytest.mark.parametrize("name", ["sliced-wasserstein", "max-sliced-wasserstein"])
+def test_sliced_from_the_command_line(name: str, write: Write, invoke: Run) -> None:
+    truth, estimate = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
+    options = ("--distance", name, "-c", "10", "-g", "5", "--directions", "6", "--seed", "3")
+    answer = invoke(truth, estimate, *options, "--format", "json")
+    found = json.loads(answer.out)
+    distance = SlicedWasserstein(maximum=name[0] == "m", directions=6, seed=3)
+    result = evaluate(truth, estimate, cutoff=10, switch_penalty=5, distance=distance)
+    assert found["tgospa"] == result.tgospa
+    recorded = {key: found["parameters"][key] for key in ("distance", "directions", "seed")}
+    assert recorded == {"distance": name, "directions": 6, "seed": 3}
+    assert (found.get("localisation_spread") is None) == distance.maximum
+    for wrong, message in (
+        (("--directions", "1"), "directions is 1: must be a whole number, 2 or more"),
+        (("--reduce-method", "atl"), "--reduce-method is for --reduce N, which is missing"),
+    ):
+        assert message in invoke(truth, estimate, "--distance", name, *wrong).err
+    assert invoke("associate", truth, estimate, "--distance", name, "-c", "9").status == 0
+    with pytest.raises(ConfigError, match=f"no derivative is known of the distance {name}"):
+        evaluate(truth, estimate, cutoff=10, distance=distance).gradient()
 
 
 # --- the record -----------------------------------------------------------------------------------
@@ -289,10 +405,10 @@ def test_rows_of_one_id_and_time_are_a_cloud(write: Write) -> None:
     assert single.clouds.weights.tolist() == [1]
 
 
-def test_value_of_the_worked_example(write: Write, run: Run, invoke: Run) -> None:
+def test_value_of_the_worked_example(write: Write, invoke: Run) -> None:
     """Distances sqrt(1.6) and 1, then two particles at 1 from a point."""
     paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
-    status, out, _ = run(*paths, *WHOLE, "-c", "10", "-g", "2", "--format", "json")
+    status, out, _ = invoke(*paths, *WHOLE, "-c", "10", "-g", "2", "--format", "json")
     assert status == 0
     assert json.loads(out)["total"] == pytest.approx(1.6 + 1 + 1, rel=1e-12)
     status, out, _ = invoke(*paths, *WHOLE, "--cloud-order", "1", "-c", "10", "--format", "json")
@@ -459,7 +575,7 @@ def test_a_cloud_is_inside_a_region_where_its_mean_is(write: Write) -> None:
 def test_options_that_do_not_fit(write: Write, invoke: Run) -> None:
     path = write("t.csv", TRUTH)
     for options, message in (
-        (("--reduce", "5"), "--reduce is for cloud-wasserstein, not for euclidean"),
+        (("--reduce", "5"), "--reduce is for distances of clouds, not for euclidean"),
         ((*WHOLE, "--polish", "1"), "--polish is for --reduce N, which is missing"),
         (
             (*WHOLE, "--reduce", "2", "--reduce-method", "top", "--seed", "1"),
@@ -761,6 +877,10 @@ def test_reduce(write: Write, invoke: Run, tmp_path: Path) -> None:
     assert document["counts"] == {"clouds": 1, "particles": 100, "kept": 10}
     (row,) = document["clouds"]
     assert row["mean_shift"] < 1e-12
+    # Of the default directions, on which the result is measured too; here they stay at the end.
+    assert row["history"][-1] == pytest.approx(row["sliced_wasserstein"], rel=1e-9)
+    assert (np.diff(row["history"]) <= 1e-12).all()
+    assert "history" not in invoke("reduce", path, "b.csv", "-n", "9", "--format", "csv").out
     before = read_trajectories(path)
     after = read_trajectories(tmp_path / "out.parquet")
     assert after.clouds.counts.tolist() == [10]

@@ -436,3 +436,34 @@ def test_large_coordinates_keep_their_digits() -> None:
 def test_wrong_reductions(given_settings: dict, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         reduce_cloud(X, U, 2, **given_settings)
+
+
+@pytest.mark.parametrize("method", ["sliced", "recursive", "atl", "kmeans"])
+def test_the_history_of_a_reduction(method: str) -> None:
+    """The distance to the cloud before each iteration, from positions after fewer iterations."""
+    rng = np.random.default_rng(5)
+    points = rng.normal(size=(80, 2)) + rng.choice([-3, 3], (80, 1))
+    weights = rng.dirichlet(np.ones(80))
+    made = {"method": method, **({"directions": 6} if method in ("sliced", "recursive") else {})}
+    angles = np.pi * (np.arange(6) + 0.5) / 6
+
+    def apart(x: np.ndarray, mass: np.ndarray) -> float:
+        if method == "kmeans":
+            nearest = ((points[:, None] - x) ** 2).sum(axis=2).min(axis=1)
+            return float(np.sqrt(weights @ nearest))
+        if method == "atl":
+            return cloud_wasserstein(x, mass, points, weights)
+        lines = np.column_stack((np.cos(angles), np.sin(angles)))
+        each = [cloud_wasserstein(x @ v, mass, points @ v, weights) ** 2 for v in lines]
+        return float(np.sqrt(np.mean(each)))
+
+    after = [Reduction(size=7, iterations=k, **made)((points, weights)) for k in range(1, 7)]
+    (x, _), history = Reduction(size=7, iterations=6, **made).trace((points, weights))
+    assert np.array_equal(x, after[-1][0])
+    costs = [apart(*each) for each in after[: len(history) - 1]]
+    assert history[1:] == pytest.approx(costs, rel=1e-9)
+    assert len(history) == 6 or np.array_equal(after[len(history) - 2][0], x)  # they stay
+    if method != "recursive":  # no iteration makes these larger
+        assert (np.diff(history) <= 1e-12).all()
+    assert history[-1] < 0.9 * history[0]
+    assert Reduction(size=7, method="top").trace((points, weights))[1] == []

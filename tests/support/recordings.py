@@ -1,16 +1,21 @@
 """Recordings of any length, made a stretch of time after another in memory of one stretch.
 
+``python tests/support/recordings.py DIR ais|city ROWS`` writes one as folders of Parquet files.
+
 The number of targets is the same at every step: whoever leaves is replaced at once. A longer
 recording has more steps and is in no other way different.
 """
 
+import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.simulation import Tracker
 from tgospa_eval.simulation.scenarios import encounters
 
@@ -540,3 +545,44 @@ def _joined(real: RecordedRows, false: RecordedRows, first: int) -> RecordedRows
     both = {name: np.concatenate((real[name], false[name])) for name in real}
     order = np.argsort((both["t"] - first) << BITS | both["id"], kind="stable")
     return {name: values[order] for name, values in both.items()}
+
+
+SIDES = ("truth", "estimate")
+"""Folders of the parts."""
+
+
+def write_recording(folder: Path, kind: RecordingKind, rows: int, seed: int = 0) -> None:
+    """Write the parts of both sides, which are not there, in memory of one stretch."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    layout = Layout.of(kind, rows)
+    schema = pa.schema(
+        [("t", pa.int64()), ("id", pa.int64()), ("x", pa.float64()), ("y", pa.float64())]
+    )
+    for side in SIDES:
+        (folder / side).mkdir(parents=True)
+    stretches = simulate_recording(kind, layout, np.random.default_rng(seed))
+    for part in range(layout.parts):
+        with ExitStack() as files:
+            writers = [
+                files.enter_context(
+                    pq.ParquetWriter(
+                        folder / side / f"part-{part:05d}.parquet",
+                        schema,
+                        compression="zstd",
+                        compression_level=1,
+                        # Times and ids are few in a row group, states are all different.
+                        use_dictionary=["t", "id"],
+                    )
+                )
+                for side in SIDES
+            ]
+            for _, sides in zip(range(layout.part // layout.stretch), stretches, strict=False):
+                for writer, made in zip(writers, sides, strict=True):
+                    table = pa.table(made, schema)
+                    writer.write_table(table, row_group_size=max(len(table), 1))
+
+
+if __name__ == "__main__":
+    write_recording(Path(sys.argv[1]), RECORDINGS[sys.argv[2]], int(sys.argv[3]))
