@@ -153,12 +153,18 @@ def _states_of_tracks(
                 )
             chosen = components(mapping, size, name)
             mean = numbers_of(vector, where).ravel()[chosen]
-            cloud, spread = (mean[None], np.ones(1)), None
-            if options.covariance:
-                cloud = _cloud(state, chosen, where)
-                given = getattr(state, "covar", None) if len(cloud[0]) == 1 else None
-                spread = None if given is None else numbers_of(given, where)
-                spread = None if spread is None else spread[np.ix_(chosen, chosen)]
+            cloud, spread = (mean[None], np.ones(1)), getattr(state, "covar", None)
+            if options.covariance and np.size(getattr(state, "state_vector", vector)) > size:
+                cloud, spread = _cloud(state, chosen, where), None
+            elif not options.covariance or spread is None:
+                spread = None
+            else:
+                spread = numbers_of(spread, where)
+                if spread.shape != (size, size):
+                    raise InputError(
+                        f"{where}, t {moment}: covar is {spread.shape}; must be {(size, size)}"
+                    )
+                spread = spread[chosen][:, chosen]
             yield text, moment, mean, cloud, spread
 
 

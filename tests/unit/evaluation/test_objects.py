@@ -186,6 +186,9 @@ def test_tracks_of_stone_soup(arrays: tuple[np.ndarray, np.ndarray], expected: R
     assert evaluate(even, particles(0), **given).total == pytest.approx(3 * 1.0)
     # Unnormalised: 1/2 of the weight on each of the two of the first axis.
     assert evaluate(even, particles(0, [2, 2, 0, 0]), **given).total == pytest.approx(3 * 1.0)
+    odd = [Track("a", [State(3, np.zeros((2, 1)), np.eye(3))])]
+    with pytest.raises(InputError, match=r'"a", t 3: covar is \(3, 3\); must be \(2, 2\)'):
+        evaluate(even, odd, **given)
     with pytest.raises(InputError, match="4 particles and 1 weights"):
         evaluate(even, particles(0, [1]), **given)
     for mapping in ((0, 4), (0, 0), (), "ab", 1):

@@ -516,8 +516,8 @@ class Roles:
             yield f"columns not used: {listed(unused)}{way}"
         if self.spread is not None and not clouds:
             read = [self.headers[column] for column in self.spread.columns]
-            folded = [name.casefold() for name in read]
-            if self.spread.is_unusual or any(n.startswith(("var_", "sigma_")) for n in folded):
+            others = [n for n in read if n.casefold().startswith(("var_", "sigma_"))]
+            if self.spread.is_unusual or others:
                 what = "standard deviations" if self.spread.deviations else "covariances"
                 yield f"{what} are read from {listed(read)}"
         if self.asked and self.spread is None and not clouds:
