@@ -112,7 +112,7 @@ HUGE = npy(SQUARE).replace(b"(2, 2, 2)", b"(2, 2,99)")
             npz(a=SQUARE, weight=[1]),
             "weight 1, a 2 x 2 x 2: do not fit; weight is T x n x N",
         ),
-        ("a.npz", npz(a=SQUARE, t=[1]), "a 2 x 2 x 2, 1 in t: do not fit; a is T x n x d"),
+        ("a.npz", npz(a=SQUARE, t=[1]), "a 2 x 2 x 2, T = 1: do not fit; a is T x n x d"),
         ("a.npz", npz(a=SQUARE, columns=["x", "x"]), "x, x: a name is there twice"),
         ("a.npz", npz(a=SQUARE, columns=["x", "t"]), "a column of the states is named t"),
         ("a.npz", npz(a=SQUARE, ids=["a", "a"]), 'id "a" at t 0 was given before'),
