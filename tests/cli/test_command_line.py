@@ -289,7 +289,9 @@ def test_help_of_a_verb(invoke: Run, monkeypatch: pytest.MonkeyPatch, verb: str)
 
 def test_help_is_in_sections(invoke: Run) -> None:
     out = invoke("evaluate", "--help").out
-    heads = re.findall(r"^(\w+)(?:, with --distance [\w-]+)?:$", out, re.MULTILINE)
+    heads = re.findall(
+        r"^(\w+)(?:, with --distance [\w-]+(?: or a sliced one)?)?:$", out, re.MULTILINE
+    )
     assert heads == [
         "Metric", "Files", "Filters", "Output", "Solver", "Gaussians", "Particles", "General",
     ]  # fmt: skip

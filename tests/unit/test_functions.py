@@ -28,7 +28,6 @@ from tgospa_eval import (
     simulate,
     verify,
 )
-from tgospa_eval.api.batch import BatchOptions
 from tgospa_eval.api.keywords import OF_THE_COMMAND
 from tgospa_eval.api.options import SETTINGS
 from tgospa_eval.cli.simulate import OPTIONS
@@ -276,7 +275,7 @@ class Here:
 def test_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pyarrow")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(BatchOptions, "engine", Here())
+    monkeypatch.setattr("tgospa_eval.api.batch.engine_of", lambda *_: Here())
     write_runs(2)
     patterns = {"truth": "gt/{run}.csv", "estimate": "out/{tracker}/{run}.csv"}
     found = batch(**patterns, output="store", cutoff=10.0, by="tracker", with_="gospa")

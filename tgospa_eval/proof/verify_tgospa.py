@@ -54,11 +54,8 @@ DOCUMENT = {"schema": str, "version": str, "lower_bound": str, "upper_bound": st
 DOCUMENT |= {"parameters": dict, "price_bits": int, "weight_unit": int, "prices": [(str, str, int)]}
 DOCUMENT |= {"assignment": [(str, str, str, str, int)], MAY: ORIGIN}
 ALWAYS = dict.fromkeys(("cutoff", "order", "switch_penalty", "distance"), str) | {"columns": [str]}
-EXTRAS = dict.fromkeys(CLOSED[:3], "scale periodic") | {
-    "iou": "",
-    "haversine": "",
-    "geodesic": "vertical_weight",
-}
+EXTRAS = dict.fromkeys(CLOSED[:3], "scale periodic") | {"iou": "", "haversine": ""}
+EXTRAS |= {"geodesic": "vertical_weight"}
 EXTRAS |= {"mahalanobis": "scale covariance", "gaussian-wasserstein": "scale periodic mixed"}
 EXTRAS["cloud-wasserstein"] = """scale cloud_order inner inner_cov reduce reduce_method seed
     iterations restarts directions polish"""
