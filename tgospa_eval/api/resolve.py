@@ -257,7 +257,7 @@ class Settings:
             columns = self.evaluation.distance.columns
             rows = rows_of(given, name, options, columns, components)
             if rows is not None:
-                return replace(assemble(rows, options, "frame"), format="")
+                return assemble(rows, options, "")
         if self.of_tables[side]:
             raise ConfigError(
                 f"--{self.of_tables[side][0]} is for files and tables, and {name} is none: choose "

@@ -87,6 +87,12 @@ def rows_of_tracks(
 
     states = list(_states_of_tracks(tracks, name, options, mapping))
     size = len(states[0][2]) if states else len(mapping or (0,))
+    other = next((state for state in states if len(state[2]) != size), None)
+    if other is not None:
+        raise InputError(
+            f"{name}: id {quoted(other[0])}, t {other[1]} has {len(other[2])} components, the "
+            f"first state {size}; choose the same by mapping=(0, 2)"
+        )
     names = columns if columns is not None and len(columns) == size else column_names(size)
     row = np.repeat(np.arange(len(states)), [len(points) for *_, (points, _), _ in states])
     ids = np.array([state[0] for state in states], dtype=object)[row]
@@ -212,7 +218,7 @@ def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequ
     counted = [
         len(read.trajectories.times)
         for side, read in zip(given, sides, strict=True)
-        if not is_empty(side) and _counts_steps(side)
+        if not is_empty(side) and len(read.trajectories.times) and _counts_steps(side)
     ]
     if len(set(counted)) > 1:
         raise InputError(

@@ -186,6 +186,9 @@ def test_tracks_of_stone_soup(arrays: tuple[np.ndarray, np.ndarray], expected: R
     assert evaluate(even, particles(0), **given).total == pytest.approx(3 * 1.0)
     # Unnormalised: 1/2 of the weight on each of the two of the first axis.
     assert evaluate(even, particles(0, [2, 2, 0, 0]), **given).total == pytest.approx(3 * 1.0)
+    odd = [Track("a", [State(k, np.zeros((2 + k, 1))) for k in range(2)])]
+    with pytest.raises(InputError, match=r'id "a", t 1 has 3 components, the first state 2'):
+        evaluate(even, odd, cutoff=9.0, columns="x0,x1")
     odd = [Track("a", [State(3, np.zeros((2, 1)), np.eye(3))])]
     with pytest.raises(InputError, match=r'"a", t 3: covar is \(3, 3\); must be \(2, 2\)'):
         evaluate(even, odd, **given)

@@ -186,3 +186,12 @@ def test_positions_of_arrays_with_velocities() -> None:
     given = {"cutoff": 9.0, "distance": "gaussian-wasserstein", "mapping": (0, 2)}
     found = evaluate(four, {"x": four, "covariance": spread}, **given)
     assert found.total == pytest.approx(5 * STEPS * TRACKS)
+
+
+def test_nothing_and_repetitions_in_memory() -> None:
+    nothing = {"x": STATES[:, :0], "P": SPREADS[:, :0]}
+    assert evaluate(STATES, nothing, cutoff=5.0).counts["missed"] == STEPS * TRACKS
+    twice = {"x": STATES, "id": ["a", "b", "a"]}
+    with pytest.raises(InputError, match=r'"a" at t 0 was given before.*on_duplicate="first" or'):
+        evaluate(STATES, twice, cutoff=5.0)
+    assert evaluate(STATES, twice, cutoff=5.0, on_duplicate="first").sizes["estimates"] == 2
