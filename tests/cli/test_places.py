@@ -165,7 +165,7 @@ def test_messages_lead_from_the_files_of_a_coast_to_the_number(invoke) -> None:
     """Semicolons, MMSI with zeros, days first, a zone, axes north and east, a clock ahead."""
     files, metric = (str(COAST / "ais.csv"), str(COAST / "radar.csv")), ("-c", "200", "-g", "100")
     answer = invoke(*files, *metric)
-    assert "--truth-time-format '%d/%m/%Y %H:%M:%S' reads 2025-04-03" in answer.err
+    assert "'%d/%m/%Y %H:%M:%S' reads 2025-04-03" in answer.err
     told = ["--truth-time-format", "%d/%m/%Y %H:%M:%S", "--truth-time-zone", "UTC"]
     answer = invoke(*files, *metric, *told)
     assert "--estimate-crs enu (or ned) and --origin LAT,LON" in answer.err
@@ -190,6 +190,42 @@ def test_feet_beside_metres_are_proposed_by_column(invoke) -> None:
     assert "seem" not in invoke(*files, *earth, "--truth-scale", "alt=0.3048").err
 
 
+@pytest.mark.parametrize(
+    ("change", "option"),
+    [
+        ({"z": 1 / 0.3048}, "z=0.3048"),
+        ({"x": 1e-3, "y": 1e-3}, "x=1000,y=1000"),
+        ({"x": 1e-3, "y": 1e-3, "z": 1e-3}, None),
+    ],
+)
+def test_units_of_some_columns_are_proposed_for_these_alone(
+    change: dict[str, float], option: str | None, tmp_path: Path, invoke
+) -> None:
+    t, track = np.repeat(np.arange(40), 4), np.tile(np.arange(4), 40)
+    truth = pd.DataFrame({"id": track, "t": t, "x": 900.0 * track + 20 * t})
+    truth = truth.assign(y=300.0 * track - 9 * t, z=2000 + 1000.0 * track)
+    side = truth.assign(**{name: truth[name] * factor for name, factor in change.items()})
+    paths = [str(tmp_path / name) for name in ("truth.csv", "estimate.csv")]
+    for frame, path in zip((truth, side), paths, strict=True):
+        frame.to_csv(path, index=False)
+    proposed = f"--estimate-scale {option}" if option else "--unit-scale 1000"
+    told = invoke(*paths, "-c", "50", "-g", "10").err
+    assert f"or use {proposed}\n" in told
+    answer = invoke(*paths, "-c", "50", "-g", "10", *proposed.split(), "--format", "json")
+    assert json.loads(answer.out)["total"] < 1e-12
+
+
+def test_degrees_beside_heights_are_told_and_never_scaled(invoke) -> None:
+    files = str(COAST / "adsb.csv"), str(COAST / "tracker.csv"), "--columns", "lat,lon,alt"
+    told = invoke(*files, "--distance", "euclidean", "-c", "300", "-g", "100").err
+    assert "lat, lon, alt are compared as plain numbers: degrees are added to others" in told
+    assert "or use --estimate-scale alt=3.2808" in told
+    told = invoke(*files, "--distance", "haversine", "-c", "300", "-g", "100").err
+    assert "haversine has no heights; --distance geodesic has" in told
+    local = "--estimate-crs", "enu", "--origin", "56,13", "--distance", "geodesic", "-c", "300"
+    assert "leave --distance out" in invoke(*files[:2], *local).err
+
+
 def test_a_filter_by_place_takes_a_circle_or_a_file(tmp_path: Path) -> None:
     truth, length, bearing = radar()
     options = {"cutoff": 100, "switch_penalty": 10}
@@ -199,15 +235,20 @@ def test_a_filter_by_place_takes_a_circle_or_a_file(tmp_path: Path) -> None:
     assert abs(found.judged["truth_states"] - len(near)) <= 1  # caps are those of the sphere
     local = options | {"estimate_crs": "range,bearing", "origin": ORIGIN}
     plots = truth[["id", "t"]].assign(range=length, bearing=bearing)
-    found = evaluate(truth, plots, **local, region="circle=0,0,50000")
+    found = evaluate(truth, plots, **local, region="circle=55.7,12.6,49850")
     assert found.total < 1e-6
-    assert found.judged["truth_states"] == len(near)
-    assert found.input["estimate"]["left_out"] == {"region": 100 - len(near)}
-    assert found.parameters["region"] == "circle=0,0,50000"
+    assert abs(found.judged["truth_states"] - len(near)) <= 1
+    assert found.parameters["region"] == "circle=55.7,12.6,49850"
     file = tmp_path / "coverage.csv"
     file.write_text("x,y,radius\n0,0,30000\n0,0,50000\n")
     found = evaluate(truth, plots, **local, region=str(file))
     assert found.judged["truth_states"] == len(near)
+    assert found.input["estimate"]["left_out"] == {"region": 100 - len(near)}
+    flat = truth.rename(columns={"lat": "x", "lon": "y"})
+    found = evaluate(flat, flat, **options, region="circle=55.7,12.6,0.3")
+    assert found.judged["truth_states"] == np.count_nonzero(
+        np.hypot(flat.x - 55.7, flat.y - 12.6) <= 0.3
+    )
     with pytest.raises(ConfigError, match="must be circle=LAT,LON,RADIUS"):
         evaluate(truth, plots, **local, region="circle=0,0")
     with pytest.raises(InputError, match="no such file"):

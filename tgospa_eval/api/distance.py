@@ -14,7 +14,8 @@ from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats.columns.headers import BOX, parse_columns
-from tgospa_eval.text import quoted
+from tgospa_eval.text import listed, quoted
+from tgospa_eval.tracks.trajectories import PLACES
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -129,8 +130,6 @@ def _spelt(name: str) -> str:
 
 USUAL = "euclidean"
 """The distance if none is chosen."""
-
-PLACES = ("lat", "lon")
 
 
 class DistanceOptions:
@@ -249,13 +248,14 @@ WIDE = 1.0
 def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list[Notice]:
     """What the user should know about the choice."""
     found = []
-    if isinstance(distance, Norm) and columns == ("lat", "lon"):
+    if isinstance(distance, Norm) and columns[:2] == PLACES:
+        mixed = len(columns) > len(PLACES)
         found.append(
             Notice(
-                code="degrees" if cutoff >= WIDE else "",
-                text="lat and lon are compared as plain numbers: c, gamma and errors are in "
-                "degrees",
-                remedy="--distance haversine gives metres",
+                code="degrees" if mixed or cutoff >= WIDE else "",
+                text=f"{listed(columns)} are compared as plain numbers: "
+                + ("degrees are added to others" * mixed or "c, gamma and errors are in degrees"),
+                remedy=f"--distance {'geodesic' if mixed else 'haversine'} gives metres",
             )
         )
     if distance.name == "iou" and cutoff > 1:

@@ -394,8 +394,8 @@ class Request(Values):
     region: str | None = _filters(
         "--region REGION",
         "Only rows inside ranges of columns, ends included: x=-50:50,y=0:100, either end may be "
-        "left out; inside circle=LAT,LON,RADIUS or circle=X,Y,RADIUS; or inside the regions of a "
-        "file, as of --ignore-regions.",
+        "left out; inside circle=LAT,LON,RADIUS, without places on the Earth circle=X,Y,RADIUS; or "
+        "inside the regions of a file, as of --ignore-regions.",
     )
     by: str | None = _filters(
         "--by class",

@@ -13,6 +13,7 @@ from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request, is_coverage
 from tgospa_eval.api.places import check_places
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.checks import check_columns, check_states
+from tgospa_eval.distances.registry import ON_EARTH
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError, TgospaError
 from tgospa_eval.evaluation.axis import check_left
 from tgospa_eval.evaluation.prepare import Fitted, fit
@@ -294,11 +295,11 @@ class Settings:
         from tgospa_eval.evaluation.regions import coverage, inside
 
         assert self.coverage is not None
-        found = []
+        found, origin = [], None if self.frames is None else self.frames.begin
         for side, name in zip(read, names, strict=True):
-            regions = coverage(self.coverage, side.trajectories.columns, self.reading.decimal)
-            if self.frames is not None:
-                regions = replace(regions, origin=self.frames.begin)
+            earth = origin is not None or "lat" in side.trajectories.columns
+            regions = coverage(self.coverage, self.reading.decimal, earth=earth)
+            regions = replace(regions, origin=origin)
             near = self.evaluation.time_matching.near
             rows = inside(regions, side.trajectories, near, name)
             found.append(kept_rows(side, rows, "region"))
@@ -483,6 +484,11 @@ def _settings(options: Request) -> Settings:
             "--time and --region are in the units of the truth: choose the distance by its name"
         )
     frames = _frames(options)
+    if frames is not None and frames.begin and measure.named.name in ON_EARTH:
+        raise ConfigError(
+            f"--distance {measure.named.name} compares places on the Earth, and --origin brings "
+            "both sides to local metres: leave --distance out"
+        )
     if frames is not None and ignoring is not None and ignoring.regions is not None:
         placed = replace(ignoring.regions, origin=frames.begin)
         ignoring = replace(ignoring, regions=placed)

@@ -5,9 +5,7 @@ import numpy as np
 from tgospa_eval.distances.base import Distance
 from tgospa_eval.errors import InputError
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.trajectories import Trajectories
-
-PLACES = ("lat", "lon")
+from tgospa_eval.tracks.trajectories import PLACES, Trajectories
 
 
 def check_columns(

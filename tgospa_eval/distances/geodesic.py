@@ -17,15 +17,13 @@ from tgospa_eval.distances.base import (
 from tgospa_eval.distances.sphere import RADIUS, Haversine
 from tgospa_eval.distances.vector import positive_numbers, shares
 from tgospa_eval.errors import InputError
+from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
 
 SEMI_MAJOR, FLATTENING = 6378137.0, 1 / 298.257223563
 """Of WGS 84, in metres."""
 
 ECCENTRICITY = FLATTENING * (2 - FLATTENING)
 """The square of the first one."""
-
-PLACES = ("lat", "lon")
-HEIGHT = "alt"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,8 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Floats, Sides
 from tgospa_eval.distances.vector import shares
+from tgospa_eval.errors import InputError
+from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
 
 RADIUS = 6371008.8
 """Mean radius of the Earth in metres, (2 a + b) / 3 of GRS 80 (IUGG)."""
@@ -22,11 +24,26 @@ class Haversine(Distance):
     """
 
     name = "haversine"
-    columns = ("lat", "lon")
+    columns = PLACES
     limits: ClassVar[dict[str, tuple[float, float, str]]] = {
         "lat": (-90.0, 90.0, "from -90 to 90 degrees"),
         "lon": (-360.0, 360.0, "from -360 to 360 degrees"),
     }
+
+    def check_columns(self, columns: tuple[str, ...], name: str) -> None:
+        """Whether they are places without heights.
+
+        Raises
+        ------
+        InputError
+            They are not.
+        """
+        if columns == (*PLACES, HEIGHT):
+            raise InputError(
+                f"{name}: --distance haversine has no heights; --distance geodesic has, and "
+                "--columns lat,lon leaves them out"
+            )
+        super().check_columns(columns, name)
 
     @property
     def tree_power(self) -> float:

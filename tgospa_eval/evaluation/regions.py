@@ -17,7 +17,7 @@ from tgospa_eval.tracks.ignored import Mask
 from tgospa_eval.tracks.interpolation import found_near
 from tgospa_eval.tracks.places import on_earth
 from tgospa_eval.tracks.regions import BOX, CAP, CIRCLE, GEOJSON, POLYGON, SHAPES, Regions, Shape
-from tgospa_eval.tracks.trajectories import Floats, TimeArray, Trajectories
+from tgospa_eval.tracks.trajectories import PLACES, Floats, TimeArray, Trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +32,7 @@ GIVEN = "ignore_regions"
 HALF = 0.5 - 1e-12
 """Least share of the area of a box that is inside, with room for rounding."""
 
-PLANE, EARTH = ("x", "y"), ("lat", "lon")
+PLANE, EARTH = ("x", "y"), PLACES
 
 
 def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | None:
@@ -71,8 +71,10 @@ def as_regions(given: "RegionsLike | None", decimal: str = ".") -> Regions | Non
     return found
 
 
-def coverage(text: str, columns: tuple[str, ...], decimal: str = ".") -> Regions:
+def coverage(text: str, decimal: str = ".", *, earth: bool) -> Regions:
     """A circle, ``circle=LAT,LON,RADIUS`` or ``circle=X,Y,RADIUS``, or regions of a file.
+
+    `earth` says that centres are latitudes and longitudes.
 
     Raises
     ------
@@ -89,7 +91,7 @@ def coverage(text: str, columns: tuple[str, ...], decimal: str = ".") -> Regions
     from tgospa_eval.formats.regions import of_rows  # here: few have any
 
     row = [part.strip() for part in numbers.split(",")]
-    header = SHAPES[CAP if "lat" in columns else CIRCLE]
+    header = SHAPES[CAP if earth else CIRCLE]
     if len(row) != len(header) or not all(map(is_number, row)):
         raise ConfigError(
             f"--region {quoted(text)}: must be circle=LAT,LON,RADIUS, in degrees and metres, or "

@@ -134,7 +134,9 @@ class TimeForm:
         return TimeError(
             row,
             f"{quoted(column[row])} does not fit --{self.role}-time-format {quoted(self.format)}"
-            f"{more(int(np.count_nonzero(wrong)))}",
+            f"{more(int(np.count_nonzero(wrong)))}"
+            + "; write week and seconds, such as 2295 86418"
+            * (self.format == GPS),
         )
 
     def zoned(self, times: Times) -> Times:

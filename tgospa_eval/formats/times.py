@@ -232,10 +232,10 @@ def _reading_of(text: str) -> str:
     for order, day, month in (("%d{0}%m{0}%Y", first, second), ("%m{0}%d{0}%Y", second, first)):
         if 1 <= month <= 12 and 1 <= day <= 31:
             shown = order.format(mark) + clock
-            ways.append(f"--truth-time-format '{shown}' reads {year}-{month:02d}-{day:02d}")
+            ways.append(f"'{shown}' reads {year}-{month:02d}-{day:02d}")
     if not ways:
         return ""
-    return f"{', '.join(ways)}; --estimate-time-format likewise"
+    return f"choose with --truth-time-format or --estimate-time-format: {', '.join(ways)}"
 
 
 BLANK = "leave it blank where the object is absent"

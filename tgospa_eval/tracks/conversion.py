@@ -16,13 +16,11 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.durations import SECOND
-from tgospa_eval.tracks.trajectories import CLOCKS, Floats, TimeArray, Trajectories
+from tgospa_eval.tracks.trajectories import CLOCKS, PLACES, Floats, TimeArray, Trajectories
 
 EXACT_INTEGERS = 2.0**53
 DIGITS_OF_SUMS = 60
 """More than a stamp, a factor and an offset have together."""
-
-ANGULAR = ("lat", "lon")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +149,7 @@ class Conversion:
             )
         if self.unit_scale == 1:
             return np.array([own.get(name, 1.0) for name in columns]) if own else None
-        if any(column in ANGULAR for column in columns):
+        if any(column in PLACES for column in columns):
             raise ConfigError(
                 "--unit-scale is for lengths, and lat,lon are degrees; --estimate-scale alt=0.3048 "
                 "has a factor for a column"

@@ -19,9 +19,9 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import parsed
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.trajectories import Floats, Trajectories
+from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Floats, Trajectories
 
-EARTH = ("lat", "lon", "alt")
+EARTH = (*PLACES, HEIGHT)
 LOCAL = ("x", "y", "z")
 POLAR = ("range", "bearing", "elevation")
 

@@ -10,14 +10,14 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
 from tgospa_eval.tracks.judged import whole
-from tgospa_eval.tracks.trajectories import Floats
+from tgospa_eval.tracks.trajectories import PLACES, Floats
 
 BOX, CIRCLE, CAP, POLYGON, GEOJSON = "box", "circle", "cap", "polygon", "geojson"
 
 SHAPES = {
     BOX: ("left", "top", "width", "height"),
     CIRCLE: ("x", "y", "radius"),
-    CAP: ("lat", "lon", "radius"),
+    CAP: (*PLACES, "radius"),
     POLYGON: ("polygon",),
 }
 """Columns of each shape; a polygon of GeoJSON has its corners as x, y or lon, lat."""

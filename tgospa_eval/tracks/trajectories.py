@@ -24,6 +24,9 @@ TimeArray = NDArray[np.int64] | NDArray[np.float64]
 CLOCKS = {"number": "numbers", "local": "ISO times without zone", "zoned": "ISO times with zone"}
 """Kinds of time, and what they are called in messages."""
 
+PLACES, HEIGHT = ("lat", "lon"), "alt"
+"""State columns of places on the Earth, in degrees, and of heights in metres."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Trajectories:

@@ -27,7 +27,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
 from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Trajectories
 
 SIDES = ("truth", "estimate")
 EMPTY_OTHER_SIDE = ("all estimates are false", "all truths are missed")
@@ -206,6 +206,9 @@ VOTES, EACH = 6_000, 40
 """Differences of states among which an offset is sought: so many, and so many for each estimate of
 a step, of which one may be right."""
 
+UPWARD = ("z", HEIGHT)
+"""Columns that may have a unit of their own, such as feet."""
+
 POSITIONS = (("x", "y", "z"), ("lat", "lon"))
 
 
@@ -304,20 +307,23 @@ def _linear(sample: Sample) -> Iterator[_Change]:
     size = len(columns)
     same, none = tuple(range(size)), np.zeros(size)
     circular = sample.distance.settings(columns).get("periodic", {})
-    lengths = [name for name in columns if name not in circular]
-    angles: list[str] = []
-    if sample.distance.name in ON_EARTH:
-        angles, lengths = lengths[:2], lengths[2:]
-    for factor, units in FACTORS.items():
-        names = angles if "degrees" in units else lengths
-        if not names:
-            continue
+    angles = [name for name in columns if name in PLACES]
+    lengths = [name for name in columns if name not in (*circular, *angles)]
+    upward = [name for name in lengths if name in UPWARD]
+    groups = [lengths, upward, [name for name in lengths if name not in upward]]
+    groups = [names for k, names in enumerate(groups) if names and names not in groups[:k]]
+    tried = [
+        (factor, units, names)
+        for factor, units in FACTORS.items()
+        for names in ([angles] * bool(angles) if "degrees" in units else groups)
+    ]
+    for factor, units, names in tried:
         named = ",".join(names)
         straight = np.array([name in names for name in columns])
         for by, far, (own, other) in ((factor, "small", units[::-1]), (1 / factor, "large", units)):
             value = plain(float(f"{by:.15g}"))
             option = f", or use --unit-scale {value}"  # which angles have not
-            if angles:
+            if angles or names != lengths:
                 option = f", or use --estimate-scale {','.join(f'{n}={value}' for n in names)}"
             yield _Change(
                 code="unit-scale",
