@@ -33,8 +33,6 @@ def evaluate_files(
     options: Request,
     output: OutputOptions,
     output_line: Callable[[str], None] = print_notice,
-    *,
-    one_of_many: bool = False,
 ) -> tuple[Summary, bool]:
     """Read, evaluate, and report whether the asked accuracy was reached.
 
@@ -48,15 +46,13 @@ def evaluate_files(
         What to print, and where to write.
     output_line : callable
         What to do with a line for the user; by default it goes to stderr.
-    one_of_many : bool
-        Whether filters may leave nothing, which is then a total of 0.
 
     Raises
     ------
     TgospaError
         Something is wrong with options or files.
     """
-    settings = replace(make_settings(options), one_of_many=one_of_many)
+    settings = make_settings(options)
     wanted = None
     if output.output is not None:
         # Here: only where there is a folder.
