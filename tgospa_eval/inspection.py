@@ -6,7 +6,7 @@ from dataclasses import asdict
 import numpy as np
 
 from tgospa_eval._version import __version__
-from tgospa_eval.common.arrays import median
+from tgospa_eval.common.arrays import Floats, Ints, median
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
@@ -17,11 +17,10 @@ from tgospa_eval.evaluation.diagnosis.scale import explained, suggest_cutoff, un
 from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.results.records import Json
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.durations import SECOND
-from tgospa_eval.tracks.trajectories import Ints, Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 SCHEMA = "tgospa-eval/inspect/1"
 

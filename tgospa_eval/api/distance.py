@@ -6,10 +6,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.options import OF_CLOUDS, Request
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import parsed
 from tgospa_eval.distances import Distance
-from tgospa_eval.distances.base import Fault, Floats
+from tgospa_eval.distances.base import Fault
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.sides import as_distance

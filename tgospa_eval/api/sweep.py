@@ -10,12 +10,12 @@ from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.options import Request
 from tgospa_eval.api.resolve import Settings, make_settings
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.notices import warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.sweep import in_order, sweep_fitted
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.results.sweep import Sweep
 
 if TYPE_CHECKING:

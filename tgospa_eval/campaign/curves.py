@@ -11,15 +11,14 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.campaign.grouping import in_words, labels_of, shown_labels, with_parameters
 from tgospa_eval.campaign.row import LABEL
 from tgospa_eval.campaign.statistics import CONFIDENCE, LEAST_PAIRS, NUMBERS_AT_ONCE, intervals
 from tgospa_eval.campaign.store import COST_COLUMNS, CURVE_COLUMNS
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.words import counted
 from tgospa_eval.formats.times import TimeError, places
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.curves import (
     KIND_COLUMN,
     POINT_COLUMNS,
@@ -277,7 +276,7 @@ class _Runs:
             band = low, high
         return self.rms(costs, carried=carried), band
 
-    def cells(self, *, carried: bool) -> Iterator[tuple[Ints, NDArray[np.bool_]]]:
+    def cells(self, *, carried: bool) -> Iterator[tuple[Ints, Mask]]:
         """Of some times after the others the steps (N, K) of all runs, and whether there are such.
 
         Where they are `carried` a run has at each time its last step up to it.

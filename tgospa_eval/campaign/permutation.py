@@ -16,8 +16,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.problem import Floats
 
 DRAWS = 9999
 """Exchanges that are drawn, where all are not fewer."""

@@ -13,7 +13,6 @@ from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval._version import __version__
 from tgospa_eval.campaign import SCHEMA
@@ -31,6 +30,7 @@ from tgospa_eval.campaign.statistics import (
     permutations_of,
     without_each,
 )
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import EQUAL, Interval, places, second_less_first, verdict
 from tgospa_eval.common.notices import Notice
@@ -45,7 +45,6 @@ from tgospa_eval.problem.gospa import (
     partners,
     per_step_gospa,
 )
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.batch import Places, Ranking
 from tgospa_eval.reports.other_metrics import COMPARED
 from tgospa_eval.reports.phrases import RULES, Rule
@@ -291,7 +290,7 @@ def saved_outcomes(documents: Sequence[Json], paths: Sequence[str]) -> list[RunO
 # Costs of the steps, side by side.
 
 
-SideBySide = tuple[list[Time], dict[str, Floats], NDArray[np.bool_]]
+SideBySide = tuple[list[Time], dict[str, Floats], Mask]
 """Of one run the times of the T steps that any of the N evaluations has; costs (N, T) by part, in
 ``total``, and by rule, 0 at steps that one has not, for nothing is there; which steps each has."""
 
@@ -771,7 +770,7 @@ def _digests(common: "pd.DataFrame", column: str, names: Sequence[str]) -> list[
 def _inferred(
     comparisons: Sequence[Json],
     compared: Ints,
-    same: NDArray[np.bool_],
+    same: Mask,
     totals: tuple[Floats, Floats],
     order: float,
 ) -> list[Places]:

@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 T = TypeVar("T")
+Floats = NDArray[np.float64]
 Ints = NDArray[np.integer]
+Mask = NDArray[np.bool_]
 
 
 def concatenated(begin: Ints, count: Ints) -> Ints:

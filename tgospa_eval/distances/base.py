@@ -6,18 +6,17 @@ from dataclasses import field
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.trajectories import Ints, Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
-Floats = NDArray[np.float64]
-
-Fault = tuple[NDArray[np.bool_], str, str]
+Fault = tuple[Mask, str, str]
 """Which states are wrong in a column, the column, and what is wrong with the first of them."""
 
 REACH_ROUNDING = 2.0**-40

@@ -5,8 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Floats, Sides
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Sides
 
 SMALLEST_EDGE, LARGEST_EDGE = 1e-100, 1e150
 """Of widths and heights, so that areas are doubles."""

@@ -8,13 +8,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.base import Distance, DistanceSettings, Floats, Pairs, Sides
+from tgospa_eval.distances.base import Distance, DistanceSettings, Pairs, Sides
 from tgospa_eval.distances.vector import Norm, shares
 from tgospa_eval.errors import ConfigError, InputError, TgospaWarning
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks import covariances
-from tgospa_eval.tracks.trajectories import Ints, Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 PAIRS_TOGETHER = 1 << 13
 """Pairs of more than two components that are decomposed at a time."""

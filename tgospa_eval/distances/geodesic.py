@@ -5,15 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.earth import ellipsoid
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.base import (
-    REACH_ROUNDING,
-    Distance,
-    DistanceSettings,
-    Floats,
-    Sides,
-)
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, DistanceSettings, Sides
 from tgospa_eval.distances.sphere import RADIUS, Haversine
 from tgospa_eval.distances.vector import positive_numbers, shares
 from tgospa_eval.errors import InputError

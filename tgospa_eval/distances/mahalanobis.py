@@ -6,13 +6,13 @@ from functools import reduce
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import (
     REACH_ROUNDING,
     Distance,
     DistanceSettings,
     Effort,
-    Floats,
     Pairs,
     Sides,
     check_length,
@@ -21,7 +21,7 @@ from tgospa_eval.distances.base import (
 from tgospa_eval.distances.vector import positive_numbers, shares
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.tracks import covariances
-from tgospa_eval.tracks.trajectories import Ints, Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 SINGULAR = 1e-6
 """Pivot of the correlation matrix below which a matrix is singular but for rounding."""

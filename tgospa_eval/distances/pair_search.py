@@ -11,13 +11,13 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import concatenated, index_type
+from tgospa_eval.common.arrays import Floats, Ints, concatenated, index_type
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import cores, in_order
-from tgospa_eval.distances.base import Distance, Effort, Floats, Pairs, Sides
+from tgospa_eval.distances.base import Distance, Effort, Pairs, Sides
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.tracks.trajectories import Ints, Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 MOST_PAIRS = 1 << 18
 """Pairs, near or not, of which all are looked at."""

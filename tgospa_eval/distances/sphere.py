@@ -5,8 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Floats, Sides
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Sides
 from tgospa_eval.distances.vector import shares
 from tgospa_eval.errors import InputError
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES

@@ -5,8 +5,9 @@ from functools import reduce
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Floats, Sides
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Sides
 from tgospa_eval.errors import ConfigError, real_number
 
 SMALLEST_SCALE, LARGEST_SCALE = 1e-150, 1e150

@@ -12,10 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.arrays import Floats, Ints, concatenated
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.axis import periods_of
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.readout import read_assigned
 from tgospa_eval.results.consistency import BINS, NeesSums, nees_sums
 from tgospa_eval.results.result import Proof

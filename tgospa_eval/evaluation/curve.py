@@ -8,8 +8,8 @@ problem that starts from the solution of the whole.
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Limit, Progress, Stopwatch
 from tgospa_eval.evaluation.endings import (
@@ -26,7 +26,7 @@ from tgospa_eval.problem.prefixes import (
     costs_so_far,
     whole_prices,
 )
-from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
+from tgospa_eval.problem.problem import Problem, sum_by
 from tgospa_eval.problem.solution import Brackets, Reduced, Windows
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.certified import Certified
@@ -118,9 +118,9 @@ class _Brackets:
         self.open = self.wide
 
     @property
-    def wide(self) -> NDArray[np.bool_]:
+    def wide(self) -> Mask:
         """Which brackets are wider than the gap."""
-        wide: NDArray[np.bool_] = self.cost + self.error - self.least > self.gap * self.cost
+        wide: Mask = self.cost + self.error - self.least > self.gap * self.cost
         return wide
 
     def take(self, cell: Ints, parts: Floats, lower: Floats, error: Floats) -> None:
@@ -140,7 +140,7 @@ def _narrow(
     endings: Endings,
     found: PrefixBounds,
     saved: SavedSolution,
-    from_begin: NDArray[np.bool_],
+    from_begin: Mask,
     solver: Certified,
     progress: Progress,
 ) -> None:

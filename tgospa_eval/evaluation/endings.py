@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.arrays import Floats, Ints, concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.problem.certificate import (
@@ -24,7 +24,7 @@ from tgospa_eval.problem.certificate import (
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.paths import up
 from tgospa_eval.problem.prefixes import PrefixBounds, RowMoves, forward, offsets, whole_prices
-from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
+from tgospa_eval.problem.problem import Problem, sum_by
 from tgospa_eval.problem.solution import Reduced, Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import parsed
 from tgospa_eval.errors import ConfigError, InputError
@@ -19,7 +20,7 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.formats.options import class_named
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.attributes import Values
-from tgospa_eval.tracks.ignored import EXCUSED, IGNORED, Mask, marked, marks_of
+from tgospa_eval.tracks.ignored import EXCUSED, IGNORED, marked, marks_of
 from tgospa_eval.tracks.interpolation import found_near
 from tgospa_eval.tracks.regions import Regions
 from tgospa_eval.tracks.trajectories import Trajectories

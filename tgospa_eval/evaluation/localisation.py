@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.distances.base import Sides
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.problem import Floats, Ints, Problem
+from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.readout import read_assigned
 from tgospa_eval.problem.solution import Bounds
 from tgospa_eval.results.numbers import MEAN, SPREAD

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.errors import InputError
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories, as_doubles, column_names
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import Distance, Effort
 from tgospa_eval.distances.base import Sides
@@ -23,7 +24,6 @@ from tgospa_eval.distances.boxes import overlaps
 from tgospa_eval.distances.pair_search import prepared_pairs, starts_of_steps
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.problem.gospa import per_step_gospa
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.readout import judged_rows
 from tgospa_eval.results.records import OtherMetrics
 from tgospa_eval.results.result import Proof

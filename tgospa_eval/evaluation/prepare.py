@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Effort, Pairs
@@ -25,14 +26,14 @@ from tgospa_eval.problem.metric_family import (
     weight_existence,
     weight_steps,
 )
-from tgospa_eval.problem.problem import Floats, Problem
+from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.states import States
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.results.result import ComparedSides, Result
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
-from tgospa_eval.tracks.ignored import AWAY, NOT_JUDGED, Mask, marks_of
+from tgospa_eval.tracks.ignored import AWAY, NOT_JUDGED, marks_of
 from tgospa_eval.tracks.judged import Judged, digest, judge, whole
 from tgospa_eval.tracks.trajectories import Trajectories
 

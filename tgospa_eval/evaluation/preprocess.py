@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances.boxes import TRACKEVAL_EPS, overlaps
@@ -26,14 +27,12 @@ from tgospa_eval.distances.pair_search import starts_of_steps
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.regions import inside
 from tgospa_eval.formats import Reading
-from tgospa_eval.formats.options import Flags
 from tgospa_eval.formats.rows import AS_REGIONS
 from tgospa_eval.formats.text.table import IGNORED
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.ignored import marked
 from tgospa_eval.tracks.regions import Regions
-from tgospa_eval.tracks.trajectories import Floats, Ints
 
 IGNORE = "ignore"
 
@@ -64,10 +63,10 @@ class Judgement(NamedTuple):
     """
 
     truth: Reading
-    judged: Flags
-    neutral: Flags
-    removed: Flags
-    excused: Flags
+    judged: Mask
+    neutral: Mask
+    removed: Mask
+    excused: Mask
 
 
 def preprocessed(
@@ -249,7 +248,7 @@ def _in_regions(
     return Judgement(truth, ~within, within, excused, excused)
 
 
-def _of_classes(reading: Reading, names: tuple[str, ...]) -> Flags:
+def _of_classes(reading: Reading, names: tuple[str, ...]) -> Mask:
     """Rows of these classes, in capitals or not."""
     assert reading.klass is not None
     wanted = {name.casefold() for name in names}
@@ -257,7 +256,7 @@ def _of_classes(reading: Reading, names: tuple[str, ...]) -> Flags:
     return np.asarray(np.isin(reading.klass, known))
 
 
-def _on(neutral: Flags, match: Ints) -> Flags:
+def _on(neutral: Mask, match: Ints) -> Mask:
     """Which rows are matched with a neutral truth."""
     return np.asarray((match >= 0) & np.append(neutral, False)[match])
 
@@ -280,7 +279,7 @@ def _matched(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Ints:
     return found
 
 
-def kept_rows(reading: Reading, keep: Flags, rule: str = "preprocess") -> Reading:
+def kept_rows(reading: Reading, keep: Mask, rule: str = "preprocess") -> Reading:
     """The rows that stay, at the steps of the whole file, and how many an option leaves out."""
     count = int(np.count_nonzero(~keep))
     if not count:

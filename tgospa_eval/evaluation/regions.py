@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.words import install
 from tgospa_eval.distances.pair_search import starts_of_steps
 from tgospa_eval.distances.sphere import Haversine
@@ -13,11 +14,10 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.sides import as_frame, is_path
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.ignored import Mask
 from tgospa_eval.tracks.interpolation import found_near
 from tgospa_eval.tracks.places import on_earth
 from tgospa_eval.tracks.regions import BOX, CAP, CIRCLE, GEOJSON, POLYGON, SHAPES, Regions, Shape
-from tgospa_eval.tracks.trajectories import PLACES, Floats, TimeArray, Trajectories
+from tgospa_eval.tracks.trajectories import PLACES, TimeArray, Trajectories
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted, install
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.metric_family import NEEDS_SYMMETRY, Parameters
-from tgospa_eval.problem.problem import Ints
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.solvers import Solver
 from tgospa_eval.text import quoted

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard, cast
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import more
 from tgospa_eval.distances import DISTANCES, Distance
 from tgospa_eval.errors import ConfigError, InputError
@@ -24,7 +25,6 @@ from tgospa_eval.formats import Reading, ReadOptions
 from tgospa_eval.formats.arrays import all_compared, array_rows, components, meant, spread_columns
 from tgospa_eval.formats.columns.headers import find_roles
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.step_weights import WeightsByTime, repeated

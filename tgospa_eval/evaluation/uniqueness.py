@@ -13,11 +13,10 @@ It changes no part of the cost, and is asked about for the steps of switches alo
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.paths import turns
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.result import Proof
@@ -31,8 +30,6 @@ of vertices are multiples of 1/2 to 1/18."""
 
 ROUNDS = 50
 """Of drawing conclusions; each takes as long as looking for best paths twice."""
-
-Mask = NDArray[np.bool_]
 
 
 def is_unique(proof: Proof, gap: float, *, everywhere: bool = False) -> bool:

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.arrays import Floats, Ints, concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import Distance
 from tgospa_eval.explain.edits import (
@@ -24,7 +24,7 @@ from tgospa_eval.explain.edits import (
     split,
 )
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.trajectories import Trajectories
 

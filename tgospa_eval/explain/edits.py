@@ -8,8 +8,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.problem import Floats, Ints, Objects
+from tgospa_eval.problem.problem import Objects
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.warm_start import SavedSolution, save_solution
 from tgospa_eval.tracks.attributes import Attributes, chosen, stacked

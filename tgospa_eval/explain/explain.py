@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Mask
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted, number
 from tgospa_eval.distances import near_pairs
@@ -46,7 +46,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 # and a repair changes few components (docs/theory/solvers.md, "Repairs").
 
 
-Masks = tuple[NDArray[np.bool_], NDArray[np.bool_]]
+Masks = tuple[Mask, Mask]
 """Some of the truths, and some of the estimates."""
 
 
@@ -133,7 +133,7 @@ class Trials:
             total + rest,
         )
 
-    def _touched(self, edit: Edit, after: Trajectories) -> tuple[Masks, NDArray[np.bool_]]:
+    def _touched(self, edit: Edit, after: Trajectories) -> tuple[Masks, Mask]:
         """The tracks of all components that an edit touches, and which components these are."""
         truth_in = np.zeros(self.problem.truths, bool)
         estimate_in = np.zeros(self.problem.estimates, bool)

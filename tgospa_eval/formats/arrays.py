@@ -16,11 +16,12 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns.headers import BOX, find_roles
 from tgospa_eval.formats.loading import TABLE, check_memory, unreadable
-from tgospa_eval.formats.options import Flags, ReadOptions
+from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import listed
 from tgospa_eval.tracks.trajectories import as_doubles, column_names
@@ -119,7 +120,7 @@ def array_rows(
     *,
     file: int | None = None,
     axes: Mapping[str, tuple[str, ...]] = NUMPY,
-    there: Flags | None = None,
+    there: Mask | None = None,
     names: tuple[str, ...] | None = None,
     chosen: Sequence[int] | None = None,
 ) -> Rows:
@@ -220,7 +221,7 @@ def _columns(
     return names
 
 
-def _weights(points: NDArray[np.float64], given: NDArray[np.float64] | None) -> Any:
+def _weights(points: Floats, given: Floats | None) -> Any:
     """Weights of particles (R, N, d) in a row, equal ones of those that are there if none are."""
     if given is None:
         there = ~np.isnan(points).any(axis=2)
@@ -229,8 +230,8 @@ def _weights(points: NDArray[np.float64], given: NDArray[np.float64] | None) -> 
 
 
 def _chosen(
-    tables: dict[str, NDArray[np.float64]], chosen: Sequence[int] | None, path: str
-) -> dict[str, NDArray[np.float64]]:
+    tables: dict[str, Floats], chosen: Sequence[int] | None, path: str
+) -> dict[str, Floats]:
     """Arrays with some of the coordinates."""
     found = dict(tables)
     for kind in tables.keys() - {"weights"} if chosen is not None else ():
@@ -257,7 +258,7 @@ def components(chosen: Sequence[int] | None, size: int, name: str) -> list[int]:
     return found
 
 
-def spread_columns(names: tuple[str, ...], matrices: NDArray[np.float64]) -> dict[str, Any]:
+def spread_columns(names: tuple[str, ...], matrices: Floats) -> dict[str, Any]:
     """Matrices (R, d, d) as the columns of a table, as `formats.columns.spread` reads them."""
     return {
         f"cov_{one}_{other}": matrices[:, i, j]
@@ -308,7 +309,7 @@ def _oriented(
     found: dict[str, tuple[str, Array]],
     known: dict[str, int],
     axes: Mapping[str, tuple[str, ...]],
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Floats]:
     """Arrays with the axes of `NUMPY`, by all sizes together.
 
     Raises
@@ -363,7 +364,7 @@ def _fits(shape: tuple[int, ...], way: str, sizes: dict[str, int], *, drop: bool
     )
 
 
-def _turned(array: Array, way: str, kind: str) -> NDArray[np.float64]:
+def _turned(array: Array, way: str, kind: str) -> Floats:
     """An array with the axes of `NUMPY`."""
     array = array.reshape(array.shape + (1,) * (len(way) - array.ndim))
     left, order = list(way), []

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import places_of
+from tgospa_eval.common.arrays import Floats, Ints, Mask, places_of
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import Coded, attribute_of
-from tgospa_eval.formats.options import Flags, ReadOptions, class_named, is_alike
+from tgospa_eval.formats.options import ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import AS_REGIONS, Rows
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.attributes import Values
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
 from tgospa_eval.tracks.regions import BOX, Regions, Shape
-from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray, Trajectories
+from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.columns.spread import SpreadColumns
@@ -184,7 +184,7 @@ class _Choice:
         self.notices: list[str] = []
         self.warnings: list[Notice] = []
 
-    def keep(self, inside: Flags, rule: str, sentence: str = "") -> None:
+    def keep(self, inside: Mask, rule: str, sentence: str = "") -> None:
         """Leave out what is not inside; the sentence is that of the rule, or one of a format."""
         if inside.all():
             return
@@ -270,7 +270,7 @@ def _check_states(
         There is one, and it is not to be left out.
     """
 
-    def leave_out(wrong: Flags, column: str, fault: str, remedy: str = "") -> None:
+    def leave_out(wrong: Mask, column: str, fault: str, remedy: str = "") -> None:
         """Leave out rows, or refuse them with what is wrong with the first."""
         at = np.flatnonzero(wrong & choice.mask)
         if not len(at):

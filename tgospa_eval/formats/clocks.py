@@ -6,6 +6,7 @@ from typing import cast
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import ConfigError
@@ -14,7 +15,7 @@ from tgospa_eval.formats.times import TimeError, Times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.conversion import iso
 from tgospa_eval.tracks.durations import SECOND, TIME_UNITS
-from tgospa_eval.tracks.trajectories import Ints, TimeArray, Trajectories
+from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 EPOCHS = ("s", "ms", "us", "ns")
 GPS = "gps"

@@ -5,9 +5,9 @@ from typing import overload
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.tracks.attributes import Values
-from tgospa_eval.tracks.trajectories import Floats, Ints
 
 
 def floats(texts: Sequence[str], decimal: str = ".") -> Floats:

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from pandas.errors import OutOfBoundsDatetime
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import assemble
@@ -24,7 +25,6 @@ from tgospa_eval.formats.text.lines import numbers
 from tgospa_eval.formats.times import RowError, TimeError, Times, coded_times, read_times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.attributes import Values
-from tgospa_eval.tracks.trajectories import Floats
 
 ID_TYPES = (str, Real, Decimal, np.bool_, datetime.date, datetime.time, datetime.timedelta)
 """Values that are ids and classes as texts; numpy's numbers and pandas' times are among them."""

@@ -20,6 +20,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.words import counted, install, more
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.formats.arrays import MATLAB, NAMES, array_rows, meant, sized
@@ -28,7 +29,6 @@ from tgospa_eval.formats.loading import TABLE, check_memory, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import listed, quoted
-from tgospa_eval.tracks.trajectories import Ints
 
 Structure: TypeAlias = "dict[str, Value]"
 Value: TypeAlias = "Structure | list[Callable[[], Value]] | NDArray[Any] | None"

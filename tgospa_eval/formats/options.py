@@ -8,8 +8,8 @@ from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import floats
@@ -17,12 +17,10 @@ from tgospa_eval.formats.times import TimeError, parse_times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.durations import Duration, Steps
-from tgospa_eval.tracks.trajectories import CLOCKS, Floats, TimeArray
+from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.clocks import TimeForm
-
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +42,7 @@ class TimeRange:
     clock: str
     text: str
 
-    def inside(self, times: TimeArray, clock: str, where: str) -> Flags:
+    def inside(self, times: TimeArray, clock: str, where: str) -> Mask:
         """Which of the times lie in the range; integers are compared exactly.
 
         Raises
@@ -268,7 +266,7 @@ class ReadOptions:
     fix_covariance: bool = False
     missing_covariance: str = "error"
     clouds: bool = False
-    fault: Callable[[tuple[str, ...], Floats], tuple[Flags, str, str] | None] | None = None
+    fault: Callable[[tuple[str, ...], Floats], tuple[Mask, str, str] | None] | None = None
     attributes: tuple[str, ...] = ()
     conversion: Conversion = field(default_factory=Conversion)
     max_input: float | None = None

@@ -2,14 +2,13 @@
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.options import Flags
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import BLANK
 from tgospa_eval.tracks.clouds import LARGEST_COORDINATE, UNEVEN_SUM, Clouds, are_normalised
-from tgospa_eval.tracks.trajectories import Floats, Ints
 
 RULE = "weights must be >= 0 and not all zero"
 
@@ -88,7 +87,7 @@ class Particles:
         return found
 
 
-def gather(rows: Rows, key: Ints, mask: Flags, *, always: bool) -> Particles | None:
+def gather(rows: Rows, key: Ints, mask: Mask, *, always: bool) -> Particles | None:
     """Clouds of the rows that take part; None if none has two particles, unless `always`.
 
     Raises

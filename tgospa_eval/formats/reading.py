@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.regions import Regions
-from tgospa_eval.tracks.trajectories import Ints, Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

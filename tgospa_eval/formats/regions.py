@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import FIRST_ALIASES
 from tgospa_eval.formats.fields import floats, is_number
@@ -16,7 +17,6 @@ from tgospa_eval.formats.text.small import rows_of
 from tgospa_eval.formats.times import TimeError, parse_times
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.regions import GEOJSON, POLYGON, SHAPES, Regions, Shape
-from tgospa_eval.tracks.trajectories import Floats
 
 NEEDED = "; or ".join(",".join(columns) for columns in SHAPES.values())
 """Columns of a region."""

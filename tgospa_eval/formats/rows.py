@@ -7,16 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import natural
 from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.fields import Coded
-from tgospa_eval.formats.options import Flags
 from tgospa_eval.formats.times import Times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.attributes import Values
-from tgospa_eval.tracks.trajectories import Floats, Ints
 
 Numbered = tuple[NDArray[np.object_], Ints]
 """Distinct texts in natural order, and the number of each row's."""
@@ -69,7 +68,7 @@ class Rows:
     classes: Numbered | None = None
     attributes: Mapping[int, Values] = field(default_factory=dict)
     weight_fault: str | None = None
-    apart: dict[str, tuple[Flags, str]] = field(default_factory=dict)
+    apart: dict[str, tuple[Mask, str]] = field(default_factory=dict)
     warnings: tuple[Notice, ...] = ()
     read_as: Callable[[float], str | float] | None = None
 

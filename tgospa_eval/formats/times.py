@@ -8,11 +8,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
 from tgospa_eval.formats.fields import Coded, floats, joined_texts
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.trajectories import Floats, TimeArray
+from tgospa_eval.tracks.trajectories import TimeArray
 
 ISO = r"(.*\d\d:?\d\d:?\d\d)[.,](\d+)(.*)"
 EXACT_BELOW = 2.0**53

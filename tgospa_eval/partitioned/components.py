@@ -5,11 +5,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import in_batches
+from tgospa_eval.common.arrays import Ints, Mask, in_batches
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
 from tgospa_eval.partitioned.scan import Scanned
-from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.states import connected_components
 
 SHARD_ENTRIES = 1_000_000
@@ -84,7 +83,7 @@ class Shards:
 
     of_truth: Ints
     entries: Ints
-    long: NDArray[np.bool_]
+    long: Mask
     components: int
     pairs: int
 
@@ -126,7 +125,7 @@ def make_shards(
     )
 
 
-def _in_several(side: Tracks) -> NDArray[np.bool_]:
+def _in_several(side: Tracks) -> Mask:
     """Which tracks are in more than one block: only pairs of these may be as well."""
     count = np.zeros(len(side.ids), np.int32)
     for numbers in side.numbers:
@@ -143,7 +142,7 @@ def _near_tracks(
         yield numbers[0][pairs["truth"]], numbers[1][pairs["estimate"]], pairs["entries"]
 
 
-def _cut(entries: Ints, most: int) -> tuple[Ints, NDArray[np.bool_]]:
+def _cut(entries: Ints, most: int) -> tuple[Ints, Mask]:
     """Shard of each component, and which shards are long; those have one component."""
     long_ones = entries > most
     others = np.where(long_ones, 0, entries)

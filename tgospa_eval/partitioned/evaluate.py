@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tgospa_eval._version import __version__
+from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Status, Stopwatch
@@ -33,7 +34,6 @@ from tgospa_eval.partitioned.steps import BlockPlan, clock_of, find_steps
 from tgospa_eval.partitioned.tables import write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.metric_family import check_underflow
-from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.results.numbers import SPLIT_PARTS, SPREAD
 from tgospa_eval.results.partitioned import PartitionedResult

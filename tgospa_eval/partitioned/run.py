@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.engines.processes import PersistentPool
@@ -30,7 +31,7 @@ from tgospa_eval.partitioned.tasks import Task, run_tasks
 from tgospa_eval.problem.certificate import lower_cost, upper_cost
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import down
-from tgospa_eval.problem.problem import Ints, Problem
+from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.readout import PerTrack
 from tgospa_eval.problem.solution import Bounds, Breakdown
 from tgospa_eval.results.consistency import NeesSums

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import Effort, Pairs
 from tgospa_eval.evaluation.axis import Axis, Sides
@@ -23,7 +24,7 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.shards import ENTRY
 from tgospa_eval.partitioned.steps import BlockPiece, Resampled
 from tgospa_eval.partitioned.tasks import writing_folder
-from tgospa_eval.problem.problem import Ints, Problem
+from tgospa_eval.problem.problem import Problem
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Arrays, Json
 from tgospa_eval.tracks.judged import row_sums

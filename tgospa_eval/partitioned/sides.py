@@ -17,7 +17,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import freeze, in_batches
+from tgospa_eval.common.arrays import Floats, Ints, freeze, in_batches
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.assemble import (
@@ -46,7 +46,7 @@ from tgospa_eval.partitioned.input.runs import (
 from tgospa_eval.partitioned.input.tables import FilePiece, open_table, read_head, size_of
 from tgospa_eval.partitioned.tasks import Run, Task, writing_folder
 from tgospa_eval.text import listed
-from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray, Trajectories
+from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 BYTES_OF_LINE = 32
 """Of a text, about: less, and there are more runs; more, and they are larger."""

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import stretches
+from tgospa_eval.common.arrays import Ints, Mask, stretches
 from tgospa_eval.common.files import named
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
@@ -24,7 +24,6 @@ from tgospa_eval.partitioned.scan import BESIDE, Scanned
 from tgospa_eval.partitioned.shards import ASSIGNED_PAIR, SWITCHED
 from tgospa_eval.partitioned.tasks import Run, Task, run_tasks, writing, writing_folder
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.readout import AssignedPairs, PerTrack
 from tgospa_eval.results.consistency import NEES, NeesSums, mean_columns, nees_sums
 from tgospa_eval.results.partitioned import IN_PARTS, StoredTables, name_of
@@ -159,7 +158,7 @@ def _row_groups(chunks: "Iterable[pa.RecordBatch]", schema: "pa.Schema") -> "Ite
         yield pa.Table.from_batches(held, schema).combine_chunks()
 
 
-def _array(names: NDArray[Any], absent: NDArray[np.bool_] | None = None) -> "pa.Array":
+def _array(names: NDArray[Any], absent: Mask | None = None) -> "pa.Array":
     """Names as an Arrow array: texts as such, whatever made them."""
     import pyarrow as pa
 

@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.common.words import install, number
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:

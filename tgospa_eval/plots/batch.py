@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.palette import LIGHT, TRACK_COLOURS, heat_shades
 from tgospa_eval.plots import figure, files_of
 from tgospa_eval.plots.overtime import name_times
 from tgospa_eval.plots.style import FILLS, SOFT, Style, legend, literal, power, styled, titled
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.batch import BatchTables
 from tgospa_eval.reports.curves import CURVE_KINDS, LINE_NAMES, RmsCurve, on_one_axis
 from tgospa_eval.reports.time_axis import ROOM

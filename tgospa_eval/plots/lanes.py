@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.palette import TRACK_COLOURS
 from tgospa_eval.plots import boxes, figure, stairs
@@ -20,7 +21,6 @@ from tgospa_eval.plots.style import (
     literal,
     titled,
 )
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.plot_data import FREE, NONE, DrawnSide, PlotData
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.palette import TRACK_COLOURS
 from tgospa_eval.errors import ConfigError
@@ -14,7 +15,6 @@ from tgospa_eval.plots import boxes as corners
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.overtime import time_axis
 from tgospa_eval.plots.style import FALSE, INK, MISSED, SOFT, Style, legend, literal, styled, titled
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.plot_data import (
     NONE,
     TIME,

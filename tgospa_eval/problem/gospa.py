@@ -7,10 +7,10 @@ changes from step to step is counted afterwards, by the rules of two tools. Know
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
+from tgospa_eval.problem.problem import Problem, sum_by
 from tgospa_eval.problem.states import connected_components
 
 DENSE_MATRIX = 4_000_000
@@ -165,7 +165,7 @@ def _by_truth(problem: Problem) -> Ints:
     return np.lexsort((problem.truth_step, problem.truth_track))
 
 
-def _changes(problem: Problem, track: Ints, order: Ints, counts: NDArray[np.bool_]) -> Switched:
+def _changes(problem: Problem, track: Ints, order: Ints, counts: Mask) -> Switched:
     """Changes from each row to the next one of the same truth, booked at the later step."""
     after, before = track[order[1:]], track[order[:-1]]
     counts = counts & (np.diff(problem.truth_track[order]) == 0) & (after != before)

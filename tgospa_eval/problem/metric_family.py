@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from tgospa_eval.common.arrays import freeze
+from tgospa_eval.common.arrays import Floats, Ints, Mask, freeze
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.problem.problem import Floats, Ints, Mask, Problem
+from tgospa_eval.problem.problem import Problem
 
 POWER = 2.0**-50
 """Largest relative error of a power of doubles, 8 units of rounding: the mathematical libraries in

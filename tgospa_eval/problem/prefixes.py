@@ -8,12 +8,11 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.paths import down, up
-from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
+from tgospa_eval.problem.problem import Problem, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes
 
@@ -89,7 +88,7 @@ class RowMoves:
     row: Ints
     begins: Ints
     begin_pair: Ints
-    gains: NDArray[np.bool_]
+    gains: Mask
     relative: Floats
     switch_price: Floats
     charges: Ints

@@ -10,15 +10,10 @@ import math
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import freeze
+from tgospa_eval.common.arrays import Floats, Ints, Mask, freeze
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
-
-Ints = NDArray[np.integer]
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 REGRET = 1e-11
 """What a row could gain by leaving its path that is rounding: sums of gains round to 1e-12."""

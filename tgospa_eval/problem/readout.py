@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.problem import Floats, Ints, Mask, sum_by
+from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, assigned, changes, spare
 
@@ -153,7 +154,7 @@ def read_switches(states: States, weights: Ints) -> Switches:
     opens[1:] = (np.diff(step[order]) != 0) | (np.diff(truth[order]) != 0)
     first = np.flatnonzero(opens)
 
-    def largest(chosen: NDArray[np.bool_]) -> Ints:
+    def largest(chosen: Mask) -> Ints:
         """Of each group the estimate of its first change that is chosen."""
         place = np.where(chosen[order], np.arange(len(order)), len(order))
         track = np.append(states.pair_estimate[pair[order]], -1)

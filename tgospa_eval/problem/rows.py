@@ -7,10 +7,11 @@ place of its column to the next.
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import check_size
 from tgospa_eval.problem.merging import split_pairs
-from tgospa_eval.problem.problem import Floats, Ints, Problem
+from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.states import States
 

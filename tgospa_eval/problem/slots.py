@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.problem.problem import Floats, Ints, sum_parts
+from tgospa_eval.problem.problem import sum_parts
 
 PART = 1 << 19
 """States that are looked at together where arrays as long as all states would be too much."""
@@ -36,7 +37,7 @@ def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[F
     return unit, np.concatenate(([0], np.cumsum(whole)))
 
 
-def changed(pair_first: Ints, weight: Ints | Floats) -> NDArray[np.bool_]:
+def changed(pair_first: Ints, weight: Ints | Floats) -> Mask:
     """Whether the weight of each state differs from that of the state before of its pair."""
     differs = np.zeros(len(weight), bool)
     np.not_equal(weight[1:], weight[:-1], out=differs[1:])
@@ -82,14 +83,14 @@ class Slots:
         end[self.pair_first[1:] - 1] = self.first[self.pair_node + 1]
         return end
 
-    def touching(self, marked: NDArray[np.bool_], chosen: Ints | None = None) -> NDArray[np.bool_]:
+    def touching(self, marked: Mask, chosen: Ints | None = None) -> Mask:
         """Which states, or which of the chosen ones, cover a slot that is marked (K,)."""
         before = np.zeros(len(marked) + 1, np.int32)
         np.cumsum(marked, out=before[1:])
         begin, end = self.begin, self.end
         if chosen is not None:
             begin, end = begin[chosen], end[chosen]
-        touching: NDArray[np.bool_] = before[end] > before[begin]
+        touching: Mask = before[end] > before[begin]
         return touching
 
     def sums(self, weight: Ints) -> Ints:
@@ -112,7 +113,7 @@ class Slots:
             return found
         return self._accumulate(weight)
 
-    def loads(self, weight: Floats | NDArray[np.bool_]) -> Floats:
+    def loads(self, weight: Floats | Mask) -> Floats:
         """`sums` of weights that need not be whole; of booleans, how many are true."""
         weight = weight.astype(np.float64, copy=False)
         if kernels:

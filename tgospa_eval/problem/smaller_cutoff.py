@@ -10,18 +10,17 @@ min(d^p, C) = min(d^p, s C) + rest; nu_k is the size of a largest matching of ne
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.paths import down
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States
 
 LARGEST_SWITCH_PRICE = 1e100
 """Switch prices above this are no different."""
 
 
-def reduce_cutoff(states: States, blocks: NDArray[np.bool_], scale: float) -> States:
+def reduce_cutoff(states: States, blocks: Mask, scale: float) -> States:
     """The problem of some blocks at the cutoff price `scale`, a power of 2, in units of that.
 
     Rows and tracks keep their numbers. All truths must have one price, and all estimates
@@ -45,12 +44,12 @@ def reduce_cutoff(states: States, blocks: NDArray[np.bool_], scale: float) -> St
     )
 
 
-def _entries(states: States, blocks: NDArray[np.bool_]) -> Ints:
+def _entries(states: States, blocks: Mask) -> Ints:
     """The entries of some blocks, in order."""
     return np.sort(states.entry[states.states_of(blocks) & (states.entry >= 0)])
 
 
-def forced_cost(states: States, blocks: NDArray[np.bool_]) -> Floats:
+def forced_cost(states: States, blocks: Mask) -> Floats:
     """``C sum_k (A (m_k - nu_k) + B (n_k - nu_k))`` of each of these blocks, (B,).
 
     nu_k is at most the size of any vertex cover of the near pairs (König).
@@ -74,9 +73,7 @@ def forced_cost(states: States, blocks: NDArray[np.bool_]) -> Floats:
     return np.where(blocks, forced, 0.0)
 
 
-def vertex_cover(
-    states: States, blocks: NDArray[np.bool_]
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def vertex_cover(states: States, blocks: Mask) -> tuple[Mask, Mask]:
     """Rows of either side that cover the near pairs of some blocks: of each pair at least one.
 
     They belong to a largest matching, so they are as few as can be; that they cover is checked.
@@ -91,9 +88,7 @@ def vertex_cover(
     return cover
 
 
-def _cover(
-    truth: Ints, estimate: Ints, truths: int, estimates: int
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _cover(truth: Ints, estimate: Ints, truths: int, estimates: int) -> tuple[Mask, Mask]:
     """A least vertex cover of a bipartite graph by Konig's theorem: marks of either side."""
     from scipy import sparse  # here: slow to import and rarely needed
     from scipy.sparse.csgraph import maximum_bipartite_matching

@@ -3,12 +3,11 @@
 from dataclasses import field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.progress import Status
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States
 
 
@@ -51,7 +50,7 @@ class Solution:
     finished: bool = True
     history: tuple[dict[str, float], ...] = field(default=())
     disposable: bool = False
-    missing: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+    missing: Mask = field(default_factory=lambda: np.zeros(0, bool))
     reduced: "tuple[Reduced, ...]" = ()
 
     @property
@@ -80,7 +79,7 @@ class Reduced:
     """
 
     states: States
-    blocks: NDArray[np.bool_]
+    blocks: Mask
     scale: float
     solution: Solution
 
@@ -156,10 +155,10 @@ class Brackets:
     parts: Floats
     rounding: Floats
 
-    def met(self, gap: float) -> NDArray[np.bool_]:
+    def met(self, gap: float) -> Mask:
         """As of `Bounds`, (N,)."""
         narrow = self.upper - self.lower <= gap * self.upper
-        met: NDArray[np.bool_] = narrow | (self.upper <= self.rounding)
+        met: Mask = narrow | (self.upper <= self.rounding)
         return met
 
 

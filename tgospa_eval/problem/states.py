@@ -10,12 +10,11 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import concatenated, places_of
+from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated, places_of
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.problem.problem import Floats, Ints, Problem
+from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.slots import Slots, make_slots
 
 SMALL = 1 << 16
@@ -67,7 +66,7 @@ class States:
     node_block: Ints
     block_begin: Ints
     block_end: Ints
-    transposed: NDArray[np.bool_]
+    transposed: Mask
 
     @property
     def nodes(self) -> int:
@@ -102,7 +101,7 @@ class States:
         """Pairs of some states."""
         return np.searchsorted(self.pair_first, chosen, side="right") - 1
 
-    def states_of(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def states_of(self, blocks: Mask) -> Mask:
         """Whether the block of each state is one of these, (S,)."""
         return np.repeat(blocks[self.pair_block], np.diff(self.pair_first))
 
@@ -111,7 +110,7 @@ class States:
         """Truth and estimate of each pair."""
         return self.pair_truth, self.pair_estimate
 
-    def slots_of(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def slots_of(self, blocks: Mask) -> Mask:
         """Whether the block of each column slot is one of these, (K,)."""
         return np.repeat(blocks[self.node_block], np.diff(self.columns.first))
 

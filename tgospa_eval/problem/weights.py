@@ -5,7 +5,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from tgospa_eval.problem.problem import Floats, Ints, Objects
+from tgospa_eval.common.arrays import Floats, Ints
+from tgospa_eval.problem.problem import Objects
 from tgospa_eval.problem.slots import PART, Slots, changed
 from tgospa_eval.problem.states import States
 

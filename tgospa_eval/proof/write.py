@@ -15,13 +15,13 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval._version import __version__
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.certificate import fair_prices, lower_bounds, of_whole
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.problem import Floats, Ints, Mask, Problem
+from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.smaller_cutoff import vertex_cover
 from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import States
@@ -222,7 +222,7 @@ def estimate_prices(
     return found
 
 
-def _of_slots(states: States, prices: Floats, chosen: NDArray[np.bool_], bits: int) -> Prices:
+def _of_slots(states: States, prices: Floats, chosen: Mask, bits: int) -> Prices:
     """Prices of slots at their first steps, as the certificate uses them."""
     columns = states.columns
     unit, running = columns.running(fair_prices(prices))

@@ -8,10 +8,10 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, TRACK_COLOURS, heat_shades
 from tgospa_eval.common.words import counted, number
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.batch import (
     NARROW,
     BatchTables,

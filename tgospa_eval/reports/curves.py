@@ -5,9 +5,9 @@ from typing import Literal
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.formats.times import TimeError, places
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.rendering import csv_text
 from tgospa_eval.reports.time_axis import TimeAxis, moments
 from tgospa_eval.results.records import PARTS, Columns, Json, Time, records

@@ -15,9 +15,9 @@ import jinja2
 import numpy as np
 
 from tgospa_eval._version import __version__
+from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
 from tgospa_eval.common.words import number, sizes_in_words
-from tgospa_eval.problem.problem import Ints
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.plot_data import PlotData, binned
 from tgospa_eval.reports.result_text import (

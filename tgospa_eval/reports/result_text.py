@@ -9,10 +9,9 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Ints, Mask
 from tgospa_eval.common.words import counted, number, sizes_in_words
-from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.phrases import PART_HEADS, parameters_of
@@ -282,13 +281,13 @@ def _windows(result: Summary) -> Iterator[str]:
     yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
 
 
-def _known(met: NDArray[np.bool_]) -> str:
+def _known(met: Mask) -> str:
     """How many of several values are exact."""
     return "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
 
 
 def _rooted(
-    table: Columns, chosen: list[int], met: NDArray[np.bool_], names: list[str]
+    table: Columns, chosen: list[int], met: Mask, names: list[str]
 ) -> list[tuple[str, ...]]:
     """Name, TGOSPA or its upper bound, and parts of the chosen rows."""
     return [

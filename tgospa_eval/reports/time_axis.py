@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import number
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.results.records import Json, Time
 
 UNEVEN = 5.0

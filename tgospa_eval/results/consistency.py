@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import number
-from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.readout import AssignedPairs
 from tgospa_eval.results.records import Arrays, Columns, Json
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.results.records import Labels
 
 if TYPE_CHECKING:

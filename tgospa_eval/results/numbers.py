@@ -6,10 +6,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem.metric_family import POWER, Parameters
-from tgospa_eval.problem.problem import Floats
 
 USUAL_SCORE = 0.1
 """What the false targets of the calibration score, as in the authors' scripts."""

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.files import reason
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.results.records import Columns, Json, records
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.results.summary import Summary

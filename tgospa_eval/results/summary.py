@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
 from tgospa_eval.common.words import counted, number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.metric_family import POWER
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.readout import Unjudged
 from tgospa_eval.problem.solution import Brackets, Windows
 from tgospa_eval.results.consistency import NEES, NeesSums

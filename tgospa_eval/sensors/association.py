@@ -12,8 +12,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import DISTANCES, Distance, Effort, Norm, Pairs, near_pairs
 from tgospa_eval.distances.checks import check_columns, check_states
@@ -24,12 +24,11 @@ from tgospa_eval.problem.gospa import assign_pairs
 from tgospa_eval.results.records import Columns
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.covariances import pack
-from tgospa_eval.tracks.trajectories import Ints, Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Floats = NDArray[np.float64]
 
 COLUMN_NAMES = ("t", "id_a", "id_b", "distance", "mean_distance")
 
@@ -64,7 +63,7 @@ class Association:
     second: Trajectories
     pairs: Pairs
     apart: Floats
-    chosen: NDArray[np.bool_]
+    chosen: Mask
     cutoff: float
     distance: Distance
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Effort, Reduction, cloud_wasserstein
-from tgospa_eval.distances.base import Floats
 from tgospa_eval.distances.clouds.distance import reduced
 from tgospa_eval.distances.clouds.reduction import sliced_wasserstein, spread_directions
 from tgospa_eval.distances.clouds.transport import MOST_PARTICLES, POT_NEEDED, can_transport

@@ -4,8 +4,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import LARGEST_COUNT, ConfigError, real_number, whole_number
 from tgospa_eval.simulation import tracker as errors
@@ -13,8 +13,6 @@ from tgospa_eval.simulation.scenarios import SCENARIOS, encounters
 from tgospa_eval.simulation.tracker import particle_clouds
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
-
-Floats = NDArray[np.float64]
 
 COLUMNS = {
     "point": ("x", "y"),

@@ -9,7 +9,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from tgospa_eval.common.arrays import Floats
+
 Ints = NDArray[np.int64]
 
 

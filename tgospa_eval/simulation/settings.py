@@ -8,15 +8,13 @@ from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.simulation import Scene, Tracker
 from tgospa_eval.simulation import simulate as simulate_scene
 from tgospa_eval.tracks.trajectories import Trajectories
-
-Floats = NDArray[np.float64]
 
 DECIMALS = 5
 """Of positions: machines whose sums differ in the last digit still make the same files."""

@@ -8,9 +8,8 @@ Each takes states (T, n, d), NaN where absent, and returns new ones. A column is
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.tracks.clouds import Clouds
-
-Floats = NDArray[np.float64]
 
 WIDER = 1.5
 """Standard deviation from which particles are drawn, over that of the Gaussian they stand for."""

@@ -9,10 +9,10 @@ from functools import partial
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.common.progress import Limit, Status, Stopwatch
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers import Solver
@@ -23,7 +23,7 @@ from tgospa_eval.solvers.block_costs import (
     settle,
     unassigned_costs,
 )
-from tgospa_eval.solvers.far_cutoff import Mask, solve_at_fitting_cutoffs
+from tgospa_eval.solvers.far_cutoff import solve_at_fitting_cutoffs
 from tgospa_eval.solvers.time_windows import (
     BEFORE_SEAMS,
     Division,

@@ -1,10 +1,10 @@
 """What assignments cost block by block, and the largest switch price that matters."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.progress import Progress
-from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, assigned, changes, repair, spare
 
@@ -22,7 +22,7 @@ def price_cap(states: States) -> Floats:
     return 2.0 * (states.block_end - states.block_begin + 1) * most
 
 
-def settle(states: States, blocks: NDArray[np.bool_], weights: Floats) -> None:
+def settle(states: States, blocks: Mask, weights: Floats) -> None:
     """Average the weights over time for each pair of those blocks where every price was cut.
 
     There an optimum has no switches, and what a solver leaves of them (1e-12, say) would be charged
@@ -85,7 +85,7 @@ def better(states: States, first: Floats, second: Floats) -> Floats:
 #
 # Nothing here is reported; the bracket of the result is made by `problem.certificate.certify`.
 
-BlockBrackets = tuple[NDArray[np.bool_], Floats, Floats, Floats]
+BlockBrackets = tuple[Mask, Floats, Floats, Floats]
 """Some blocks, and of all blocks the width of the bracket, cost, and cost of leaving all."""
 
 FINEST = 1e-12
@@ -163,7 +163,7 @@ class BatchProgress:
         number: int,
         states: States,
         weights: Floats,
-        quickly: NDArray[np.bool_],
+        quickly: Mask,
     ) -> None:
         self.whole, self.number = whole, number
         self.states, self.weights, self.quickly = states, weights, quickly
@@ -171,7 +171,7 @@ class BatchProgress:
 
     def update(
         self,
-        blocks: NDArray[np.bool_],
+        blocks: Mask,
         width: Floats,
         cost: Floats,
         unassigned: Floats,

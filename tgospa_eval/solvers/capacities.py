@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.arrays import Floats, Ints, concatenated
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.slots import Slots
 
 SAME_ROOM = 1e-12

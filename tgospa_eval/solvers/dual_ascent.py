@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.problem.problem import REGRET, Floats, Ints, sum_by, sum_parts
+from tgospa_eval.problem.problem import REGRET, sum_by, sum_parts
 from tgospa_eval.problem.states import States, connected_components
 from tgospa_eval.solvers.block_costs import price_cap, unassigned_costs
 from tgospa_eval.solvers.tuning import ASCENT
@@ -59,7 +59,7 @@ class Ascent:
     unassigned_cost : (B,) float array
         Cost of leaving all unassigned.
     flags : (S,) uint8 array
-        Marks of each state by the last `mark`: NEAR, NEEDED, LOSES, BEST, TEMPTED.
+        Mask of each state by the last `mark`: NEAR, NEEDED, LOSES, BEST, TEMPTED.
     work, sweeping : int, float
         States, those of being in none included, times half sweeps; the seconds that they took.
     seconds : dict
@@ -67,7 +67,7 @@ class Ascent:
     """
 
     def __init__(
-        self, states: States, wanted: NDArray[np.bool_], gap: float, weights: Floats, prices: Floats
+        self, states: States, wanted: Mask, gap: float, weights: Floats, prices: Floats
     ) -> None:
         self.states, self.wanted_gap = states, gap
         self.weights, self.prices = weights, prices
@@ -98,7 +98,7 @@ class Ascent:
         self.primal[wanted] = -np.inf
         self.brackets.round(0)
 
-    def keep(self, blocks: NDArray[np.bool_]) -> None:
+    def keep(self, blocks: Mask) -> None:
         """Go on with these blocks only."""
         if blocks.tobytes() == self.open.tobytes():
             return
@@ -132,9 +132,9 @@ class Ascent:
         """Cost of the best assignment of the open blocks together."""
         return float(self.brackets.open_cost)
 
-    def wide(self, gap: float | None = None) -> NDArray[np.bool_]:
+    def wide(self, gap: float | None = None) -> Mask:
         """Open blocks whose bracket is wider than the gap, by default the wanted one, relative."""
-        wide: NDArray[np.bool_] = self.brackets.wide(self.wanted_gap if gap is None else gap)
+        wide: Mask = self.brackets.wide(self.wanted_gap if gap is None else gap)
         return wide
 
     def mark(self, prices: Floats, reach: float) -> None:
@@ -144,7 +144,7 @@ class Ascent:
         """
         self.brackets.mark(prices, reach)
 
-    def has(self, flag: int) -> NDArray[np.bool_]:
+    def has(self, flag: int) -> Mask:
         """Which states were marked with a flag last, (S,)."""
         return (self.flags & flag) > 0
 
@@ -222,11 +222,11 @@ class Ascent:
                 most = chain.links
             threshold *= 0.5
 
-    def full(self) -> NDArray[np.bool_]:
+    def full(self) -> Mask:
         """Whether the best assignment uses each column slot up, (K,)."""
         return self.states.columns.loads(self.weights) > 1 - 1e-9
 
-    def near(self, also: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def near(self, also: Mask) -> Mask:
         """States that a programme may have to decide, after `mark`, (S,).
 
         Near are the states within its reach, those in use and those in `also`. Where a row
@@ -243,7 +243,7 @@ class Ascent:
         near &= ~decided
         return near
 
-    def within(self, near: NDArray[np.bool_], steps: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def within(self, near: Mask, steps: Mask) -> Mask:
         """Those of the states that last through one of the steps (T,)."""
         count = np.concatenate(([0], np.cumsum(steps)))
         found = near.copy()
@@ -263,7 +263,7 @@ class Ascent:
         lost += sum_by(s.columns.step, idle, len(lost))
         return lost[:-1]
 
-    def undecided(self, near: NDArray[np.bool_]) -> tuple[Ints, Ints]:
+    def undecided(self, near: Mask) -> tuple[Ints, Ints]:
         """Those of the states near that have to be decided, and the component of each.
 
         They fall apart into components through shared slots and transitions; wanted are those with
@@ -276,7 +276,7 @@ class Ascent:
         wanted = wanted[component]
         return free[wanted], component[wanted]
 
-    def _seeds(self, free: Ints) -> NDArray[np.bool_]:
+    def _seeds(self, free: Ints) -> Mask:
         """Which of the free states show that the gap is open."""
         s = self.states
         regret = np.zeros(s.nodes, bool)
@@ -284,7 +284,7 @@ class Ascent:
         regret[rows] = (self.best - self.own)[rows] > REGRET
         weights, flags = self.weights[free], self.flags[free]
         pair = s.pairs_of(free)
-        seed: NDArray[np.bool_] = (weights > 0) & (flags & kernels.LOSES > 0)
+        seed: Mask = (weights > 0) & (flags & kernels.LOSES > 0)
         for near, inside in (
             (free - 1, free > s.pair_first[pair]),
             (free + 1, free + 1 < s.pair_first[pair + 1]),

@@ -12,10 +12,10 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy import sparse
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Status, StoppedError
 from tgospa_eval.errors import SolverError
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.batches import Answer, BatchSolver, BlockBatch, Routine
 from tgospa_eval.solvers.block_costs import better, price_cap, settle

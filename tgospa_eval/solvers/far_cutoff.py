@@ -10,11 +10,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.progress import Limit, Status
 from tgospa_eval.problem.certificate import home_blocks, lower_bounds, of_whole
-from tgospa_eval.problem.problem import Floats, sum_by
+from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.smaller_cutoff import reduce_cutoff
 from tgospa_eval.problem.solution import Reduced, Solution
 from tgospa_eval.problem.states import States
@@ -38,8 +38,6 @@ CUTOFF_ROOM = 16.0
 STEP, LEAP = 2.0**6, 2.0**1000
 """By how much a cutoff price grows that turned out too small; inside a problem that is tried again
 at once to where it began, or all that was tried before would be tried again."""
-
-Mask = NDArray[np.bool_]
 
 
 Base = Callable[[States, Mask, Mask], Solution]

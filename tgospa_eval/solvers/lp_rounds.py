@@ -11,12 +11,10 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
 from tgospa_eval.common.progress import StoppedError
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.slots import make_slots
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair
@@ -120,7 +118,6 @@ def _last_until(step: Ints, low: Ints, high: Ints, until: Ints) -> Ints:
         high[going] = np.where(right, high[going], middle)
 
 
-Mask = NDArray[np.bool_]
 T = TypeVar("T")
 Solved = tuple[Ints, Ints, "Proposal"]
 """Of a programme the free states and the slots that it has priced, in the whole; its answer."""

@@ -11,9 +11,9 @@ import highspy
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.capacities import CapacityRows, capacity_rows
 
@@ -56,7 +56,7 @@ class Programme:
     transition_reward: Long
     to: Ints
     source: Ints
-    two: NDArray[np.bool_]
+    two: Mask
     paid: Floats
     rows: CapacityRows
     columns: CapacityRows
@@ -205,7 +205,7 @@ def _prices(states: States, entry: Ints) -> Long:
 
 def _moves(
     states: States, free: Ints, held: Floats, switch_price: Floats
-) -> tuple[Long, Ints, Ints, NDArray[np.bool_], Floats, Floats]:
+) -> tuple[Long, Ints, Ints, Mask, Floats, Floats]:
     """Transitions between a free state and the next of its pair, either of which may be held.
 
     `transition_reward`, `to`, `source`, `two` and `paid` of a `Programme`, and their constants.
@@ -245,7 +245,6 @@ def _position(ordered: Ints, sought: Ints) -> Ints:
 # singular: whoever factors it leaves columns out and puts slacks in. It only decides how many
 # iterations follow.
 
-Marks = NDArray[np.bool_]
 
 LEAST_STATES = 300
 """Free states from which on a starting basis saves time: fewer take a few milliseconds without."""
@@ -254,7 +253,7 @@ BASIC = 1e-10
 """Reduced costs and duals that are smaller count as zero."""
 
 
-def suggest(p: Programme) -> tuple[Marks, Marks] | None:
+def suggest(p: Programme) -> tuple[Mask, Mask] | None:
     """Basic columns and constraints by complementary slackness at the prices; None: too small.
 
     Prices alone leave the duals of rows and transitions open. Those of the shortest path problem
@@ -653,7 +652,7 @@ def _run(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
     return finished, sum(max(int(count), 0) for count in counts)
 
 
-def _basic(basis: highspy.HighsBasis) -> tuple[Marks, Marks]:
+def _basic(basis: highspy.HighsBasis) -> tuple[Mask, Mask]:
     """Which columns and which constraints are basic."""
     basic = highspy.HighsBasisStatus.kBasic
     return (
@@ -662,7 +661,7 @@ def _basic(basis: highspy.HighsBasis) -> tuple[Marks, Marks]:
     )
 
 
-def _basis(columns: Marks, rows: Marks) -> highspy.HighsBasis:
+def _basis(columns: Mask, rows: Mask) -> highspy.HighsBasis:
     """A starting basis, which need not be one."""
     status = highspy.HighsBasisStatus
     basis = highspy.HighsBasis()

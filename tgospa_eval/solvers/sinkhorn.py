@@ -13,8 +13,8 @@ from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Status
 from tgospa_eval.errors import ConfigError, real_number
@@ -137,7 +137,7 @@ class Sinkhorn(BatchSolver):
 
 def _check(
     ascent: Ascent,
-    blocks: NDArray[np.bool_],
+    blocks: Mask,
     sweep: int,
     epsilon: float,
     violation: float,

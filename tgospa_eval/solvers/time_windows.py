@@ -14,11 +14,11 @@ import time
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.progress import Limit
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair
@@ -227,7 +227,7 @@ class TimeShares:
         return replace(self.limit, deadline=now + share)
 
 
-def _too_full(slots: Slots, weights: Floats) -> NDArray[np.bool_]:
+def _too_full(slots: Slots, weights: Floats) -> Mask:
     return slots.loads(weights) > 1 + FULLER
 
 

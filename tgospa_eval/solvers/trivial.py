@@ -4,9 +4,9 @@ import itertools
 
 import numpy as np
 
-from tgospa_eval.common.arrays import concatenated, places_of
+from tgospa_eval.common.arrays import Floats, Ints, concatenated, places_of
 from tgospa_eval.problem.paths import best_values, turns
-from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.states import States, connected_components
 from tgospa_eval.problem.weights import ONE
 

@@ -12,11 +12,12 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.durations import SECOND, Duration, Steps
-from tgospa_eval.tracks.trajectories import CLOCKS, Ints, Trajectories
+from tgospa_eval.tracks.trajectories import CLOCKS, Trajectories
 
 GRIDS = ("union", "truth", "estimate", "common")
 INTERPOLATED = ("estimate", "truth")
@@ -286,9 +287,7 @@ def nearest(first: Times, second: Times) -> tuple[Ints, Ints, Times]:
     return mine, other, apart_of(first[mine], second[other])
 
 
-def joined_to(
-    mine: Times, theirs: Times, tolerance: float, clock: str
-) -> tuple[Times, NDArray[np.bool_]]:
+def joined_to(mine: Times, theirs: Times, tolerance: float, clock: str) -> tuple[Times, Mask]:
     """Own stamps, those of the other side where they are the same but for the tolerance.
 
     And which of the pairs of nearest stamps those are.
@@ -300,9 +299,7 @@ def joined_to(
     return joined, close
 
 
-def within(
-    apart: Times, tolerance: float, sides: tuple[Times, Times], clock: str
-) -> NDArray[np.bool_]:
+def within(apart: Times, tolerance: float, sides: tuple[Times, Times], clock: str) -> Mask:
     """Whether distances of stamps are within the tolerance.
 
     Decimal stamps are rounded when they are read, by half a spacing of doubles each; a distance

@@ -6,10 +6,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.errors import InputError
 from tgospa_eval.text import quoted
 
-Values: TypeAlias = NDArray[np.float64] | NDArray[np.object_]
+Values: TypeAlias = Floats | NDArray[np.object_]
 """Numbers, NaN where missing, or texts, blank where missing."""
 
 Attributes: TypeAlias = Mapping[str, Values]
@@ -45,7 +46,7 @@ def checked(attributes: Attributes, rows: int) -> dict[str, Values]:
     return found
 
 
-def chosen(attributes: Attributes, rows: NDArray[np.integer]) -> dict[str, Values]:
+def chosen(attributes: Attributes, rows: Ints) -> dict[str, Values]:
     """Those of some rows."""
     return {name: values[rows] for name, values in attributes.items()}
 

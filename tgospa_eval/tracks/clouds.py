@@ -6,15 +6,12 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import concatenated, freeze
+from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated, freeze
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.errors import InputError
 
-Ints = NDArray[np.integer]
-Floats = NDArray[np.float64]
 Cloud = tuple[Floats, Floats]
 """Points (N, d) and weights (N,) of one of them."""
 
@@ -27,7 +24,7 @@ UNEVEN_SUM = 1e-3
 """Difference of a sum of weights from 1 from which on normalising it makes a warning."""
 
 
-def are_normalised(sums: Floats | float, counts: Ints | int) -> NDArray[np.bool_]:
+def are_normalised(sums: Floats | float, counts: Ints | int) -> Mask:
     """Whether sums of so many weights are 1 but for rounding: such weights are kept as given."""
     return np.asarray(np.abs(np.subtract(sums, 1)) <= np.add(counts, 4) * 2.0**-53)
 
@@ -91,7 +88,7 @@ class Clouds:
         """Particles of each cloud (R,)."""
         return np.diff(self.first)
 
-    def sums(self, values: NDArray[np.float64]) -> Floats:
+    def sums(self, values: Floats) -> Floats:
         """Sums over each cloud (R, ...) of values of the particles (P, ...)."""
         if not len(self):
             return np.zeros((0, *values.shape[1:]))

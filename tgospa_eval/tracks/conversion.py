@@ -12,11 +12,12 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.durations import SECOND
-from tgospa_eval.tracks.trajectories import CLOCKS, PLACES, Floats, TimeArray, Trajectories
+from tgospa_eval.tracks.trajectories import CLOCKS, PLACES, TimeArray, Trajectories
 
 EXACT_INTEGERS = 2.0**53
 DIGITS_OF_SUMS = 60

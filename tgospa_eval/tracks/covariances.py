@@ -8,13 +8,11 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-
-Floats = NDArray[np.float64]
 
 MACHINE_EPSILON = 2.0**-52
 
@@ -283,7 +281,7 @@ def accept(
     return answer, notices
 
 
-def symmetric(entry: Floats, mirrored: Floats, scale: Floats) -> tuple[Floats, NDArray[np.integer]]:
+def symmetric(entry: Floats, mirrored: Floats, scale: Floats) -> tuple[Floats, Ints]:
     """The mean of two entries that should be one, and where they are too different for that.
 
     They may differ by a millionth, or by rounding of the `scale`, the root of the product of the

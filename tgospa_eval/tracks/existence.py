@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import more, parsed
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.trajectories import Floats, Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 EXISTENCE = "existence"
 """The column, and the attribute."""

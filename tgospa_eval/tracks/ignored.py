@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Mask
 from tgospa_eval.errors import InputError
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -20,7 +20,6 @@ NOT_JUDGED = "not judged"
 AWAY = "time to the nearer state"
 """The attribute of states in gaps, in seconds or the unit of the stamps; 0 of others."""
 
-Mask = NDArray[np.bool_]
 
 MEANINGS: Mapping[object, bool] = {
     **dict.fromkeys((0.0, "0", "false", "no", ""), False),

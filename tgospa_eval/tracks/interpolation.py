@@ -3,16 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.tracks.alignment import Times, apart_of, comparable, joined_to, within
 from tgospa_eval.tracks.attributes import chosen
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.ignored import AWAY, marks_of
-from tgospa_eval.tracks.trajectories import Floats, Ints, Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 HALF_TURN = 180.0
 """Largest longitude."""
@@ -143,7 +142,7 @@ def at_ticks(
 
 def found_near(
     side: Trajectories, other: Trajectories, tolerance: float, names: tuple[str, str]
-) -> tuple[Ints, NDArray[np.bool_]]:
+) -> tuple[Ints, Mask]:
     """Where the stamps of a side are among those of another, and which of them are there.
 
     Raises
@@ -157,7 +156,7 @@ def found_near(
     return found_at(mine, theirs)
 
 
-def found_at(mine: Times, theirs: Times) -> tuple[Ints, NDArray[np.bool_]]:
+def found_at(mine: Times, theirs: Times) -> tuple[Ints, Mask]:
     """Where own stamps are among others, and which of them are there."""
     if not len(theirs):
         return np.zeros(len(mine), np.int64), np.zeros(len(mine), bool)
@@ -167,7 +166,7 @@ def found_at(mine: Times, theirs: Times) -> tuple[Ints, NDArray[np.bool_]]:
 
 def _between(
     side: Trajectories, mine: Times, theirs: Times, max_gap: float, *, across: bool
-) -> tuple[Ints, Ints, Ints, Floats, NDArray[np.bool_]]:
+) -> tuple[Ints, Ints, Ints, Floats, Mask]:
     """Rows before and after, the stamp between them, and its share of the way, for each new row.
 
     They are between consecutive states of a track that are not too far apart; or, `across`, of any,

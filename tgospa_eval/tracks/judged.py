@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.tracks.existence import existence_of
-from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray, Trajectories
+from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 JUDGED_FIELDS = {
     "steps": int,

@@ -14,12 +14,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.earth import ellipsoid, from_crs, topocentric
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import parsed
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Floats, Trajectories
+from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Trajectories
 
 EARTH = (*PLACES, HEIGHT)
 LOCAL = ("x", "y", "z")

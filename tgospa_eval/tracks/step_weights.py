@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from tgospa_eval.common.arrays import freeze
+from tgospa_eval.common.arrays import Floats, freeze
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError
-from tgospa_eval.tracks.trajectories import CLOCKS, Floats, TimeArray, Trajectories
+from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray, Trajectories
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

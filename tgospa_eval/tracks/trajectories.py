@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import freeze, index_type
+from tgospa_eval.common.arrays import Floats, Ints, freeze, index_type
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError, TgospaWarning
@@ -17,9 +17,7 @@ from tgospa_eval.tracks.attributes import Attributes, checked, chosen
 if TYPE_CHECKING:
     from tgospa_eval.tracks.clouds import Clouds
 
-Ints = NDArray[np.integer]
-Floats = NDArray[np.float64]
-TimeArray = NDArray[np.int64] | NDArray[np.float64]
+TimeArray = NDArray[np.int64] | Floats
 
 CLOCKS = {"number": "numbers", "local": "ISO times without zone", "zoned": "ISO times with zone"}
 """Kinds of time, and what they are called in messages."""

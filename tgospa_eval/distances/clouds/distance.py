@@ -17,18 +17,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.common.words import counted
-from tgospa_eval.distances.base import (
-    Distance,
-    DistanceSettings,
-    Effort,
-    Floats,
-    Pairs,
-    Sides,
-    pair_named,
-)
+from tgospa_eval.distances.base import Distance, DistanceSettings, Effort, Pairs, Sides, pair_named
 from tgospa_eval.distances.clouds.reduction import Reduction
 from tgospa_eval.distances.clouds.transport import (
     MOST_PARTICLES,
@@ -47,7 +40,7 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.clouds import Clouds, single
-from tgospa_eval.tracks.trajectories import Ints, Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 SLACK = 1e-12
 """Of the cutoff: a bound that is above it by rounding alone decides nothing."""

@@ -20,12 +20,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import DistanceSettings
 from tgospa_eval.distances.clouds.transport import (
     RESAMPLING,
     Cloud,
-    Floats,
     as_cloud,
     distance,
     drawn,

@@ -20,22 +20,15 @@ from typing import NoReturn
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.base import (
-    REACH_ROUNDING,
-    Distance,
-    DistanceSettings,
-    Floats,
-    Pairs,
-    Sides,
-)
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, DistanceSettings, Pairs, Sides
 from tgospa_eval.distances.clouds.distance import CloudPairs, CloudWasserstein
 from tgospa_eval.distances.clouds.reduction import spread_directions
 from tgospa_eval.distances.clouds.transport import Lines, are_alike, line_costs, on_lines
 from tgospa_eval.distances.mahalanobis import cholesky
 from tgospa_eval.errors import ConfigError, whole_number
 from tgospa_eval.tracks.clouds import Clouds
-from tgospa_eval.tracks.trajectories import Ints
 
 
 @lru_cache(maxsize=8)

@@ -18,13 +18,13 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import install
 from tgospa_eval.distances.mahalanobis import cholesky
 from tgospa_eval.errors import ConfigError, SolverError, TgospaWarning, real_number, whole_number
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.clouds import LARGEST_COORDINATE, UNEVEN_SUM, are_normalised
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 RESAMPLING = ("systematic", "stratified", "multinomial")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.common.arrays import median
+from tgospa_eval.common.arrays import Floats, median
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, number, plain, shortest
@@ -23,7 +23,6 @@ from tgospa_eval.evaluation.diagnosis.costs import (
 )
 from tgospa_eval.evaluation.diagnosis.offset import Fit, Search
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, nearest, within
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories

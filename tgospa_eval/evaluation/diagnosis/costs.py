@@ -11,9 +11,8 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import concatenated, places_of
+from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated, places_of
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance, near_pairs
@@ -21,7 +20,6 @@ from tgospa_eval.distances.pair_search import near_points, rows_at
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.gospa import assign_pairs
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Objects = tuple[Ints, Ints]
@@ -29,8 +27,6 @@ Objects = tuple[Ints, Ints]
 
 Rows = tuple[Ints, Ints]
 """Truth and estimate of each pair (N,), in order, int32."""
-
-Flags = NDArray[np.bool_]
 
 
 def largest_gains(objects: Objects, rows: Rows, gain: Floats, steps: int) -> Floats:
@@ -177,7 +173,7 @@ def with_state(side: Trajectories, state: Floats) -> Trajectories:
     return replace(side, state=np.clip(state, -most, most))
 
 
-def occupied(side: Trajectories) -> NDArray[np.bool_]:
+def occupied(side: Trajectories) -> Mask:
     """Steps at which it has rows (T,)."""
     return np.bincount(side.step, minlength=len(side.times)) > 0
 

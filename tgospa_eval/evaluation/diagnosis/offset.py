@@ -13,9 +13,8 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import concatenated, median, places_of
+from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated, median, places_of
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.axis import periods_of
@@ -29,7 +28,6 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     with_state,
 )
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.tracks.interpolation import interpolated, on_lines
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -205,7 +203,7 @@ class Fit:
 
     shift: float
     costs: StepCosts
-    inside: NDArray[np.bool_] | bool = True
+    inside: Mask | bool = True
     sharp: float = 1.0
 
     @cached_property

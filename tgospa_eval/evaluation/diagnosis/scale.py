@@ -5,14 +5,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from tgospa_eval.common.arrays import median
+from tgospa_eval.common.arrays import Floats, median
 from tgospa_eval.common.notices import SHORT_OPTIONS, Notice
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.pair_search import plain_norm, rows_at
 from tgospa_eval.formats.columns.headers import METRES
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.trajectories import Trajectories
 

@@ -10,6 +10,7 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, plain
@@ -25,7 +26,6 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     with_state,
 )
 from tgospa_eval.formats.columns.headers import BOX
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Trajectories
 

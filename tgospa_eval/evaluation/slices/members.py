@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.slicing import Attribute
 from tgospa_eval.formats.times import EXACT_BELOW
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.results.slices import (
     AND_MORE,
     BETWEEN_EDGES,
@@ -57,7 +56,7 @@ class Members:
 
     names: list[str]
     shares: tuple[tuple[SideShare, ...], ...]
-    kept: NDArray[np.bool_]
+    kept: Mask
 
     def crossed(self, other: "Members") -> "Members":
         """The slices by both attributes."""
@@ -245,7 +244,7 @@ def _numbered(
     names: list[str],
     inside: Sequence[Ints | None],
     rows: tuple[int, int],
-    kept: NDArray[np.bool_] | None = None,
+    kept: Mask | None = None,
 ) -> Members:
     """With slices for rows without a value, -1, and for a side without the attribute, None."""
     size = len(names)

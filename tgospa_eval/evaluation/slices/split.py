@@ -10,13 +10,14 @@ from itertools import pairwise
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.prepare import Fitted, source_of
 from tgospa_eval.evaluation.slices.members import MOST_CROSSINGS, Members, members
 from tgospa_eval.evaluation.slices.values import values_of
 from tgospa_eval.evaluation.slicing import SliceBy, parse_slices
 from tgospa_eval.evaluation.uniqueness import is_unique
-from tgospa_eval.problem.problem import Floats, Ints, Objects, sum_by
+from tgospa_eval.problem.problem import Objects, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes, spare
 from tgospa_eval.results.records import PARTS

@@ -5,16 +5,16 @@ from functools import reduce
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.distances import Distance, near_pairs
 from tgospa_eval.distances.sphere import Haversine
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.slicing import DERIVED, Attribute
 from tgospa_eval.formats.columns.headers import BOX
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.attributes import Values
 from tgospa_eval.tracks.durations import SECOND
-from tgospa_eval.tracks.trajectories import Ints, Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 INSIDE, OUTSIDE = "inside", "outside"
 """Of a region."""

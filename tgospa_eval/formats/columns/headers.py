@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.existence import EXISTENCE
-from tgospa_eval.tracks.trajectories import Floats
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.clocks import TimeForm

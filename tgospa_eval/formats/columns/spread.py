@@ -8,14 +8,13 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.tracks.covariances import LARGEST_VARIANCE, accept, size_of, symmetric
-from tgospa_eval.tracks.trajectories import Floats, Ints
 
 BEYOND = 1e-3
 """By what the size of a correlation may exceed 1: rounding in a file."""
@@ -66,7 +65,7 @@ class SpreadColumns:
         return [label for (_, _, label), entry in named if not entry]
 
 
-First = Callable[[NDArray[np.bool_]], tuple[int, str, str]]
+First = Callable[[Mask], tuple[int, str, str]]
 """Position and place of the wrong one that comes first in the file; how many more."""
 
 
@@ -180,7 +179,7 @@ def covariances_of(
         A covariance is blank, not symmetric, or none.
     """
 
-    def first(wrong: NDArray[np.bool_]) -> tuple[int, str, str]:
+    def first(wrong: Mask) -> tuple[int, str, str]:
         """Position and place of the wrong one that comes first in the file; how many more."""
         at = np.flatnonzero(wrong)
         found = int(at[np.argmin(row[at])])
@@ -214,7 +213,7 @@ def covariances_of(
     return np.ascontiguousarray(packed.T), notices + changed
 
 
-def _blank(values: Mapping[int, Floats], spread: SpreadColumns, first: First) -> NDArray[np.bool_]:
+def _blank(values: Mapping[int, Floats], spread: SpreadColumns, first: First) -> Mask:
     """Rows without any covariance.
 
     Raises
@@ -242,7 +241,7 @@ def _entry(
     k: int,
     values: Mapping[int, Floats],
     spread: SpreadColumns,
-    without: NDArray[np.bool_],
+    without: Mask,
     first_of: First,
 ) -> Floats:
     """The k-th entry of the lower triangles: the mean of both columns, if there are two.

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import compiled
 from tgospa_eval.common.words import counted, more
@@ -25,7 +26,6 @@ from tgospa_eval.formats.guess import COMMENTS
 from tgospa_eval.formats.rows import Rows, blanks, numbered
 from tgospa_eval.formats.times import TimeError, read_times, remedy_for
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.trajectories import Floats, Ints
 
 scanner: Any = compiled("tgospa_eval.formats.text._scan")
 """The extension module, or None: then large files take some ten times as long."""

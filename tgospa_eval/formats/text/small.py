@@ -4,6 +4,7 @@ import csv
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import FIRST_ALIASES
@@ -13,7 +14,6 @@ from tgospa_eval.formats.text.lines import check_text, decode, numbers
 from tgospa_eval.formats.times import TimeError, parse_times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.step_weights import WeightsByTime, repeated
-from tgospa_eval.tracks.trajectories import Floats
 
 MATRIX_NEEDED = "a matrix d x d is needed, without header"
 WEIGHTS_HEADER = "t,weight[,switch_weight]"

@@ -16,7 +16,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import in_batches
+from tgospa_eval.common.arrays import Ints, in_batches
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import Roles
@@ -26,7 +26,7 @@ from tgospa_eval.formats.times import EXACT_BELOW, Times
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.partitioned.input.tables import FilePiece
 from tgospa_eval.partitioned.tasks import writing_folder
-from tgospa_eval.tracks.trajectories import CLOCKS, Ints, TimeArray
+from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray
 
 PENDING = 1 << 22
 """Distinct times that wait to be merged with those of other parts."""

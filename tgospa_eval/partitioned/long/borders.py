@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.partitioned.long.columns import load_columns
 from tgospa_eval.partitioned.long.rows import load_rows
 from tgospa_eval.partitioned.long.tables import (
@@ -21,7 +22,7 @@ from tgospa_eval.partitioned.shards import ENTRY, Table, load_part, problem_of, 
 from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import row_steps, turns
-from tgospa_eval.problem.problem import Floats, Ints, Problem
+from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.rows import PricedPlaces, rows_of_component, running_of
 from tgospa_eval.problem.states import States
 

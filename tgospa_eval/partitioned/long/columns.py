@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.arrays import Floats, Ints, concatenated
 from tgospa_eval.errors import SolverError
 from tgospa_eval.partitioned.long.tables import (
     BUSY,
@@ -18,7 +18,6 @@ from tgospa_eval.partitioned.long.tables import (
 from tgospa_eval.partitioned.shards import HELD, PARTS_OF_TRACKS, Table, contribute
 from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.problem.certificate import idle_prices
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.rows import PricedPlaces
 from tgospa_eval.problem.slots import exact_running
 from tgospa_eval.problem.weights import ONE

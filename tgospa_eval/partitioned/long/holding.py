@@ -10,9 +10,9 @@ No sum exceeds 1 then (docs/theory/windows-in-time.md, "Components larger than m
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Ints
 from tgospa_eval.partitioned.long.tables import BUSY
 from tgospa_eval.partitioned.shards import Table
-from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.states import States
 
 

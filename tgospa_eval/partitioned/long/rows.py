@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.partitioned.long.columns import load_columns
 from tgospa_eval.partitioned.long.holding import hold_runs
 from tgospa_eval.partitioned.long.tables import (
@@ -21,7 +22,7 @@ from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.problem.certificate import row_terms
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import best_values
-from tgospa_eval.problem.problem import REGRET, Floats, Ints, Problem, sum_by
+from tgospa_eval.problem.problem import REGRET, Problem, sum_by
 from tgospa_eval.problem.readout import read_tracks
 from tgospa_eval.problem.rows import rows_of_component, running_of
 from tgospa_eval.problem.slots import changed

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import stretches
+from tgospa_eval.common.arrays import Floats, Ints, stretches
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.partitioned.long.borders import value_borders
 from tgospa_eval.partitioned.long.columns import add_rest, join_columns
@@ -22,7 +22,6 @@ from tgospa_eval.partitioned.shards import PartialSums, contribute
 from tgospa_eval.partitioned.tasks import Run, Task, left_until, writing_folder
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import down
-from tgospa_eval.problem.problem import Floats, Ints
 
 OVERLAP = 20
 """Steps with near pairs that a window has on either side of what its answer is for."""

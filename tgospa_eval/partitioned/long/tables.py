@@ -5,12 +5,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import SolverError
 from tgospa_eval.partitioned.shards import ENTRY, Table, load_part
-from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.weights import ONE
 
 
@@ -52,7 +51,7 @@ class WindowPiece:
     low: int
     high: int
 
-    def inside(self, begin: Ints, end: Ints) -> NDArray[np.bool_]:
+    def inside(self, begin: Ints, end: Ints) -> Mask:
         """Whether stretches of steps have one in common with it."""
         return (begin < self.high) & (end >= self.low)
 

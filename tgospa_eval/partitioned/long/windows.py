@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.partitioned.long.borders import frame, load_borders
 from tgospa_eval.partitioned.long.holding import hold_runs
@@ -25,7 +26,6 @@ from tgospa_eval.partitioned.tasks import left_until, writing, writing_folder
 from tgospa_eval.problem.certificate import fair_prices
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair, spare
