@@ -419,7 +419,6 @@ class Request(Values):
         "times at which TRUTH has no row; truth-gaps: the straight line across gaps longer than "
         "--max-gap. Repeatable.",
         default=(),
-        parts=FITTING,
     )
     ignore_regions: str | None = _filters(
         "--ignore-regions FILE",
@@ -427,7 +426,6 @@ class Request(Values):
         "with t if they are of one step, or GeoJSON. Points inside, and boxes with half of their "
         "area inside. Polygons need the extra regions.",
         kind="path",
-        parts=FITTING,
     )
     max_speed: float | None = _filters(
         "--max-speed V",

@@ -347,6 +347,18 @@ def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, M
     return found if any(mask.any() for mask in found) else None
 
 
+def digest_of_judged(request: EvaluationRequest, whole: str, judged: str = "") -> str:
+    """What a value is judged on, of the digests of the truth that counts and what is judged of it.
+
+    The latter is blank where all is.
+    """
+    regions = None if request.ignoring is None else request.ignoring.regions
+    for further in (judged, "" if regions is None else regions.sha256):
+        if further:
+            whole = hashlib.sha256(f"{whole} {further}".encode()).hexdigest()
+    return whole
+
+
 def _recorded(
     sides: Fitted, request: EvaluationRequest, files: Sequence[Json] | None
 ) -> tuple[dict[str, Json], Judged]:
@@ -360,10 +372,9 @@ def _recorded(
     unjudged = unjudged_of(aligned, request)
     if unjudged is not None and unjudged[0].any():
         counts = counts.chosen(np.flatnonzero(~unjudged[0]))
-        sha256 = hashlib.sha256(f"{sha256} {digest(counts)}".encode()).hexdigest()
-    regions = None if request.ignoring is None else request.ignoring.regions
-    if regions is not None:
-        sha256 = hashlib.sha256(f"{sha256} {regions.sha256}".encode()).hexdigest()
+        sha256 = digest_of_judged(request, sha256, digest(counts))
+    else:
+        sha256 = digest_of_judged(request, sha256)
     judged = judge(sides.axis.horizon, counts, sha256)
     left_out = zip(aligned.left_out, sides.axis.left_out, strict=True)
     found = {
@@ -407,7 +418,7 @@ def fit(
         axis, time_matching = placed(given), TimeMatching()
     truth, estimate = axis.sides
     if request.ignoring is not None:
-        estimate = request.ignoring.excuse(estimate, given[0], time_matching.near, names)
+        estimate = request.ignoring.excuse(estimate, given[0], request.time_matching.near, names)
     aligned = align(truth, estimate, time_matching, names)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(

@@ -186,6 +186,10 @@ def merged(parts: Sequence[Trajectories]) -> Trajectories:
         times=times,
         labels=None,
         covariance=np.concatenate(covariances)[order] if covariances else None,
+        attributes={
+            name: np.concatenate([part.attributes[name] for part in parts])[order]
+            for name in first.attributes
+        },
     )
 
 
