@@ -5,7 +5,7 @@ What they do to the numbers is in `problem.metric_family.ignore_states`.
 
 import operator
 import re
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -209,6 +209,13 @@ class Ignoring:
         for one in self.conditions if role == ROLES[0] else ():
             rows |= one.fits(_values(side, one, name))
         return replace(side, trajectories=marked(side.trajectories, rows))
+
+    def told(self, *, ignored: bool, excused: bool) -> Iterator[str]:
+        """What to say where no truth is ignored, or no estimate excused."""
+        if self.regions is not None and not excused:
+            yield f"{self.regions.name}: no state of the estimate is inside"
+        if self.texts and not (ignored or excused):
+            yield f"--ignore {listed(self.texts)}: no state fits, all are judged"
 
     def excuse(
         self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]

@@ -188,7 +188,7 @@ def evaluate_partitioned(
             result = _result(
                 known, axis, grid, cut, found, blocks, stopwatch, work, run, assignments=kept
             )
-            for notice in _notices(known, axis, grid, cut, found, read):
+            for notice in _notices(known, axis, grid, cut, found, read, blocks):
                 stopwatch.notify(str(notice))
     return replace(
         result,
@@ -334,6 +334,7 @@ def _notices(
     cut: BlockPlan,
     found: Evaluated,
     read: list[list[Json]],
+    blocks: Sequence[Scanned],
 ) -> Iterator[Notice]:
     """What the user should know of the two sides."""
     matching = cut.request.time_matching
@@ -363,6 +364,12 @@ def _notices(
             )
     if any(off) and matching.steps is None:
         yield Notice(text=alignment_notices(replace(grid, left_out=off), matching)[-1])
+    if cut.request.ignoring is not None:
+        ignored, excused = (
+            any(block.unjudged[number].any() for block in blocks) for number in (0, 1)
+        )
+        for text in cut.request.ignoring.told(ignored=ignored, excused=excused):
+            yield Notice(text=text)
     axis = replace(axis, made=made, left_out=off)
     if not any(one.taken for one in known):
         check_left(axis, matching)

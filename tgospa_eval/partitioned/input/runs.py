@@ -183,8 +183,7 @@ def joined(parts: Sequence[Values]) -> Values:
     """Attributes of several parts: numbers, or texts if some are; the numbers are missing then."""
     if any(part.dtype.kind != "f" for part in parts):
         parts = [np.full(len(p), "", object) if p.dtype.kind == "f" else p for p in parts]
-    found: Values = np.concatenate(parts)
-    return found
+    return cast(Values, np.concatenate(parts))
 
 
 def with_attributes(rows: Rows) -> Rows:
