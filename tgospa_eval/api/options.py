@@ -409,7 +409,8 @@ class Request(Values):
         "and 2017), kitti (with --class), visdrone or uadetrac (with --ignore-regions); "
         "NAME:ignore marks as not judged what NAME, or NAME:delete, leaves out.",
         choices=PREPROCESS,
-        parts=FITTING,
+        parts="it is for files of benchmarks, which are not read in parts; --ignore and "
+        "--ignore-regions say what is not judged",
     )
     ignore: tuple[str, ...] = _filters(
         "--ignore SPEC",
@@ -433,7 +434,6 @@ class Request(Values):
         "units per second. What is within c, and V times the time to the nearer end, is not "
         "judged.",
         shown="0",
-        parts=FITTING,
     )
     unit: str | None = _output(
         "--unit TEXT",

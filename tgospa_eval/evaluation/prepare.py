@@ -119,11 +119,7 @@ class MeasuredSides(ComparedSides):
 
     def problem(self, pairs: Pairs, parameters: Parameters) -> Problem:
         """The problem of pairs that include all nearer than the cutoff."""
-        near = None
-        if self.reach is not None:
-            reach = self.reach[pairs.truth_row]
-            near = (reach > 0) & (pairs.distance < parameters.cutoff + reach)
-        problem = problem_of_pairs(self.sides, self.distance, pairs, parameters, near)
+        problem = problem_of_pairs(self.sides, self.distance, pairs, parameters, self.reach)
         if self.unjudged is not None:
             problem = ignore_states(problem, *self.unjudged)
         if self.existence is not None:
@@ -210,10 +206,14 @@ def problem_of_pairs(
     distance: Distance,
     pairs: Pairs,
     parameters: Parameters,
-    near: Mask | None = None,
+    reach: Floats | None = None,
 ) -> Problem:
-    """The problem of what `near_pairs` found; `near` as of `tgospa_problem`."""
+    """The problem of what `near_pairs` found, and of pairs within `reach` beyond the cutoff."""
     truth, estimate = sides
+    near = None
+    if reach is not None:
+        further = reach[pairs.truth_row]
+        near = (further > 0) & (pairs.distance < parameters.cutoff + further)
     return tgospa_problem(
         parameters=parameters,
         steps=len(truth.times),
@@ -283,12 +283,9 @@ def measure(
         }
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
         (truth, estimate), prepared, pairs = near_pairs(seen, distance, cutoff, effort)
-        reach = None
-        speed = 0.0 if request.ignoring is None else request.ignoring.max_speed
-        if speed and AWAY in aligned.truth.attributes:  # not where nothing was interpolated
-            away = np.asarray(aligned.truth.attributes[AWAY], np.float64)
-            reach = speed * away
-            pairs = _with_far_pairs(pairs, (truth, estimate), prepared, cutoff, reach, effort)
+        reach = reach_of(aligned, request)
+        if reach is not None:
+            pairs = with_far_pairs(pairs, (truth, estimate), prepared, cutoff, reach, effort)
     weights = None
     if request.step_weights is not None:
         cost, switch = request.step_weights.on(truth)
@@ -318,7 +315,15 @@ def measure(
     return measured, pairs
 
 
-def _with_far_pairs(
+def reach_of(aligned: Alignment, request: EvaluationRequest) -> Floats | None:
+    """How far beyond the cutoff each row of the truth may be followed, if any may."""
+    speed = 0.0 if request.ignoring is None else request.ignoring.max_speed
+    if not speed or AWAY not in aligned.truth.attributes:  # nothing was interpolated
+        return None
+    return speed * np.asarray(aligned.truth.attributes[AWAY], np.float64)
+
+
+def with_far_pairs(
     pairs: Pairs, sides: Sides, distance: Distance, cutoff: float, reach: Floats, effort: Effort
 ) -> Pairs:
     """Near pairs, and those of truths in gaps that are within their `reach` beyond the cutoff."""

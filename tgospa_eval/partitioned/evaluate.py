@@ -31,7 +31,7 @@ from tgospa_eval.partitioned.input.listing import changed_file, stored
 from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, rows_together, scan_parts
 from tgospa_eval.partitioned.scan import Scanned, fitted_ranges
 from tgospa_eval.partitioned.sides import PartsSide, open_side
-from tgospa_eval.partitioned.steps import BlockPlan, clock_of, find_steps
+from tgospa_eval.partitioned.steps import BlockPlan, across_gaps, clock_of, find_steps
 from tgospa_eval.partitioned.tables import write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.metric_family import check_underflow
@@ -344,23 +344,31 @@ def _notices(
     made, off = axis.made, (known[0].off, known[1].off)
     if cut.resampled:
         off = (0, 0)
+        truth = [block[0] for block in read]
+        across = sum(block["across"] for block in truth), 0
         made = tuple(
             (
                 name,
                 replace(
-                    old, between=int(states.sum()) - one.at_steps, own=one.at_steps, unused=one.off
+                    old,
+                    between=int(states.sum()) - one.at_steps - wide,
+                    own=one.at_steps,
+                    unused=one.off,
                 ),
             )
-            for (name, old), one, states in zip(made, known, found.objects, strict=True)
+            for (name, old), one, states, wide in zip(
+                made, known, found.objects, across, strict=True
+            )
         )
-        truth = [block[0] for block in read]
         tracks = len(set().union(*(block["ids"] for block in truth)))
         gaps = known[0].taken - tracks - sum(block["narrow"] for block in truth)
         if gaps:
+            long = f"the truth has {counted(gaps, 'gap')} longer than {matching.gaps[0]:.15g}: "
             yield Notice(
-                text=f"the truth has {counted(gaps, 'gap')} longer than {matching.gaps[0]:.15g}: "
-                "what the estimate reports in them is false (its cost is not worked out of data "
-                "in parts)"
+                text=f"{long}--ignore truth-gaps, what is within c of the line across is free"
+                if across_gaps(cut.request)
+                else f"{long}what the estimate reports in them is false (its cost is not worked "
+                "out of data in parts)"
             )
     if any(off) and matching.steps is None:
         yield Notice(text=alignment_notices(replace(grid, left_out=off), matching)[-1])

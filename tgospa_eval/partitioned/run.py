@@ -17,6 +17,7 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.engines.processes import PersistentPool
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
+from tgospa_eval.partitioned.gaps import with_states_beyond
 from tgospa_eval.partitioned.long.run import solve_long
 from tgospa_eval.partitioned.scan import BESIDE, READ, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import (
@@ -26,7 +27,7 @@ from tgospa_eval.partitioned.shards import (
     solve_shard,
     sort_entries,
 )
-from tgospa_eval.partitioned.steps import BlockPlan
+from tgospa_eval.partitioned.steps import BlockPlan, across_gaps
 from tgospa_eval.partitioned.tables import found_in, looked_up, sums_beside
 from tgospa_eval.partitioned.tasks import Task, run_tasks
 from tgospa_eval.problem.certificate import lower_cost, upper_cost
@@ -364,11 +365,15 @@ def scan_parts(
     """
     most = rows_together(memory)
     with stages.stopwatch.span("distances"):
+        pieces = cut.pieces(most)
+        if cut.resampled and across_gaps(cut.request):
+            crossing = partial(stages.run, "looking across gaps")
+            pieces = iter(with_states_beyond([*pieces], work / "gaps", crossing))
         tasks: dict[str, Task] = {
             str(work / SCANNED / f"{number:08d}"): partial(
                 scan, piece=piece, request=cut.request, names=cut.names, most=most
             )
-            for number, piece in enumerate(cut.pieces(most))
+            for number, piece in enumerate(pieces)
         }
         stages.run("searching near pairs", tasks)
     with stages.stopwatch.span("solve/preparation"):

@@ -19,7 +19,9 @@ from tgospa_eval.evaluation.prepare import (
     fit,
     near_pairs,
     problem_of_pairs,
+    reach_of,
     unjudged_of,
+    with_far_pairs,
 )
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.shards import ENTRY, marks_of
@@ -29,6 +31,7 @@ from tgospa_eval.problem.metric_family import ignore_states
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Arrays, Json
+from tgospa_eval.tracks.ignored import AWAY
 from tgospa_eval.tracks.judged import row_sums
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -159,12 +162,13 @@ def scan(
     readings = [stretch.read() for stretch in piece.stretches]
     sides = readings[0].trajectories, readings[1].trajectories
     complete = piece.complete(sides)
-    own = np.zeros(2, np.int64)
+    own, across = np.zeros(2, np.int64), 0
     with writing_folder(output) as folder:
         for number, (low, fitted, unchanged) in enumerate(
             fitted_ranges(piece, sides, complete, request, names, most)
         ):
             own += unchanged
+            across += int(np.count_nonzero(fitted.alignment.truth.attributes.get(AWAY, ())))
             _write_range(folder / f"{number:05d}", low, fitted, request)
         known: list[Json] = [
             {
@@ -179,6 +183,7 @@ def scan(
         truth = piece.stretches[0]
         if isinstance(truth, Resampled):
             known[0] |= {"narrow": truth.narrow(complete[0]), "ids": sides[0].ids.tolist()}
+            known[0]["across"] = across
         (folder / READ).write_text(json.dumps(known), encoding="utf-8")
 
 
@@ -230,7 +235,11 @@ def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[Problem, float,
     compared, distance, pairs = near_pairs(
         seen, sides.distance, request.parameters.cutoff, Effort(jobs=1)
     )
-    problem = problem_of_pairs(compared, distance, pairs, request.parameters)
+    reach = reach_of(aligned, request)
+    if reach is not None:
+        cutoff, effort = request.parameters.cutoff, Effort(jobs=1)
+        pairs = with_far_pairs(pairs, compared, distance, cutoff, reach, effort)
+    problem = problem_of_pairs(compared, distance, pairs, request.parameters, reach)
     unjudged = unjudged_of(aligned, request)
     if unjudged is not None:
         problem = ignore_states(problem, *unjudged)
