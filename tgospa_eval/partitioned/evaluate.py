@@ -168,7 +168,7 @@ def evaluate_partitioned(
             if request.ignoring is not None:
                 request, sides, absent = _marking(request, request.ignoring, sides)
                 for text in absent:
-                    stopwatch.notify(text)
+                    stopwatch.notify(f"{paths[0]}: {text}")
             axis, grid, cut = find_steps(sides, clocks, request, paths)
 
         looked = look(cut, grid) if len(cut.times) else []
