@@ -266,8 +266,9 @@ def _track_costs(folders: Sequence[Path], name: str, tracks: Tracks, price: floa
     return PerTrack(**found)
 
 
-BYTES_A_ROW, BYTES_AN_ENTRY = 600, 300
-"""Memory that a worker needs for each row of a block, and for each entry of a shard: measured."""
+BYTES_A_ROW, BYTES_AN_ENTRY, BYTES_OF_MARKS = 600, 300, 100
+"""Memory that a worker needs for each row of a block, for each entry of a shard, and for each more
+where some are not judged: measured."""
 
 SCANNED = "scan"
 """In the folder of work, that of the blocks that were read."""
@@ -330,9 +331,9 @@ def rows_together(memory: int) -> int:
     return max(min(MOST_ROWS, memory // BYTES_A_ROW), 1)
 
 
-def most_entries(memory: int) -> int:
-    """Entries that a worker with so many bytes can hold."""
-    return max(min(MOST_ENTRIES, memory // BYTES_AN_ENTRY), 1)
+def most_entries(memory: int, *, masked: bool) -> int:
+    """Entries that a worker with so many bytes can hold; `masked`: some may not be judged."""
+    return max(min(MOST_ENTRIES, memory // (BYTES_AN_ENTRY + BYTES_OF_MARKS * masked)), 1)
 
 
 def scan_parts(
@@ -394,7 +395,7 @@ def evaluate_parts(
         A process died.
     """
     parameters, span = cut.request.parameters, stages.stopwatch.span
-    most = most_entries(memory)
+    most = most_entries(memory, masked=cut.request.ignoring is not None)
     with span("solve/preparation"):
         truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
         shards = make_shards(blocks, truths, estimates, most)
