@@ -264,7 +264,12 @@ def test_what_needs_all_data_is_refused_by_name(
     for options in (
         *(["--curve"], ["--window", "5"], ["--slice", "class"], ["--with", "gospa"], ["--explain"]),
         *(["--by", "class"], ["--step-weights", "w.csv"], ["--existence", "use"]),
-        *(["--interpolate", "truth"], ["--time-tolerance", "0.1"], ["--sweep", "c=1,2"]),
+        *(
+            ["--preprocess", "motchallenge"],
+            ["--interpolate", "truth"],
+            ["--time-tolerance", "0.1"],
+            ["--sweep", "c=1,2"],
+        ),
         *(["--solver", "sinkhorn"], ["--proof", "-o", "none"]),
         *(["--distance", "cloud-wasserstein"], ["--plane", "x,y", "-o", "none"]),
     ):

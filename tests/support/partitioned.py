@@ -5,15 +5,13 @@ from pathlib import Path
 import numpy as np
 
 from tgospa_eval import Result
+from tgospa_eval.partitioned.shards import ASSIGNED_PAIR
 from tgospa_eval.partitioned.tables import write_tables
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.readout import PerTrack
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Columns, Costs, Labels
 
-ASSIGNED = np.dtype(
-    [("step", "<i4"), ("truth", "<i4"), ("estimate", "<i4"), ("cost", "<f8"), ("weight", "<f8")]
-)
 SWITCHED = np.dtype(
     [("step", "<i4"), ("truth", "<i4"), ("before", "<i4"), ("after", "<i4"), ("variation", "<f8")]
 )
@@ -70,7 +68,7 @@ def _numbers(column: list[object], names: list[str] | list[object]) -> list[int]
 
 def _assigned(result: Result, parameters: Parameters) -> np.ndarray:
     table, labels = result.table("assignments"), result.labels
-    rows = np.empty(len(table["t"]), ASSIGNED)
+    rows = np.zeros(len(table["t"]), ASSIGNED_PAIR)
     rows["step"] = _numbers(table["t"], list(labels.times))
     rows["truth"] = _numbers(table["truth"], labels.truths)
     rows["estimate"] = _numbers(table["estimate"], labels.estimates)

@@ -11,11 +11,10 @@ from tgospa_eval.evaluation.diagnosis import (
     diagnose,
 )
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained, unit_notices
-from tgospa_eval.evaluation.prepare import Fitted, unjudged_of
+from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.problem.compiled import KERNEL
-from tgospa_eval.text import listed
 from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
 
 
@@ -52,12 +51,12 @@ def pair_notices(
     yield from axis_notices(sides.axis, request.time_matching)
     for text in alignment_notices(aligned, request.time_matching):
         yield Notice(text=text)
-    regions = None if request.ignoring is None else request.ignoring.regions
-    if regions is not None and not marks_of(aligned.estimate, NOT_JUDGED).any():
-        yield Notice(text=f"{regions.name}: no state of the estimate is inside")
-    texts = () if request.ignoring is None else request.ignoring.texts
-    if texts and unjudged_of(aligned, request) is None:
-        yield Notice(text=f"--ignore {listed(texts)}: no state fits, all are judged")
+    if request.ignoring is not None:
+        ignored, excused = (
+            bool(marks_of(side, NOT_JUDGED).any()) for side in (aligned.truth, aligned.estimate)
+        )
+        for text in request.ignoring.told(ignored=ignored, excused=excused):
+            yield Notice(text=text)
     found = diagnose(sides, request)
     yield from found
     if request.defaults:

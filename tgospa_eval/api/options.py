@@ -409,7 +409,8 @@ class Request(Values):
         "and 2017), kitti (with --class), visdrone or uadetrac (with --ignore-regions); "
         "NAME:ignore marks as not judged what NAME, or NAME:delete, leaves out.",
         choices=PREPROCESS,
-        parts=FITTING,
+        parts="it is for files of benchmarks, which are not read in parts; --ignore and "
+        "--ignore-regions say what is not judged",
     )
     ignore: tuple[str, ...] = _filters(
         "--ignore SPEC",
@@ -419,7 +420,6 @@ class Request(Values):
         "times at which TRUTH has no row; truth-gaps: the straight line across gaps longer than "
         "--max-gap. Repeatable.",
         default=(),
-        parts=FITTING,
     )
     ignore_regions: str | None = _filters(
         "--ignore-regions FILE",
@@ -427,7 +427,6 @@ class Request(Values):
         "with t if they are of one step, or GeoJSON. Points inside, and boxes with half of their "
         "area inside. Polygons need the extra regions.",
         kind="path",
-        parts=FITTING,
     )
     max_speed: float | None = _filters(
         "--max-speed V",
@@ -435,7 +434,6 @@ class Request(Values):
         "units per second. What is within c, and V times the time to the nearer end, is not "
         "judged.",
         shown="0",
-        parts=FITTING,
     )
     unit: str | None = _output(
         "--unit TEXT",

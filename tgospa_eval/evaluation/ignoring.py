@@ -5,7 +5,7 @@ What they do to the numbers is in `problem.metric_family.ignore_states`.
 
 import operator
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +16,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import parsed
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.regions import inside
-from tgospa_eval.formats import Reading
+from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.options import class_named
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.attributes import Values
@@ -28,6 +28,9 @@ from tgospa_eval.tracks.trajectories import Trajectories
 WORDS = MARKED, OUTSIDE, GAPS = "marked", "outside-truth-steps", "truth-gaps"
 
 CLASS = "class"
+
+MARKS = IGNORED, EXCUSED
+"""Columns of marks of either side."""
 
 COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {
     "<=": operator.le,
@@ -136,7 +139,7 @@ class Ignoring:
     @property
     def columns(self) -> tuple[str, ...]:
         """Columns that readers should look for."""
-        marks = (IGNORED, EXCUSED) if MARKED in self.texts else ()
+        marks = MARKS if MARKED in self.texts else ()
         return (*(one.column for one in self.conditions if one.column != CLASS), *marks)
 
     def mark(self, sides: Sequence[Reading], names: Sequence[str]) -> tuple[Reading, ...]:
@@ -149,15 +152,70 @@ class Ignoring:
         InputError
             A mark is neither yes nor no.
         """
-        truth, estimate = sides
+        self.check_marks([side.trajectories.attributes for side in sides], names)
+        spelt, absent = self.spelt(sides[0].named)
+        truth, estimate = map(spelt.marked, sides, ROLES, names)
+        return replace(truth, notices=(*truth.notices, *absent)), estimate
+
+    def check_marks(self, attributes: Sequence[Container[str]], names: Sequence[str]) -> None:
+        """Whether some side has marks, if they are asked for.
+
+        Raises
+        ------
+        ConfigError
+            No file has any.
+        """
+        if MARKED in self.texts and not any(map(operator.contains, attributes, MARKS)):
+            raise ConfigError(
+                f"--ignore {MARKED}: {names[0]} has no column {IGNORED}, and {names[1]} no column "
+                f"{EXCUSED}"
+            )
+
+    def spelt(self, named: Sequence[str]) -> tuple["Ignoring", list[str]]:
+        """With classes as the truth writes them, which has these; what to say of absent ones.
+
+        One recording of many may lack a class.
+        """
+        conditions, absent = [], []
+        for rule in self.conditions:
+            if rule.column == CLASS:
+                found = {value: class_named(value, named) for value in rule.values}
+                absent += [
+                    f"--ignore {rule.text}: no row of class {quoted(value)}; there are "
+                    f"{listed(named)}"
+                    for value, name in found.items()
+                    if name is None
+                ]
+                rule = replace(rule, values=tuple(name for name in found.values() if name))
+            conditions.append(rule)
+        return replace(self, conditions=tuple(conditions)), absent
+
+    def marked(self, side: Reading, role: str, name: str) -> Reading:
+        """One side with the marks that follow from what its file says.
+
+        Raises
+        ------
+        ConfigError
+            The truth lacks a column.
+        InputError
+            A mark is neither yes nor no.
+        """
+        rows = np.zeros(side.taken, bool)
         if MARKED in self.texts:
-            truth, estimate = _with_marks(sides, names)
-        rows = np.zeros(truth.taken, bool)
-        for one in self.conditions:
-            spelt, absent = _spelt(one, truth) if one.column == CLASS else (one, [])
-            rows |= spelt.fits(_values(truth, one, names[0]))
-            truth = replace(truth, notices=(*truth.notices, *absent))
-        return replace(truth, trajectories=marked(truth.trajectories, rows)), estimate
+            try:
+                rows |= marks_of(side.trajectories, MARKS[ROLES.index(role)])
+            except InputError as error:
+                raise InputError(f"{name}, {error}") from None
+        for one in self.conditions if role == ROLES[0] else ():
+            rows |= one.fits(_values(side, one, name))
+        return replace(side, trajectories=marked(side.trajectories, rows))
+
+    def told(self, *, ignored: bool, excused: bool) -> Iterator[str]:
+        """What to say where no truth is ignored, or no estimate excused."""
+        if self.regions is not None and not excused:
+            yield f"{self.regions.name}: no state of the estimate is inside"
+        if self.texts and not (ignored or excused):
+            yield f"--ignore {listed(self.texts)}: no state fits, all are judged"
 
     def excuse(
         self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]
@@ -218,26 +276,6 @@ def _rules(text: str) -> list[str]:
     return found
 
 
-def _with_marks(sides: Sequence[Reading], names: Sequence[str]) -> list[Reading]:
-    """Both sides with the marks of their columns."""
-    columns = (IGNORED, EXCUSED)
-    if not any(
-        column in side.trajectories.attributes for side, column in zip(sides, columns, strict=True)
-    ):
-        raise ConfigError(
-            f"--ignore {MARKED}: {names[0]} has no column {IGNORED}, and {names[1]} no column "
-            f"{EXCUSED}"
-        )
-    found = []
-    for side, name, column in zip(sides, names, columns, strict=True):
-        try:
-            rows = marks_of(side.trajectories, column)
-        except InputError as error:
-            raise InputError(f"{name}, {error}") from None
-        found.append(replace(side, trajectories=marked(side.trajectories, rows)))
-    return found
-
-
 def _values(truth: Reading, rule: Condition, name: str) -> Values:
     """The values of the column of a rule, of each row of the truth."""
     if rule.column != CLASS:
@@ -251,17 +289,3 @@ def _values(truth: Reading, rule: Condition, name: str) -> Values:
     if truth.klass is None:
         raise ConfigError(f"--ignore {quoted(rule.text)}: {name} has no classes")
     return np.array(truth.classes, dtype=object)[truth.klass]
-
-
-def _spelt(rule: Condition, truth: Reading) -> tuple[Condition, list[str]]:
-    """A rule about classes with their names as the truth writes them; what to say of absent ones.
-
-    One recording of many may lack a class.
-    """
-    found = {value: class_named(value, truth.named) for value in rule.values}
-    absent = [
-        f"--ignore {rule.text}: no row of class {quoted(value)}; there are {listed(truth.named)}"
-        for value, name in found.items()
-        if name is None
-    ]
-    return replace(rule, values=tuple(name for name in found.values() if name)), absent

@@ -119,11 +119,7 @@ class MeasuredSides(ComparedSides):
 
     def problem(self, pairs: Pairs, parameters: Parameters) -> Problem:
         """The problem of pairs that include all nearer than the cutoff."""
-        near = None
-        if self.reach is not None:
-            reach = self.reach[pairs.truth_row]
-            near = (reach > 0) & (pairs.distance < parameters.cutoff + reach)
-        problem = problem_of_pairs(self.sides, self.distance, pairs, parameters, near)
+        problem = problem_of_pairs(self.sides, self.distance, pairs, parameters, self.reach)
         if self.unjudged is not None:
             problem = ignore_states(problem, *self.unjudged)
         if self.existence is not None:
@@ -210,10 +206,14 @@ def problem_of_pairs(
     distance: Distance,
     pairs: Pairs,
     parameters: Parameters,
-    near: Mask | None = None,
+    reach: Floats | None = None,
 ) -> Problem:
-    """The problem of what `near_pairs` found; `near` as of `tgospa_problem`."""
+    """The problem of what `near_pairs` found, and of pairs within `reach` beyond the cutoff."""
     truth, estimate = sides
+    near = None
+    if reach is not None:
+        further = reach[pairs.truth_row]
+        near = (further > 0) & (pairs.distance < parameters.cutoff + further)
     return tgospa_problem(
         parameters=parameters,
         steps=len(truth.times),
@@ -283,12 +283,9 @@ def measure(
         }
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
         (truth, estimate), prepared, pairs = near_pairs(seen, distance, cutoff, effort)
-        reach = None
-        speed = 0.0 if request.ignoring is None else request.ignoring.max_speed
-        if speed and AWAY in aligned.truth.attributes:  # not where nothing was interpolated
-            away = np.asarray(aligned.truth.attributes[AWAY], np.float64)
-            reach = speed * away
-            pairs = _with_far_pairs(pairs, (truth, estimate), prepared, cutoff, reach, effort)
+        reach = reach_of(aligned, request)
+        if reach is not None:
+            pairs = with_far_pairs(pairs, (truth, estimate), prepared, cutoff, reach, effort)
     weights = None
     if request.step_weights is not None:
         cost, switch = request.step_weights.on(truth)
@@ -318,7 +315,15 @@ def measure(
     return measured, pairs
 
 
-def _with_far_pairs(
+def reach_of(aligned: Alignment, request: EvaluationRequest) -> Floats | None:
+    """How far beyond the cutoff each row of the truth may be followed, if any may."""
+    speed = 0.0 if request.ignoring is None else request.ignoring.max_speed
+    if not speed or AWAY not in aligned.truth.attributes:  # nothing was interpolated
+        return None
+    return speed * np.asarray(aligned.truth.attributes[AWAY], np.float64)
+
+
+def with_far_pairs(
     pairs: Pairs, sides: Sides, distance: Distance, cutoff: float, reach: Floats, effort: Effort
 ) -> Pairs:
     """Near pairs, and those of truths in gaps that are within their `reach` beyond the cutoff."""
@@ -347,6 +352,18 @@ def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, M
     return found if any(mask.any() for mask in found) else None
 
 
+def digest_of_judged(request: EvaluationRequest, whole: str, judged: str = "") -> str:
+    """What a value is judged on, of the digests of the truth that counts and what is judged of it.
+
+    The latter is blank where all is.
+    """
+    regions = None if request.ignoring is None else request.ignoring.regions
+    for further in (judged, "" if regions is None else regions.sha256):
+        if further:
+            whole = hashlib.sha256(f"{whole} {further}".encode()).hexdigest()
+    return whole
+
+
 def _recorded(
     sides: Fitted, request: EvaluationRequest, files: Sequence[Json] | None
 ) -> tuple[dict[str, Json], Judged]:
@@ -360,10 +377,9 @@ def _recorded(
     unjudged = unjudged_of(aligned, request)
     if unjudged is not None and unjudged[0].any():
         counts = counts.chosen(np.flatnonzero(~unjudged[0]))
-        sha256 = hashlib.sha256(f"{sha256} {digest(counts)}".encode()).hexdigest()
-    regions = None if request.ignoring is None else request.ignoring.regions
-    if regions is not None:
-        sha256 = hashlib.sha256(f"{sha256} {regions.sha256}".encode()).hexdigest()
+        sha256 = digest_of_judged(request, sha256, digest(counts))
+    else:
+        sha256 = digest_of_judged(request, sha256)
     judged = judge(sides.axis.horizon, counts, sha256)
     left_out = zip(aligned.left_out, sides.axis.left_out, strict=True)
     found = {
@@ -407,7 +423,7 @@ def fit(
         axis, time_matching = placed(given), TimeMatching()
     truth, estimate = axis.sides
     if request.ignoring is not None:
-        estimate = request.ignoring.excuse(estimate, given[0], time_matching.near, names)
+        estimate = request.ignoring.excuse(estimate, given[0], request.time_matching.near, names)
     aligned = align(truth, estimate, time_matching, names)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(

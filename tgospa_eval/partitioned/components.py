@@ -28,14 +28,15 @@ class Tracks:
     ----------
     ids : (k,) array of str
         In the order in which reading one file numbers them.
-    rows : (k,) int array
-        How many rows they have.
+    rows, judged : (k,) int arrays
+        How many rows they have, and how many of these are judged.
     numbers : tuple of int arrays
         Of each block the numbers of its tracks.
     """
 
     ids: NDArray[np.str_]
     rows: Ints
+    judged: Ints
     numbers: tuple[Ints, ...]
 
 
@@ -47,10 +48,18 @@ def number_tracks(blocks: Sequence[Scanned], side: int) -> Tracks:
     rank = np.empty(len(order), np.int32)
     rank[order] = np.arange(len(order), dtype=np.int32)
     number = rank[found]
-    counts = np.concatenate([block.rows[side] for block in blocks] or [np.zeros(0, np.int64)])
-    rows = np.bincount(number, counts, minlength=len(ids)).astype(np.int64)
+    rows, unjudged = (
+        np.bincount(
+            number, np.concatenate(counts or [np.zeros(0, np.int64)]), minlength=len(ids)
+        ).astype(np.int64)
+        for counts in (
+            [block.rows[side] for block in blocks],
+            [block.unjudged_rows[side] for block in blocks],
+        )
+    )
     ends = np.cumsum([len(part) for part in parts])[:-1]
-    return Tracks(ids=ids[order], rows=rows, numbers=tuple(np.split(number, ends)))
+    numbers = tuple(np.split(number, ends))
+    return Tracks(ids=ids[order], rows=rows, judged=rows - unjudged, numbers=numbers)
 
 
 def _natural_order(ids: NDArray[np.str_]) -> Ints:

@@ -21,16 +21,17 @@ from tgospa_eval.engines.processes import PersistentPool, Processes
 from tgospa_eval.evaluation.axis import Axis, check_left
 from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
 from tgospa_eval.evaluation.evaluate import nested_timings, solver_record, solver_settings
+from tgospa_eval.evaluation.ignoring import Ignoring
 from tgospa_eval.evaluation.localisation import within_rounding
-from tgospa_eval.evaluation.prepare import fit, recorded_settings
+from tgospa_eval.evaluation.prepare import digest_of_judged, fit, recorded_settings
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.input.listing import changed_file, stored
 from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, rows_together, scan_parts
-from tgospa_eval.partitioned.scan import fitted_ranges
+from tgospa_eval.partitioned.scan import Scanned, fitted_ranges
 from tgospa_eval.partitioned.sides import PartsSide, open_side
-from tgospa_eval.partitioned.steps import BlockPlan, clock_of, find_steps
+from tgospa_eval.partitioned.steps import BlockPlan, across_gaps, clock_of, find_steps
 from tgospa_eval.partitioned.tables import write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.metric_family import check_underflow
@@ -164,6 +165,10 @@ def evaluate_partitioned(
             clocks = clock_of(truth), clock_of(estimate)
             check_columns(*clocks, paths)
             request = request_of(truth.columns)
+            if request.ignoring is not None:
+                request, sides, absent = _marking(request, request.ignoring, sides)
+                for text in absent:
+                    stopwatch.notify(f"{paths[0]}: {text}")
             axis, grid, cut = find_steps(sides, clocks, request, paths)
 
         looked = look(cut, grid) if len(cut.times) else []
@@ -180,11 +185,10 @@ def evaluate_partitioned(
             check(known, paths)
         found = evaluate_parts(cut, blocks, work, memory // jobs, stages)
         with stopwatch.span("report"):
-            judged = [block.judged for block in blocks]
             result = _result(
-                known, axis, grid, cut, found, judged, stopwatch, work, run, assignments=kept
+                known, axis, grid, cut, found, blocks, stopwatch, work, run, assignments=kept
             )
-            for notice in _notices(known, axis, grid, cut, found, read):
+            for notice in _notices(known, axis, grid, cut, found, read, blocks):
                 stopwatch.notify(str(notice))
     return replace(
         result,
@@ -194,13 +198,34 @@ def evaluate_partitioned(
     )
 
 
+def _marking(
+    request: EvaluationRequest, ignoring: Ignoring, sides: tuple[PartsSide, PartsSide]
+) -> tuple[EvaluationRequest, tuple[PartsSide, PartsSide], list[str]]:
+    """What is asked, of sides that mark what is not judged, and what to say of absent classes.
+
+    Raises
+    ------
+    ConfigError
+        No file has marks that are asked for.
+    """
+    ignoring.check_marks([side.roles.attributes for side in sides], [side.path for side in sides])
+    ignoring, absent = ignoring.spelt(sides[0].steps.classes)
+    truth, estimate = (
+        replace(side, marked=partial(ignoring.marked, role=role, name=side.path))
+        for side, role in zip(sides, ROLES, strict=True)
+    )
+    if ignoring.classes:
+        truth = replace(truth, options=replace(truth.options, also=ignoring.classes))
+    return replace(request, ignoring=ignoring), (truth, estimate), absent
+
+
 def _result(
     known: Sequence[SideSummary],
     axis: Axis,
     grid: Alignment,
     cut: BlockPlan,
     found: Evaluated,
-    judged: list[tuple[int, ...]],
+    blocks: Sequence[Scanned],
     stopwatch: Stopwatch,
     work: Path,
     run: Run,
@@ -217,6 +242,7 @@ def _result(
     check_underflow(found.constants, parameters, bounds.upper)
     shown = grid.truth.shown
     truths, estimates = found.tracks
+    unjudged = {} if found.unjudged is None else vars(found.unjudged)
     tables = write_tables(
         str(work / "tables"),
         {
@@ -229,7 +255,7 @@ def _result(
         found.folders,
         run,
         assigned=found.assigned,
-        further=found.beside,
+        further={**found.beside, "step": {**unjudged, **found.beside["step"]}},
         assignments=assignments,
     )
     split = {
@@ -247,14 +273,19 @@ def _result(
         iterations=found.iterations,
     )
     rule = "grid" if request.time_matching.steps is None else "steps"
-    counts = found.objects[0]
+    counts, columns = found.objects[0], sides[0].columns
+    judged = ""
+    if found.unjudged is not None and found.unjudged.ignored.any():
+        counts = counts - found.unjudged.ignored
+        judged = digest_of_sums(columns, [block.judged for block in blocks])
+    counting = digest_of_sums(columns, [block.counting for block in blocks])
     return PartitionedResult(
         proof=proof,
         labels=Labels(times=shown.tolist(), truths=[], estimates=[], unit=request.unit),
         gap=solver.gap,
         settings={
             **parameters.recorded,
-            **recorded_settings(request.distance, request, sides[0].columns),
+            **recorded_settings(request.distance, request, columns),
             **solver_settings(solver),
         },
         solver=solver_record(solver, solution, parameters, met=bounds.met(solver.gap)),
@@ -270,13 +301,14 @@ def _result(
         judged_on=judge(
             axis.horizon,
             grid.truth,
-            digest_of_sums(sides[0].columns, judged),
+            digest_of_judged(request, counting, judged),
             states=int(counts.sum()),
             at=int(np.count_nonzero(counts)),
         ),
         version=__version__,
         split=split or None,
         nees=found.nees,
+        unjudged=found.unjudged,
         warnings=(
             *(notice for one in known for notice in one.warnings),
             *within_rounding(bounds, solver.gap),
@@ -290,7 +322,7 @@ def _result(
             "pair_steps": int(found.shards.entries.sum()),
             "components": found.shards.components,
         },
-        objects=(int(counts.sum()), int(found.objects[1].sum())),
+        objects=(int(found.objects[0].sum()), int(found.objects[1].sum())),
         tables=tables,
     )
 
@@ -302,6 +334,7 @@ def _notices(
     cut: BlockPlan,
     found: Evaluated,
     read: list[list[Json]],
+    blocks: Sequence[Scanned],
 ) -> Iterator[Notice]:
     """What the user should know of the two sides."""
     matching = cut.request.time_matching
@@ -311,26 +344,40 @@ def _notices(
     made, off = axis.made, (known[0].off, known[1].off)
     if cut.resampled:
         off = (0, 0)
+        truth = [block[0] for block in read]
+        across = sum(block["across"] for block in truth), 0
         made = tuple(
             (
                 name,
                 replace(
-                    old, between=int(states.sum()) - one.at_steps, own=one.at_steps, unused=one.off
+                    old,
+                    between=int(states.sum()) - one.at_steps - wide,
+                    own=one.at_steps,
+                    unused=one.off,
                 ),
             )
-            for (name, old), one, states in zip(made, known, found.objects, strict=True)
+            for (name, old), one, states, wide in zip(
+                made, known, found.objects, across, strict=True
+            )
         )
-        truth = [block[0] for block in read]
         tracks = len(set().union(*(block["ids"] for block in truth)))
         gaps = known[0].taken - tracks - sum(block["narrow"] for block in truth)
         if gaps:
+            long = f"the truth has {counted(gaps, 'gap')} longer than {matching.gaps[0]:.15g}: "
             yield Notice(
-                text=f"the truth has {counted(gaps, 'gap')} longer than {matching.gaps[0]:.15g}: "
-                "what the estimate reports in them is false (its cost is not worked out of data "
-                "in parts)"
+                text=f"{long}--ignore truth-gaps, what is within c of the line across is free"
+                if across_gaps(cut.request)
+                else f"{long}what the estimate reports in them is false (its cost is not worked "
+                "out of data in parts)"
             )
     if any(off) and matching.steps is None:
         yield Notice(text=alignment_notices(replace(grid, left_out=off), matching)[-1])
+    if cut.request.ignoring is not None:
+        ignored, excused = (
+            any(block.unjudged[number].any() for block in blocks) for number in (0, 1)
+        )
+        for text in cut.request.ignoring.told(ignored=ignored, excused=excused):
+            yield Notice(text=text)
     axis = replace(axis, made=made, left_out=off)
     if not any(one.taken for one in known):
         check_left(axis, matching)

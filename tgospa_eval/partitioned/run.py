@@ -11,28 +11,30 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import Ints
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.engines.processes import PersistentPool
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
+from tgospa_eval.partitioned.gaps import with_states_beyond
 from tgospa_eval.partitioned.long.run import solve_long
 from tgospa_eval.partitioned.scan import BESIDE, READ, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import (
+    IGNORED_TRUTH,
     PARTS_OF_TRACKS,
     PartialSums,
     solve_shard,
     sort_entries,
 )
-from tgospa_eval.partitioned.steps import BlockPlan
+from tgospa_eval.partitioned.steps import BlockPlan, across_gaps
 from tgospa_eval.partitioned.tables import found_in, looked_up, sums_beside
 from tgospa_eval.partitioned.tasks import Task, run_tasks
 from tgospa_eval.problem.certificate import lower_cost, upper_cost
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.paths import down
 from tgospa_eval.problem.problem import Problem
-from tgospa_eval.problem.readout import PerTrack
+from tgospa_eval.problem.readout import PerTrack, Unjudged
 from tgospa_eval.problem.solution import Bounds, Breakdown
 from tgospa_eval.results.consistency import NeesSums
 from tgospa_eval.results.records import Arrays, Costs, Json
@@ -174,7 +176,7 @@ def add_up(
     steps: int,
     constants: Problem,
     parameters: Parameters,
-) -> tuple[Costs, tuple[Ints, Ints], int]:
+) -> tuple[Costs, tuple[Ints, Ints], tuple[Ints, Ints], int]:
     """Add up all shards, in order, and the objects that are in none.
 
     Parameters
@@ -196,15 +198,18 @@ def add_up(
         As `certify` gives them.
     objects : pair of (T,) int arrays
         Truths and estimates at each step.
+    unjudged : pair of (T,) int arrays
+        Those of them that are ignored and excused.
     iterations : int
         Of all shards.
     """
-    objects = np.zeros(steps, np.int64), np.zeros(steps, np.int64)
+    counted = np.zeros((2, 2, steps), np.int64)
     for block in blocks:
-        for counts, found in zip(objects, block.objects, strict=True):
-            counts[block.first : block.first + len(found)] += found
+        span = slice(block.first, block.first + len(block.objects[0]))
+        counted[:, :, span] += block.objects, block.unjudged
+    objects, unjudged = ((counts[0], counts[1]) for counts in counted)
     parts = {name: np.zeros(steps) for name in Breakdown.__annotations__ if name != "total"}
-    left = [counts.copy() for counts in objects]
+    left = counted[0] - counted[1]
     lower: list[float] = []
     upper: list[float] = []
     iterations = 0
@@ -232,13 +237,24 @@ def add_up(
         upper=upper_cost(constants, breakdown),
         rounding=constants.rounding,
     )
-    return Costs(parameters=parameters, bounds=bounds, breakdown=breakdown), objects, iterations
+    costs = Costs(parameters=parameters, bounds=bounds, breakdown=breakdown)
+    return costs, objects, unjudged, iterations
+
+
+def _absorbed(pieces: Sequence[Path], steps: int) -> Floats:
+    """How much of estimates follows an ignored truth at each step."""
+    found = np.zeros(steps)
+    for piece in pieces:
+        rows = np.load(piece, mmap_mode="r")
+        at = np.flatnonzero(rows["marks"] & IGNORED_TRUTH)
+        found += np.bincount(rows["step"][at], rows["weight"][at], steps)
+    return found
 
 
 def _track_costs(folders: Sequence[Path], name: str, tracks: Tracks, price: float) -> PerTrack:
     """What each track contributes; the rows of those in shards that have no near pair as well."""
     found = {part: np.zeros(len(tracks.ids)) for part in PARTS_OF_TRACKS}
-    rest = tracks.rows.copy()
+    rest = tracks.judged.copy()
     for path in found_in(folders, f"{name}.npz"):
         with np.load(path) as shard:
             track = shard["track"]
@@ -250,8 +266,9 @@ def _track_costs(folders: Sequence[Path], name: str, tracks: Tracks, price: floa
     return PerTrack(**found)
 
 
-BYTES_A_ROW, BYTES_AN_ENTRY = 600, 300
-"""Memory that a worker needs for each row of a block, and for each entry of a shard: measured."""
+BYTES_A_ROW, BYTES_AN_ENTRY, BYTES_OF_MARKS = 600, 300, 100
+"""Memory that a worker needs for each row of a block, for each entry of a shard, and for each more
+where some are not judged: measured."""
 
 SCANNED = "scan"
 """In the folder of work, that of the blocks that were read."""
@@ -273,6 +290,8 @@ class Evaluated:
         Bounds and breakdown, in units of c^p.
     objects : pair of (T,) int arrays
         Truths and estimates at each step.
+    unjudged : Unjudged, optional
+        Those of them that are not judged, if there are any.
     tracks : pair of Tracks
         Those of truth and estimate.
     track_costs : pair of PerTrack
@@ -295,6 +314,7 @@ class Evaluated:
 
     proof: Costs
     objects: tuple[Ints, Ints]
+    unjudged: Unjudged | None
     tracks: tuple[Tracks, Tracks]
     track_costs: tuple[PerTrack, ...]
     shards: Shards
@@ -311,9 +331,9 @@ def rows_together(memory: int) -> int:
     return max(min(MOST_ROWS, memory // BYTES_A_ROW), 1)
 
 
-def most_entries(memory: int) -> int:
-    """Entries that a worker with so many bytes can hold."""
-    return max(min(MOST_ENTRIES, memory // BYTES_AN_ENTRY), 1)
+def most_entries(memory: int, *, masked: bool) -> int:
+    """Entries that a worker with so many bytes can hold; `masked`: some may not be judged."""
+    return max(min(MOST_ENTRIES, memory // (BYTES_AN_ENTRY + BYTES_OF_MARKS * masked)), 1)
 
 
 def scan_parts(
@@ -346,11 +366,15 @@ def scan_parts(
     """
     most = rows_together(memory)
     with stages.stopwatch.span("distances"):
+        pieces = cut.pieces(most)
+        if cut.resampled and across_gaps(cut.request):
+            crossing = partial(stages.run, "looking across gaps")
+            pieces = iter(with_states_beyond([*pieces], work / "gaps", crossing))
         tasks: dict[str, Task] = {
             str(work / SCANNED / f"{number:08d}"): partial(
                 scan, piece=piece, request=cut.request, names=cut.names, most=most
             )
-            for number, piece in enumerate(cut.pieces(most))
+            for number, piece in enumerate(pieces)
         }
         stages.run("searching near pairs", tasks)
     with stages.stopwatch.span("solve/preparation"):
@@ -371,13 +395,13 @@ def evaluate_parts(
         A process died.
     """
     parameters, span = cut.request.parameters, stages.stopwatch.span
-    most = most_entries(memory)
+    most = most_entries(memory, masked=cut.request.ignoring is not None)
     with span("solve/preparation"):
         truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
         shards = make_shards(blocks, truths, estimates, most)
         folders = _shuffle(work, blocks, (truths, estimates), shards, stages)
     with span("solve/sweeps"):
-        stages.expect(parameters, (int(truths.rows.sum()), int(estimates.rows.sum())))
+        stages.expect(parameters, (int(truths.judged.sum()), int(estimates.judged.sum())))
         solved = _solve(cut.request, work, folders, shards, most, stages)
     stages.end()
     with span("certify"):
@@ -386,7 +410,13 @@ def evaluate_parts(
         pieces = _beside(work, blocks, (truths, estimates), assigned)
         beside, nees = sums_beside(pieces, sizes, len(cut.sides[0].columns))
         fixed = constants(cut.request, cut.sides[0].columns, blocks)
-        proof, objects, iterations = add_up(solved, blocks, len(cut.times), fixed, parameters)
+        proof, objects, (ignored, excused), iterations = add_up(
+            solved, blocks, len(cut.times), fixed, parameters
+        )
+        unjudged = None
+        if ignored.any() or excused.any():
+            absorbed = _absorbed(assigned, len(cut.times))
+            unjudged = Unjudged(ignored=ignored, excused=excused, absorbed=absorbed)
         track_costs = tuple(
             _track_costs(solved, name, tracks, price)
             for name, tracks, price in zip(
@@ -399,6 +429,7 @@ def evaluate_parts(
     return Evaluated(
         proof=proof,
         objects=objects,
+        unjudged=unjudged,
         tracks=(truths, estimates),
         track_costs=track_costs,
         shards=shards,

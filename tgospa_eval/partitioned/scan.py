@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import Ints
+from tgospa_eval.common.arrays import Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import Effort, Pairs
 from tgospa_eval.evaluation.axis import Axis, Sides
@@ -19,14 +19,19 @@ from tgospa_eval.evaluation.prepare import (
     fit,
     near_pairs,
     problem_of_pairs,
+    reach_of,
+    unjudged_of,
+    with_far_pairs,
 )
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.partitioned.shards import ENTRY
+from tgospa_eval.partitioned.shards import ENTRY, marks_of
 from tgospa_eval.partitioned.steps import BlockPiece, Resampled
 from tgospa_eval.partitioned.tasks import writing_folder
+from tgospa_eval.problem.metric_family import ignore_states
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Arrays, Json
+from tgospa_eval.tracks.ignored import AWAY
 from tgospa_eval.tracks.judged import row_sums
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -70,14 +75,16 @@ class Scanned:
         Tracks of either side that have a row.
     rows : pair of (k,) int arrays
         How many rows they have.
+    unjudged, unjudged_rows : pairs of (L,), (k,) int arrays
+        How many of these objects and rows are not judged.
     near : int
         Pairs of tracks that come near each other.
     slack : float
         As `Problem.cost_slack`.
     blur : float
         As `Distance.last_place`; infinite without objects.
-    judged : tuple of int
-        `row_sums` of the truth at the steps.
+    counting, judged : tuple of int
+        `row_sums` of the truth at the steps, and of what is judged of it.
     folder : Path
         Where it was read from.
     """
@@ -86,9 +93,12 @@ class Scanned:
     objects: tuple[Ints, Ints]
     ids: tuple[NDArray[np.str_], NDArray[np.str_]]
     rows: tuple[Ints, Ints]
+    unjudged: tuple[Ints, Ints]
+    unjudged_rows: tuple[Ints, Ints]
     near: int
     slack: float
     blur: float
+    counting: tuple[int, ...]
     judged: tuple[int, ...]
     folder: Path
 
@@ -105,7 +115,7 @@ class Scanned:
         with np.load(folder / "block.npz") as found:
             both = {
                 name: (found[f"truth_{name}"], found[f"estimate_{name}"])
-                for name in ("objects", "ids", "rows")
+                for name in ("objects", "ids", "rows", "unjudged", "unjudged_rows")
             }
             return cls(
                 **both,
@@ -114,6 +124,7 @@ class Scanned:
                 folder=folder,
                 slack=float(found["slack"]),
                 blur=float(found["blur"]),
+                counting=tuple(json.loads(str(found["counting"]))),
                 judged=tuple(json.loads(str(found["judged"]))),
             )
 
@@ -151,12 +162,13 @@ def scan(
     readings = [stretch.read() for stretch in piece.stretches]
     sides = readings[0].trajectories, readings[1].trajectories
     complete = piece.complete(sides)
-    own = np.zeros(2, np.int64)
+    own, across = np.zeros(2, np.int64), 0
     with writing_folder(output) as folder:
         for number, (low, fitted, unchanged) in enumerate(
             fitted_ranges(piece, sides, complete, request, names, most)
         ):
             own += unchanged
+            across += int(np.count_nonzero(fitted.alignment.truth.attributes.get(AWAY, ())))
             _write_range(folder / f"{number:05d}", low, fitted, request)
         known: list[Json] = [
             {
@@ -171,6 +183,7 @@ def scan(
         truth = piece.stretches[0]
         if isinstance(truth, Resampled):
             known[0] |= {"narrow": truth.narrow(complete[0]), "ids": sides[0].ids.tolist()}
+            known[0]["across"] = across
         (folder / READ).write_text(json.dumps(known), encoding="utf-8")
 
 
@@ -183,20 +196,28 @@ def _write_range(folder: Path, low: int, fitted: Fitted, request: EvaluationRequ
     entry["step"] += np.int32(low)
     entry["truth"] = problem.truth_track[problem.truth_row]
     entry["estimate"] = problem.estimate_track[problem.estimate_row]
-    entry["cost"] = problem.cost
+    entry["cost"], entry["marks"] = problem.powers(slice(None)), marks_of(problem, slice(None))
     pairs = _pairs(entry, len(aligned[1].ids))
+    unjudged = unjudged_of(fitted.alignment, request)
+    counting = judged = row_sums(aligned[0].seen_as(kinds))
+    if unjudged is not None and unjudged[0].any():
+        judged = row_sums(aligned[0].seen_as(kinds).chosen(np.flatnonzero(~unjudged[0])))
     found: dict[str, object] = {
         "first": low,
         "near": len(pairs),
         "pairs": pairs,
         "slack": problem.cost_slack,
         "blur": blur,
-        "judged": json.dumps(row_sums(aligned[0].seen_as(kinds))),
+        "counting": json.dumps(counting),
+        "judged": json.dumps(judged),
     }
-    for role, side in zip(("truth", "estimate"), aligned, strict=True):
+    masks: tuple[Mask | slice, Mask | slice] = unjudged or (slice(0), slice(0))
+    for role, side, mask in zip(("truth", "estimate"), aligned, masks, strict=True):
         found[f"{role}_objects"] = np.bincount(side.step, minlength=len(side.times))
         found[f"{role}_ids"] = side.ids.astype(np.str_)
         found[f"{role}_rows"] = np.bincount(side.track, minlength=len(side.ids))
+        found[f"{role}_unjudged"] = np.bincount(side.step[mask], minlength=len(side.times))
+        found[f"{role}_unjudged_rows"] = np.bincount(side.track[mask], minlength=len(side.ids))
     folder.mkdir()
     np.save(folder / "entries.npy", entry)
     if beside:
@@ -214,7 +235,14 @@ def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[Problem, float,
     compared, distance, pairs = near_pairs(
         seen, sides.distance, request.parameters.cutoff, Effort(jobs=1)
     )
-    problem = problem_of_pairs(compared, distance, pairs, request.parameters)
+    reach = reach_of(aligned, request)
+    if reach is not None:
+        cutoff, effort = request.parameters.cutoff, Effort(jobs=1)
+        pairs = with_far_pairs(pairs, compared, distance, cutoff, reach, effort)
+    problem = problem_of_pairs(compared, distance, pairs, request.parameters, reach)
+    unjudged = unjudged_of(aligned, request)
+    if unjudged is not None:
+        problem = ignore_states(problem, *unjudged)
     is_empty = not len(problem.truth_step) + len(problem.estimate_step)
     blur = np.inf if is_empty else distance.last_place(compared)
     entries, rows = np.arange(len(problem.cost)), (problem.truth_row, problem.estimate_row)
@@ -227,6 +255,8 @@ def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[Problem, float,
         periods = periods_in(distance, told[0].columns)
         spreads = told[0].second_moments, spread
         beside[NEES] = nees_of((told[0].state, told[1].state), spreads, rows, periods)
+        if unjudged is not None:  # nobody is judged by an ignored truth
+            beside[NEES][unjudged[0][rows[0]]] = np.nan
     return problem, blur, beside
 
 

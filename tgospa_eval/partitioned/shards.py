@@ -9,21 +9,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import Floats, Ints
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.partitioned.tasks import left_until, writing_folder
 from tgospa_eval.problem.certificate import prove, unpaired_prices
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.problem.problem import Problem
+from tgospa_eval.problem.metric_family import Parameters, ignore_states
+from tgospa_eval.problem.problem import Objects, Problem
 from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
 from tgospa_eval.problem.solution import Breakdown
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.certified import Certified
 
-ENTRY = np.dtype([("step", "<i4"), ("truth", "<i4"), ("estimate", "<i4"), ("cost", "<f8")])
-"""A near pair: global numbers of step and tracks, and (d / c)^p."""
+ENTRY = np.dtype(
+    [("step", "<i4"), ("truth", "<i4"), ("estimate", "<i4"), ("cost", "<f8"), ("marks", "u1")]
+)
+"""A near pair: global numbers of step and tracks, (d / c)^p, and which of it is not judged."""
+
+IGNORED_TRUTH, EXCUSED_ESTIMATE = 1, 2
+"""Bits of marks: see `problem.metric_family.ignore_states`."""
 
 Table = NDArray[np.void]
 
@@ -37,7 +42,8 @@ HELD = np.dtype(
 class PartialSums(Breakdown):
     """What some components contribute from a step on: a breakdown, and what is proven.
 
-    Objects are the rows (track and step) that have a near pair in these components, no others.
+    Objects are the rows (track and step) that have a near pair in these components, no others, and
+    of these those that are judged.
 
     Parameters
     ----------
@@ -176,8 +182,8 @@ def solve_shard(
     share = PartialSums(
         **vars(breakdown),
         first=first,
-        truths=np.bincount(problem.truth_step, minlength=problem.steps),
-        estimates=np.bincount(problem.estimate_step, minlength=problem.steps),
+        truths=judged_at_steps(problem, 0),
+        estimates=judged_at_steps(problem, 1),
         lower=np.concatenate((lower, unpaired_prices(states))),
         iterations=solution.iterations,
         solved=solution.finished,
@@ -185,10 +191,10 @@ def solve_shard(
     tracks = [
         {
             "track": numbers[side],
-            "rows": np.bincount(problem.sides[side].track, minlength=len(numbers[side])),
+            "rows": judged_rows(objects),
             **vars(read_tracks(states, weights, side)),
         }
-        for side in (0, 1)
+        for side, objects in enumerate(problem.sides)
     ]
     with writing_folder(output) as folder:
         contribute(
@@ -236,6 +242,27 @@ def within(solver: Certified, end: float | None) -> Certified:
     return replace(solver, time_limit=None if left is None else max(left, NO_TIME))
 
 
+def judged_at_steps(problem: Problem, side: int) -> Ints:
+    """How many objects of a side are judged at each step."""
+    objects = problem.sides[side]
+    return np.bincount(objects.step[objects.judged], minlength=problem.steps)
+
+
+def judged_rows(side: Objects) -> Ints:
+    """How many rows of each track are judged."""
+    return np.bincount(side.track[side.judged], minlength=side.count)
+
+
+def marks_of(problem: Problem, entry: Ints | slice) -> Ints:
+    """The marks of some entries."""
+    marks = np.zeros(len(problem.cost), np.uint8)[entry]
+    if problem.unjudged is not None:
+        ignored, excused = problem.unjudged
+        marks |= IGNORED_TRUTH * ignored[problem.truth_row[entry]].astype(np.uint8)
+        marks |= EXCUSED_ESTIMATE * excused[problem.estimate_row[entry]].astype(np.uint8)
+    return marks
+
+
 def problem_of(
     entry: Table, first: int, numbers: tuple[Ints, Ints], parameters: Parameters
 ) -> Problem:
@@ -255,8 +282,15 @@ def problem_of(
     step = entry["step"] - np.int32(first)
     rows: list[Ints] = []
     sides: dict[str, Any] = {}
-    for name, known, price in zip(
-        ("truth", "estimate"), numbers, parameters.unassigned_prices, strict=True
+    marks = entry["marks"]
+    any_marks = bool(marks.any())
+    unjudged: list[Mask] = []
+    for name, bit, known, price in zip(
+        ("truth", "estimate"),
+        (IGNORED_TRUTH, EXCUSED_ESTIMATE),
+        numbers,
+        parameters.unassigned_prices,
+        strict=True,
     ):
         track = np.searchsorted(known, entry[name]).astype(np.int64)
         key = step.astype(np.int64) * len(known) + track
@@ -266,13 +300,16 @@ def problem_of(
         else:
             key, row = np.unique(key, return_inverse=True)
         rows.append(row.astype(np.int32))
+        unjudged.append(np.zeros(len(key), bool))
+        if any_marks:
+            unjudged[-1][row] = marks & bit != 0
         at, who = np.divmod(key, max(len(known), 1))
         sides |= {
             f"{name}_step": at.astype(np.int32),
             f"{name}_track": who.astype(np.int32),
             f"{name}_price": np.broadcast_to(price, len(key)),
         }
-    return Problem(
+    problem = Problem(
         **sides,
         steps=int(step.max(initial=-1)) + 1,
         truths=len(numbers[0]),
@@ -281,7 +318,9 @@ def problem_of(
         estimate_row=rows[1],
         cost=np.ascontiguousarray(entry["cost"]),
         switch_price=parameters.switch_price,
+        signed=any_marks,  # an ignored truth may be farther than the cutoff
     )
+    return ignore_states(problem, *unjudged)
 
 
 def tables_of(
@@ -293,7 +332,8 @@ def tables_of(
     assigned = np.empty(len(used.step), ASSIGNED_PAIR)
     assigned["step"] = used.step + np.int32(first)
     assigned["truth"], assigned["estimate"] = truths[used.truth], estimates[used.estimate]
-    assigned["cost"], assigned["weight"] = states.problem.cost[used.entry], used.weight
+    assigned["cost"], assigned["weight"] = states.problem.powers(used.entry), used.weight
+    assigned["marks"] = marks_of(states.problem, used.entry)
     changed = read_switches(states, weights)
     switched = np.empty(len(changed.step), SWITCHED)
     switched["step"] = changed.step + np.int32(first)

@@ -7,7 +7,7 @@ whatever the files are, in which order and however their times overlap.
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from operator import itemgetter
@@ -40,12 +40,14 @@ from tgospa_eval.partitioned.input.runs import (
     merged_moments,
     merged_rows,
     run_moments,
+    run_names,
     run_rows,
     write_runs,
 )
 from tgospa_eval.partitioned.input.tables import FilePiece, open_table, read_head, size_of
 from tgospa_eval.partitioned.tasks import Run, Task, writing_folder
 from tgospa_eval.text import listed
+from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 BYTES_OF_LINE = 32
@@ -136,6 +138,7 @@ def index_side(
             "ends": ends,
             "clock": moments.clock,
             "rows": int(moments.count.sum()),
+            "classes": run_names(runs, name) if options.by_class or options.attributes else [],
             **_save_steps(moments, options, folder, name),
         }
         (folder / "index.json").write_text(json.dumps(known), encoding="utf-8")
@@ -199,9 +202,9 @@ def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> Non
 
 
 def columns_in_use(roles: Roles) -> list[str]:
-    """Headers of ids, times, classes and numbers, in an order that is not that of the file."""
+    """Headers of all that is read, in an order that is not that of the file."""
     columns = [roles.id, roles.time, *([] if roles.klass is None else [roles.klass])]
-    return [roles.headers[column] for column in (*columns, *roles.numbers)]
+    return [roles.headers[column] for column in (*columns, *roles.numbers, *roles.texts)]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -224,6 +227,8 @@ class SideSteps:
         What the times are.
     rows : int
         Rows of all files.
+    classes : list of str
+        Of these, where what is not judged may depend on them.
     left_out : dict of str to int
         How many of them --time leaves out, by its rule.
     runs : list of str
@@ -240,6 +245,7 @@ class SideSteps:
     converted: bool
     clock: str
     rows: int
+    classes: list[str]
     left_out: dict[str, int]
     runs: list[str]
     ends: Floats | Ints
@@ -332,6 +338,8 @@ class PartsSide:
         The folder of its index.
     roles : Roles
         Of the columns of the first file.
+    marked : callable, optional
+        Marks what is not judged of what was read.
     """
 
     path: str
@@ -339,6 +347,7 @@ class PartsSide:
     options: ReadOptions
     store: str
     roles: Roles
+    marked: Callable[[Reading], Reading] | None = None
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -411,7 +420,12 @@ class PartsSide:
             )
         if steps.labels is not None:
             found = _labelled(found, decoded(steps.labels[begin:end]))
-        return replace(reading, trajectories=found, notices=())
+        reading = replace(reading, trajectories=found, notices=())
+        if self.marked is None:
+            return reading
+        found = self.marked(reading).trajectories
+        marks = {NOT_JUDGED: marks_of(found, NOT_JUDGED).astype(np.float64)}
+        return replace(reading, trajectories=replace(found, attributes=marks))
 
     def said(self, left_out: Mapping[str, int], classes: Sequence[str]) -> tuple[str, ...]:
         """What the user should know when all blocks are read.

@@ -10,7 +10,8 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TypeAlias, cast
+from pathlib import Path
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
@@ -22,8 +23,10 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.input.runs import merged_names
 from tgospa_eval.partitioned.sides import PartsSide
+from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.tracks.alignment import Alignment, Times, align
 from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.interpolation import at_ticks, found_at, interpolated
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
@@ -85,6 +88,8 @@ class Resampled:
         The side and the option, for messages.
     most : int
         Rows that are read together.
+    beyond : str
+        Folder of the states before and after, where gaps of any length are crossed.
     """
 
     side: PartsSide
@@ -95,15 +100,30 @@ class Resampled:
     number: int
     names: tuple[str, str]
     most: int
+    beyond: str = ""
 
     def read(self) -> Reading:
         """Its rows."""
         return read_times(self.side, self.span)
 
+    def own(self) -> Trajectories:
+        """The same as they are interpolated."""
+        return self._seen(self.read().trajectories)
+
+    def nothing(self) -> Trajectories:
+        """The side without rows."""
+        return self._seen(read_times(self.side, slice(0)).trajectories)
+
     def complete(self, found: Trajectories) -> Trajectories:
         """With the states of all tracks before and after, and the ends of the whole side."""
-        before = self._neighbours(slice(self.near.start, self.span.start), last=True)
-        after = self._neighbours(slice(self.span.stop, self.near.stop), last=False)
+        if self.beyond:
+            before, after = (
+                load_states(Path(self.beyond, f"{name}.npz"), self.nothing())
+                for name in ("before", "after")
+            )
+        else:
+            before = self._neighbours(slice(self.near.start, self.span.start), last=True)
+            after = self._neighbours(slice(self.span.stop, self.near.stop), last=False)
         whole = merged([self._seen(found), before, after])
         if not len(whole.step):
             return whole
@@ -122,6 +142,7 @@ class Resampled:
             max_gap=self.gap,
             periods=periods_of(self.request.distance, found.columns),
             names=self.names,
+            across=NOT_JUDGED if self.number == 0 and across_gaps(self.request) else "",
         )
         steps = Trajectories.of_times(times, found.columns, found.clock)
         own, side = (at_ticks(one, steps, 0.0, self.names) for one in (found, made.side))
@@ -149,7 +170,7 @@ class Resampled:
     def _neighbours(self, span: slice, *, last: bool) -> Trajectories:
         """The last state of each track at some stamps, or the first."""
         edges = (span.start + stretches(self.side.counts[span], self.most)).tolist()
-        found = self._seen(read_times(self.side, slice(0)).trajectories)
+        found = self.nothing()
         for low, high in itertools.pairwise(edges):
             part = self._seen(read_times(self.side, slice(low, high)).trajectories)
             found = outermost(merged([found, part]), last=last)
@@ -186,6 +207,10 @@ def merged(parts: Sequence[Trajectories]) -> Trajectories:
         times=times,
         labels=None,
         covariance=np.concatenate(covariances)[order] if covariances else None,
+        attributes={
+            name: np.concatenate([part.attributes[name] for part in parts])[order]
+            for name in first.attributes
+        },
     )
 
 
@@ -196,6 +221,25 @@ def outermost(side: Trajectories, *, last: bool) -> Trajectories:
     rows = np.sort(len(track) - 1 - row if last else row)
     used, step = np.unique(side.step[rows], return_inverse=True)
     return side.chosen(rows, step, side.times[used])
+
+
+def save_states(side: Trajectories, path: Path) -> None:
+    """Write the rows of a side that `load_states` reads."""
+    columns = {name: getattr(side, name) for name in ("step", "track", "state", "times")}
+    columns |= {"ids": side.ids.astype(np.str_), "marks": marks_of(side, NOT_JUDGED)}
+    if side.covariance is not None:
+        columns["covariance"] = side.covariance
+    with writing(str(path)) as beside, beside.open("wb") as file:
+        np.savez(file, **columns)
+
+
+def load_states(path: Path, nothing: Trajectories) -> Trajectories:
+    """The rows of a side; of it without rows all else is known."""
+    with np.load(path) as found:
+        columns: dict[str, Any] = dict(found)
+    marks = columns.pop("marks").astype(np.float64)
+    ids = columns.pop("ids").astype(object)
+    return replace(nothing, **columns, ids=ids, labels=None, attributes={NOT_JUDGED: marks})
 
 
 def places(times: Times, first: float, last: float) -> slice:
@@ -365,6 +409,11 @@ class BlockPlan:
         if moments.dtype.kind == "i":
             reach = math.ceil(reach)
         return places(moments, max(first - reach, low), min(last + reach, high))
+
+
+def across_gaps(request: EvaluationRequest) -> bool:
+    """Whether the truth has states across its gaps, which are not judged."""
+    return request.ignoring is not None and request.ignoring.gaps
 
 
 def is_resampled(request: EvaluationRequest, times: Times) -> bool:

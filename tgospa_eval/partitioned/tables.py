@@ -21,7 +21,7 @@ from tgospa_eval.common.files import named
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.partitioned.scan import BESIDE, Scanned
-from tgospa_eval.partitioned.shards import ASSIGNED_PAIR, SWITCHED
+from tgospa_eval.partitioned.shards import ASSIGNED_PAIR, IGNORED_TRUTH, SWITCHED
 from tgospa_eval.partitioned.tasks import Run, Task, run_tasks, writing, writing_folder
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.readout import AssignedPairs, PerTrack
@@ -179,7 +179,13 @@ ORDER = ("step", "truth", "estimate")
 
 
 def write_part(
-    output: str, pieces: Sequence[str], edges: Ints, names: str, parameters: Parameters
+    output: str,
+    pieces: Sequence[str],
+    edges: Ints,
+    names: str,
+    parameters: Parameters,
+    *,
+    masked: bool,
 ) -> None:
     """Write the assigned pairs of some steps: ``assignments/part-*.parquet``.
 
@@ -195,6 +201,8 @@ def write_part(
         The folder of the names, each in a file NAME.npy.
     parameters : Parameters
         Of the metric.
+    masked : bool
+        Whether there are states that are not judged.
     """
     times, *ids = (
         np.load(Path(names, f"{name}.npy"), mmap_mode="r")
@@ -204,13 +212,15 @@ def write_part(
 
     def columns(chunk: NDArray[np.void]) -> dict[str, Any]:
         weight, cost = chunk["weight"], chunk["cost"]
+        ignored = (chunk["marks"] & IGNORED_TRUTH).astype(np.int64)
         return {
             "t": times[chunk["step"]],
             "truth": truths.take(_array(chunk["truth"])),
             "estimate": estimates.take(_array(chunk["estimate"])),
             "weight": weight,
             "distance": parameters.cutoff * cost ** (1 / parameters.order),
-            "cost": parameters.scale * cost * weight,
+            "cost": parameters.scale * (cost * (1 - ignored)) * weight,
+            **({"ignored": ignored} if masked else {}),
             **{name: chunk[name] for name in _further(kind)},
         }
 
@@ -259,7 +269,7 @@ def looked_up(block: Scanned, numbers: Sequence[Ints], pieces: Sequence[str]) ->
     with np.load(block.folder / BESIDE) as beside:
         names = [(name, "<f8") for name in beside]
         made = np.empty(len(rows), [*ASSIGNED_PAIR.descr, *names])
-        made[[*ORDER, "cost", "weight"]] = rows
+        made[[*(ASSIGNED_PAIR.names or ())]] = rows
         for name, _ in names:
             made[name] = beside[name][found] * (1.0 if name == NEES else rows["weight"])
     return made
@@ -290,7 +300,8 @@ def sums_beside(
             values |= {NEES: np.where(known, weight * values[NEES], 0.0), "count": weight * known}
             seam = np.concatenate((last, rows[step == step[:1]])) if len(last) else rows[:0]
             across, own = (
-                nees_sums(AssignedPairs.of(some), some[NEES], components) for some in (seam, rows)
+                nees_sums(AssignedPairs.of(some), some[NEES], components)
+                for some in (each[each["marks"] & IGNORED_TRUTH == 0] for each in (seam, rows))
             )
             between = {name: getattr(across, name) for name in ("neighbours", "products", "ends")}
             nees += [own, NeesSums(components=components, **between)]
@@ -409,6 +420,7 @@ def write_tables(
             edges=low + stretches(rows[low:high], ROWS_AT_ONCE),
             names=str(beside),
             parameters=parameters,
+            masked="ignored" in further["step"],
         )
         for number, (low, high) in enumerate(
             list(itertools.pairwise(stretches(rows, ROWS_A_PART))) or [(0, 0)]

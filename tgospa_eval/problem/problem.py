@@ -46,6 +46,11 @@ class Objects:
     row: Ints
     unjudged: Mask | None
 
+    @property
+    def judged(self) -> Ints | slice:
+        """Rows that cost something while they are unassigned."""
+        return slice(None) if self.unjudged is None else np.flatnonzero(~self.unjudged)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.partitioned.long.run import ComponentBounds, solve_long
 from tgospa_eval.partitioned.long.windows import solve_window
-from tgospa_eval.partitioned.shards import ENTRY, PARTS_OF_TRACKS, PartialSums, problem_of
+from tgospa_eval.partitioned.shards import (
+    ENTRY,
+    EXCUSED_ESTIMATE,
+    IGNORED_TRUTH,
+    PARTS_OF_TRACKS,
+    PartialSums,
+    problem_of,
+)
 from tgospa_eval.partitioned.tasks import Run, Task, run_tasks
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.merging import merge_runs
@@ -26,8 +33,11 @@ from tgospa_eval.solvers.certified import Certified
 Entries = NDArray[np.void]
 
 
-def walkers(seed: int, steps: int) -> tuple[Entries, Parameters]:
-    """The largest component of random walks and estimates of them that change whom they follow."""
+def walkers(seed: int, steps: int, *, masked: bool = False) -> tuple[Entries, Parameters]:
+    """The largest component of random walks and estimates of them that change whom they follow.
+
+    `masked`: some states are not judged.
+    """
     rng = np.random.default_rng(seed)
     truths, estimates = (int(number) for number in rng.integers(2, 9, 2))
     truth = np.cumsum(rng.normal(0, 0.2, (truths, steps, 2)), axis=1) + rng.normal(
@@ -45,22 +55,30 @@ def walkers(seed: int, steps: int) -> tuple[Entries, Parameters]:
     order = float(rng.choice([1, 2, 3]))
     distance = np.linalg.norm(truth[:, None] - estimate[None], axis=-1)
     cost = (distance / cutoff) ** order
-    step, i, j = np.nonzero(np.moveaxis((cost < 1) & there[0][:, None] & there[1][None], 2, 0))
-    root = connected_components(
-        i.astype(np.int32), (j + truths).astype(np.int32), truths + estimates
-    )[i]
-    kept = root == np.bincount(root, minlength=1).argmax()
-    entries = np.empty(int(kept.sum()), ENTRY)
-    # Numbers of the whole have gaps, and there is a time without any of these.
-    entries["step"] = 5 + step[kept] + 40 * (step[kept] > steps // 2) * (seed % 2)
-    entries["truth"], entries["estimate"] = 3 * i[kept] + 4, 2 * j[kept] + 1
-    entries["cost"] = cost[i, j, step][kept]
-    return entries, Parameters(
+    near = (cost < 1) & there[0][:, None] & there[1][None]
+    parameters = Parameters(
         cutoff=cutoff,
         order=order,
         switch_penalty=float(rng.choice([0, 0.5, 1])) * cutoff,
         rho=float(rng.choice([0.5, 0.5, 0.2])),
     )
+    ignored, excused = (masked & (rng.random(one.shape) < 0.3) for one in there)
+    ignored, excused = ignored[:, None], excused[None]
+    near &= ~(ignored & excused)  # pairs that gain nothing are none
+    near &= ~(excused & (cost >= parameters.unassigned_prices[0]))
+    step, i, j = np.nonzero(np.moveaxis(near, 2, 0))
+    root = connected_components(
+        i.astype(np.int32), (j + truths).astype(np.int32), truths + estimates
+    )[i]
+    kept = root == np.bincount(root, minlength=1).argmax()
+    entries = np.zeros(int(kept.sum()), ENTRY)
+    # Numbers of the whole have gaps, and there is a time without any of these.
+    entries["step"] = 5 + step[kept] + 40 * (step[kept] > steps // 2) * (seed % 2)
+    entries["truth"], entries["estimate"] = 3 * i[kept] + 4, 2 * j[kept] + 1
+    entries["cost"] = cost[i, j, step][kept]
+    marks = IGNORED_TRUTH * ignored + EXCUSED_ESTIMATE * excused
+    entries["marks"] = marks[i, j, step][kept]
+    return entries, parameters
 
 
 def component(
@@ -100,23 +118,26 @@ def check_parts(
         weight[i, j, row["begin"] - first : row["end"] - first + 1] += row["weight"]
     assert weight.sum(axis=0).max() <= ONE
     assert weight.sum(axis=1).max() <= ONE
-    near = np.zeros(weight.shape, bool)
+    near, ignored, excused = np.zeros((3, *weight.shape), bool)
     at = (
         np.searchsorted(truths, entries["truth"]),
         np.searchsorted(estimates, entries["estimate"]),
         entries["step"] - first,
     )
     near[at] = True
+    ignored[at] = entries["marks"] & IGNORED_TRUTH > 0
+    excused[at] = entries["marks"] & EXCUSED_ESTIMATE > 0
+    judged = near & ~ignored, near & ~excused
     used = weight * near / ONE
     missed, false = parameters.unassigned_prices
     share = joined.share
     switch = np.abs(np.diff(weight / ONE, axis=2, prepend=weight[:, :, :1] / ONE)).sum((0, 1))
     cost = np.zeros(weight.shape)
-    cost[at] = entries["cost"]
+    cost[at] = entries["cost"] * ~ignored[at]
     expected = {
         "localisation": (used * cost).sum((0, 1)),
-        "missed": missed * (near.any(1) - used.sum(1)).sum(0),
-        "false": false * (near.any(0) - used.sum(0)).sum(0),
+        "missed": missed * (judged[0].any(1) - (judged[0] * used).sum(1)).sum(0),
+        "false": false * (judged[1].any(0) - (judged[1] * used).sum(0)).sum(0),
         "switch": parameters.switch_price * switch,
         "switch_count": 0.5 * switch,
     }
@@ -131,9 +152,10 @@ def check_parts(
                 for part, values in parts.items():
                     np.add.at(values, found["track"], found[part])
         axis = 1 if name == "truths" else 0
-        rows = near.any(axis).sum(1)
+        of = judged[1 - axis]
+        rows = of.any(axis).sum(1)
         assert (parts["rows"][number] == rows).all()
-        free = rows - used.sum((axis, 2))
+        free = rows - (of * used).sum((axis, 2))
         np.testing.assert_allclose(parts["unassigned"][number], price * free, atol=1e-11)
         assert parts["localisation"].sum() == pytest.approx(share.localisation.sum(), rel=1e-12)
         assert parts["switch_count"].sum() == pytest.approx(share.switch_count.sum(), rel=1e-12)
@@ -142,9 +164,11 @@ def check_parts(
     assert assigned["weight"].sum() == pytest.approx(used.sum(), rel=1e-12)
 
 
-@pytest.mark.parametrize("seed", [0, 2, 5, 7, 9])
-def test_the_bracket_is_that_of_the_whole(seed: int, tmp_path: Path) -> None:
-    entries, parameters = walkers(seed, 160)
+@pytest.mark.parametrize(
+    ("seed", "masked"), [*((seed, False) for seed in (0, 2, 5, 7, 9)), (0, True), (5, True)]
+)
+def test_the_bracket_is_that_of_the_whole(seed: int, masked: bool, tmp_path: Path) -> None:
+    entries, parameters = walkers(seed, 160, masked=masked)
     problem, bounds, _ = whole(entries, parameters)
     overlap = (10, 20)[seed % 2]
     together = 120 * len(entries) // problem.steps
@@ -160,9 +184,12 @@ def test_the_bracket_is_that_of_the_whole(seed: int, tmp_path: Path) -> None:
     check_parts(joined, problem, entries, parameters)
 
 
+@pytest.mark.parametrize("masked", [False, True])
 @pytest.mark.parametrize("seed", [5, 14])
-def test_windows_that_are_too_short_leave_an_honest_bracket(seed: int, tmp_path: Path) -> None:
-    entries, parameters = walkers(seed, 30)
+def test_windows_that_are_too_short_leave_an_honest_bracket(
+    seed: int, masked: bool, tmp_path: Path
+) -> None:
+    entries, parameters = walkers(seed, 30, masked=masked)
     problem, bounds, _ = whole(entries, parameters)
     joined = component(tmp_path / "long", entries, parameters, len(entries) // 3, 1)(run_tasks)
     lower, upper = joined.share.bracket

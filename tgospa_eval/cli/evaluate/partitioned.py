@@ -107,7 +107,10 @@ def evaluate_parts(
             print_notice(text)
     jobs = 1 if options.scheduler else options.jobs or cores()
     spread = bool(options.scheduler) or jobs > 1
-    with work_folder(output, identity_of(paths, options)) as work:
+    identity = identity_of(paths, options)
+    if settings.evaluation.ignoring is not None:
+        identity |= settings.evaluation.ignoring.recorded  # the content of a file of regions
+    with work_folder(output, identity) as work:
         try:
             with shown(stopwatch, show=not output.quiet):
                 result = evaluate_partitioned(

@@ -8,17 +8,20 @@ import json
 import math
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from itertools import accumulate
 from operator import itemgetter
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import Ints, in_batches
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import natural
 from tgospa_eval.errors import InputError
+from tgospa_eval.formats.assemble import attributes_of
 from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Numbered, Rows, number_ids
@@ -26,6 +29,8 @@ from tgospa_eval.formats.times import EXACT_BELOW, Times
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.partitioned.input.tables import FilePiece
 from tgospa_eval.partitioned.tasks import writing_folder
+from tgospa_eval.text import quoted
+from tgospa_eval.tracks.attributes import Values, checked
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray
 
 PENDING = 1 << 22
@@ -166,7 +171,28 @@ def merged_rows(name: str, parts: Sequence[Rows]) -> Rows:
         numbers=numbers,
         where=where,
         classes=merged_names(classes) if classes else None,
+        attributes={
+            at: joined([part.attributes[part.roles.attributes[name]] for part in parts])
+            for name, at in roles.attributes.items()
+            if at in parts[0].attributes
+        },
     )
+
+
+def joined(parts: Sequence[Values]) -> Values:
+    """Attributes of several parts: numbers, or texts if some are; the numbers are missing then."""
+    if any(part.dtype.kind != "f" for part in parts):
+        parts = [np.full(len(p), "", object) if p.dtype.kind == "f" else p for p in parts]
+    return cast(Values, np.concatenate(parts))
+
+
+def with_attributes(rows: Rows) -> Rows:
+    """With all that is asked for beside columns of numbers, times as they were read."""
+    size, columns = len(rows.times.value), rows.roles.attributes
+    found = checked(attributes_of(rows, np.arange(size)), size)
+    others = {columns[name]: values for name, values in found.items()}
+    others = {at: values for at, values in others.items() if at not in rows.roles.numbers}
+    return replace(rows, attributes=others)
 
 
 def merged_names(parts: Sequence[Numbered]) -> Numbered:
@@ -193,7 +219,7 @@ def write_runs(
 ) -> None:
     """Write the rows of pieces, in the order of the files, as runs of at least so many rows."""
     read = (
-        (rows, first, piece)
+        (with_attributes(rows) if options.attributes else rows, first, piece)
         for piece in pieces
         for rows, first in piece.rows(options)
         if len(rows.times.value)
@@ -226,9 +252,20 @@ def _write(folder: Path, run: Sequence[tuple[Rows, int, FilePiece]]) -> None:
     for name, column in columns.items():
         np.save(folder / f"{name}.npy", order if column is None else column[order])
     np.save(folder / "numbers.npy", np.asfortranarray(rows.numbers[order]))
+    texts: dict[str, list[str] | None] = {}
+    for name, at in rows.roles.attributes.items():
+        if at in rows.attributes:
+            values: NDArray[Any] = rows.attributes[at][order]
+            texts[name] = None
+            if values.dtype.kind != "f":
+                table, values = number_ids(values.tolist())
+                texts[name] = table.tolist()
+            np.save(folder / f"attribute-{len(texts)}.npy", values)
     known = {
         "id": rows.ids[0].tolist(),
         "class": None if rows.classes is None else rows.classes[0].tolist(),
+        "attributes": texts,
+        "kinds": {name: sorted({_kind(part, name) for part in parts}) for name in texts},
         "clock": found.clock,
         "origins": [
             (begin, first, [vars(piece.file), piece.begin, piece.end, piece.text])
@@ -237,6 +274,39 @@ def _write(folder: Path, run: Sequence[tuple[Rows, int, FilePiece]]) -> None:
     }
     (folder / "run.json").write_text(json.dumps(known), encoding="utf-8")
     np.savez(folder / "moments.npz", **{k: v for k, v in vars(found).items() if v is not None})
+
+
+def _kind(rows: Rows, name: str) -> str:
+    """What an attribute has, numbers or texts; blank where all are missing."""
+    values = rows.attributes[rows.roles.attributes[name]]
+    if values.dtype.kind != "f":
+        return "texts"
+    return "" if np.isnan(values).all() else "numbers"
+
+
+def run_names(folders: Iterable[Path], name: str) -> list[str]:
+    """Classes of all runs of a side, in natural order; those without any are passed over.
+
+    Raises
+    ------
+    InputError
+        An attribute has numbers in one part and texts in another.
+    """
+    classes: set[str] = set()
+    kinds: dict[str, set[str]] = {}
+    for folder in folders:
+        known = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        classes.update(known["class"] or ())
+        for attribute, found in known["kinds"].items():
+            kinds.setdefault(attribute, set()).update(found)
+    for attribute, found in kinds.items():
+        if {"numbers", "texts"} <= found:
+            raise InputError(
+                f"{name}, column {quoted(attribute)}: some parts have numbers alone and some have "
+                "texts, so they are not compared alike; write texts that are no numbers, or "
+                "evaluate a part that fits into memory as one file"
+            )
+    return sorted(classes, key=natural)
 
 
 def run_moments(folder: Path) -> Moments:
@@ -287,10 +357,18 @@ def run_rows(
         piece = FilePiece(file=File(**file), begin=low, end=high, text=text)
         return piece.where(first + at - start, options)
 
+    def table(texts: Sequence[str]) -> NDArray[np.object_]:
+        found = np.empty(len(texts), dtype=object)
+        found[:] = texts
+        return found
+
     def numbered(name: str) -> Numbered:
-        table = np.empty(len(known[name]), dtype=object)
-        table[:] = known[name]
-        return table, column(name)[begin:end].astype(np.int64)
+        return table(known[name]), column(name)[begin:end].astype(np.int64)
+
+    attributes: dict[int, Values] = {}
+    for number, (name, texts) in enumerate(known["attributes"].items(), start=1):
+        values: NDArray[Any] = np.array(column(f"attribute-{number}")[begin:end])
+        attributes[roles.attributes[name]] = values if texts is None else table(texts)[values]
 
     return Rows(
         name=origins[0][2][0]["path"],
@@ -302,4 +380,5 @@ def run_rows(
         numbers=np.load(path / "numbers.npy", mmap_mode="r")[begin:end],
         where=where,
         classes=None if known["class"] is None else numbered("class"),
+        attributes=attributes,
     )

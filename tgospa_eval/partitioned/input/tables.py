@@ -189,7 +189,7 @@ def table_rows(
         The file is damaged, or a value is wrong; the message has its row in the file.
     """
     content, schema, roles = open_table(file, options)
-    used = {roles.id, roles.time, *roles.numbers}
+    used = {roles.id, roles.time, *roles.numbers, *roles.texts}
     if roles.klass is not None:
         used.add(roles.klass)
     columns = [schema.names[column] for column in sorted(used)]
@@ -261,8 +261,11 @@ def open_table(
     whole = pa.schema([*schema, *keys])
     try:
         roles = find_roles(list(schema.names), options, file.path)
-        if roles.klass is None and options.classes is not None and keys:
-            raise InputError  # the class may be a folder's
+        absent = {*options.attributes} - {*roles.attributes}
+        if roles.klass is None and options.classes is not None:
+            absent.add("class")
+        if keys and absent:
+            raise InputError  # they may be a folder's
         whole = schema
     except InputError:
         if not keys:

@@ -221,7 +221,8 @@ def frame(
     numbers = np.unique(joined["truth"]), np.unique(joined["estimate"])
     problem = problem_of(joined, first, numbers, parameters)
     price = sum(parameters.unassigned_prices)
-    cost = np.concatenate((price - before["before"], entry["cost"], price - after["after"]))
+    inside = problem.cost[len(before) : len(before) + len(entry)]
+    cost = np.concatenate((price - before["before"], inside, price - after["after"]))
     return replace(problem, steps=last - first + 1, cost=cost, signed=True), first, numbers
 
 

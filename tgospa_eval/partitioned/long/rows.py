@@ -17,7 +17,14 @@ from tgospa_eval.partitioned.long.tables import (
     no_assignment,
     renumbered,
 )
-from tgospa_eval.partitioned.shards import HELD, Table, contribute, problem_of, tables_of
+from tgospa_eval.partitioned.shards import (
+    HELD,
+    Table,
+    contribute,
+    judged_rows,
+    problem_of,
+    tables_of,
+)
 from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.problem.certificate import row_terms
 from tgospa_eval.problem.metric_family import Parameters
@@ -27,7 +34,7 @@ from tgospa_eval.problem.readout import read_tracks
 from tgospa_eval.problem.rows import rows_of_component, running_of
 from tgospa_eval.problem.slots import changed
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, row_parts
+from tgospa_eval.problem.weights import ONE, assigned, row_parts
 
 
 def load_rows(
@@ -109,7 +116,7 @@ def _tracks(
     """What tracks contribute; where estimates are unassigned, other rows have to say."""
     parts = vars(read_tracks(states, weights, side))
     size = len(numbers[side])
-    rows = np.bincount(states.problem.sides[side].track, minlength=size)
+    rows = judged_rows(states.problem.sides[side])
     if side == 1:
         parts |= {"unassigned": np.zeros(size), "unassigned_count": np.zeros(size)}
         rows = np.zeros(size, np.int64)
@@ -117,8 +124,11 @@ def _tracks(
 
 
 def _assigned(states: States, weights: Ints) -> Ints:
-    """How much of each estimate is assigned where it gains, as `halves` has it."""
-    used = np.flatnonzero((states.entry >= 0) & (weights > 0))
+    """How much of each estimate is assigned where it is judged, as `halves` has it."""
+    used, entry, _ = assigned(states, weights)
+    excused = states.problem.sides[1].unjudged
+    if excused is not None:
+        used = used[~excused[states.problem.estimate_row[entry]]]
     estimate = states.pair_estimate[states.pair[used]]
     return halves(weights[used], estimate, states.problem.estimates)
 
@@ -134,16 +144,21 @@ def _check_rows(states: States, weights: Ints) -> None:
 
 def _bound(
     states: States, running: tuple[Floats, Ints], places: int
-) -> tuple[list[float], int, Ints]:
-    """Terms of the lower bound, pairs put aside, and what these leave of each place."""
+) -> tuple[list[float], Ints, Ints]:
+    """Terms of the lower bound, pairs put aside whose truths and whose estimates are judged.
+
+    And what these leave of each place.
+    """
     left = np.ones(places, np.int32)
     terms: list[float] = []
-    pairs = 0
+    pairs = np.zeros(2, np.int64)
     for part, _ in row_parts(states):
-        best, aside, aside_pairs, _ = row_terms(part, running, left)
+        best, aside, _, entry = row_terms(part, running, left)
         terms += (-best).tolist()
         terms += aside.tolist()
-        pairs += int(aside_pairs.sum())
+        for number, side in enumerate(states.problem.sides):
+            free = 0 if side.unjudged is None else np.count_nonzero(side.unjudged[side.row[entry]])
+            pairs[number] += len(entry) - free
     return terms, pairs, left
 
 

@@ -462,11 +462,11 @@ def _add_up(
     lower: list[float] = []
     regrets = [np.zeros((3, 0))]
     variation = np.zeros((2, size), np.int64)
-    pairs = 0
+    pairs = np.zeros(2, np.int64)
     for folder in rows:
         with np.load(f"{folder}/sums.npz") as found:
             lower += found["lower"].tolist()
-            pairs += int(found["pairs"])
+            pairs += found["pairs"]
             variation += found["variation"]
             regrets.append(found["regret"])
     lost = np.zeros(size)
@@ -476,7 +476,7 @@ def _add_up(
             lost += found["lost"]
     missed_price, false_price = component.parameters.unassigned_prices
     objects = [int(by_step[name].sum()) for name in ("truths", "estimates")]
-    idle = np.array([missed_price, false_price]) * [count - pairs for count in objects]
+    idle = np.array([missed_price, false_price], np.float64) * (np.array(objects) - pairs)
     lower += down(idle).tolist()
     if math.fsum(lower) < 0:
         lower = [0.0]

@@ -21,7 +21,15 @@ from tgospa_eval.partitioned.long.tables import (
     no_assignment,
     renumbered,
 )
-from tgospa_eval.partitioned.shards import ENTRY, HELD, Table, problem_of, save_parts, within
+from tgospa_eval.partitioned.shards import (
+    ENTRY,
+    EXCUSED_ESTIMATE,
+    HELD,
+    Table,
+    problem_of,
+    save_parts,
+    within,
+)
 from tgospa_eval.partitioned.tasks import left_until, writing, writing_folder
 from tgospa_eval.problem.certificate import fair_prices
 from tgospa_eval.problem.merging import merge_runs
@@ -134,7 +142,7 @@ def solve_window(
         ("holds", holds, "truth"),
         ("places", places, "estimate"),
         ("busy", _busy(gains[gains["weight"] > 0]), "estimate"),
-        ("present", _busy(gains), "estimate"),
+        ("present", _busy(gains[gains["marks"] & EXCUSED_ESTIMATE == 0]), "estimate"),
     )
     with writing_folder(output) as folder:
         for name, table, track in by_track:
@@ -201,7 +209,7 @@ def _busy(used: Table) -> Table:
 
 
 def _steps(gains: Table, core: tuple[int, int], parameters: Parameters) -> dict[str, Any]:
-    """By step of the core: cost of what is assigned, objects, and how much of them is not."""
+    """By step of the core: cost of what is assigned, judged objects, how much of them is not."""
     low, high = core
     size = high - low
     numbers = np.unique(gains["truth"]), np.unique(gains["estimate"])
@@ -211,9 +219,9 @@ def _steps(gains: Table, core: tuple[int, int], parameters: Parameters) -> dict[
         free = spare(side, np.arange(len(gains)), gains["weight"])
         if free.min(initial=0) < 0:
             raise no_assignment()
-        found[f"{name}s"] = np.bincount(side.step, minlength=size)
+        found[f"{name}s"] = np.bincount(side.step[side.judged], minlength=size)
         found[f"free_{name}s"] = halves(free, side.step, size)
-    paid = (gains["weight"] / ONE * gains["cost"]).tolist()
+    paid = (gains["weight"] / ONE * problem.cost).tolist()
     edges = np.searchsorted(gains["step"], np.arange(low, high + 1)).tolist()
     found["localisation"] = np.array([math.fsum(paid[a:b]) for a, b in itertools.pairwise(edges)])
     return found
