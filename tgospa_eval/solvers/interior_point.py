@@ -28,7 +28,7 @@ START, START_NEAREST = 1e-3, 1e-5
 """Products of a number and its dual at the start, for weights and for nearest duals. Weights take a
 fourth more iterations from 1e-2, twice as many from 1e-4."""
 
-END, END_NEAREST, ENOUGH = 1e-12, 1e-10, 1e-8
+END, END_NEAREST, ENOUGH = 1e-16, 1e-10, 1e-8
 """Mean products at the ends, and that which will do if numbers break down before. In c^p."""
 
 MOST_ITERATIONS, LEAST_STEP = 50, 1e-4
@@ -282,7 +282,9 @@ def _iterate(
     size, (w, y) = len(p.reward), start
     slack = p.full - p.matrix @ w
     rise = np.maximum(-slack[p.rises], 0.0)
-    slack = np.maximum(slack, 0.0) if stiff is None else np.zeros(len(slack))
+    slack[p.rises] += rise
+    if stiff is not None:
+        slack[:] = 0.0
     duals = system.transposed @ y - p.reward, p.paid - y[p.rises], y
     x, d = _central(np.concatenate((w, rise, slack)), np.concatenate(duals), product)
     bounded = np.ones(len(x), bool)
@@ -305,7 +307,9 @@ def _iterate(
 
 
 def _central(x: Floats, d: Floats, product: float) -> tuple[Floats, Floats]:
-    """The positive numbers with that product and the difference of x and d, as far as positive."""
+    """Positive numbers with that product, or a larger one for wrong signs; differences stay."""
+    wrong = np.maximum(-x, 0.0) + np.maximum(-d, 0.0)
+    product = max(product, float(np.square(wrong).mean()))
     difference = np.maximum(x, 0.0) - np.maximum(d, 0.0)
     larger = 0.5 * (np.abs(difference) + np.sqrt(difference * difference + 4 * product))
     smaller = product / larger

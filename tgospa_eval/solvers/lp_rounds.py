@@ -198,8 +198,9 @@ class Programmes:
             gap = ascent.open_gap
             free, component = ascent.undecided(self._near(CROWDS.reach))
             self._solve(groups(ascent.states, free, component, None), shares)
-            ascent.keep(ascent.wide())
+            ascent.keep(ascent.wide(PROGRAMMES.met))
             shares = ascent.weights
+        ascent.keep(ascent.wide())
         self.seconds += time.perf_counter() - begin
 
     def _done(self) -> bool:
