@@ -62,7 +62,10 @@ def cases(folder: Path) -> dict[str, tuple[str, ...]]:
     small += ["-c", "10", "-g", "5", "-q"]
     found = {
         scene: (EVALUATION, str(ROOT), scene)
-        for scene in ("10,50,20", "20,50,20,1", "50,100,20,2", "100,300,150,2")
+        for scene in (
+            *("10,50,20", "20,50,20,1", "50,100,20,2", "100,300,150,2", "100,100,300"),
+            *("100,100,20,2", "100,20,20,2", "50,100,10,2", "200,30,30,2"),  # crowds
+        )
     }
     return found | {
         "curve of 20,200,60": (EVALUATION, str(ROOT), "20,200,60", "curve"),

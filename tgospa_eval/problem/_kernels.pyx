@@ -2023,8 +2023,8 @@ cdef class Chain:
                     for t in range(self.slot_first[c], self.slot_first[c] + self.slot_count[c]):
                         price[t] *= self.price[c] / total
 
-    def write_majorities(self, u8[::1] flags):
-        """Set MAJORITY where a state of the working set has more than half of the paths of its row."""
+    def write_masses(self, float[::1] mass, u8[::1] flags):
+        """Share of the paths of its row that pass each state; set MAJORITY where it is above half."""
         cdef Py_ssize_t n, l
         cdef double total
         cdef i32 s
@@ -2038,9 +2038,12 @@ cdef class Chain:
                 for l in range(self.node_link[n], self.node_link[n + 1]):
                     if not self.kind[l] & INSIDE:
                         s = self.state[l]
+                        mass[s] = 0.0
                         flags[s] = flags[s] & ~MAJORITY
-                        if total > 1e-290 and self.passed[l] > 0.5 * total:
-                            flags[s] |= MAJORITY
+                        if total > 1e-290:
+                            mass[s] = <float>(self.passed[l] / total)
+                            if self.passed[l] > 0.5 * total:
+                                flags[s] |= MAJORITY
 
     cdef double _pass(self, bint reverse, bint update) noexcept nogil:
         """One direction: renew its messages node by node, and the prices step by step.

@@ -19,6 +19,7 @@ from tgospa_eval.solvers.lp_rounds import Programmes
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.solvers.tuning import (
     ASCENT,
+    CROWDS,
     PROGRAMMES,
     TIME_WINDOWS,
     WINDOWS,
@@ -96,6 +97,8 @@ class Certified(BatchSolver):
         iterations = _sweep(ascent, programmes, batch, near=near)
         if near:
             programmes.run(PROGRAMMES.resumed, most=PROGRAMMES.early_states)
+        if programmes.crowd:
+            programmes.run_crowd()
         programmes.run(PROGRAMMES.rounds)
         wide = ascent.wide() | too_far
         late = batch.limit.status if batch.limit.late() else Status.NOT_SOLVED
@@ -136,6 +139,10 @@ def _sweep(ascent: Ascent, programmes: Programmes, batch: BlockBatch, *, near: b
         if batch.limit.progress.watched:
             programmes.report_progress()
         skip = ascent.open_gap < ASCENT.skip * ascent.open_cost and epsilon > skip_above
+        if epsilon <= CROWDS.coldest and len(batch.weights) > ASCENT.small:
+            programmes.crowd |= ascent.undecidedness > CROWDS.undecided
+        if programmes.crowd:
+            continue
         if epsilon <= early_from and ascent.open_gap < PROGRAMMES.early_gap * ascent.open_cost:
             programmes.run(PROGRAMMES.early, most=PROGRAMMES.early_states)
             programmes.run_nearby(PROGRAMMES.rounds[0])

@@ -54,6 +54,8 @@ class Ascent:
     ----------
     soft : (K,) float array
         Prices of the sweeps.
+    masses : (S,) float array
+        Share of the paths of its row through each state at the end of the last stage.
     dual, primal : (B,), (B,) float arrays
         What the prices prove that a block can gain at most, and what the assignment gains.
     unassigned_cost : (B,) float array
@@ -93,6 +95,7 @@ class Ascent:
         self.most = self.brackets.most
         self.most[:] = self.unassigned_cost - sum_by(states.node_block, taken_off, blocks)
         self.soft = np.zeros(len(prices))
+        self.masses = np.zeros(len(weights), np.float32)
         self.mark(prices, 0.0)
         self.dual[:] = self.brackets.bound(prices)
         self.primal[wanted] = -np.inf
@@ -131,6 +134,12 @@ class Ascent:
     def open_cost(self) -> float:
         """Cost of the best assignment of the open blocks together."""
         return float(self.brackets.open_cost)
+
+    @property
+    def undecidedness(self) -> float:
+        """Mean of 1 - m over the masses m of the last stage, weighted by them."""
+        total = float(self.masses.sum(dtype=np.float64))
+        return 1.0 - float(np.square(self.masses).sum(dtype=np.float64)) / max(total, 1.0)
 
     def wide(self, gap: float | None = None) -> Mask:
         """Open blocks whose bracket is wider than the gap, by default the wanted one, relative."""
@@ -182,7 +191,8 @@ class Ascent:
                 break
         self.work += 2 * done * (chain.links + chain.nodes)
         self.sweeping += time.perf_counter() - hot
-        chain.write_majorities(self.flags)
+        self.masses[:] = 0.0
+        chain.write_masses(self.masses, self.flags)
         chain.cool(epsilon)
         chain.write_prices(self.soft)
         del chain  # the largest array of all

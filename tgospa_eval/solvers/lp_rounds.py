@@ -21,7 +21,7 @@ from tgospa_eval.problem.weights import ONE, repair
 from tgospa_eval.solvers.batches import BlockBatch
 from tgospa_eval.solvers.block_costs import share_of_digits
 from tgospa_eval.solvers.dual_ascent import Ascent
-from tgospa_eval.solvers.tuning import PROGRAMMES, WINDOWS
+from tgospa_eval.solvers.tuning import CROWDS, PROGRAMMES, WINDOWS
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.restricted_lp import Proposal
@@ -130,13 +130,15 @@ class Programmes:
     ----------
     iterations, seconds : int, float
         Of HiGHS, and of all that is done here.
+    crowd : bool
+        Whether the simplex method would take too long.
     """
 
     def __init__(self, ascent: Ascent, batch: BlockBatch) -> None:
         self.ascent, self.batch = ascent, batch
         self.tried = batch.wanted | batch.quickly
         self.tempted = np.zeros(len(ascent.states.begin), bool)
-        self.interior = False
+        self.interior, self.crowd = False, False
         self.iterations, self.seconds = 0, 0.0
 
     def report_progress(self) -> None:
@@ -183,6 +185,22 @@ class Programmes:
         begin = time.perf_counter()
         near = self._near(reach)
         self._run_windows(near, reach, None, int(WINDOWS.share * size))
+        self.seconds += time.perf_counter() - begin
+
+    def run_crowd(self) -> None:
+        """Where weights are fractional nearly everywhere: the interior point method, in rounds.
+
+        States that the prices of a round make attractive are in the next.
+        """
+        ascent, begin, gap = self.ascent, time.perf_counter(), np.inf
+        shares: Floats = ascent.masses.astype(np.float64)
+        while not self._done() and ascent.open_gap < CROWDS.helped * gap:
+            gap = ascent.open_gap
+            free, component = ascent.undecided(self._near(CROWDS.reach))
+            self._solve(groups(ascent.states, free, component, None), shares)
+            ascent.keep(ascent.wide(PROGRAMMES.met))
+            shares = ascent.weights
+        ascent.keep(ascent.wide())
         self.seconds += time.perf_counter() - begin
 
     def _done(self) -> bool:
@@ -245,20 +263,24 @@ class Programmes:
         # Where there is nothing to decide, what keeps the bracket open is farther away.
         return bool(found) or not len(free)
 
-    def _solve(self, found: list[Ints]) -> None:
+    def _solve(self, found: list[Ints], shares: Floats | None = None) -> None:
         """Propose what is best for each group of states, refined where tolerances matter.
 
-        The prices of a programme may miss the best by `PROGRAMMES.tolerance` for each state.
+        The prices of a programme may miss the best by `PROGRAMMES.tolerance` for each state. Large
+        groups are solved by the interior point method, from the shares (S,), if there are any.
         """
         ascent, solved = self.ascent, []
         for group in found:
             left = self.batch.limit.left()
             if left is not None and left <= PROGRAMMES.build * len(group):
                 break
+            crowd = shares is not None and len(group) >= CROWDS.least
             try:
-                solved.append(self._solve_group(group, len(found) == 1))
+                answer = self._solve_group(group, len(found) == 1, shares if crowd else None)
             except StoppedError:
                 break
+            if answer is not None:
+                solved.append(answer)
         if not solved:
             return
         self._propose(solved)
@@ -270,9 +292,10 @@ class Programmes:
                 self._propose(self._apart(lambda: self._refined(solved), size))
                 self.report_progress()
 
-    def _solve_group(self, free: Ints, whole: bool) -> Solved:
+    def _solve_group(self, free: Ints, whole: bool, shares: Floats | None) -> Solved | None:
         """Solve one programme: of the problem itself, or of what a group touches, cut out."""
-        from tgospa_eval.solvers.restricted_lp import solve_restricted_lp  # HiGHS: slow to import
+        # HiGHS: slow to import
+        from tgospa_eval.solvers.restricted_lp import solve_interior, solve_restricted_lp
 
         ascent, left = self.ascent, self.batch.limit.left()
         if left is not None:
@@ -281,12 +304,18 @@ class Programmes:
         if not whole:
             states, state, own, slots = cut_out(states, free)
             given = given[0][state], given[1][slots]
-        found = self._apart(
-            lambda: solve_restricted_lp(
-                states, own, *given, ascent.switch_price, left, interior=self.interior
-            ),
-            len(free),
-        )
+        switch_price = ascent.switch_price
+
+        def solve() -> "Proposal | None":
+            if shares is not None:
+                return solve_interior(states, own, *given, switch_price, left, shares[free])
+            return solve_restricted_lp(
+                states, own, *given, switch_price, left, interior=self.interior
+            )
+
+        found = self._apart(solve, len(free))
+        if found is None:
+            return None
         self.interior = found.interior
         self.iterations += found.iterations
         return free, found.slot if slots is None else slots[found.slot], found

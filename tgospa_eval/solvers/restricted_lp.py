@@ -10,12 +10,14 @@ from functools import cached_property
 import highspy
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.capacities import CapacityRows, capacity_rows
+from tgospa_eval.solvers.interior_point import Inequalities, solve_nearest
 
 Long = NDArray[np.longdouble]
 
@@ -432,6 +434,54 @@ def solve_restricted_lp(
         finished=finished,
         interior=dense,
         vertex=(p, long, highs.getBasis()) if finished else None,
+    )
+
+
+SOFT = 0.01
+"""How stiff potentials of rows and transitions are beside prices: they are not what is kept."""
+
+
+def solve_interior(
+    states: States,
+    free: Ints,
+    weights: Floats,
+    prices: Floats,
+    switch_price: Floats,
+    seconds: float | None,
+    shares: Floats,
+) -> Proposal | None:
+    """As `solve_restricted_lp` by the interior point method; None if numbers break down.
+
+    It begins at the `shares` (F,) and the prices, to which new ones are the nearest. Needs the
+    compiled kernels.
+    """
+    p = make_programme(states, free, weights, prices, switch_price)
+    deadline = None if seconds is None else time.monotonic() + seconds
+    size = len(free)
+    bare = np.flatnonzero(np.isfinite(p.upper))  # bounds are constraints too
+    inner = p.column < size
+    ends = len(p.full), len(p.full) + len(bare)
+    row = np.append(p.row[inner], np.arange(*ends))
+    column, entry = np.append(p.column[inner], bare), np.append(p.entry[inner], np.ones(len(bare)))
+    matrix = sparse.csr_array((entry, (row, column)), shape=(ends[1], size))
+    asked = Inequalities(
+        matrix=matrix,
+        full=np.append(p.full, np.ones(len(bare))),
+        reward=p.reward[:size],
+        rises=np.arange(p.constraints[2].start, ends[0]),
+        paid=-p.reward[p.parts[1]],
+    )
+    near = np.append(_potentials(p), np.zeros(len(bare)))
+
+    stiff = np.full(ends[1], SOFT)
+    stiff[p.constraints[1]] = 1.0
+    found = solve_nearest(asked, (shares, near), stiff, lambda: _over(deadline))
+    if found is None:
+        return None
+    dual = found[1]
+    new = p.before if dual is None else p.columns.spread(dual[p.constraints[1]], p.before)
+    return Proposal(
+        weights=_snapped(p, found[0]), slot=p.columns.slot, prices=new, iterations=0, finished=True
     )
 
 

@@ -154,6 +154,22 @@ class Programming:
     are scaled."""
 
 
+class Crowding:
+    """Where weights are fractional nearly everywhere (`solvers.interior_point`)."""
+
+    undecided: float = 0.28
+    coldest: float = 0.01
+    """Mean of 1 - m over the masses m at the temperature or below, from which on sweeps go on to
+    the end and the interior point method follows. 0.22 in 50,100,20,2 and 100,100,30,2, which the
+    simplex method solves twice as fast; 0.35 in 100,100,20,2."""
+
+    least: int = 2000
+    reach: float = 0.02
+    helped: float = 0.7
+    """States of a group that is worth it; the reach, for time grows with the cube of what is near;
+    and the share of the gap that a round may leave to be followed by another."""
+
+
 class Windowing:
     """Programmes around what keeps brackets open, where very much is undecided.
 
@@ -206,5 +222,5 @@ class TimeWindowing:
     depends on what is far away, and nothing is divided (not measured)."""
 
 
-ASCENT, PROGRAMMES, WINDOWS = Ascending(), Programming(), Windowing()
+ASCENT, PROGRAMMES, CROWDS, WINDOWS = Ascending(), Programming(), Crowding(), Windowing()
 TIME_WINDOWS = TimeWindowing()

@@ -228,7 +228,8 @@ def test_sweeps_find_the_entropic_optimum() -> None:
     chain.heat(epsilon)
     assert chain.sweep(400)[1] < 1e-9
     prices = np.zeros(len(states.columns.step))
-    chain.write_majorities(field.flags)
+    masses = np.zeros(len(states.begin), np.float32)
+    chain.write_masses(masses, field.flags)
     chain.cool(epsilon)
     chain.write_prices(prices)
 
@@ -253,6 +254,7 @@ def test_sweeps_find_the_entropic_optimum() -> None:
                 totals[s] = totals.get(s, 0.0) + weight
         for s, weight in totals.items():
             shares[s] = weight / weight_of_all
+    assert masses == pytest.approx(shares, abs=1e-6)
     assert np.array_equal(field.has(kernels.MAJORITY), shares > 0.5)
     load = np.zeros(len(prices))
     for s in range(len(shares)):
