@@ -133,9 +133,22 @@ def solve_nearest(
     ``minimise sum stiff (y - start)^2`` where complementary slackness holds. No y if numbers break
     down on the way there; nothing if they do before, or it is late.
     """
+    try:
+        with np.errstate(all="ignore"):  # numbers that break down are looked for
+            weights, duals = _solve_nearest(p, start, stiff, late)
+    except RuntimeError:  # of QDLDL: a pivot is 0
+        return None
+    if weights is None or not np.isfinite(weights).all():
+        return None
+    return weights, duals if duals is not None and np.isfinite(duals).all() else None
+
+
+def _solve_nearest(
+    p: Inequalities, start: tuple[Floats, Floats], stiff: Floats, late: Callable[[], bool]
+) -> tuple[Floats | None, Floats | None]:
     found = _iterate(_System(p.matrix), p, start, START, late)
     if found is None:
-        return None
+        return None, None
     x, d = found
     size, arcs = len(p.reward), len(p.paid)
     positive = x > d
@@ -318,5 +331,4 @@ def _central(x: Floats, d: Floats, product: float) -> tuple[Floats, Floats]:
 
 
 def _step(x: Floats, dx: Floats) -> float:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return float(np.where(dx < 0, -x / dx, 1.0).min(initial=1.0))
+    return float(np.where(dx < 0, -x / dx, 1.0).min(initial=1.0))

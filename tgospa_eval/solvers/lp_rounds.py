@@ -161,6 +161,8 @@ class Programmes:
                 break
             if reach == stuck:
                 continue
+            if self.crowd and most is not None:
+                break
             if most is not None and reach > PROGRAMMES.afar and not self._nearly():
                 break
             near = self._near(reach)
@@ -193,10 +195,15 @@ class Programmes:
         States that the prices of a round make attractive are in the next.
         """
         ascent, begin, gap = self.ascent, time.perf_counter(), np.inf
+        rows = ascent.states.rows
         shares: Floats = ascent.masses.astype(np.float64)
         while not self._done() and ascent.open_gap < CROWDS.helped * gap:
-            gap = ascent.open_gap
-            free, component = ascent.undecided(self._near(CROWDS.reach))
+            gap, reach = ascent.open_gap, CROWDS.reach
+            near = self._near(reach)
+            while reach > CROWDS.least_reach and rows.loads(near).mean() > CROWDS.each:
+                reach *= 0.5
+                near = self._near(reach)
+            free, component = ascent.undecided(near)
             self._solve(groups(ascent.states, free, component, None), shares)
             ascent.keep(ascent.wide(PROGRAMMES.met))
             shares = ascent.weights
@@ -317,6 +324,7 @@ class Programmes:
         if found is None:
             return None
         self.interior = found.interior
+        self.crowd |= found.interior
         self.iterations += found.iterations
         return free, found.slot if slots is None else slots[found.slot], found
 

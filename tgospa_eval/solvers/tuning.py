@@ -165,9 +165,12 @@ class Crowding:
 
     least: int = 2000
     reach: float = 0.02
+    least_reach: float = 0.001
+    each: float = 3.0
     helped: float = 0.7
-    """States of a group that is worth it; the reach, for time grows with the cube of what is near;
-    and the share of the gap that a round may leave to be followed by another."""
+    """States of a group that is worth it; the reach, halved down to the second while more states
+    than so many are near at each slot of a row, for time grows with the cube of what is near; and
+    the share of the gap that a round may leave to be followed by another."""
 
 
 class Windowing:
