@@ -236,7 +236,10 @@ def test_no_prices_and_no_assignment_prove_too_much(
         [i, j, times[first], times[last], int(rng.integers(0, unit + 1))]
         for i, j, (first, last) in zip(checked.truths, who, ends, strict=False)
     ]
-    lower, upper = shares(folder, document)
+    try:
+        lower, upper = shares(folder, document)
+    except verify_tgospa.Wrong:  # switches that cost more than all objects
+        assume(False)
     reference = reference_of(scene)
     assert reference.costs.of_share(lower)[0] <= reference.upper
     assert reference.costs.of_share(upper)[1] >= reference.lower
