@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import chain
+from pathlib import Path
 
 import batch
 import click
@@ -14,6 +15,7 @@ import curve
 import exactness
 import gaussian
 import grid
+import growth
 import kernel
 import memory
 import page
@@ -38,6 +40,8 @@ class Plan:
 
     settings: tuple[Scene, ...]
     seeds: int
+    growth: dict[str, tuple[Scene, ...]]
+    picture: Path | None
     memory: tuple[memory.Case, ...]
     page: tuple[Scene, ...]
     curve: tuple[Scene, ...]
@@ -65,6 +69,14 @@ def run_grid(plan: Plan, store: Store) -> list[Table]:
     """Methods side by side."""
     grid.measure(plan.settings, plan.seeds, store, plan.deadline, say)
     return report.of_grid(plan.settings, plan.seeds, store)
+
+
+def run_growth(plan: Plan, store: Store) -> list[Table]:
+    """Time over targets and steps."""
+    growth.run(plan.growth, store, plan.deadline, say)
+    if plan.picture is not None:
+        growth.picture(plan.growth, store, plan.picture)
+    return report.of_growth(plan.growth, store)
 
 
 def run_kernel(plan: Plan, store: Store) -> list[Table]:
@@ -137,6 +149,7 @@ def run_exactness(plan: Plan, store: Store) -> list[Table]:
 
 PARTS: dict[str, Callable[[Plan, Store], list[Table]]] = {
     "grid": run_grid,
+    "growth": run_growth,
     "kernel": run_kernel,
     "gaussian": run_gaussian,
     "memory": run_memory,
@@ -182,6 +195,9 @@ PARTS: dict[str, Callable[[Plan, Store], list[Table]]] = {
     show_default=True,
     help="Seconds after which no draw but the first of a setting is begun.",
 )
+@click.option(
+    "--picture", type=click.Path(path_type=Path), help="A picture of growth, as PNG or SVG."
+)
 @click.option("--small", is_flag=True, help="Everything in its smallest size: tries the machinery.")
 @click.option("--fresh", is_flag=True, help="Forget earlier measurements.")
 @click.option("--markdown", is_flag=True, help="Print the tables as Markdown.")
@@ -195,6 +211,7 @@ def main(
     seed: int,
     jobs: int,
     budget: float,
+    picture: Path | None,
     small: bool,
     fresh: bool,
     markdown: bool,
@@ -207,6 +224,8 @@ def main(
     plan = Plan(
         settings=tuple(map(Scene.parse, settings)) or (SMALL_SETTINGS if small else grid.SETTINGS),
         seeds=seeds or (SMALL_SEEDS if small else SEEDS),
+        growth=growth.SMALL if small else growth.SERIES,
+        picture=picture,
         memory=memory.SMALL if small else memory.CASES,
         page=page.SMALL if small else page.SCENES,
         curve=curve.SMALL if small else curve.SCENES,

@@ -1,7 +1,7 @@
 """The grid: many methods on the same instances, taking turns, their values compared."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import asdict
 from functools import cache
 
@@ -18,6 +18,7 @@ SETTINGS = (
     Scene(100, 100, 300.0),
     Scene(200, 200, 300.0),
     Scene(50, 100, 20.0, noise=2.0),
+    Scene(100, 100, 20.0, noise=2.0),
 )
 
 ROUNDS = 7
@@ -41,6 +42,7 @@ def measure(
     store: Store,
     deadline: float,
     say: Callable[[str], None],
+    methods: Container[str] | None = None,
 ) -> None:
     """Measure what is missing: the first seed of every setting, then the second of every setting.
 
@@ -54,7 +56,7 @@ def measure(
             if seed and time.monotonic() > deadline:
                 say("the time is used up: no further seeds")
                 return
-            _measure_instance(scene, seed, store, say)
+            _measure_instance(scene, seed, store, say, methods)
 
 
 def stored(scene: Scene, seed: int, method: str, store: Store) -> Reading | None:
@@ -63,10 +65,17 @@ def stored(scene: Scene, seed: int, method: str, store: Store) -> Reading | None
     return None if values is None else Reading(**values)
 
 
-def _measure_instance(scene: Scene, seed: int, store: Store, say: Callable[[str], None]) -> None:
+def _measure_instance(
+    scene: Scene,
+    seed: int,
+    store: Store,
+    say: Callable[[str], None],
+    methods: Container[str] | None,
+) -> None:
     spent: dict[str, float] = {}
     instance = Instance(scene, seed)
     readings, missing = _readings(instance, scene, seed, store)
+    missing = [method for method in missing if methods is None or method in methods]
     if missing:
         _warm_up()
     for turn in range(ROUNDS):

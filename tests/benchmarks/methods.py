@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import naive
 import numpy as np
@@ -26,7 +26,7 @@ BRACKET = 0.01
 COLDEST = 0.001
 """Where the ladder of temperatures ends; it stops as soon as the bracket is met."""
 
-LP_LIMIT = 120.0
+LP_LIMIT = 60.0
 SLOW_LIMIT = 60.0
 """Seconds for the referee and for the naive programme."""
 
@@ -40,12 +40,14 @@ class Reading:
     """Seconds, and the total in units of c^p as a bracket, as wide as that for a mere timing.
 
     `complete` is False if what was asked for was not reached: then the seconds are a lower bound.
+    `states` are those of the problem, if the method has any.
     """
 
     seconds: float
     lower: float = 0.0
     upper: float = sys.float_info.max
     complete: bool = True
+    states: int = 0
 
 
 class Instance:
@@ -95,8 +97,9 @@ class Instance:
         begin = time.perf_counter()
         result = evaluate(self.truth, self.estimate, CUTOFF, ORDER, SWITCH_PENALTY, solver=solver)
         seconds = time.perf_counter() - begin
-        self._problem = result.proof.states.problem
-        return _reading(seconds, result.proof.bounds, gap)
+        states = result.proof.states
+        self._problem = states.problem
+        return replace(_reading(seconds, result.proof.bounds, gap), states=len(states.begin))
 
     def _solve(self, solver: Solver, gap: float) -> Reading:
         problem = self.problem()

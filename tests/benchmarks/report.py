@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from statistics import median
 
 import batch
@@ -10,6 +11,7 @@ import curve
 import exactness
 import gaussian
 import grid
+import growth
 import kernel
 import memory
 import page
@@ -179,6 +181,30 @@ def _middle(numbers: Sequence[Number]) -> str:
             below=any(number.below for number in numbers),
         )
     )
+
+
+def of_growth(series: dict[str, tuple[Scene, ...]], store: Store) -> list[Table]:
+    """Seconds of all methods over targets and steps, and how much longer others take."""
+    rows = []
+    for scene in dict.fromkeys(chain(*series.values())):
+        own = stored(scene, 0, "certified", store)
+        if own is None:
+            continue
+        states = Number(own.seconds / own.states * 1e9) if own.states else ABSENT
+        cells = [_middle(_times(scene, 1, method, store)) for method in growth.METHODS]
+        others = [
+            _middle(_quotients(scene, 1, method, "certified", store))
+            for method in list(growth.METHODS)[2:]
+        ]
+        rows.append((str(scene), f"{own.states:,}", str(states), *cells, *others))
+    labels = list(growth.METHODS.values())
+    header = (
+        *("m,T,area,noise", "states", "ns a state"),
+        *(f"{label} s" for label in labels),
+        *(f"{label} / certified" for label in labels[2:]),
+    )
+    notes = ("ns a state: of the whole evaluation from arrays, proof included, by certified",)
+    return [Table("Growth, first draws", header, rows, notes)] if rows else []
 
 
 def of_kernel(store: Store) -> list[Table]:
