@@ -378,10 +378,8 @@ def _notices(
         )
         for text in cut.request.ignoring.told(ignored=ignored, excused=excused):
             yield Notice(text=text)
-    axis = replace(axis, made=made, left_out=off)
-    if not any(one.taken for one in known):
-        check_left(axis, matching)
-    yield from axis_notices(axis, matching)
+    check_left(matching, sum(one.at_steps for one in known), off)
+    yield from axis_notices(replace(axis, made=made, left_out=off), matching)
 
 
 LOOKED_AT = 50_000

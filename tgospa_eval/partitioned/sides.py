@@ -338,6 +338,8 @@ class PartsSide:
         The folder of its index.
     roles : Roles
         Of the columns of the first file.
+    clock : {"number", "local", "zoned"}
+        What the times are; without any, what those of the other side are.
     marked : callable, optional
         Marks what is not judged of what was read.
     """
@@ -347,6 +349,7 @@ class PartsSide:
     options: ReadOptions
     store: str
     roles: Roles
+    clock: str
     marked: Callable[[Reading], Reading] | None = None
 
     @property
@@ -358,11 +361,6 @@ class PartsSide:
     def steps(self) -> SideSteps:
         """Its steps within the range of time that is asked for."""
         return steps_of(self.store)
-
-    @property
-    def clock(self) -> str:
-        """What the times are: "number", "local" or "zoned"."""
-        return self.steps.clock
 
     @property
     def times(self) -> TimeArray:
@@ -517,6 +515,7 @@ def open_side(
         options=options,
         store=str(store),
         roles=side_roles(format, files[0], options),
+        clock=steps_of(str(store)).clock,
     )
 
 
