@@ -311,6 +311,28 @@ def test_filters_that_leave_nothing_are_wrong_as_of_one_file(
         assert found == expected, options
 
 
+def test_classes_that_are_at_other_times_are_there(
+    invoke: Invoke, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "MOST_ROWS", 4)
+    for name in ("truth", "estimate"):
+        rows = [f"{k},{t},{k}0,0,{'car' if t < 3 else 'van'}\n" for t in range(6) for k in "12"]
+        (tmp_path / name).mkdir()
+        for path, own in (
+            (f"{name}.csv", rows),
+            (f"{name}/0.csv", rows[:6]),
+            (f"{name}/1.csv", rows[6:]),
+        ):
+            (tmp_path / path).write_text("id,t,x,y,class\n" + "".join(own), encoding="utf-8")
+    asked = (*METRIC, "--time", "4:5", "--format", "json")
+    for classes in (("--truth-class", "car"), ("--class", "car,van")):
+        plain = invoke("truth.csv", "estimate.csv", *asked, *classes)
+        answer = invoke("truth", "estimate", *asked, *classes, "--memory", "1GB")
+        assert (answer.status, plain.status) == (0, 0), answer.err
+        one, other = json.loads(plain.out), json.loads(answer.out)
+        assert (other["total"], other["input"]) == (one["total"], one["input"])
+
+
 @pytest.mark.parametrize("empty", ["truth", "estimate", "truth, estimate"])
 @pytest.mark.parametrize(
     "times", [("1", "2", "3"), tuple(f"2026-05-01T08:00:0{k}Z" for k in "123")]
