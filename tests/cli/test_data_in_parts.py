@@ -300,6 +300,7 @@ def test_filters_that_leave_nothing_are_wrong_as_of_one_file(
         (2, ("--truth-class", "cra")),
         (2, ("--time", "1000:")),
         (2, ("--region", "x=1e7:2e7")),
+        (2, ("--steps", "0.5:9.5:1")),
         (3, ("--columns", "x,y=foo")),
     ):
         plain = invoke("truth.parquet", "estimate.parquet", *METRIC, *options, "-q")
@@ -308,6 +309,50 @@ def test_filters_that_leave_nothing_are_wrong_as_of_one_file(
         expected = plain.err.replace(".parquet", "").splitlines()
         found = answer.err.replace("/0.parquet", "").splitlines()
         assert found == expected, options
+
+
+def test_classes_that_are_at_other_times_are_there(
+    invoke: Invoke, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "MOST_ROWS", 4)
+    for name in ("truth", "estimate"):
+        rows = [f"{k},{t},{k}0,0,{'car' if t < 3 else 'van'}\n" for t in range(6) for k in "12"]
+        (tmp_path / name).mkdir()
+        for path, own in (
+            (f"{name}.csv", rows),
+            (f"{name}/0.csv", rows[:6]),
+            (f"{name}/1.csv", rows[6:]),
+        ):
+            (tmp_path / path).write_text("id,t,x,y,class\n" + "".join(own), encoding="utf-8")
+    asked = (*METRIC, "--time", "4:5", "--format", "json")
+    for classes in (("--truth-class", "car"), ("--class", "car,van")):
+        plain = invoke("truth.csv", "estimate.csv", *asked, *classes)
+        answer = invoke("truth", "estimate", *asked, *classes, "--memory", "1GB")
+        assert (answer.status, plain.status) == (0, 0), answer.err
+        one, other = json.loads(plain.out), json.loads(answer.out)
+        assert (other["total"], other["input"]) == (one["total"], one["input"])
+
+
+@pytest.mark.parametrize("empty", ["truth", "estimate", "truth, estimate"])
+@pytest.mark.parametrize(
+    "times", [("1", "2", "3"), tuple(f"2026-05-01T08:00:0{k}Z" for k in "123")]
+)
+def test_sides_without_rows_are_as_of_one_file(
+    invoke: Invoke, tmp_path: Path, empty: str, times: tuple[str, ...]
+) -> None:
+    for name in ("truth", "estimate"):
+        rows = [] if name in empty else [f"{k},{time},{k}0,0\n" for time in times for k in "12"]
+        (tmp_path / name).mkdir()
+        for path in (tmp_path / f"{name}.csv", tmp_path / name / "0.csv"):
+            path.write_text("id,t,x,y\n" + "".join(rows), encoding="utf-8")
+    for options in ((), ("--resample", "1" if times[0] == "1" else "1s", "--max-gap", "2")):
+        shown = (*METRIC, *options, "--format", "json")
+        plain = invoke("truth.csv", "estimate.csv", *shown)
+        answer = invoke("truth", "estimate", *shown, "--memory", "1GB")
+        assert (answer.status, plain.status) == (0, 0), answer.err
+        one, other = json.loads(plain.out), json.loads(answer.out)
+        for name in ("total", "judged", "input", "sizes", "per_step"):
+            assert other[name] == one[name], name
 
 
 def test_which_folders_and_files_are_read_in_parts(

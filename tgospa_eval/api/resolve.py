@@ -393,7 +393,8 @@ class Settings:
         request = self.request(truth.columns)
         fitted = fit(truth, estimate, request, (names[0], names[1]))
         if not self.one_of_many:
-            check_left(fitted.axis, request.time_matching)
+            kept = sum(len(side.step) for side in fitted.axis.sides)
+            check_left(request.time_matching, kept, fitted.axis.left_out)
         return fitted, request
 
 

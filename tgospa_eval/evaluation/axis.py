@@ -287,20 +287,18 @@ def _stamped(
     return Trajectories.of_times(times, like.columns, clock, labels)
 
 
-def check_left(axis: Axis, matching: TimeMatching) -> None:
-    """Whether a row of either side is at one of the declared steps.
+def check_left(matching: TimeMatching, kept: int, left_out: tuple[int, int]) -> None:
+    """Whether a row of either side is at one of the declared steps, as `kept` are.
 
     Raises
     ------
     NothingLeftError
         All are at other times.
     """
-    if matching.steps is None or any(len(side.step) for side in axis.sides):
-        return
-    if sum(axis.left_out):
+    if matching.steps is not None and not kept and any(left_out):
         raise NothingLeftError(
             f"--steps {matching.steps.text}: no row of either file is at one of these steps; all "
-            f"{sum(axis.left_out):,} are at other times"
+            f"{sum(left_out):,} are at other times"
         )
 
 

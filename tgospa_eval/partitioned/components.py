@@ -1,5 +1,6 @@
 """Tracks of all blocks: global numbers, components, and the shard of each."""
 
+import itertools
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -57,8 +58,8 @@ def number_tracks(blocks: Sequence[Scanned], side: int) -> Tracks:
             [block.unjudged_rows[side] for block in blocks],
         )
     )
-    ends = np.cumsum([len(part) for part in parts])[:-1]
-    numbers = tuple(np.split(number, ends))
+    ends = np.cumsum([0, *map(len, parts)]).tolist()
+    numbers = tuple(number[slice(*span)] for span in itertools.pairwise(ends))
     return Tracks(ids=ids[order], rows=rows, judged=rows - unjudged, numbers=numbers)
 
 

@@ -14,7 +14,7 @@ from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Status, Stopwatch
-from tgospa_eval.common.words import counted, natural
+from tgospa_eval.common.words import counted
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.engines.engine import Engine
 from tgospa_eval.engines.processes import PersistentPool, Processes
@@ -77,7 +77,7 @@ class SideSummary(Reading):
             format=side.format,
             missing=side.roles.missing,
             left_out=dict(left_out),
-            named=tuple({name for block in blocks for name in block["named"]}),
+            named=tuple(side.steps.classes),
             at_steps=sum(block["at_steps"] for block in blocks),
             sums=[tuple(block["sums"]) for block in blocks],
             warnings=tuple(Notice(**one).about(side.path) for one in repaired.values()),
@@ -339,7 +339,7 @@ def _notices(
     """What the user should know of the two sides."""
     matching = cut.request.time_matching
     for side, one in zip(cut.sides, known, strict=True):
-        for text in side.said(one.left_out, sorted(one.named, key=natural)):
+        for text in side.said(one.left_out):
             yield Notice(text=f"{side.path}: {text}")
     made, off = axis.made, (known[0].off, known[1].off)
     if cut.resampled:
@@ -378,10 +378,8 @@ def _notices(
         )
         for text in cut.request.ignoring.told(ignored=ignored, excused=excused):
             yield Notice(text=text)
-    axis = replace(axis, made=made, left_out=off)
-    if not any(one.taken for one in known):
-        check_left(axis, matching)
-    yield from axis_notices(axis, matching)
+    check_left(matching, sum(one.at_steps for one in known), off)
+    yield from axis_notices(replace(axis, made=made, left_out=off), matching)
 
 
 LOOKED_AT = 50_000

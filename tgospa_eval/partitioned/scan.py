@@ -173,7 +173,6 @@ def scan(
         known: list[Json] = [
             {
                 "left_out": reading.left_out,
-                "named": list(reading.named),
                 "sums": row_sums(reading.trajectories.seen_as(request.distance.kinds)),
                 "at_steps": count,
                 "warnings": [vars(notice) for notice in reading.warnings],

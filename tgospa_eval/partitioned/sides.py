@@ -132,13 +132,14 @@ def index_side(
             yield found
 
     moments = merged_moments(gathered())
+    looked_at = options.by_class or options.attributes or options.classes is not None
     with writing_folder(str(store / "steps")) as folder:
         known = {
             "runs": [str(run.relative_to(store)) for run in runs],
             "ends": ends,
             "clock": moments.clock,
             "rows": int(moments.count.sum()),
-            "classes": run_names(runs, name) if options.by_class or options.attributes else [],
+            "classes": run_names(runs, name) if looked_at else [],
             **_save_steps(moments, options, folder, name),
         }
         (folder / "index.json").write_text(json.dumps(known), encoding="utf-8")
@@ -228,7 +229,7 @@ class SideSteps:
     rows : int
         Rows of all files.
     classes : list of str
-        Of these, where what is not judged may depend on them.
+        Of these, where they are asked for or what is not judged may depend on them.
     left_out : dict of str to int
         How many of them --time leaves out, by its rule.
     runs : list of str
@@ -338,6 +339,8 @@ class PartsSide:
         The folder of its index.
     roles : Roles
         Of the columns of the first file.
+    clock : {"number", "local", "zoned"}
+        What the times are; without any, what those of the other side are.
     marked : callable, optional
         Marks what is not judged of what was read.
     """
@@ -347,6 +350,7 @@ class PartsSide:
     options: ReadOptions
     store: str
     roles: Roles
+    clock: str
     marked: Callable[[Reading], Reading] | None = None
 
     @property
@@ -358,11 +362,6 @@ class PartsSide:
     def steps(self) -> SideSteps:
         """Its steps within the range of time that is asked for."""
         return steps_of(self.store)
-
-    @property
-    def clock(self) -> str:
-        """What the times are: "number", "local" or "zoned"."""
-        return self.steps.clock
 
     @property
     def times(self) -> TimeArray:
@@ -427,15 +426,13 @@ class PartsSide:
         marks = {NOT_JUDGED: marks_of(found, NOT_JUDGED).astype(np.float64)}
         return replace(reading, trajectories=replace(found, attributes=marks))
 
-    def said(self, left_out: Mapping[str, int], classes: Sequence[str]) -> tuple[str, ...]:
+    def said(self, left_out: Mapping[str, int]) -> tuple[str, ...]:
         """What the user should know when all blocks are read.
 
         Parameters
         ----------
         left_out : mapping of str to int
             Sums over the blocks, by rule (`Reading.left_out`).
-        classes : sequence of str
-            Of all blocks (`Reading.named`), in natural order.
         """
         which = self.options.on_duplicate
         rules = (*RULES_SAID, "duplicate")
@@ -446,7 +443,7 @@ class PartsSide:
             if rule in left_out:
                 notices.append(said_of(rule, left_out[rule], which))
             if rule == "class" and "class" not in self.roles.missing:
-                notices += class_notices(self.options, classes, whole=False)
+                notices += class_notices(self.options, self.steps.classes, whole=False)
         return tuple(notices)
 
     def check_ids(self, ids: NDArray[np.str_]) -> None:
@@ -517,6 +514,7 @@ def open_side(
         options=options,
         store=str(store),
         roles=side_roles(format, files[0], options),
+        clock=steps_of(str(store)).clock,
     )
 
 

@@ -460,6 +460,7 @@ def find_steps(
     if grid.union and not len(grid.truth.times):
         raise ConfigError(f"--grid {matching.grid}: no step is left, none of {grid.union:,} counts")
     step = _step_of(sides[0], grid.truth), _step_of(sides[1], grid.estimate)
+    sides = replace(sides[0], clock=grid.truth.clock), replace(sides[1], clock=grid.truth.clock)
     plan = BlockPlan(times=grid.truth.times, sides=sides, step=step, request=request, names=names)
     return axis, grid, plan
 

@@ -161,6 +161,16 @@ def test_motchallenge_in_marks(write: Write, invoke: Invoke) -> None:
         assert "estimate-format" not in answer.err.split("res.txt")[0]
 
 
+def test_motchallenge_without_objects(write: Write, invoke: Invoke) -> None:
+    """An empty truth has no distractors, and no column that lacks."""
+    named = ("--truth-format", "motchallenge", "--format", "json")
+    asked = (write("gt.txt", ""), write("res.txt", MOT_RESULTS), *BOXES, *named)
+    for rule in ("motchallenge:delete", "motchallenge:ignore"):
+        answer = invoke(*asked, "--preprocess", rule)
+        assert answer.status == 0, answer.err
+        assert json.loads(answer.out)["counts"] == {"missed": 0, "false": 4, "switch": 0}
+
+
 VISDRONE = """\
 1,0,0,0,100,100,0,0,0,0
 1,1,10,10,40,40,1,4,0,0

@@ -212,10 +212,10 @@ def with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[R
 # Formats without a header.
 
 Layouts = Mapping[int, tuple[str, ...]]
-"""Names of the columns by the number of fields, first those that an empty file does not have."""
+"""Names of the columns by the number of fields, first those of an empty file."""
 
 MOT_FIELDS = ("frame", "id", *BOX, "conf", "class", "visibility")
-MOT_LAYOUTS = {width: MOT_FIELDS[:width] for width in (7, 6, 8, 9)}
+MOT_LAYOUTS = {width: MOT_FIELDS[:width] for width in (9, 6, 7, 8)}
 MOT_LAYOUTS[10] = (*MOT_FIELDS[:7], "loc_x", "loc_y", "loc_z")
 MOT_RULE = "MOTChallenge text has 6 to 10: frame,id,left,top,width,height,conf,..."
 MOT_UNKNOWN = -1.0
