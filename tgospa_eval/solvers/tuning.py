@@ -109,8 +109,8 @@ class Programming:
     takes 0.37 instead of 0.57 s, crowds with wide cutoffs 0.8 of the time. After 0.02, or with a
     reach of 0.05, it is often in vain. Farther than `afar` they reach if brackets are narrower than
     `nearly`: a few paths are missing, which stages do not find. 300,500,300,5 with c = 10 takes 4.3
-    instead of 8.8 s. Again at 0.3 with what has become attractive, then at 0.5, takes 0.4 and 0.75 of
-    the time of 50,100,31.6, where 1.0 would join half of all states."""
+    instead of 8.8 s. Again at 0.3 with what has become attractive, then at 0.5, takes 0.4 and 0.75
+    of the time of 50,100,31.6, where 1.0 would join half of all states."""
 
     crowd: int = 20_000
     crowded: float = 0.5
