@@ -187,23 +187,29 @@ def of_growth(series: dict[str, tuple[Scene, ...]], store: Store) -> list[Table]
     """Seconds of all methods over targets and steps, and how much longer others take."""
     rows = []
     for scene in dict.fromkeys(chain(*series.values())):
-        own = stored(scene, 0, "certified", store)
+        found = [growth.known(scene, method, store) for method in growth.METHODS]
+        own = found[0]
         if own is None:
             continue
-        states = Number(own.seconds / own.states * 1e9) if own.states else ABSENT
-        cells = [_middle(_times(scene, 1, method, store)) for method in growth.METHODS]
-        others = [
-            _middle(_quotients(scene, 1, method, "certified", store))
-            for method in list(growth.METHODS)[2:]
+        numbers = [
+            ABSENT if r is None else str(Number(r.seconds, above=not r.complete)) for r in found
         ]
-        rows.append((str(scene), f"{own.states:,}", str(states), *cells, *others))
+        ratios = [
+            ABSENT if r is None else str(Number(r.seconds / own.seconds, above=not r.complete))
+            for r in found[2:]
+        ]
+        each = Number(own.seconds / own.states * 1e9) if own.states else ABSENT
+        rows.append((str(scene), f"{own.states:,}", str(each), *numbers, *ratios))
     labels = list(growth.METHODS.values())
     header = (
         *("m,T,area,noise", "states", "ns a state"),
         *(f"{label} s" for label in labels),
         *(f"{label} / certified" for label in labels[2:]),
     )
-    notes = ("ns a state: of the whole evaluation from arrays, proof included, by certified",)
+    notes = (
+        "ns a state: of the whole evaluation from arrays, proof included, by certified",
+        ">: stopped before the end, or the bracket is wider than 1 % at the end",
+    )
     return [Table("Growth, first draws", header, rows, notes)] if rows else []
 
 

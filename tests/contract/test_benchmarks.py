@@ -31,4 +31,4 @@ def test_benchmarks_load_and_measure(environment: dict[str, str]) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split()[:2] == ["grid", "kernel"]
+    assert done.stdout.split()[:2] == ["grid", "growth"]

@@ -139,7 +139,7 @@ def _sweep(ascent: Ascent, programmes: Programmes, batch: BlockBatch, *, near: b
         if batch.limit.progress.watched:
             programmes.report_progress()
         skip = ascent.open_gap < ASCENT.skip * ascent.open_cost and epsilon > skip_above
-        if epsilon <= CROWDS.coldest and len(batch.weights) > ASCENT.small:
+        if epsilon <= CROWDS.coldest and len(batch.weights) > CROWDS.size:
             programmes.crowd |= ascent.undecidedness > CROWDS.undecided
         if programmes.crowd:
             continue

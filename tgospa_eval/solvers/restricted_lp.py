@@ -10,14 +10,12 @@ from functools import cached_property
 import highspy
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.capacities import CapacityRows, capacity_rows
-from tgospa_eval.solvers.interior_point import Inequalities, solve_nearest
 
 Long = NDArray[np.longdouble]
 
@@ -455,6 +453,10 @@ def solve_interior(
     It begins at the `shares` (F,) and the prices, to which new ones are the nearest. Needs the
     compiled kernels.
     """
+    from scipy import sparse  # slow to import, and few scenes are crowds
+
+    from tgospa_eval.solvers.interior_point import Inequalities, solve_nearest
+
     p = make_programme(states, free, weights, prices, switch_price)
     deadline = None if seconds is None else time.monotonic() + seconds
     size = len(free)

@@ -7,7 +7,7 @@ from scipy.optimize import linprog
 
 from tgospa_eval import Certified, Result, evaluate
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.solvers import restricted_lp
+from tgospa_eval.solvers import interior_point, restricted_lp
 from tgospa_eval.solvers.interior_point import Inequalities, solve_nearest
 from tgospa_eval.solvers.tuning import CROWDS
 
@@ -57,7 +57,7 @@ def test_numbers_that_break_down_are_left_to_the_simplex_method(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     total = evaluated(crowd(0)).total
-    monkeypatch.setattr(restricted_lp, "solve_nearest", lambda *_: None)
+    monkeypatch.setattr(interior_point, "solve_nearest", lambda *_: None)
     result = evaluated(crowd(0))
     assert result.certified
     assert result.total == pytest.approx(total, rel=1e-12)
@@ -65,13 +65,13 @@ def test_numbers_that_break_down_are_left_to_the_simplex_method(
 
 @compiled_only
 def test_without_nearest_prices_weights_still_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    total, solve = evaluated(crowd(1)).total, restricted_lp.solve_nearest
+    total, solve = evaluated(crowd(1)).total, interior_point.solve_nearest
 
     def blind(*given: object) -> object:
         found = solve(*given)  # type: ignore[arg-type]
         return found and (found[0], None)
 
-    monkeypatch.setattr(restricted_lp, "solve_nearest", blind)
+    monkeypatch.setattr(interior_point, "solve_nearest", blind)
     result = evaluated(crowd(1))
     assert result.certified
     assert result.total == pytest.approx(total, rel=1e-12)
