@@ -2171,27 +2171,38 @@ def near_points(const double[:, ::1] truth, const double[:, ::1] estimate,
     """
     cdef Py_ssize_t T = truth_rows.shape[1], d = truth.shape[1], t, i, j, count = 0, n = 0
     cdef Py_ssize_t first = 0, second = 0  # rows of the steps before
+    cdef Py_ssize_t own, low, k
     cdef double value
+    cdef bint near
     for t in range(T):
         count += (truth_rows[1, t] - truth_rows[0, t]) * (estimate_rows[1, t] - estimate_rows[0, t])
         if count > most:
             return None
-    rows_array, others_array = np.empty(count, np.int32), np.empty(count, np.int32)
-    distance_array = np.empty(count)
+    rows_array, others_array = np.empty(count + 1, np.int32), np.empty(count + 1, np.int32)
+    distance_array = np.empty(count + 1)
     cdef i32[::1] rows = rows_array, others = others_array
     cdef double[::1] distance = distance_array
     with nogil:
         for t in range(T):
+            low = estimate_rows[0, t]
             for i in range(truth_rows[0, t], truth_rows[1, t]):
-                for j in range(estimate_rows[0, t], estimate_rows[1, t]):
+                # Without a branch, which nobody foresees: what is not near is written over.
+                count = n
+                for j in range(low, estimate_rows[1, t]):
+                    near = True
+                    for k in range(d):
+                        near &= scale[k] * fabs(truth[i, k] - estimate[j, k]) < cutoff
+                    others[count] = <i32>j
+                    count += near
+                for own in range(n, count):
+                    j = others[own]
                     value = apart(&truth[i, 0], &estimate[j, 0], &scale[0], d, power, cutoff)
-                    if value < cutoff:
-                        rows[n] = <i32>(first + i - truth_rows[0, t])
-                        others[n] = <i32>(second + j - estimate_rows[0, t])
-                        distance[n] = value
-                        n += 1
+                    rows[n] = <i32>(first + i - truth_rows[0, t])
+                    others[n] = <i32>(second + j - low)
+                    distance[n] = value
+                    n += value < cutoff
             first += truth_rows[1, t] - truth_rows[0, t]
-            second += estimate_rows[1, t] - estimate_rows[0, t]
+            second += estimate_rows[1, t] - low
     return rows_array[:n], others_array[:n], distance_array[:n]
 
 
