@@ -134,7 +134,7 @@ def prove(
         assigned = pair_parts(prepared, proof)
         split = {name: float(costs.sum()) for name, costs in assigned.items()} or None
         nees = None
-        if prepared.compared.estimate_covariance is not None:
+        if prepared.estimate_covariance is not None:
             from tgospa_eval.evaluation.consistency import pair_nees  # here: few have covariances
 
             assigned[NEES], nees = pair_nees(proof, prepared.distance)
