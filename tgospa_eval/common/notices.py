@@ -110,7 +110,6 @@ def in_python(text: str, *, reads: bool = True) -> str:
 
     `reads`: of `read_trajectories`, whose keywords have other names.
     """
-
     if "-" not in text:
         return text
 

@@ -1,10 +1,10 @@
 """The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from tgospa_eval._version import __version__
+from tgospa_eval.common.frozen import replace
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.distances import Effort
 from tgospa_eval.evaluation.localisation import (

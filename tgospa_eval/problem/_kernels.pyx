@@ -26,6 +26,13 @@ cdef double NOTHING = -1e300
 cdef double NEVER = 1e300
 
 
+cdef object full_of(Py_ssize_t size, value, kind=np.int32):
+    """As np.full, which takes as long as many of the loops here."""
+    array = np.empty(size, kind)
+    array.fill(value)
+    return array
+
+
 # --- sums in NumPy's order ---------------------------------------------------------------------
 
 
@@ -78,7 +85,7 @@ def number_pairs(const i32[::1] truth, const i32[::1] estimate, int truths, int 
     cdef i32[::1] at = np.zeros(truths + 1, np.int32)
     cdef i32[::1] order = np.empty(N, np.int32)
     cdef i32[::1] pair_of = np.empty(N, np.int32)
-    cdef i32[::1] stamp = np.full(max(estimates, 1), -1, np.int32)
+    cdef i32[::1] stamp = full_of(max(estimates, 1), -1)
     cdef i32[::1] number = np.empty(max(estimates, 1), np.int32)
     with nogil:
         sort_by(truth, at, order)
@@ -138,8 +145,8 @@ def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] st
     cdef Py_ssize_t P = pt.shape[0], p, i, e, nodes = truths + estimates, count = 0
     cdef i32 b, blocks = 0, total = 0
     cdef bint is_row
-    cdef i32[::1] number = np.full(nodes, -1, np.int32)    # of the block with this root
-    cdef i32[::1] block_of = np.full(nodes, -1, np.int32)  # of each track
+    cdef i32[::1] number = full_of(nodes, -1)    # of the block with this root
+    cdef i32[::1] block_of = full_of(nodes, -1)  # of each track
     with nogil:
         for p in range(P):  # by truth: the root of a block is the first that is met
             if number[root[pt[p]]] < 0:
@@ -276,7 +283,7 @@ def slots(const i32[::1] order, const i32[::1] begin, const i32[::1] pair_first,
     cdef Py_ssize_t S = begin.shape[0], P = pair_node.shape[0], nodes = shared.shape[0], s, p, a
     cdef i32 node
     cdef i32[::1] node_of = np.empty(S, np.int32)
-    cdef i32[::1] latest = np.full(nodes, -1, np.int32)
+    cdef i32[::1] latest = full_of(nodes, -1)
     node_first = np.zeros(nodes + 1, np.int32)
     cdef i32[::1] first = node_first
     slot_begin = np.empty(S, np.int32)
@@ -971,7 +978,7 @@ cdef class Brackets:
         self.best, self.own = np.zeros((2, nodes))
         self.flags, self.rounded, self.chosen = np.zeros((3, weights.shape[0]), np.uint8)
         self.choice = self.chosen
-        self.trial = np.full(prices.shape[0], np.nan)
+        self.trial = full_of(prices.shape[0], np.nan, np.float64)
         self.duals, self.primals, self.mosts = self.dual, self.primal, self.most
         self.bests, self.owns, self.flag = self.best, self.own, self.flags
 
@@ -1499,7 +1506,7 @@ def break_down(states, const int64_t[::1] weight, int64_t one):
         row = objects.row.astype(np.int32, copy=False)
         step = objects.step.astype(np.int32, copy=False)
         price = objects.price
-        free = np.full(step.shape[0], one)
+        free = full_of(step.shape[0], one, np.int64)
         with nogil:
             for s in range(begin.shape[0]):
                 e = entry[s]

@@ -71,9 +71,7 @@ class UnassignedPrices:
 def unpaired_prices(states: States) -> tuple[float, float]:
     """Cost of the truths and of the estimates that are in no block, rounded down."""
     found = [0.0, 0.0]
-    for k, (side, blocks) in enumerate(
-        zip(states.problem.sides, states.track_blocks, strict=True)
-    ):
+    for k, (side, blocks) in enumerate(zip(states.problem.sides, states.track_blocks, strict=True)):
         if (unpaired := blocks < 0).any():
             price = side.price[unpaired[side.track]]
             found[k] = float(lower_sums(price, np.array([0, len(price)]))[0])

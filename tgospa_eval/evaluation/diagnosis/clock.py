@@ -6,7 +6,6 @@ are sampled evenly. Only where these do not fit is the offset of the clock searc
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
