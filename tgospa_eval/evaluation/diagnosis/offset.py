@@ -218,7 +218,7 @@ class Fit:
     def sharpest(self) -> float:
         """What leaves a gain to pairs that are not much farther apart than usual."""
         lost = self.costs.lost
-        usual = max(median(lost), 0.0) if len(lost) else 1.0
+        usual = median(lost) if len(lost) else 1.0
         return 1 / min(max(ROBUST * usual, LEAST_ERROR), 1.0)
 
     @cached_property
