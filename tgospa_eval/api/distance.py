@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.options import OF_CLOUDS, Request
 from tgospa_eval.common.arrays import Floats
+from tgospa_eval.common.frozen import replace
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import parsed
 from tgospa_eval.distances import Distance

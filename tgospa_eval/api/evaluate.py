@@ -1,14 +1,13 @@
 """One evaluation: read, align, fit, diagnose, solve, report, each once, whoever asks."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.notices import about, pair_notices, slow_notice
 from tgospa_eval.api.resolve import Settings, called, make_settings
-from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.frozen import dataclass, replace
 from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.evaluation.evaluate import evaluate_fitted

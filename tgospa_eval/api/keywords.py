@@ -70,10 +70,11 @@ def with_options(*without: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
             for name in names
             if name not in signature.parameters
         ]
+        known = [p.name for p in (*own, *more)]
 
         @functools.wraps(function)
         def called(*args: P.args, **kwargs: P.kwargs) -> T:
-            check_names(function.__name__, kwargs, (p.name for p in (*own, *more)))
+            check_names(function.__name__, kwargs, known)
             with spoken_in_python(reads=False):
                 return function(*args, **kwargs)
 

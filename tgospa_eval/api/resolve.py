@@ -4,14 +4,13 @@ import math
 import os
 from collections.abc import Iterable, Sequence
 from contextlib import nullcontext, suppress
-from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.distance import DistanceOptions, numbers_by_name
 from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request, is_coverage
 from tgospa_eval.api.places import check_places
-from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.frozen import dataclass, replace
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.distances.registry import ON_EARTH
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError, TgospaError

@@ -14,8 +14,9 @@ Mask = NDArray[np.bool_]
 
 def concatenated(begin: Ints, count: Ints) -> Ints:
     """The numbers begin[i], begin[i] + 1, ... of each range, as many as its count."""
-    first = np.cumsum(count) - count
-    numbers: Ints = np.arange(int(count.sum())) + np.repeat(begin - first, count)
+    end = count.cumsum()
+    numbers: Ints = (begin - end + count).repeat(count)
+    numbers += np.arange(len(numbers))
     return numbers
 
 

@@ -49,6 +49,16 @@ else:
         return define
 
 
+R = TypeVar("R")
+
+
+def replace(record: R, **changes: Any) -> R:
+    """As `dataclasses.replace` of one of these records, in a fraction of the time."""
+    kept = vars(record)
+    names = type(record).__dataclass_fields__  # type: ignore[attr-defined]
+    return type(record)(**{name: kept[name] for name in names if name in kept} | changes)
+
+
 Fields = tuple[dataclasses.Field[Any], ...]
 
 

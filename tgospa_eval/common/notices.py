@@ -110,6 +110,8 @@ def in_python(text: str, *, reads: bool = True) -> str:
 
     `reads`: of `read_trajectories`, whose keywords have other names.
     """
+    if "-" not in text:
+        return text
 
     def keyword(found: re.Match[str]) -> str:
         kinds = ("columns", "decimal", "named", "sized", "alone")

@@ -256,11 +256,12 @@ class Stopwatch:
     @contextmanager
     def span(self, name: str) -> Iterator[None]:
         """Add the time until the end of the block to `name`, also when the block raises."""
-        begin = self._clock()
+        begin, outer = self._clock(), self.stage
+        self.stage = name
         try:
-            with self.showing(name):
-                yield
+            yield
         finally:
+            self.stage = outer
             self.add(name, self._clock() - begin)
 
     @contextmanager

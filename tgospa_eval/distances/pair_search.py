@@ -34,7 +34,7 @@ def rows_at(side: Trajectories, steps: Ints) -> NDArray[np.int64]:
     wanted = np.empty((2, len(steps)), side.step.dtype)  # else all of the others are converted
     wanted[0] = steps
     np.add(wanted[0], 1, out=wanted[1])
-    return np.searchsorted(side.step, wanted)
+    return side.step.searchsorted(wanted)
 
 
 def near_points(sides: Sides, rows: Ranges, cutoff: float, distance: Distance) -> Pairs | None:
@@ -337,7 +337,7 @@ def prepared_pairs(sides: Sides, cutoff: float, distance: Distance, effort: Effo
     truth, estimate = sides
     horizon = distance.horizon(sides, cutoff)
     starts = starts_of_steps(truth), starts_of_steps(estimate)
-    rows = tuple(np.stack((at[:-1], at[1:])) for at in starts)
+    rows = tuple(np.array((at[:-1], at[1:])) for at in starts)
     found = near_points(sides, (rows[0], rows[1]), horizon, distance)
     if found is not None:
         return found

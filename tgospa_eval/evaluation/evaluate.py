@@ -1,10 +1,10 @@
 """The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from tgospa_eval._version import __version__
+from tgospa_eval.common.frozen import replace
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.distances import Effort
 from tgospa_eval.evaluation.localisation import (
@@ -134,7 +134,7 @@ def prove(
         assigned = pair_parts(prepared, proof)
         split = {name: float(costs.sum()) for name, costs in assigned.items()} or None
         nees = None
-        if prepared.compared.estimate_covariance is not None:
+        if prepared.estimate_covariance is not None:
             from tgospa_eval.evaluation.consistency import pair_nees  # here: few have covariances
 
             assigned[NEES], nees = pair_nees(proof, prepared.distance)

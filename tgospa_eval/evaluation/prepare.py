@@ -171,8 +171,8 @@ class Prepared(MeasuredSides):
     @property
     def compared(self) -> ComparedSides:
         """What a proof says of the two sides."""
-        names = [field.name for field in fields(ComparedSides)]
-        return ComparedSides(**{name: getattr(self, name) for name in names})
+        kept = vars(self)
+        return ComparedSides(**{field.name: kept[field.name] for field in fields(ComparedSides)})
 
 
 def prepare(

@@ -204,7 +204,7 @@ with its times, arrays by id, tracks of Stone Soup."""
 
 def is_path(side: object) -> TypeGuard["str | os.PathLike[str]"]:
     """Whether it is the path of a file."""
-    return isinstance(side, str | os.PathLike)
+    return isinstance(side, (str, os.PathLike))
 
 
 def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequence[str]) -> None:
@@ -230,8 +230,12 @@ def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequ
 
 def filled(sides: Sequence[Reading | None], distance: Distance) -> tuple[Reading, ...]:
     """Sides without any track have the columns of the other."""
-    there = next((side.trajectories for side in sides if side is not None), None)
-    if there is None:
+    found = tuple(side for side in sides if side is not None)
+    if len(found) == len(sides):
+        return found
+    if found:
+        there = found[0].trajectories
+    else:
         there = Trajectories.from_array(np.zeros((0, 0, len(distance.columns or "xy"))))
     nothing = Trajectories.of_times(there.times[:0], there.columns, there.clock)
     empty = Reading(trajectories=nothing, rows=0, format="")

@@ -26,6 +26,13 @@ cdef double NOTHING = -1e300
 cdef double NEVER = 1e300
 
 
+cdef object full_of(Py_ssize_t size, value, kind=np.int32):
+    """As np.full, which takes as long as many of the loops here."""
+    array = np.empty(size, kind)
+    array.fill(value)
+    return array
+
+
 # --- sums in NumPy's order ---------------------------------------------------------------------
 
 
@@ -78,7 +85,7 @@ def number_pairs(const i32[::1] truth, const i32[::1] estimate, int truths, int 
     cdef i32[::1] at = np.zeros(truths + 1, np.int32)
     cdef i32[::1] order = np.empty(N, np.int32)
     cdef i32[::1] pair_of = np.empty(N, np.int32)
-    cdef i32[::1] stamp = np.full(max(estimates, 1), -1, np.int32)
+    cdef i32[::1] stamp = full_of(max(estimates, 1), -1)
     cdef i32[::1] number = np.empty(max(estimates, 1), np.int32)
     with nogil:
         sort_by(truth, at, order)
@@ -138,8 +145,8 @@ def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] st
     cdef Py_ssize_t P = pt.shape[0], p, i, e, nodes = truths + estimates, count = 0
     cdef i32 b, blocks = 0, total = 0
     cdef bint is_row
-    cdef i32[::1] number = np.full(nodes, -1, np.int32)    # of the block with this root
-    cdef i32[::1] block_of = np.full(nodes, -1, np.int32)  # of each track
+    cdef i32[::1] number = full_of(nodes, -1)    # of the block with this root
+    cdef i32[::1] block_of = full_of(nodes, -1)  # of each track
     with nogil:
         for p in range(P):  # by truth: the root of a block is the first that is met
             if number[root[pt[p]]] < 0:
@@ -276,7 +283,7 @@ def slots(const i32[::1] order, const i32[::1] begin, const i32[::1] pair_first,
     cdef Py_ssize_t S = begin.shape[0], P = pair_node.shape[0], nodes = shared.shape[0], s, p, a
     cdef i32 node
     cdef i32[::1] node_of = np.empty(S, np.int32)
-    cdef i32[::1] latest = np.full(nodes, -1, np.int32)
+    cdef i32[::1] latest = full_of(nodes, -1)
     node_first = np.zeros(nodes + 1, np.int32)
     cdef i32[::1] first = node_first
     slot_begin = np.empty(S, np.int32)
@@ -971,7 +978,7 @@ cdef class Brackets:
         self.best, self.own = np.zeros((2, nodes))
         self.flags, self.rounded, self.chosen = np.zeros((3, weights.shape[0]), np.uint8)
         self.choice = self.chosen
-        self.trial = np.full(prices.shape[0], np.nan)
+        self.trial = full_of(prices.shape[0], np.nan, np.float64)
         self.duals, self.primals, self.mosts = self.dual, self.primal, self.most
         self.bests, self.owns, self.flag = self.best, self.own, self.flags
 
@@ -1499,7 +1506,7 @@ def break_down(states, const int64_t[::1] weight, int64_t one):
         row = objects.row.astype(np.int32, copy=False)
         step = objects.step.astype(np.int32, copy=False)
         price = objects.price
-        free = np.full(step.shape[0], one)
+        free = full_of(step.shape[0], one, np.int64)
         with nogil:
             for s in range(begin.shape[0]):
                 e = entry[s]
@@ -2171,27 +2178,38 @@ def near_points(const double[:, ::1] truth, const double[:, ::1] estimate,
     """
     cdef Py_ssize_t T = truth_rows.shape[1], d = truth.shape[1], t, i, j, count = 0, n = 0
     cdef Py_ssize_t first = 0, second = 0  # rows of the steps before
+    cdef Py_ssize_t own, low, k
     cdef double value
+    cdef bint near
     for t in range(T):
         count += (truth_rows[1, t] - truth_rows[0, t]) * (estimate_rows[1, t] - estimate_rows[0, t])
         if count > most:
             return None
-    rows_array, others_array = np.empty(count, np.int32), np.empty(count, np.int32)
-    distance_array = np.empty(count)
+    rows_array, others_array = np.empty(count + 1, np.int32), np.empty(count + 1, np.int32)
+    distance_array = np.empty(count + 1)
     cdef i32[::1] rows = rows_array, others = others_array
     cdef double[::1] distance = distance_array
     with nogil:
         for t in range(T):
+            low = estimate_rows[0, t]
             for i in range(truth_rows[0, t], truth_rows[1, t]):
-                for j in range(estimate_rows[0, t], estimate_rows[1, t]):
+                # Without a branch, which nobody foresees: what is not near is written over.
+                count = n
+                for j in range(low, estimate_rows[1, t]):
+                    near = True
+                    for k in range(d):
+                        near &= scale[k] * fabs(truth[i, k] - estimate[j, k]) < cutoff
+                    others[count] = <i32>j
+                    count += near
+                for own in range(n, count):
+                    j = others[own]
                     value = apart(&truth[i, 0], &estimate[j, 0], &scale[0], d, power, cutoff)
-                    if value < cutoff:
-                        rows[n] = <i32>(first + i - truth_rows[0, t])
-                        others[n] = <i32>(second + j - estimate_rows[0, t])
-                        distance[n] = value
-                        n += 1
+                    rows[n] = <i32>(first + i - truth_rows[0, t])
+                    others[n] = <i32>(second + j - low)
+                    distance[n] = value
+                    n += value < cutoff
             first += truth_rows[1, t] - truth_rows[0, t]
-            second += estimate_rows[1, t] - estimate_rows[0, t]
+            second += estimate_rows[1, t] - low
     return rows_array[:n], others_array[:n], distance_array[:n]
 
 

@@ -70,11 +70,11 @@ class UnassignedPrices:
 
 def unpaired_prices(states: States) -> tuple[float, float]:
     """Cost of the truths and of the estimates that are in no block, rounded down."""
-    found = []
-    for side, blocks in zip(states.problem.sides, states.track_blocks, strict=True):
-        unpaired = blocks < 0
-        price = side.price[unpaired[side.track]] if unpaired.any() else side.price[:0]
-        found.append(float(lower_sums(price, np.array([0, len(price)]))[0]))
+    found = [0.0, 0.0]
+    for k, (side, blocks) in enumerate(zip(states.problem.sides, states.track_blocks, strict=True)):
+        if (unpaired := blocks < 0).any():
+            price = side.price[unpaired[side.track]]
+            found[k] = float(lower_sums(price, np.array([0, len(price)]))[0])
     return found[0], found[1]
 
 

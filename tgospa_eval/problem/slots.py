@@ -99,7 +99,7 @@ class Slots:
         Weights are >= 0. Sums of nodes with so many pairs that integers could overflow are right
         up to FULL_SUM, and FULL_SUM above that.
         """
-        if len(self.pair_node) and int(np.bincount(self.pair_node).max()) > CROWD:
+        if len(self.pair_node) > CROWD and int(np.bincount(self.pair_node).max()) > CROWD:
             sums = self._sums(weight)
             coarse = self._sums(weight >> 20)
             return np.where(coarse >= FULL_SUM >> 20, FULL_SUM, sums)

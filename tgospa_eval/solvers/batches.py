@@ -4,13 +4,13 @@ import itertools
 import time
 from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import field, replace
+from dataclasses import field
 from functools import partial
 
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask
-from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.frozen import dataclass, replace
 from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.common.progress import Limit, Status, Stopwatch
 from tgospa_eval.problem.solution import Solution
@@ -194,12 +194,7 @@ def _solve_some(
         long = long[wanted[long] & ~quickly[long]]
     cuts = _apart(states.cuts(BATCH_STATES), long)
     bracket = BracketProgress(states, cuts, limit.progress)
-    shares = TimeShares(limit, routine.jobs or cores())
-    divided = {
-        number: Division(states.between(*cut)[0])
-        for number, cut in enumerate(cuts)
-        if len(long) and cut[0] in long
-    }
+    divided: dict[int, Division] = {}
 
     def work(number: int) -> Answer:
         blocks = slice(*cuts[number])
@@ -226,21 +221,27 @@ def _solve_some(
                 batch.progress.finish()
         return answer
 
+    windows: list[Callable[[], Answer]] = []
+    if len(long):
+        shares = TimeShares(limit, routine.jobs or cores())
+        inner = replace(routine, jobs=1, resumes=False)
+        for number, cut in enumerate(cuts):
+            if cut[0] in long:
+                divided[number] = Division(states.between(*cut)[0])
+
+        def solve_window(number: int, window: TimeWindow) -> Answer:
+            division = divided[number]
+            answer = _solve_window(division, inner, window, shares)
+            bracket.advance(number, BEFORE_SEAMS * division.done / len(division.windows))
+            return answer
+
+        windows = [
+            partial(solve_window, number, window)
+            for number, division in divided.items()
+            for window in division.windows
+        ]
+        shares.waiting = len(windows)
     begin, stopwatch.stage = time.perf_counter(), "solve/sweeps"
-    inner = replace(routine, jobs=1, resumes=False)
-
-    def solve_window(number: int, window: TimeWindow) -> Answer:
-        division = divided[number]
-        answer = _solve_window(division, inner, window, shares)
-        bracket.advance(number, BEFORE_SEAMS * division.done / len(division.windows))
-        return answer
-
-    windows = [
-        partial(solve_window, number, window)
-        for number, division in divided.items()
-        for window in division.windows
-    ]
-    shares.waiting = len(windows)
     whole = [number for number in range(len(cuts)) if number not in divided]
     last = list(divided)
     first: list[Callable[[], Answer]] = [*windows, *(partial(work, number) for number in whole)]
@@ -308,13 +309,14 @@ def _answer(batch: BlockBatch, routine: Routine) -> Answer:
     not_trivial = np.zeros(len(quickly), bool)
     not_trivial[left] = True
     batch = replace(batch, wanted=batch.wanted & not_trivial)
-    if quickly.any():  # gains near 1 have lost the digits that decide
+    tentative = bool(quickly.any())
+    if tentative:  # gains near 1 have lost the digits that decide
         batch.weights[states.states_of(quickly)] = 0.0
         batch.prices[states.slots_of(quickly)] = 0.0
     preparation = time.perf_counter() - begin
-    tried = routine.tries and bool(quickly.any())
+    tried = tentative and routine.tries
     answer = routine.solve(batch) if tried or batch.wanted.any() else Answer()
-    if quickly.any() and not tried:
+    if tentative and not tried:
         open_ = quickly.copy()
         open_[answer.open] = True
         answer = replace(answer, open=np.flatnonzero(open_))

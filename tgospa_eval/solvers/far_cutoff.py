@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats, Mask
+from tgospa_eval.common.arrays import Floats, Mask, places_of
 from tgospa_eval.common.progress import Limit, Status
 from tgospa_eval.problem.certificate import home_blocks, lower_bounds, of_whole
 from tgospa_eval.problem.problem import sum_by
@@ -118,7 +118,7 @@ def _largest_least_costs(states: States) -> Floats:
     problem, blocks_of = states.problem, states.track_blocks[0]
     row, track = problem.truth_row, problem.truth_track
     most = np.zeros(len(states.block_begin))
-    first = np.concatenate(([0], np.flatnonzero(np.diff(row)) + 1))  # entries are in order
+    first = np.concatenate(([0], places_of(row[1:] != row[:-1]) + 1))  # entries are in order
     np.maximum.at(most, blocks_of[track[row[first]]], np.minimum.reduceat(problem.cost, first))
     return most
 

@@ -30,10 +30,10 @@ JUDGED_FIELDS = {
 DIGESTS = ("judged.steps_sha256", "judged.truth_sha256")
 """Columns of a table of results that are equal where values are comparable."""
 
-LANES = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F))
+LANES = np.array([[0x9E3779B97F4A7C15], [0xC2B2AE3D27D4EB4F]], np.uint64)
 """Odd factors of 64-bit hashes of rows, which are independent of each other."""
 
-DOWN, MODULUS, HASHED = np.uint64(32), 1 << 64, 1 << 15
+DOWN, MODULUS, HASHED = np.uint64(32), 1 << 64, 1 << 14
 """Bits that a hash is shifted by, what sums are taken modulo, rows that are hashed together."""
 
 NO_SUMS = (0,) * (1 + len(LANES))
@@ -199,8 +199,11 @@ def row_sums(side: Trajectories, *, existence: bool = False) -> tuple[int, ...]:
     They tell data apart that differ by accident; somebody who looks for other data with the same
     sums may find some. SHA-256 of each row by itself would take as long as an evaluation.
     """
-    names = [hashlib.sha256(name.encode("utf-8", "surrogatepass")) for name in side.ids.tolist()]
-    ids = np.frombuffer(b"".join(name.digest()[:16] for name in names), "<u8").reshape(-1, 2)
+    names = [
+        hashlib.sha256(name.encode("utf-8", "surrogatepass")).digest()[:16]
+        for name in side.ids.tolist()
+    ]
+    ids = np.frombuffer(b"".join(names), "<u8").reshape(-1, 2)
     moments = _bits(side.times)
     numbers = [side.state] if side.covariance is None else [side.state, side.covariance]
     columns = [column.view(np.uint64) for table in numbers for column in table.T]
@@ -209,18 +212,16 @@ def row_sums(side: Trajectories, *, existence: bool = False) -> tuple[int, ...]:
     sums = [0] * len(LANES)
     for first in range(0, len(side.step), HASHED):
         rows = slice(first, first + HASHED)
-        track, moment = side.track[rows], moments[side.step[rows]]
-        for lane, factor in enumerate(LANES):
-            found = moment * factor
-            for column in (ids[track, lane], *(column[rows] for column in columns)):
-                found ^= found >> DOWN
-                found ^= column
-                found *= factor
-            for _ in range(2):
-                found ^= found >> DOWN
-                found *= factor
+        found = moments[side.step[rows]] * LANES
+        for column in (ids[side.track[rows]].T, *(column[rows] for column in columns)):
             found ^= found >> DOWN
-            sums[lane] += int(found.sum(dtype=np.uint64))
+            found ^= column
+            found *= LANES
+        for _ in range(2):
+            found ^= found >> DOWN
+            found *= LANES
+        found ^= found >> DOWN
+        sums = [old + new for old, new in zip(sums, found.sum(axis=1).tolist(), strict=True)]
     return len(side.step), *(total % MODULUS for total in sums)
 
 

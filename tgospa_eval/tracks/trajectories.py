@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import Floats, Ints, freeze, index_type
+from tgospa_eval.common.arrays import Floats, Ints, freeze, index_type, places_of
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError, TgospaWarning
@@ -320,8 +320,8 @@ class Trajectories:
         present = ~np.isnan(states[:, :, 0])
         for axis in range(1, size):
             present &= ~np.isnan(states[:, :, axis])
-        rows = np.flatnonzero(present)
-        at = np.repeat(np.arange(steps, dtype=np.int64), np.count_nonzero(present, axis=1))
+        rows = places_of(present.ravel())
+        at = np.arange(steps, dtype=np.int64).repeat(present.sum(axis=1))
         if covariance is not None:
             covariance = np.asarray(covariance, np.float64)
             if covariance.shape not in ((*states.shape, size), (size, size)):

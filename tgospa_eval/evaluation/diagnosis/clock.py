@@ -6,7 +6,6 @@ are sampled evenly. Only where these do not fit is the offset of the clock searc
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -183,7 +182,7 @@ def _looks_sound(sample: Sample) -> bool:
         costs = step_costs(sample.rows[0], moved, sample.parameters, sample.distance)
         found.append(Fit(float(move), costs))
     sharp = max(fit.sharpest for fit in found)
-    here, *others = (replace(fit, sharp=sharp) for fit in found)
+    here, *others = (Fit(fit.shift, fit.costs, sharp=sharp) for fit in found)
     return all(fit.better(here) <= SUSPICIOUS for fit in others)
 
 

@@ -252,7 +252,12 @@ class StepCosts:
         """Pairs of the greedy choice, in order."""
         return places_of(self._greedy[1])
 
-    @property
+    @cached_property
+    def lost(self) -> Floats:
+        """(d / c)^p of these."""
+        return np.asarray(1 - self.gain[self.taken])
+
+    @cached_property
     def ranked(self) -> Ints:
         """The same in the order in which they are chosen."""
         return ranked(self._greedy[1], self.gain)
@@ -337,7 +342,7 @@ class Sample:
         truth = StepRows.of(self.truth)
         return step_costs(truth, StepRows.of(estimate), self.parameters, self.distance)
 
-    @property
+    @cached_property
     def is_bad(self) -> bool:
         """Whether most truths and estimates have no counterpart."""
         return bool(2 * self.here.upper.sum() > self.here.unassigned.sum())

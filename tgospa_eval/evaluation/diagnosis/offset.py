@@ -209,15 +209,15 @@ class Fit:
     @cached_property
     def gain(self) -> Floats:
         """What pairs save at each step, in units of c^p (S,)."""
-        taken = self.costs.taken
-        gain = (1 - self.sharp * (1 - self.costs.gain[taken])).clip(0)
-        found = np.bincount(self.costs.step[taken], gain, minlength=self.costs.steps)
+        gain = np.maximum(1 - self.sharp * self.costs.lost, 0.0)
+        step = self.costs.step[self.costs.taken]
+        found = np.bincount(step, gain, minlength=self.costs.steps)
         return np.asarray(found, np.float64)  # integers where there is none
 
     @property
     def sharpest(self) -> float:
         """What leaves a gain to pairs that are not much farther apart than usual."""
-        lost = (1 - self.costs.gain[self.costs.taken]).clip(0)
+        lost = self.costs.lost
         usual = median(lost) if len(lost) else 1.0
         return 1 / min(max(ROBUST * usual, LEAST_ERROR), 1.0)
 
@@ -265,7 +265,7 @@ def _significance(values: Floats) -> float:
         return 0.0
     sums = np.add.reduceat(values, np.arange(count) * len(values) // count)
     total = float(sums.sum())
-    spread = float(np.square(sums - sums.mean()).sum()) * count / max(count - 1, 1)
+    spread = float(np.square(sums - total / count).sum()) * count / max(count - 1, 1)
     if spread > 1e-24 * total * total:
         return total / float(np.sqrt(spread))
     return float(np.sign(total)) * np.inf if total else 0.0

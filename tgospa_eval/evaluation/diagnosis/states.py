@@ -60,10 +60,12 @@ def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
 
 def _spellings(name: str, side: Trajectories) -> list[Notice]:
     """Ids that are one number, and different texts: 7 and 7.0."""
-    whole = {text for text in side.ids.tolist() if text.isdigit()}
-    for text in side.ids.tolist() if whole else ():
-        number, point, zeros = text.partition(".")
-        if point and zeros and not zeros.strip("0") and number in whole:
+    ids = side.ids.tolist()
+    pointed = [text for text in ids if "." in text]
+    whole = {text for text in ids if text.isdigit()} if pointed else ()
+    for text in pointed:
+        number, _, zeros = text.partition(".")
+        if zeros and not zeros.strip("0") and number in whole:
             return [
                 Notice(
                     code="id-types",
