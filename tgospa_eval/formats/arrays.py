@@ -6,7 +6,6 @@ letter: T steps, n tracks, d coordinates, N particles; ``Tnd`` is an array (T, n
 
 import io
 import struct
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
@@ -434,6 +433,8 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
 
 def _unpacked(data: bytes) -> int:
     """Bytes of the arrays, by the directory of the archive; if there is none, reading it fails."""
+    import zipfile  # slow to import
+
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             return sum(member.file_size for member in archive.infolist())
