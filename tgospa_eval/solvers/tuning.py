@@ -173,7 +173,7 @@ class Crowding:
     helped: float = 0.7
     """States of a group that is worth it; the reach, halved down to the second while more states
     than so many are near at each slot of a row, for time grows with the cube of what is near; and
-    the share of the gap that a round may leave to be followed by another."""
+    the share of the gap that a round may leave to be followed by another, which is not measured."""
 
 
 class Windowing:
