@@ -2327,3 +2327,37 @@ def pair_off(const i32[::1] truth_step, Py_ssize_t estimates, const i32[::1] tru
                 count = kept
             begin = end
     return found_array, turn_array
+
+
+# --- hashes of rows: the twin is in tracks.judged ------------------------------------------------
+
+
+def hash_rows(const uint64_t[::1] moments, const uint64_t[:, ::1] ids, const i32[::1] step,
+              const i32[::1] track, tables, const uint64_t[:, ::1] lanes):
+    """Sums of hashes of all rows, one for each lane; `tables` (R, n) hold what else is hashed."""
+    cdef Py_ssize_t R = step.shape[0], first, last, r, c, k
+    cdef uint64_t[::1] mixed = np.empty(min(R, 4096), np.uint64)
+    cdef const uint64_t[:, :] table
+    cdef uint64_t lane, one, total
+    sums = []
+    for k in range(lanes.shape[0]):
+        lane, total, first = lanes[k, 0], 0, 0
+        while first < R:
+            last = min(first + 4096, R)
+            for r in range(first, last):
+                one = moments[step[r]] * lane
+                mixed[r - first] = ((one ^ (one >> 32)) ^ ids[track[r], k]) * lane
+            for table in tables:
+                for r in range(first, last):
+                    one = mixed[r - first]
+                    for c in range(table.shape[1]):
+                        one = ((one ^ (one >> 32)) ^ table[r, c]) * lane
+                    mixed[r - first] = one
+            for r in range(first, last):
+                one = mixed[r - first]
+                one = (one ^ (one >> 32)) * lane
+                one = (one ^ (one >> 32)) * lane
+                total += one ^ (one >> 32)
+            first = last
+        sums.append(total)
+    return sums
