@@ -10,6 +10,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 
 WAYS = {
     "as it is": {},
+    "in stretches": {"ROWS_TOGETHER": 11},
     "search": {},
     "small pieces": {"ROWS_TOGETHER": 11, "CANDIDATES_TOGETHER": 30},
     "all axes": {"FEW_CANDIDATES": 0, "ROWS_TOGETHER": 50, "CANDIDATES_TOGETHER": 64},
@@ -24,9 +25,9 @@ WAYS = {
 
 
 def go(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make the search go one of the ways; as it is, few pairs are compared without one."""
-    if way != "as it is":
-        monkeypatch.setattr(points, "MOST_PAIRS", 0)
+    """Make the search go one of the ways; in the first two few pairs are compared without one."""
+    if way not in ("as it is", "in stretches"):
+        monkeypatch.setattr(points, "MOST_PAIRS", -1)
     for name, value in WAYS[way].items():
         monkeypatch.setattr(pair_search if name == "ROWS_TOGETHER" else search, name, value)
 

@@ -19,8 +19,8 @@ from tgospa_eval.distances.vector import Norm
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.tracks.trajectories import Trajectories
 
-MOST_PAIRS = 1 << 18
-"""Pairs, near or not, of which all are looked at."""
+MOST_PAIRS = 128
+"""Pairs for each row that are compared after sorting along one axis alone."""
 
 NORMS = {1.0: 1, 2.0: 2, np.inf: 0}
 """Norms as the kernels call them."""
@@ -60,7 +60,8 @@ def near_points(sides: Sides, rows: Ranges, cutoff: float, distance: Distance) -
     if norm is None:
         return None
     states = (side.state for side in sides)
-    found = kernels.near_points(*states, *rows, cutoff, *norm, MOST_PAIRS)
+    size = sum(int((end - begin).sum()) for begin, end in rows)
+    found = kernels.near_points(*states, *rows, cutoff, *norm, MOST_PAIRS * size)
     if found is None:
         return None
     return Pairs(truth_row=found[0], estimate_row=found[1], distance=found[2])
@@ -337,15 +338,23 @@ def prepared_pairs(sides: Sides, cutoff: float, distance: Distance, effort: Effo
     truth, estimate = sides
     horizon = distance.horizon(sides, cutoff)
     starts = starts_of_steps(truth), starts_of_steps(estimate)
-    rows = tuple(np.array((at[:-1], at[1:])) for at in starts)
-    found = near_points(sides, (rows[0], rows[1]), horizon, distance)
-    if found is not None:
+    stretches = list(_together(starts[0] + starts[1]))
+
+    def quickly(begin: int, end: int) -> Pairs | None:
+        rows = (np.array((at[begin:end], at[begin + 1 : end + 1])) for at in starts)
+        return near_points(sides, (next(rows), next(rows)), horizon, distance)
+
+    if len(stretches) == 1 and (found := quickly(*stretches[0])) is not None:
         return found
     kind = index_type(max(len(truth.step), len(estimate.step)))
     truth_rows, estimate_rows, distances = _Column(kind), _Column(kind), _Column(np.float64)
 
     @np.errstate(over="ignore", invalid="ignore")  # of each thread
     def between(steps: tuple[int, int]) -> list[tuple[Ints, Ints, Floats]]:
+        known = quickly(*steps)
+        if known is not None:
+            first, second = (at[steps[0]] for at in starts)
+            return [(known.truth_row + first, known.estimate_row + second, known.distance)]
         a = _rows(truth, starts[0], *steps, distance)
         b = _rows(estimate, starts[1], *steps, distance)
         found = []
@@ -355,7 +364,6 @@ def prepared_pairs(sides: Sides, cutoff: float, distance: Distance, effort: Effo
             found.append((i[near] + a.first, j[near] + b.first, value[near]))
         return found
 
-    stretches = list(_together(starts[0] + starts[1]))
     for pieces in in_order(between, stretches, min(effort.jobs or cores(), len(stretches))):
         for i, j, value in pieces:
             truth_rows.add(i)

@@ -8,7 +8,7 @@ never on the same rows in two threads, so that many threads give the bytes of on
 
 import numpy as np
 
-from libc.math cimport INFINITY, exp, fabs, floor, fmax, hypot, log, nextafter, rint, sqrt
+from libc.math cimport INFINITY, exp, fabs, floor, fmax, fmin, hypot, log, nextafter, rint, sqrt
 from libc.stdint cimport int64_t, uint64_t
 from libc.string cimport memcpy, memset
 
@@ -2168,48 +2168,116 @@ cdef inline double apart(const double* a, const double* b, const double* scale, 
     return total
 
 
+cdef Py_ssize_t widest_axis(const double[:, ::1] states, const int64_t[:, ::1] rows,
+                            const double[::1] scale) noexcept nogil:
+    """The axis on which the first of the steps are the farthest apart."""
+    cdef Py_ssize_t i, k, axis = 0, seen = 0, t = 0
+    cdef double low, high, most = -1.0
+    for k in range(states.shape[1]):
+        low, high, seen, t = INFINITY, -INFINITY, 0, 0
+        while t < rows.shape[1] and seen < SEEN:
+            for i in range(rows[0, t], rows[1, t]):
+                low, high = fmin(low, states[i, k]), fmax(high, states[i, k])
+            seen += rows[1, t] - rows[0, t]
+            t += 1
+        if seen and scale[k] * (high - low) > most:
+            axis, most = k, scale[k] * (high - low)
+    return axis
+
+
+cdef enum:
+    SEEN = 1000  # states that choose an axis
+    FEW = 12     # estimates of a step that are one cell
+
+
 def near_points(const double[:, ::1] truth, const double[:, ::1] estimate,
                 const int64_t[:, ::1] truth_rows, const int64_t[:, ::1] estimate_rows,
                 double cutoff, int power, const double[::1] scale, Py_ssize_t most):
-    """Near pairs of all points of some steps, and their distances; None if that were too many.
+    """Near pairs of all points of some steps, and their distances; None if that took too long.
 
-    Rows of a step are [begin, end) of (2, steps). Rows of pairs are counted from the first of the
-    first step, without those of other steps. `most` is the number of pairs that are looked at.
+    The estimates of a step are sorted into cells along one axis, as wide as the cutoff; those of
+    three cells are compared. Rows of a step are [begin, end) of (2, steps). Rows of pairs are
+    counted from the first of the first step, without those of other steps. `most` is the number of
+    pairs that are compared.
     """
-    cdef Py_ssize_t T = truth_rows.shape[1], d = truth.shape[1], t, i, j, count = 0, n = 0
+    cdef Py_ssize_t T = truth_rows.shape[1], d = truth.shape[1], t, i, j, k, count = 0, n = 0
     cdef Py_ssize_t first = 0, second = 0  # rows of the steps before
-    cdef Py_ssize_t own, low, k
-    cdef double value
+    cdef Py_ssize_t own, low, size, cells, truths = 0, estimates = 0, longest = 0
+    cdef double value, least, width
     cdef bint near
     for t in range(T):
-        count += (truth_rows[1, t] - truth_rows[0, t]) * (estimate_rows[1, t] - estimate_rows[0, t])
-        if count > most:
-            return None
+        truths += truth_rows[1, t] - truth_rows[0, t]
+        estimates += estimate_rows[1, t] - estimate_rows[0, t]
+        longest = max(longest, estimate_rows[1, t] - estimate_rows[0, t])
+    cdef double[::1] room = np.empty(longest + 1)
+    cdef i32[::1] places = np.empty(2 * truths + estimates + 3 * longest + 4, np.int32)
+    cdef double *rank = &room[0]
+    cdef i32 *begin = &places[0], *end = begin + truths, *order = end + truths
+    cdef i32 *spare = order + estimates, *cell = spare + longest, *at = cell + longest
+    cdef Py_ssize_t axis = widest_axis(estimate, estimate_rows, scale)
+    with nogil:
+        for t in range(T):
+            low, size = estimate_rows[0, t], estimate_rows[1, t] - estimate_rows[0, t]
+            least, value = INFINITY, -INFINITY
+            for j in range(low, low + size):
+                least, value = fmin(least, estimate[j, axis]), fmax(value, estimate[j, axis])
+            # Quotients are exact to 2^-20: at most so many cells, and near points differ by 1.
+            width = fmax(cutoff / scale[axis] * (1 + 2.0**-10), (value - least) / size)
+            cells = 1
+            if size > FEW and 1e-290 < width < 1e300:
+                cells += <Py_ssize_t>((value - least) / width)
+            memset(at, 0, (cells + 1) * sizeof(i32))
+            for j in range(size):
+                cell[j] = <i32>((estimate[low + j, axis] - least) / width) if cells > 1 else 0
+                at[cell[j] + 1] += 1
+            for k in range(cells):
+                at[k + 1] += at[k]
+            for i in range(truth_rows[0, t], truth_rows[1, t]):
+                own = first + i - truth_rows[0, t]
+                begin[own], end[own] = 0, <i32>size
+                if cells > 1:
+                    value = floor((truth[i, axis] - least) / width)
+                    value = fmin(fmax(value, -2.0), <double>cells + 1)
+                    begin[own] = at[min(max(<Py_ssize_t>value - 1, 0), cells)]
+                    end[own] = at[min(max(<Py_ssize_t>value + 2, 0), cells)]
+                count += end[own] - begin[own]
+            for j in range(size):
+                order[second + at[cell[j]]] = <i32>j
+                at[cell[j]] += 1
+            first, second = first + truth_rows[1, t] - truth_rows[0, t], second + size
+    if count > most:
+        return None
     rows_array, others_array = np.empty(count + 1, np.int32), np.empty(count + 1, np.int32)
     distance_array = np.empty(count + 1)
     cdef i32[::1] rows = rows_array, others = others_array
     cdef double[::1] distance = distance_array
     with nogil:
+        first = second = 0
+        for j in range(longest):
+            rank[j] = -<double>j
         for t in range(T):
-            low = estimate_rows[0, t]
+            low, size = estimate_rows[0, t], estimate_rows[1, t] - estimate_rows[0, t]
             for i in range(truth_rows[0, t], truth_rows[1, t]):
+                own = first + i - truth_rows[0, t]
                 # Without a branch, which nobody foresees: what is not near is written over.
                 count = n
-                for j in range(low, estimate_rows[1, t]):
+                for j in range(begin[own], end[own]):
                     near = True
                     for k in range(d):
-                        near &= scale[k] * fabs(truth[i, k] - estimate[j, k]) < cutoff
-                    others[count] = <i32>j
+                        near &= scale[k] * fabs(truth[i, k] - estimate[low + order[second + j], k]
+                                                ) < cutoff
+                    others[count] = order[second + j]
                     count += near
-                for own in range(n, count):
-                    j = others[own]
-                    value = apart(&truth[i, 0], &estimate[j, 0], &scale[0], d, power, cutoff)
-                    rows[n] = <i32>(first + i - truth_rows[0, t])
-                    others[n] = <i32>(second + j - low)
+                if size > FEW:
+                    sort_down(rank, &others[n], spare, count - n)
+                for k in range(n, count):
+                    j = others[k]
+                    value = apart(&truth[i, 0], &estimate[low + j, 0], &scale[0], d, power, cutoff)
+                    rows[n] = <i32>own
+                    others[n] = <i32>(second + j)
                     distance[n] = value
                     n += value < cutoff
-            first += truth_rows[1, t] - truth_rows[0, t]
-            second += estimate_rows[1, t] - low
+            first, second = first + truth_rows[1, t] - truth_rows[0, t], second + size
     return rows_array[:n], others_array[:n], distance_array[:n]
 
 
@@ -2254,6 +2322,8 @@ cdef void sort_down(const double* key, i32* at, i32* room, Py_ssize_t n) noexcep
         return
     sort_down(key, at, room, half)
     sort_down(key, at + half, room, n - half)
+    if key[at[half - 1]] >= key[at[half]]:
+        return
     memcpy(room, at, n * sizeof(i32))
     for k in range(n):
         if right == n or (left < half and key[room[left]] >= key[room[right]]):
@@ -2327,3 +2397,37 @@ def pair_off(const i32[::1] truth_step, Py_ssize_t estimates, const i32[::1] tru
                 count = kept
             begin = end
     return found_array, turn_array
+
+
+# --- hashes of rows: the twin is in tracks.judged ------------------------------------------------
+
+
+def hash_rows(const uint64_t[::1] moments, const uint64_t[:, ::1] ids, const i32[::1] step,
+              const i32[::1] track, tables, const uint64_t[:, ::1] lanes):
+    """Sums of hashes of all rows, one for each lane; `tables` (R, n) hold what else is hashed."""
+    cdef Py_ssize_t R = step.shape[0], first, last, r, c, k
+    cdef uint64_t[::1] mixed = np.empty(min(R, 4096), np.uint64)
+    cdef const uint64_t[:, :] table
+    cdef uint64_t lane, one, total
+    sums = []
+    for k in range(lanes.shape[0]):
+        lane, total, first = lanes[k, 0], 0, 0
+        while first < R:
+            last = min(first + 4096, R)
+            for r in range(first, last):
+                one = moments[step[r]] * lane
+                mixed[r - first] = ((one ^ (one >> 32)) ^ ids[track[r], k]) * lane
+            for table in tables:
+                for r in range(first, last):
+                    one = mixed[r - first]
+                    for c in range(table.shape[1]):
+                        one = ((one ^ (one >> 32)) ^ table[r, c]) * lane
+                    mixed[r - first] = one
+            for r in range(first, last):
+                one = mixed[r - first]
+                one = (one ^ (one >> 32)) * lane
+                one = (one ^ (one >> 32)) * lane
+                total += one ^ (one >> 32)
+            first = last
+        sums.append(total)
+    return sums

@@ -6,6 +6,7 @@ declared; never by stamps of an estimate. Two values are comparable where both d
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
+from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.tracks.existence import existence_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
@@ -193,27 +195,33 @@ def digest(side: Trajectories, *, existence: bool = False) -> str:
     return digest_of_sums(side.columns, [row_sums(side, existence=existence)], arrays)
 
 
+@lru_cache(4096)  # the same few names again and again
+def _hash_of(name: str) -> bytes:
+    return hashlib.sha256(name.encode("utf-8", "surrogatepass")).digest()[:16]
+
+
 def row_sums(side: Trajectories, *, existence: bool = False) -> tuple[int, ...]:
     """Number of rows, and sums of their hashes: those of parts add up to those of the whole.
 
     They tell data apart that differ by accident; somebody who looks for other data with the same
     sums may find some. SHA-256 of each row by itself would take as long as an evaluation.
     """
-    names = [
-        hashlib.sha256(name.encode("utf-8", "surrogatepass")).digest()[:16]
-        for name in side.ids.tolist()
-    ]
-    ids = np.frombuffer(b"".join(names), "<u8").reshape(-1, 2)
+    names = b"".join([_hash_of(name) for name in side.ids.tolist()])
+    ids = np.frombuffer(names, "<u8").reshape(-1, len(LANES))
     moments = _bits(side.times)
-    numbers = [side.state] if side.covariance is None else [side.state, side.covariance]
-    columns = [column.view(np.uint64) for table in numbers for column in table.T]
+    tables = [side.state] if side.covariance is None else [side.state, side.covariance]
     if existence:
-        columns.append(existence_of(side).view(np.uint64))
+        tables.append(existence_of(side)[:, None])
+    numbers = [table.view(np.uint64) for table in tables]
+    if kernels is not None and side.step.dtype == side.track.dtype == np.int32:
+        sums = kernels.hash_rows(moments, ids, side.step, side.track, numbers, LANES)
+        return len(side.step), *sums
     sums = [0] * len(LANES)
     for first in range(0, len(side.step), HASHED):
         rows = slice(first, first + HASHED)
         found = moments[side.step[rows]] * LANES
-        for column in (ids[side.track[rows]].T, *(column[rows] for column in columns)):
+        columns = (column for table in numbers for column in table[rows].T)
+        for column in (ids[side.track[rows]].T, *columns):
             found ^= found >> DOWN
             found ^= column
             found *= LANES

@@ -20,7 +20,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     StepRows,
     step_costs,
 )
-from tgospa_eval.evaluation.diagnosis.offset import Fit, Search
+from tgospa_eval.evaluation.diagnosis.offset import Fit, Search, sharpest, significance
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, nearest, within
 from tgospa_eval.tracks.durations import SECOND
@@ -46,6 +46,9 @@ WORTH = 0.5
 
 SUSPICIOUS = 3.0
 """Standard errors by which a step earlier or later fits better where the clock is looked at."""
+
+MOVES = np.array([[1], [-1]])
+"""Steps by which the estimate is moved to see that."""
 
 PREFERRED = 2.0
 """Times the uncertainty, within which an offset that makes stamps equal, or a whole hour, is it."""
@@ -172,18 +175,19 @@ class ClockError:
 
 def _looks_sound(sample: Sample) -> bool:
     """Whether a few steps that both sides have fit, and no better one step earlier or later."""
-    found = [Fit(0.0, sample.here)]
-    if not found[0].is_close:
+    here = Fit(0.0, sample.here)
+    if not here.is_close:
         return False
-    estimate = sample.sides[1]
-    for move in (1, -1):
-        steps = (sample.steps + move).clip(0, len(estimate.times) - 1)
-        moved = StepRows.of(estimate, steps)
-        costs = step_costs(sample.rows[0], moved, sample.parameters, sample.distance)
-        found.append(Fit(float(move), costs))
-    sharp = max(fit.sharpest for fit in found)
-    here, *others = (Fit(fit.shift, fit.costs, sharp=sharp) for fit in found)
-    return all(fit.better(here) <= SUSPICIOUS for fit in others)
+    estimate, (truth, _), count = sample.sides[1], sample.rows, len(sample.steps)
+    moved = (sample.steps + MOVES).clip(0, len(estimate.times) - 1)
+    truths = StepRows(side=truth.side, bounds=np.tile(truth.bounds, len(MOVES)))
+    estimates = StepRows.of(estimate, moved.ravel())
+    both = step_costs(truths, estimates, sample.parameters, sample.distance)
+    cut = int(both.step[both.taken].searchsorted(count))
+    sharp = max(here.sharpest, *map(sharpest, np.split(both.lost, [cut])))
+    here, others = (Fit(0.0, costs, sharp=sharp) for costs in (sample.here, both))
+    gains = others.gain.reshape(len(MOVES), count)
+    return all(significance(gain - here.gain) <= SUSPICIOUS for gain in gains)
 
 
 def find_clock(

@@ -216,10 +216,8 @@ class Fit:
 
     @property
     def sharpest(self) -> float:
-        """What leaves a gain to pairs that are not much farther apart than usual."""
-        lost = self.costs.lost
-        usual = median(lost) if len(lost) else 1.0
-        return 1 / min(max(ROBUST * usual, LEAST_ERROR), 1.0)
+        """`sharpest` of its pairs."""
+        return sharpest(self.costs.lost)
 
     @cached_property
     def total(self) -> float:
@@ -242,7 +240,7 @@ class Fit:
 
     def better(self, other: "Fit") -> float:
         """By how many standard errors it fits better than another one."""
-        return _significance(self.gain - other.gain)
+        return significance(self.gain - other.gain)
 
     def excels(self, other: "Fit") -> bool:
         """Whether another one is no rival: it fits worse where both are within the truth.
@@ -255,10 +253,16 @@ class Fit:
             or other.gain[both].sum() < ALIKE * self.gain[both].sum()
         ):
             return True
-        return _significance((self.gain - other.gain)[both]) >= SIGNIFICANT
+        return significance((self.gain - other.gain)[both]) >= SIGNIFICANT
 
 
-def _significance(values: Floats) -> float:
+def sharpest(lost: Floats) -> float:
+    """What leaves a gain to pairs that are not much farther apart than usual: see `Fit.sharp`."""
+    usual = median(lost) if len(lost) else 1.0
+    return 1 / min(max(ROBUST * usual, LEAST_ERROR), 1.0)
+
+
+def significance(values: Floats) -> float:
     """Sum over steps, in standard errors that the sums of stretches tell."""
     count = min(STRETCHES, len(values))
     if not count:
