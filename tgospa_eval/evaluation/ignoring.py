@@ -213,7 +213,8 @@ class Ignoring:
     def told(self, *, ignored: bool, excused: bool) -> Iterator[str]:
         """What to say where no truth is ignored, or no estimate excused."""
         if self.regions is not None and not excused:
-            yield f"{self.regions.name}: no state of the estimate is inside"
+            found = "no state of the estimate is inside" if self.regions.shapes else "no regions"
+            yield f"{self.regions.name}: {found}"
         if self.texts and not (ignored or excused):
             yield f"--ignore {listed(self.texts)}: no state fits, all are judged"
 

@@ -87,6 +87,8 @@ def coverage(text: str, decimal: str = ".", *, earth: bool) -> Regions:
     if circle != CIRCLE or not equals:
         found = as_regions(text, decimal)
         assert found is not None
+        if not found.shapes:
+            raise InputError(f"{found.name}: there is no region, so that no row would be left")
         return found
     from tgospa_eval.formats.regions import of_rows  # here: few have any
 

@@ -158,8 +158,6 @@ def _regions(
     name: str,
 ) -> Regions:
     """With the times of those that have any."""
-    if not shapes:
-        raise InputError(f"{name}: there is no region")
     timed = [k for k, moment in enumerate(moments) if moment.strip()]
     try:
         times = parse_times([moments[k] for k in timed], lambda texts: floats(texts, decimal))

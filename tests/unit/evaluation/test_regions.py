@@ -177,10 +177,28 @@ def test_what_it_does_to_the_number(write: Write, invoke: Invoke, tmp_path: Path
 
 
 @pytest.mark.parametrize(
+    "text", ["left,top,width,height\n", '{"type": "FeatureCollection", "features": []}']
+)
+def test_no_regions(write: Write, invoke: Invoke, text: str) -> None:
+    """A sequence without ignored regions has such a file; all is judged."""
+    truth, estimate = write("t.csv", "id,t,x,y\n1,0,0,0\n"), write("e.csv", "id,t,x,y\n1,0,9,0\n")
+    regions = write("r.csv", text)
+    given = (truth, estimate, "-c", "5", "-g", "1")
+    answer = invoke(*given, "--ignore-regions", regions)
+    assert answer.status == 0
+    assert "r.csv: no regions" in answer.err
+    plain = json.loads(invoke(*given, "--format", "json").out)
+    same = json.loads(invoke(*given, "--ignore-regions", regions, "--format", "json").out)
+    assert same["tgospa"] == plain["tgospa"]
+    refused = invoke(*given, "--region", regions)
+    assert refused.status == 3
+    assert "r.csv: there is no region" in refused.err
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "the file is empty"),
-        ("t,left,top,width,height\n", "there is no region"),
         ("t,left,top,width,height\n0,0,0,0,4\n", "line 2: a width of 0, a region without area"),
         ("x,y,radius\n0,0,-1\n", "line 2: a radius of -1, a region without area"),
         ("left,top,width,height\n0,0,4,x\n", 'line 2, column "height": not a number: "x"'),
@@ -202,7 +220,6 @@ def test_what_it_does_to_the_number(write: Write, invoke: Invoke, tmp_path: Path
         ('{"type": "Polygon", "coordinates": [[["0", 1]]]}', "feature 0: the coordinates of a"),
         ('{"type": "Polygon"\n"a": 1}', "line 2, column 1: no JSON"),
         ('{"a": ' + "[" * 100000, "no GeoJSON: lists in lists without end"),
-        ('{"type": "FeatureCollection", "features": []}', "there is no region"),
         ('{"type": "Feature", "properties": {"t": "x"}, "geometry": {"type": "Polygon", '
          '"coordinates": [[[0, 0], [1, 0], [0, 1]]]}}', 'feature 0, property "t": not a time'),
     ],
