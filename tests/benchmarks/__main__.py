@@ -23,6 +23,7 @@ import partitioned
 import report
 import scale
 import startup
+from methods import Instance
 from scenes import Scene
 from store import Store, Values
 from tables import Table
@@ -198,6 +199,12 @@ PARTS: dict[str, Callable[[Plan, Store], list[Table]]] = {
 @click.option(
     "--picture", type=click.Path(path_type=Path), help="A picture of growth, as PNG or SVG."
 )
+@click.option(
+    "--published",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="Folder with TGOSPAMetric.py and utils.py of github.com/Agarciafernandez/"
+    "T-GOSPA-metric-python, to measure that code as well.",
+)
 @click.option("--small", is_flag=True, help="Everything in its smallest size: tries the machinery.")
 @click.option("--fresh", is_flag=True, help="Forget earlier measurements.")
 @click.option("--markdown", is_flag=True, help="Print the tables as Markdown.")
@@ -212,11 +219,13 @@ def main(
     jobs: int,
     budget: float,
     picture: Path | None,
+    published: Path | None,
     small: bool,
     fresh: bool,
     markdown: bool,
 ) -> None:
     """Benchmarks of tgospa-eval: measures what is missing and prints tables of ratios."""
+    Instance.published = published
     chosen = parts.split(",")
     unknown = [part for part in chosen if part not in PARTS]
     if unknown:

@@ -18,6 +18,7 @@ METHODS = {
     "lp without presolve": "LP by HiGHS",
     "exact": "CVXPY, Clarabel",
     "naive": "the definition in CVXPY",
+    "published": "published Python code",
 }
 
 
@@ -52,7 +53,7 @@ def picture(series: dict[str, tuple[Scene, ...]], store: Store, path: Path) -> N
     """Seconds over targets and over steps, in logarithms; open marks did not reach their end."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.6, 3.8), layout="constrained")
+    figure = Figure(figsize=(9.6, 4.0), layout="constrained")
     axes = figure.subplots(1, len(series), sharey=True, squeeze=False)[0]
     for axis, (name, scenes) in zip(axes, series.items(), strict=True):
         sizes = [s.targets if name.startswith("targets") else s.steps for s in scenes]
@@ -70,5 +71,5 @@ def picture(series: dict[str, tuple[Scene, ...]], store: Store, path: Path) -> N
         axis.minorticks_off()
         axis.grid(visible=True, which="major", alpha=0.3)
     axes[0].set_ylabel("seconds")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     figure.savefig(path, dpi=120)

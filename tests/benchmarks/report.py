@@ -26,6 +26,7 @@ from methods import (
     EXACT_MOST,
     LP_LIMIT,
     NAIVE_MOST,
+    PUBLISHED_MOST,
     SLOW_LIMIT,
     Reading,
     naive_size,
@@ -47,6 +48,8 @@ SHORT = {
     "lp without presolve": "LP plain",
     "exact": "exact",
     "naive": "naive",
+    "published": "published",
+    "stone soup": "Stone Soup",
     "floor": "floor",
 }
 
@@ -100,6 +103,10 @@ def _seconds(scenes: Sequence[Scene], seeds: int, store: Store) -> Table:
             f"{EXACT_MOST:,} gains, {SLOW_LIMIT:g} s at most",
             "naive: the dense programme of the definition in CVXPY, by Clarabel, killed after "
             f"{SLOW_LIMIT:g} s; above {NAIVE_MOST:,} variables it is not even started",
+            "published: the Python code of the authors of the metric, given by --published, killed "
+            f"after {SLOW_LIMIT:g} s; not started above {PUBLISHED_MOST:,} variables",
+            "Stone Soup: its GOSPA, per step, no switches: a lower bound; killed after "
+            f"{SLOW_LIMIT:g} s",
             "floor: the table of all distances, numpy.linalg.norm(x[:, :, None] - y[:, None])",
             f"Best of up to {grid.ROUNDS} runs, as many as begin within {grid.QUICK:g} s; above "
             f"{grid.SLOW:g} s on the first seed only.",
@@ -108,7 +115,8 @@ def _seconds(scenes: Sequence[Scene], seeds: int, store: Store) -> Table:
 
 
 def _ratios(scenes: Sequence[Scene], seeds: int, store: Store) -> Table:
-    pairs = [(method, "certified") for method in ("lp", "lp without presolve", "exact", "naive")]
+    others = ("lp", "lp without presolve", "exact", "naive", "published", "stone soup")
+    pairs = [(method, "certified") for method in others]
     pairs += [("certified", "bracket"), ("certified", "floor")]
     rows = [
         (str(scene), *(_middle(_quotients(scene, seeds, *pair, store)) for pair in pairs))

@@ -1,7 +1,12 @@
-"""What others would do: linear programmes as one writes them down, and the floor below all.
+"""What others do: linear programmes as one writes them down, their code, and the floor below all.
 
 Independent of the solvers of tgospa-eval.
 """
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,6 +101,53 @@ def naive_programme(truth: Floats, estimate: Floats) -> float:
     if problem.status != cp.OPTIMAL:
         raise RuntimeError(f"Clarabel: {problem.status}")
     return _root(float(problem.value))
+
+
+def published_code(truth: Floats, estimate: Floats) -> Callable[[], float]:
+    """The metric by the Python code of its authors, which must be importable: ready to run.
+
+    It gives `numpy.arange` arrays of one number, which NumPy 2.4 and later refuse: here it may.
+    """
+    import TGOSPAMetric
+    from utils import Trajectory
+
+    def arange(*numbers: Any, **step: Any) -> Any:
+        return np.arange(*map(np.squeeze, numbers), **step)
+
+    def tracks(states: Floats) -> Any:
+        present = _present(states)
+        first, behind = present.argmax(axis=0), len(present) - present[::-1].argmax(axis=0)
+        return Trajectory(np.moveaxis(states, 2, 0), first + 1, behind - first)
+
+    TGOSPAMetric.np = SimpleNamespace(**{**vars(np), "arange": arange})
+    sides = tracks(truth), tracks(estimate)
+    return lambda: TGOSPAMetric.LPTrajMetric_Cluster(*sides, CUTOFF, ORDER, SWITCH_PENALTY)[0]
+
+
+def stone_soup_gospa(truth: Floats, estimate: Floats) -> Callable[[], float]:
+    """GOSPA of each step by Stone Soup, as the root of the sum of their powers: ready to run.
+
+    It pays no switches: this is the metric for a switch penalty of zero.
+    """
+    from stonesoup.metricgenerator.ospametric import GOSPAMetric
+    from stonesoup.types.state import State
+    from stonesoup.types.track import Track
+
+    clock = [datetime(2000, 1, 1, tzinfo=UTC) + timedelta(seconds=k) for k in range(len(truth))]
+
+    def track(states: Floats) -> Track:
+        present = np.flatnonzero(_present(states))
+        return Track([State(states[k], timestamp=clock[k]) for k in present])
+
+    metric = GOSPAMetric(p=ORDER, c=CUTOFF)
+    sides = [[track(column) for column in np.moveaxis(side, 1, 0)] for side in (estimate, truth)]
+
+    def run() -> float:
+        states = (part for side in sides for part in metric.extract_states(side, return_ids=True))
+        found = metric.compute_over_time(*states).value
+        return float(sum(step.value["distance"] ** ORDER for step in found) ** (1 / ORDER))
+
+    return run
 
 
 def _present(states: Floats) -> NDArray[np.bool_]:

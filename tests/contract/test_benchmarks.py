@@ -16,6 +16,8 @@ assert len(against.cases(pathlib.Path("x"))) > 5
 assert against.seconds(against.ROOT, against.EVALUATION, str(against.ROOT), "2,8,20") > 0
 assert len(machine.fingerprint()) == 16
 assert page.measure(page.SMALL[0])["bytes"] > 10_000
+from methods import Instance
+assert Instance(page.SMALL[0], 0).methods["stone soup"]().complete
 print(*names["PARTS"])
 """
 
