@@ -94,8 +94,9 @@ SAMPLE = 100
 FIRST_STEPS = 25
 """Steps that are looked at first."""
 
-SAMPLE_ROWS = 20_000
-"""Rows of either side at these steps, at most."""
+SAMPLE_ROWS, MORE_ROWS = 20_000, 100_000
+"""Rows of either side at these steps, at most; more where that leaves `FEWEST_STEPS` steps: with
+fewer nothing looks sound, and the search for another clock takes longer."""
 
 SAMPLE_PAIRS = 200_000
 """Pairs of these steps, near or not, as long as that leaves `FEWEST_STEPS` steps."""
@@ -158,7 +159,8 @@ def affordable(sides: tuple[Trajectories, Trajectories]) -> int:
     """How many steps may be looked at."""
     objects = [len(side.step) / max(len(side.times), 1) for side in sides]
     by_pairs = max(FEWEST_STEPS, int(SAMPLE_PAIRS / max(objects[0] * objects[1], 1)))
-    return min(SAMPLE, by_pairs, int(SAMPLE_ROWS / max(*objects, 1)))
+    by_rows, more = (int(rows / max(*objects, 1)) for rows in (SAMPLE_ROWS, MORE_ROWS))
+    return min(SAMPLE, by_pairs, max(by_rows, min(more, FEWEST_STEPS)))
 
 
 def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories], most: int = SAMPLE) -> Ints:
