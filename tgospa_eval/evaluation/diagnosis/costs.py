@@ -172,7 +172,7 @@ def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories], most: int = SA
 def with_state(side: Trajectories, state: Floats) -> Trajectories:
     """With other states; what is beyond the largest double is there."""
     most = np.finfo(np.float64).max
-    return replace(side, state=np.clip(state, -most, most))
+    return replace(side, state=np.clip(state, -most, most, order="C"))
 
 
 def occupied(side: Trajectories) -> Mask:

@@ -473,14 +473,19 @@ def _voted(truth: Trajectories, estimate: Trajectories, radius: Floats) -> Float
     rows = _crossed(truth.step, estimate.step, len(truth.times))
     if rows is None:
         return None
-    scaled = (truth.state[rows[0]] - estimate.state[rows[1]]) / radius
+    apart = truth.state[rows[0]] - estimate.state[rows[1]]
+    scaled = np.array([column / own for column, own in zip(apart.T, radius, strict=True)])
     if not np.isfinite(scaled).all() or np.abs(scaled).max() > 2.0**52:
         return None
-    _, cell, count = np.unique(np.floor(scaled), axis=0, return_inverse=True, return_counts=True)
-    centre = scaled[cell.ravel() == count.argmax()].mean(axis=0)
+    cell = np.zeros(len(apart), np.int64)
+    for column in np.floor(scaled):  # np.unique of rows takes ten times as long
+        values, place = np.unique(column, return_inverse=True)
+        cell = np.unique(cell * len(values) + place, return_inverse=True)[1]
+    near = cell == np.bincount(cell).argmax()
     for _ in range(5):
-        near = np.abs(scaled - centre).max(axis=1) < 1
-        centre = scaled[near].mean(axis=0)
+        centre = scaled[:, near].mean(axis=1)
+        near = np.abs(scaled - centre[:, None]).max(axis=0) < 1
+    centre = scaled[:, near].mean(axis=1)
     return np.asarray(centre * radius)
 
 
