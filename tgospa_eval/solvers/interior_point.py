@@ -3,9 +3,10 @@
     maximise c w - paid r,  A w - r <= b,  w, r >= 0;    slacks s, and duals y >= 0 of A w - r <= b
 
 A basis of such an optimum is degenerate thousands of times, and the simplex method takes an
-iteration for each. Here some twenty factorisations give the weights, and once the strictly positive
-ones are known, equations give them to the last digit. The best duals are far from unique: of all
+iteration for each; here some twenty factorisations do. The best duals are far from unique: of all
 that fit, states that the programme leaves out are best served by those nearest to what was known.
+So duals are drawn there, which perturbs b by a thousandth of their distance; near the end they are
+drawn to where they are (the proximal point method), which leaves them there, and perturbs nothing.
 
 Mehrotra, "On the implementation of a primal-dual interior point method" (SIAM Journal on
 Optimization 1992); Gondzio, "Multiple centrality corrections in a primal-dual method for linear
@@ -21,22 +22,29 @@ import numpy as np
 import qdldl
 from scipy import sparse
 
-from tgospa_eval.common.arrays import Floats, Ints, Mask
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 
-START, START_NEAREST = 1e-3, 1e-5
-"""Products of a number and its dual at the start, for weights and for nearest duals. Weights take a
-fourth more iterations from 1e-2, twice as many from 1e-4."""
+START, LEAST_START = 10.0, 1e-4
+"""Product of a number and its dual at the start: so many times that of the numbers at hand, which
+is 1e-4 in a first round and 1e-6 in a last, or the second. With 1e-5 there a round takes up to a
+third more iterations."""
 
-END, END_NEAREST, ENOUGH = 1e-16, 1e-10, 1e-8
-"""Mean products at the ends, and that which will do if numbers break down before. In c^p."""
+ENOUGH, END, LACK = 1e-8, 1e-17, 1e-13
+"""Mean products in c^p at which rounds that are not the last end, and the last; the first is also
+where duals are no longer drawn away. With 1e-7 less is proven, and the last round takes longer.
+What equations of the weights may lack then, which an iteration or two more divide by a hundred."""
 
-MOST_ITERATIONS, LEAST_STEP = 50, 1e-4
-"""Where numbers are given up: 10 to 30 iterations are usual."""
+PULL = 1e-3
+"""How stiff the pull on duals is. With 1e-2 a first round proves less and the last may take twice
+the iterations; 1e-4 is as good."""
 
-PRIMAL_SHIFT, DUAL_SHIFT = 1e-9, 1e-7
-"""Added to the diagonals: duals of degenerate programmes are not unique, so that systems would be
-singular at the end. With 1e-10 and 1e-8 they break down at products of 1e-9."""
+MOST_ITERATIONS, LEAST_STEP, SHORT = 50, 1e-4, 0.01
+"""Where numbers are given up: 10 to 25 iterations are usual. Below `END` a step shorter than the
+last says that only rounding is left."""
+
+PRIMAL_SHIFT = 1e-9
+"""Added to the diagonal: systems would be singular at the end."""
 
 CORRECTIONS, BETTER_STEP = 2, 0.02
 """Corrections of centrality for each factorisation, which takes as long as ten of them, and how
@@ -44,13 +52,6 @@ much longer steps have to become by one."""
 
 NEAR_BOUND = 0.99
 """Share of the step to the nearest bound."""
-
-REFINEMENTS, EXACT, LEAST_SCALE = 12, 1e-16, 1e-4
-"""Refinements of equations, the residual that is small enough, and the least number that is taken
-for the scale of its change."""
-
-ABSENT = 1e12
-"""The diagonal of what takes no part."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,85 +111,29 @@ class _System:
         found = self.factors.solve(np.concatenate((first, second)))
         return found[: len(first)], found[len(first) :]
 
-    def refined(
-        self, first: Floats, second: Floats, diagonals: tuple[Floats | float, Floats | float]
-    ) -> tuple[Floats, Floats]:
-        """`solve` for other diagonals D and E than those that were factored."""
-        x, y = np.zeros_like(first), np.zeros_like(second)
-        for _ in range(REFINEMENTS):
-            one = first - diagonals[0] * x - self.transposed @ y
-            other = second - self.matrix @ x + diagonals[1] * y
-            if max(np.abs(one).max(initial=0.0), np.abs(other).max(initial=0.0)) <= EXACT:
-                break
-            dx, dy = self.solve(one, other)
-            x += dx
-            y += dy
-        return x, y
-
 
 def solve_nearest(
-    p: Inequalities, start: tuple[Floats, Floats], stiff: Floats, late: Callable[[], bool]
-) -> tuple[Floats, Floats | None] | None:
+    p: Inequalities,
+    start: tuple[Floats, Floats],
+    stiff: Floats,
+    late: Callable[[], bool],
+    *,
+    exact: bool,
+) -> tuple[Floats, Floats] | None:
     """The best w (n,), and of the best y (m,) those nearest to the start, or about so.
 
-    ``minimise sum stiff (y - start)^2`` where complementary slackness holds. No y if numbers break
-    down on the way there; nothing if they do before, or it is late.
+    ``minimise sum stiff (y - start)^2`` where complementary slackness holds. Up to rounding if it
+    is to be `exact`, else with mean products of `ENOUGH`. Nothing if numbers break down before, or
+    it is late.
     """
     try:
         with np.errstate(all="ignore"):  # numbers that break down are looked for
-            weights, duals = _solve_nearest(p, start, stiff, late)
+            found = _iterate(_System(p.matrix), p, start, PULL * stiff, exact, late)
     except RuntimeError:  # of QDLDL: a pivot is 0
         return None
-    if weights is None or not np.isfinite(weights).all():
+    if found is None or not all(np.isfinite(part).all() for part in found):
         return None
-    return weights, duals if duals is not None and np.isfinite(duals).all() else None
-
-
-def _solve_nearest(
-    p: Inequalities, start: tuple[Floats, Floats], stiff: Floats, late: Callable[[], bool]
-) -> tuple[Floats | None, Floats | None]:
-    found = _iterate(_System(p.matrix), p, start, START, late)
-    if found is None:
-        return None, None
-    x, d = found
-    size, arcs = len(p.reward), len(p.paid)
-    positive = x > d
-    used, rise, idle = positive[:size], positive[size : size + arcs], positive[size + arcs :]
-    y = np.zeros(len(p.full))
-    y[p.rises[rise]] = p.paid[rise]
-    free = ~idle
-    free[p.rises[rise]] = False
-    tight = np.flatnonzero(free)
-    part = p.matrix[tight]
-
-    weights = np.zeros(size)
-    chosen = np.flatnonzero(used)
-    system = _System(part[:, chosen].tocsr())
-    scale = np.maximum(x[chosen], LEAST_SCALE) ** -2.0
-    system.factor(scale, np.full(len(tight), PRIMAL_SHIFT))
-    lack = p.full[tight] - system.matrix @ x[chosen]
-    weights[chosen] = x[chosen] + system.refined(np.zeros(len(chosen)), lack, (scale, 0.0))[0]
-    np.maximum(weights, 0.0, out=weights)
-
-    kept = free[p.rises]
-    rest = Inequalities(
-        matrix=part,
-        full=np.zeros(len(tight)),
-        reward=p.reward - p.matrix.T @ y,
-        rises=np.searchsorted(tight, p.rises[kept]),
-        paid=p.paid[kept],
-    )
-    system, near = _System(part), (np.zeros(size), start[1][tight])
-    nearest = _iterate(system, rest, near, START_NEAREST, late, stiff=stiff[tight], free=used)
-    if nearest is None:
-        return weights, None
-    duals = nearest[1][-len(tight) :]
-    scale = np.maximum(duals, LEAST_SCALE) ** -2.0
-    system.factor(np.where(used, PRIMAL_SHIFT, ABSENT), scale)
-    wrong = np.where(used, system.transposed @ duals - rest.reward, 0.0)
-    zero = np.zeros(len(tight))
-    y[tight] = duals - system.refined(wrong, zero, (np.where(used, 0.0, ABSENT), scale))[1]
-    return weights, np.maximum(y, 0.0)
+    return found[0][: len(p.reward)], found[1][-len(p.full) :]
 
 
 class _Newton:
@@ -200,9 +145,7 @@ class _Newton:
     p : Inequalities
     x, d : (n + k + m,) float arrays
         The point.
-    bounded : bool array
-        What of it is not free.
-    centre : tuple of (m,) float arrays, optional
+    centre, stiff : (m,) float arrays
         Where duals are drawn to, and how stiff.
 
     Attributes
@@ -217,60 +160,58 @@ class _Newton:
         p: Inequalities,
         x: Floats,
         d: Floats,
-        bounded: Mask,
-        centre: tuple[Floats, Floats] | None,
+        centre: Floats,
+        stiff: Floats,
     ) -> None:
-        self.system, self.rises, self.x, self.d, self.bounded = system, p.rises, x, d, bounded
+        self.system, self.rises, self.x, self.d = system, p.rises, x, d
         self.size, self.cut = len(p.reward), (len(p.reward), len(p.reward) + len(p.rises))
-        (w, self.rise, slack), (z, self.own, self.y) = np.split(x, self.cut), np.split(d, self.cut)
-        self.lack = p.full - system.matrix @ w - slack
+        (self.w, self.rise, slack), (z, self.own, self.y) = (
+            np.split(x, self.cut),
+            np.split(d, self.cut),
+        )
+        self.lack = p.full - system.matrix @ self.w - slack
         self.lack[p.rises] += self.rise
-        if centre is not None:
-            self.lack += centre[1] * (self.y - centre[0])
+        self.lack += stiff * (self.y - centre)
         self.excess = p.reward - system.transposed @ self.y + z
         self.excess_rise = self.y[p.rises] + self.own - p.paid
         self.product = x * d
-        self.mean = float(self.product.sum()) / np.count_nonzero(bounded)
-        self.divisor = np.where(bounded, d, 1.0)
-        self.weight = np.where(bounded[: self.size], w, 1.0)
-        ratio = x / self.divisor
-        self.first = z / self.weight + PRIMAL_SHIFT
-        self.second = ratio[self.cut[1] :] + (DUAL_SHIFT if centre is None else centre[1])
-        self.second[p.rises] += ratio[self.cut[0] : self.cut[1]]
+        self.mean = float(self.product.mean())
+        self.first = z / self.w + PRIMAL_SHIFT
+        self.second = slack / self.y + stiff
+        self.second[p.rises] += self.rise / self.own
 
     def direction(self, change: Floats) -> tuple[Floats, Floats]:
         """Steps of both after which products have changed so, to first order."""
         other = self.lack - change[self.cut[1] :] / self.y
         rising = change[self.cut[0] : self.cut[1]] + self.rise * self.excess_rise
         other[self.rises] += rising / self.own
-        dw, dy = self.system.solve(change[: self.size] / self.weight + self.excess, other)
+        dw, dy = self.system.solve(change[: self.size] / self.w + self.excess, other)
         across = self.system.transposed @ dy - self.excess
-        dd = np.concatenate((across, -dy[self.rises] - self.excess_rise, dy)) * self.bounded
-        dx = (change - self.x * dd) / self.divisor
+        dd = np.concatenate((across, -dy[self.rises] - self.excess_rise, dy))
+        dx = (change - self.x * dd) / self.d
         dx[: self.size] = dw
         return dx, dd
 
     def steps(self, dx: Floats, dd: Floats) -> tuple[float, float]:
         """The largest steps up to 1 after which nothing is negative."""
-        some = self.bounded
-        return _step(self.x[some], dx[some]), _step(self.d[some], dd[some])
+        return _step(self.x, dx), _step(self.d, dd)
 
     def best(self) -> tuple[Floats, Floats, float, float]:
         """Directions of both, predicted and corrected, and their steps."""
         self.system.factor(self.first, self.second)
-        x, d, bounded = self.x, self.d, self.bounded
+        x, d = self.x, self.d
         dx, dd = self.direction(-self.product)
         along, across = self.steps(dx, dd)
-        ahead = float(((x + along * dx) * (d + across * dd)).sum()) / np.count_nonzero(bounded)
+        ahead = float(((x + along * dx) * (d + across * dd)).mean())
         target = (ahead / self.mean) ** 3 * self.mean
-        change = (target - self.product - dx * dd) * bounded
+        change = target - self.product - dx * dd
         dx, dd = self.direction(change)
         along, across = self.steps(dx, dd)
         for _ in range(CORRECTIONS):
             farther = x + min(1.08 * along + 0.08, 1.0) * dx
             farther *= d + min(1.08 * across + 0.08, 1.0) * dd
             more = np.clip(farther, 0.1 * target, 10 * target) - farther
-            trial = (change + np.maximum(more, -10 * target)) * bounded
+            trial = change + np.maximum(more, -10 * target)
             better = self.direction(trial)
             lengths = self.steps(*better)
             if sum(lengths) < along + across + BETTER_STEP:
@@ -283,41 +224,37 @@ def _iterate(
     system: _System,
     p: Inequalities,
     start: tuple[Floats, Floats],
-    product: float,
+    stiff: Floats,
+    exact: bool,
     late: Callable[[], bool],
-    *,
-    stiff: Floats | None = None,
-    free: Mask | None = None,
 ) -> tuple[Floats, Floats] | None:
-    """w, rises and slacks, and their duals at the end; None if that is not reached.
-
-    With `stiff` duals are drawn to those of the start. Columns that are `free` have no bound.
-    """
-    size, (w, y) = len(p.reward), start
+    """w, rises and slacks, and their duals at the end; None if that is not reached."""
+    w, y = start
     slack = p.full - p.matrix @ w
     rise = np.maximum(-slack[p.rises], 0.0)
     slack[p.rises] += rise
-    if stiff is not None:
-        slack[:] = 0.0
     duals = system.transposed @ y - p.reward, p.paid - y[p.rises], y
-    x, d = _central(np.concatenate((w, rise, slack)), np.concatenate(duals), product)
-    bounded = np.ones(len(x), bool)
-    if free is not None:
-        bounded[:size] = ~free
-        x[~bounded] = d[~bounded] = 0.0
-    centre = None if stiff is None else (y, stiff)
+    x, d = np.concatenate((w, rise, slack)), np.concatenate(duals)
+    known = float((np.maximum(x, 0.0) * np.maximum(d, 0.0)).mean())
+    x, d = _central(x, d, max(START * known, LEAST_START))
     for _ in range(MOST_ITERATIONS):
-        newton = _Newton(system, p, x, d, bounded, centre)
-        if newton.mean <= (END if stiff is None else END_NEAREST):
+        newton = _Newton(system, p, x, d, y, stiff)
+        if newton.mean <= ENOUGH and not exact:
+            return x, d
+        if newton.mean <= END and np.abs(newton.lack).max() <= LACK:
             return x, d
         if late():
             return None
         dx, dd, along, across = newton.best()
         if not max(along, across) > LEAST_STEP:  # NaN too
-            return (x, d) if newton.mean <= ENOUGH else None
+            break
+        if newton.mean <= END and min(along, across) < SHORT:
+            break
         x = x + (along if along == 1 else NEAR_BOUND * along) * dx
         d = d + (across if across == 1 else NEAR_BOUND * across) * dd
-    return None
+        if newton.mean <= ENOUGH:
+            y = d[-len(y) :]
+    return (x, d) if newton.mean <= ENOUGH else None
 
 
 def _central(x: Floats, d: Floats, product: float) -> tuple[Floats, Floats]:
@@ -332,4 +269,4 @@ def _central(x: Floats, d: Floats, product: float) -> tuple[Floats, Floats]:
 
 
 def _step(x: Floats, dx: Floats) -> float:
-    return float(np.where(dx < 0, -x / dx, 1.0).min(initial=1.0))
+    return 1.0 / max(1.0, -float((dx / x).min()))

@@ -315,7 +315,9 @@ class Programmes:
 
         def solve() -> "Proposal | None":
             if shares is not None:
-                return solve_interior(states, own, *given, switch_price, left, shares[free])
+                exact = ascent.open_gap < CROWDS.nearly * ascent.open_cost
+                start = shares[free]
+                return solve_interior(states, own, *given, switch_price, left, start, exact=exact)
             return solve_restricted_lp(
                 states, own, *given, switch_price, left, interior=self.interior
             )

@@ -447,11 +447,13 @@ def solve_interior(
     switch_price: Floats,
     seconds: float | None,
     shares: Floats,
+    *,
+    exact: bool,
 ) -> Proposal | None:
     """As `solve_restricted_lp` by the interior point method; None if numbers break down.
 
-    It begins at the `shares` (F,) and the prices, to which new ones are the nearest. Needs the
-    compiled kernels.
+    It begins at the `shares` (F,) and the prices, to which new ones are the nearest; up to rounding
+    if it is to be `exact`. Needs the compiled kernels.
     """
     from scipy import sparse  # slow to import, and few scenes are crowds
 
@@ -473,15 +475,15 @@ def solve_interior(
         rises=np.arange(p.constraints[2].start, ends[0]),
         paid=-p.reward[p.parts[1]],
     )
-    near = np.append(_potentials(p), np.zeros(len(bare)))
+    potentials = _potentials(p)
+    near = np.append(potentials, np.maximum(-p.reduced(-potentials)[bare], 0.0))
 
     stiff = np.full(ends[1], SOFT)
     stiff[p.constraints[1]] = 1.0
-    found = solve_nearest(asked, (shares, near), stiff, lambda: _over(deadline))
+    found = solve_nearest(asked, (shares, near), stiff, lambda: _over(deadline), exact=exact)
     if found is None:
         return None
-    dual = found[1]
-    new = p.before if dual is None else p.columns.spread(dual[p.constraints[1]], p.before)
+    new = p.columns.spread(found[1][p.constraints[1]], p.before)
     return Proposal(
         weights=_snapped(p, found[0]), slot=p.columns.slot, prices=new, iterations=0, finished=True
     )

@@ -34,8 +34,8 @@ def test_both_ways_prove_the_same(seed: int, monkeypatch: pytest.MonkeyPatch) ->
     """The interior point method, and the simplex method."""
     used, solve = [], restricted_lp.solve_interior
 
-    def noting(*given: object) -> object:
-        used.append(solve(*given))  # type: ignore[arg-type]
+    def noting(*given: object, exact: bool) -> object:
+        used.append(solve(*given, exact=exact))  # type: ignore[arg-type]
         return used[-1]
 
     monkeypatch.setattr(restricted_lp, "solve_interior", noting)
@@ -57,22 +57,8 @@ def test_numbers_that_break_down_are_left_to_the_simplex_method(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     total = evaluated(crowd(0)).total
-    monkeypatch.setattr(interior_point, "solve_nearest", lambda *_: None)
+    monkeypatch.setattr(interior_point, "solve_nearest", lambda *_, **__: None)
     result = evaluated(crowd(0))
-    assert result.certified
-    assert result.total == pytest.approx(total, rel=1e-12)
-
-
-@compiled_only
-def test_without_nearest_prices_weights_still_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    total, solve = evaluated(crowd(1)).total, interior_point.solve_nearest
-
-    def blind(*given: object) -> object:
-        found = solve(*given)  # type: ignore[arg-type]
-        return found and (found[0], None)
-
-    monkeypatch.setattr(interior_point, "solve_nearest", blind)
-    result = evaluated(crowd(1))
     assert result.certified
     assert result.total == pytest.approx(total, rel=1e-12)
 
@@ -105,10 +91,9 @@ def test_weights_are_best_and_duals_the_nearest(seed: int) -> None:
     rng = np.random.default_rng(seed)
     size, arcs, total = len(p.reward), len(p.paid), len(p.full)
     near, stiff = rng.uniform(0, 0.5, total), rng.choice([0.01, 1.0], total)
-    found = solve_nearest(p, (np.full(size, 0.3), near), stiff, lambda: False)
+    found = solve_nearest(p, (np.full(size, 0.3), near), stiff, lambda: False, exact=True)
     assert found is not None
     weights, duals = found
-    assert duals is not None
     rise = np.zeros((total, arcs))
     rise[p.rises, np.arange(arcs)] = -1.0
     whole = sparse.hstack([p.matrix, sparse.csr_array(rise)])
