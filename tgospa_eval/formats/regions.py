@@ -64,8 +64,11 @@ def of_rows(
     names = [text.strip().lower() for text in header]
     time = next((text for text in names if text in FIRST_ALIASES["t"]), "")
     unknown = [text for text in names if text not in {*KNOWN, time}]
-    if unknown or len({*names}) < len(names) or not KNOWN & {*names}:
-        what = f"column {quoted(unknown[0])} is none of regions" if unknown else "no such columns"
+    whole = any({*columns} <= {*names} for columns in SHAPES.values())
+    if unknown or len({*names}) < len(names) or not whole:
+        what = "columns are missing or double"
+        if unknown:
+            what = f"column {quoted(unknown[0])} is none of regions"
         raise InputError(f"{places[0]}: {what}; they have t, if they are of one step, and {NEEDED}")
     shapes, moments = [], []
     for place, row in zip(places[1:], rows, strict=True):

@@ -2193,7 +2193,7 @@ cdef enum:
 def near_points(const double[:, ::1] truth, const double[:, ::1] estimate,
                 const int64_t[:, ::1] truth_rows, const int64_t[:, ::1] estimate_rows,
                 double cutoff, int power, const double[::1] scale, Py_ssize_t most):
-    """Near pairs of all points of some steps, and their distances; None if that took too long.
+    """Near pairs of finite points of some steps, and their distances; None if that took too long.
 
     The estimates of a step are sorted into cells along one axis, as wide as the cutoff; those of
     three cells are compared. Rows of a step are [begin, end) of (2, steps). Rows of pairs are

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats, Ints, concatenated, places_of, stretches
+from tgospa_eval.common.arrays import Floats, Ints, concatenated, places_of
 from tgospa_eval.problem.paths import best_values, turns
 from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.states import States, connected_components
@@ -150,16 +150,14 @@ def solve_rows(
     return open_ones
 
 
-TOGETHER = 200
-"""Pairs of components that share a matrix: one for each takes four times as long."""
-
-
 def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats) -> None:
-    """Solve the chosen gain states step by step, writing weights and column prices."""
+    """Solve the chosen gain states step by step, writing weights and column prices.
+
+    Each component has a matrix of its own: which of equal optima it gets must not depend on the
+    others, since data in parts are solved apart.
+    """
     problem = states.problem
     entry = states.entry[chosen]
-    pair = states.pair[chosen]
-    flip = states.transposed[states.pair_block[pair]]
     truth = problem.truth_row[entry].astype(np.int64)
     estimate = problem.estimate_row[entry] + len(problem.truth_step)
     objects = len(problem.truth_step) + len(problem.estimate_step)
@@ -169,50 +167,71 @@ def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats)
     sizes = np.diff(starts, append=len(order))
     weights[chosen[order[starts[sizes == 1]]]] = 1.0
     order = order[np.repeat(sizes > 1, sizes)]
+    state = chosen[order]
+    flip = states.transposed[states.pair_block[states.pair[state]]]
+    sides = truth[order], estimate[order]
     starts = np.concatenate(([0], np.cumsum(sizes[sizes > 1])))
-    ends = states.columns.end
-    for low, high in itertools.pairwise(stretches(sizes[sizes > 1], TOGETHER).tolist()):
-        part = order[starts[low] : starts[high]]
-        state = chosen[part]
-        row = np.where(flip[part], estimate[part], truth[part])
-        column = np.where(flip[part], truth[part], estimate[part])
-        _, i = np.unique(row, return_inverse=True)
-        _, j = np.unique(column, return_inverse=True)
-        gain = np.zeros((i.max() + 1, j.max() + 1))
-        gain[i, j] = states.gains(state)
-        assigned, price = assign(gain)
-        weights[state] = assigned[i] == j
-        priced = ends[state] > states.columns.begin[state]
-        prices[states.columns.begin[state[priced]]] = price[j[priced]]
+    row, rows = _numbered(np.where(flip, *sides[::-1]), component[order], starts)
+    column, columns = _numbered(np.where(flip, *sides), component[order], starts)
+    gains = states.gains(state)
+    number = np.repeat(np.arange(len(rows)), np.diff(starts))
+    taken = np.zeros(len(state), bool)
+    price = np.zeros(len(state))
+    shape = (rows * len(state) + columns)[number]
+    alike = np.argsort(shape, kind="stable")
+    for part in np.split(alike, np.flatnonzero(np.diff(shape[alike])) + 1) if len(alike) else ():
+        k = np.cumsum(np.diff(number[part], prepend=-1) != 0) - 1
+        first = number[part[0]]
+        gain = np.zeros((k[-1] + 1, rows[first], columns[first]))
+        gain[k, row[part], column[part]] = gains[part]
+        assigned, least = _assign(gain)
+        taken[part] = assigned[k, row[part]] == column[part]
+        price[part] = least[k, column[part]]
+    weights[state] = taken
+    priced = states.columns.end[state] > states.columns.begin[state]
+    prices[states.columns.begin[state[priced]]] = price[priced]
 
 
-def assign(gain: Floats) -> tuple[Ints, Floats]:
-    """Assignment of largest total gain, and the least column prices that prove it.
+def _numbered(items: Ints, component: Ints, starts: Ints) -> tuple[Ints, Ints]:
+    """Each item as a number from 0 within its component, and how many each component has."""
+    order = np.lexsort((items, component))
+    new = np.diff(items[order], prepend=-1) != 0
+    number = np.empty(len(items), np.int64)
+    number[order] = np.cumsum(new) - 1
+    firsts = number[order[starts[:-1]]]
+    return number - np.repeat(firsts, np.diff(starts)), np.diff(firsts, append=new.sum())
 
-    Returns the column of each row (-1 for none) and v >= 0 with gain[i, j] - v[j] at most what
-    row i has. The prices are the fixed point of v[j] = max over i of gain[i, j] - own gain of i +
-    own price of i (Bellman-Ford on the residual graph; no positive cycle at an optimum).
+
+def _assign(gain: Floats) -> tuple[Ints, Floats]:
+    """Assignments of largest total gain (B, m, n), and the least column prices that prove them.
+
+    Returns the column of each row (-1 for none), (B, m), and v >= 0, (B, n), with
+    gain[b, i, j] - v[b, j] at most what row i has. The prices are the fixed point of
+    v[j] = max over i of gain[i, j] - own gain of i + own price of i (Bellman-Ford on the residual
+    graph; no positive cycle at an optimum).
     """
     from scipy.optimize import linear_sum_assignment  # here: slow to import and rarely needed
 
-    rows, columns = gain.shape
-    i, j = linear_sum_assignment(gain, maximize=True)
-    took = gain[i, j] > 0
-    i, j = i[took], j[took]
-    assigned = np.full(rows, -1)
-    assigned[i] = j
-    price = np.zeros(columns)
-    owned = np.zeros(columns, bool)
-    owned[j] = True
+    blocks, rows, columns = gain.shape
+    i, j = np.stack([linear_sum_assignment(one, maximize=True) for one in gain], axis=1)
+    b = np.arange(blocks)[:, None]
+    took = gain[b, i, j] > 0
+    b, i, j = np.broadcast_to(b, took.shape)[took], i[took], j[took]
+    assigned = np.full((blocks, rows), -1)
+    assigned[b, i] = j
+    price = np.zeros((blocks, columns))
+    owned = np.zeros((blocks, columns), bool)
+    owned[b, j] = True
     for _ in range(rows + 1):
-        have = np.zeros(rows)
-        have[i] = gain[i, j] - price[j]
-        rival = gain - have[:, None]
-        rival[i, j] = 0.0
-        wanted = np.where(owned, np.maximum(rival.max(axis=0), 0.0), 0.0)
-        if np.all(wanted <= price + 1e-15):
+        have = np.zeros((blocks, rows))
+        have[b, i] = gain[b, i, j] - price[b, j]
+        rival = gain - have[:, :, None]
+        rival[b, i, j] = 0.0
+        wanted = np.where(owned, np.maximum(rival.max(axis=1), 0.0), 0.0)
+        moves = (wanted > price + 1e-15).any(axis=1, keepdims=True)
+        if not moves.any():
             break
-        price = np.maximum(price, wanted)
+        np.maximum(price, wanted, out=price, where=moves)
     return assigned, price
 
 

@@ -101,7 +101,7 @@ class Trajectories:
         if self.covariance is not None:
             object.__setattr__(self, "covariance", self._packed(np.asarray(self.covariance, float)))
         for name, size in (("step", len(self.times)), ("track", len(self.ids))):
-            array = getattr(self, name).astype(index_type(size), copy=False)
+            array = np.ascontiguousarray(getattr(self, name), index_type(size))
             object.__setattr__(self, name, array)
         freeze(self)
 

@@ -57,6 +57,21 @@ def test_ties_are_proven(scene, size: tuple[int, int, int], c: float, gamma: flo
     assert result.total == pytest.approx(tgospa_lp(*sides, c, 1, gamma), rel=1e-8)
 
 
+def test_equal_optima_of_free_switches_do_not_depend_on_what_else_there_is() -> None:
+    """Scenes side by side, as in one file and as in parts of it."""
+    scenes = [dice(seed, 6, 6, 20) for seed in range(8)]
+    apart = [evaluate(*sides, 3.0, 2, 0.0).assignments for sides in scenes]
+    moved = [[side + 100.0 * k for side in sides] for k, sides in enumerate(scenes)]
+    both = (np.concatenate(side, axis=1) for side in zip(*moved, strict=True))
+    together = evaluate(*both, 3.0, 2, 0.0).assignments
+    for k, own in enumerate(apart):
+        mine = together[together["truth"].astype(int) // 6 == k].reset_index(drop=True)
+        for name in ("t", "weight"):
+            assert mine[name].tolist() == own[name].tolist()
+        for name in ("truth", "estimate"):
+            assert (mine[name].astype(int) - 6 * k).tolist() == own[name].astype(int).tolist()
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(("c", "p"), [(1e4, 2), (1e6, 2), (100.0, 5), (50.0, 10)])
 def test_refined_duals_prove_small_costs(c: float, p: float, seed: int) -> None:

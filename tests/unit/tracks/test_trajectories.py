@@ -54,6 +54,20 @@ def test_wrong_rows(changes: dict, message: str) -> None:
         Trajectories(**{**fine, **changes}, **common)
 
 
+def test_rows_may_be_columns_of_a_wider_table() -> None:
+    """Arrays whose numbers do not stand side by side in memory."""
+    common = {"ids": np.array(["a", "b"]), "times": np.arange(2), "columns": ("x",)}
+    wide = np.array([[0, 0], [0, 1], [1, 0]], np.int32)
+    given = {"step": wide[:, 0], "track": wide[:, 1], "state": np.zeros((3, 2))[:, :1]}
+    assert not any(array.flags["C_CONTIGUOUS"] for array in given.values())
+    side = Trajectories(**given, **common)
+    plain = Trajectories(**{name: array.copy() for name, array in given.items()}, **common)
+    assert (
+        evaluate(side, side, 5.0, 2, 1.0).to_dict()["input"]
+        == (evaluate(plain, plain, 5.0, 2, 1.0).to_dict()["input"])
+    )
+
+
 # --- what `evaluate` takes --------------------------------------------------------------------
 
 
