@@ -108,7 +108,7 @@ def install(commit: str, folder: Path) -> Path:
 @click.command()
 @click.argument("commit")
 def main(commit: str) -> None:
-    """Seconds of the processor with COMMIT and with this version, the least of some rounds in turn."""
+    """Seconds of the processor with COMMIT and with this version, the least of rounds in turn."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         base = install(commit, folder)
