@@ -1,8 +1,9 @@
 """What every base distance offers: to users its value, to the search a space to sort in."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence, Sized
+from collections.abc import Callable, Iterable, Sequence, Sized
 from dataclasses import field
+from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
@@ -43,6 +44,14 @@ class Pairs:
     estimate_row: Ints
     distance: Floats
 
+    def chosen(self, which: Ints) -> "Pairs":
+        """Some of them, by their positions."""
+        return Pairs(
+            truth_row=self.truth_row[which],
+            estimate_row=self.estimate_row[which],
+            distance=self.distance[which],
+        )
+
 
 Sides = tuple[Trajectories, Trajectories]
 """Truth and estimate, on the same times."""
@@ -82,6 +91,8 @@ class Distance(ABC):
         State columns that it needs, in order; None if any will do.
     defaults : tuple of float
         Cutoff and switch penalty, if the user names none.
+    largest : float
+        No distance is more.
     limits : dict of str to tuple
         Least and largest value of a column, and both in words.
     scale, period : sequence of float, optional
@@ -93,6 +104,7 @@ class Distance(ABC):
     period: Sequence[float] | None = None
     columns: ClassVar[tuple[str, ...] | None] = None
     defaults: ClassVar[tuple[float, float]] = (10.0, 2.0)
+    largest: ClassVar[float] = float("inf")
     limits: ClassVar[dict[str, tuple[float, float, str]]] = {}
 
     def __call__(self, a: ArrayLike, b: ArrayLike) -> Floats:
@@ -185,6 +197,21 @@ class Distance(ABC):
         """
         return 0.0
 
+    def margin(self, sides: Sides, cutoff: float) -> float:
+        """How near to the cutoff a distance of prepared sides hangs on rounding.
+
+        That of the computation, and of the decimals that states were written in.
+        """
+        return REACH_ROUNDING * cutoff
+
+    def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
+        """Mask of the pairs that are nearer than the cutoff of each, (N,).
+
+        By the distances as computed. Distances with a closed form decide those within the
+        `margin` by the exact distance of the states (docs/theory/certificate.md).
+        """
+        return pairs.distance < cutoff
+
     def last_place(self, sides: Sides) -> float:
         """What the last places of the states change of any distance of prepared sides, about.
 
@@ -253,6 +280,27 @@ class Distance(ABC):
         if self.scale is not None:
             found["scale"] = dict(zip(columns, self.scale, strict=True))
         return found
+
+
+def exactly_nearer(
+    distance: Distance,
+    pairs: Pairs,
+    sides: Sides,
+    cutoff: Floats,
+    decide: Callable[[list[Fraction], list[Fraction], Fraction], bool],
+) -> Mask:
+    """Mask of nearer pairs, (N,): of a closed form, which `decide` evaluates in rationals."""
+    nearer: Mask = pairs.distance < cutoff
+    margin = distance.margin(sides, float(cutoff.max(initial=0.0)))
+    close = np.flatnonzero(np.abs(pairs.distance - cutoff) <= margin)
+    a, b = (
+        distance.axes(side, row[close]).T.tolist()
+        for side, row in zip(sides, (pairs.truth_row, pairs.estimate_row), strict=True)
+    )
+    for pair, x, y in zip(close.tolist(), a, b, strict=True):
+        exact = list(map(Fraction, x)), list(map(Fraction, y))
+        nearer[pair] = decide(*exact, Fraction(float(cutoff[pair])))
+    return nearer
 
 
 def check_length(what: str, values: Sized | None, columns: tuple[str, ...], name: str) -> None:

@@ -1,16 +1,20 @@
 """Distance of boxes in an image: what they do not share."""
 
 from collections.abc import Iterable
+from fractions import Fraction
 from typing import ClassVar
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats
+from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Sides
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Pairs, Sides, exactly_nearer
 
 SMALLEST_EDGE, LARGEST_EDGE = 1e-100, 1e150
 """Of widths and heights, so that areas are doubles."""
+
+MOST_BLURRED = 2.0**-20
+"""Largest margin of a distance around the cutoff."""
 
 TRACKEVAL_EPS = 2.0**-52
 """What TrackEval allows for: of areas that are 0, and of an IoU that reaches a threshold."""
@@ -27,10 +31,41 @@ class IoU(Distance):
     name = "iou"
     columns = ("left", "top", "width", "height")
     defaults = (0.5, 0.5)
+    largest = 1.0
     limits: ClassVar[dict[str, tuple[float, float, str]]] = dict.fromkeys(
         columns[2:],
         (SMALLEST_EDGE, LARGEST_EDGE, f"> 0 (from {SMALLEST_EDGE:g} to {LARGEST_EDGE:g})"),
     )
+
+    def margin(self, sides: Sides, cutoff: float) -> float:
+        """Of a ratio near 1, and of edges that were decimals."""
+        corners = (np.abs(side.state[:, :2]).max(initial=0.0) for side in sides)
+        least = min(side.state[:, 2:].min(initial=np.inf) for side in sides)
+        blur = 2.0**-46 + 2.0**-50 * max(corners) / max(least, SMALLEST_EDGE)
+        return float(min(blur, MOST_BLURRED))
+
+    def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
+        """Mask of the pairs that are nearer than the cutoff of each, (N,), exactly."""
+
+        def decide(a: list[Fraction], b: list[Fraction], cutoff: Fraction) -> bool:
+            shared = Fraction(1)
+            for k in (0, 1):
+                end = min(a[k] + a[k + 2], b[k] + b[k + 2])
+                shared *= max(end - max(a[k], b[k]), Fraction(0))
+            union = a[2] * a[3] + b[2] * b[3] - shared
+            return union - shared < cutoff * union
+
+        begins, ends = [], []
+        for side, row in zip(sides, (pairs.truth_row, pairs.estimate_row), strict=True):
+            begins.append(side.state[row, :2])
+            ends.append(begins[-1] + side.state[row, 2:])
+        gap = np.maximum(*begins) - np.minimum(*ends)
+        size = np.maximum(*map(np.abs, begins)) + np.maximum(*map(np.abs, ends))
+        apart = (gap > REACH_ROUNDING * size).any(axis=1)  # all at the distance 1, and clearly so
+        nearer: Mask = pairs.distance < cutoff
+        rest = np.flatnonzero(~apart)
+        nearer[rest] = exactly_nearer(self, pairs.chosen(rest), sides, cutoff[rest], decide)
+        return nearer
 
     def last_place(self, sides: Sides) -> float:
         """Of a ratio near 1, taken from 1."""

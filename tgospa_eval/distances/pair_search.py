@@ -333,16 +333,23 @@ def near_pairs(
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def prepared_pairs(sides: Sides, cutoff: float, distance: Distance, effort: Effort) -> Pairs:
-    """As `near_pairs`, of sides and a distance that `Distance.prepared` has made ready."""
+def prepared_pairs(
+    sides: Sides, cutoff: float, distance: Distance, effort: Effort, *, margin: float = 0.0
+) -> Pairs:
+    """As `near_pairs`, of sides and a distance that `Distance.prepared` has made ready.
+
+    With a `margin` also pairs that are no more than that beyond the cutoff.
+    """
     truth, estimate = sides
+    cutoff = max(cutoff, min(cutoff + margin, distance.largest))
     horizon = distance.horizon(sides, cutoff)
+    limit = float(np.nextafter(horizon, np.inf)) if margin else horizon
     starts = starts_of_steps(truth), starts_of_steps(estimate)
     stretches = list(_together(starts[0] + starts[1]))
 
     def quickly(begin: int, end: int) -> Pairs | None:
         rows = (np.array((at[begin:end], at[begin + 1 : end + 1])) for at in starts)
-        return near_points(sides, (next(rows), next(rows)), horizon, distance)
+        return near_points(sides, (next(rows), next(rows)), limit, distance)
 
     if len(stretches) == 1 and (found := quickly(*stretches[0])) is not None:
         return found
@@ -360,7 +367,7 @@ def prepared_pairs(sides: Sides, cutoff: float, distance: Distance, effort: Effo
         found = []
         for i, j in _search(a, b, horizon, distance):
             value = distance.between((x[i], y[j]) for x, y in zip(a.axes, b.axes, strict=True))
-            near = np.flatnonzero(value < horizon)
+            near = np.flatnonzero(value < limit)
             found.append((i[near] + a.first, j[near] + b.first, value[near]))
         return found
 

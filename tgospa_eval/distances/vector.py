@@ -1,17 +1,21 @@
 """Norms of the difference of two points, their components scaled or on a circle."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
 from functools import reduce
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats
+from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Sides
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Pairs, Sides, exactly_nearer
 from tgospa_eval.errors import ConfigError, real_number
 
 SMALLEST_SCALE, LARGEST_SCALE = 1e-150, 1e150
 """Of scales and periods: beyond these, products with a cutoff may be no doubles."""
+
+MOST_BLURRED = 2.0**-20
+"""Largest margin in units of the cutoff: coordinates with fewer digits say little anyway."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +65,31 @@ class Norm(Distance):
         Not the shorter way round a circle: the difference to the period cancels.
         """
         return 0.0 if self.period is not None else (2 * dimension + 2) * 2.0**-53
+
+    def margin(self, sides: Sides, cutoff: float) -> float:
+        """Of the difference, of coordinates that were decimals, and of a way round a circle."""
+        size = max(np.abs(side.state).max(initial=0.0) for side in sides)
+        if self.period is not None:
+            size = max(size, *(period for period in self.period if period < np.inf), 0.0)
+        blur = 2.0**-50 * size * max(self.scale or (1.0,))
+        return float(min(REACH_ROUNDING * cutoff + blur, MOST_BLURRED * cutoff))
+
+    def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
+        """Mask of the pairs that are nearer than the cutoff of each, (N,), exactly."""
+
+        def decide(a: list[Fraction], b: list[Fraction], cutoff: Fraction) -> bool:
+            sizes = [abs(x - y) for x, y in zip(a, b, strict=True)]
+            for k, period in enumerate(self.period or ()):
+                if period < np.inf:
+                    sizes[k] %= Fraction(period)
+                    sizes[k] = min(sizes[k], Fraction(period) - sizes[k])
+            for k, scale in enumerate(self.scale or ()):
+                sizes[k] *= Fraction(scale)
+            if self.power == 2.0:
+                return sum(size * size for size in sizes) < cutoff * cutoff
+            return (sum(sizes) if self.power == 1.0 else max(sizes)) < cutoff
+
+        return exactly_nearer(self, pairs, sides, cutoff, decide)
 
     def last_place(self, sides: Sides) -> float:
         """None: differences of doubles are right to their own last place, but round a circle."""

@@ -8,6 +8,7 @@ from tgospa_eval.common.frozen import replace
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.distances import Effort
 from tgospa_eval.evaluation.localisation import (
+    at_cutoff,
     pair_parts,
     rounded_coordinates,
     within_rounding,
@@ -161,6 +162,7 @@ def prove(
         version=__version__,
         warnings=(
             *within_rounding(bounds, gap),
+            *at_cutoff(problem.at_cutoff),
             *rounded_coordinates(prepared, proof),
             *(() if nees is None else nees.warnings(spread=(split or {}).get(SPREAD))),
         ),

@@ -6,6 +6,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.distances.base import Sides
 from tgospa_eval.evaluation.prepare import Prepared
@@ -32,6 +33,22 @@ def within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
             code="within-rounding",
             text="the value is within the rounding of the distances: only its bounds are known",
             remedy="coordinates with a nearby origin keep more digits",
+        ),
+    )
+
+
+def at_cutoff(pairs: int) -> tuple[Notice, ...]:
+    """Warning about so many pairs with an ignored truth whose distance is the cutoff, if any."""
+    if not pairs:
+        return ()
+    of = "an ignored truth and an estimate"
+    return (
+        Notice(
+            code="at-cutoff",
+            text=f"{counted(pairs, f'pair of {of} is', f'pairs of {of} are')} at the cutoff within "
+            "rounding: nearer ones cost nothing, others are false, so the last digits of the "
+            "states decide",
+            remedy="a slightly larger --cutoff makes them cost nothing, a smaller one false",
         ),
     )
 

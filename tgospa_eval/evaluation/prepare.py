@@ -2,13 +2,13 @@
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats, Mask
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Effort, Pairs
@@ -119,9 +119,14 @@ class MeasuredSides(ComparedSides):
 
     def problem(self, pairs: Pairs, parameters: Parameters) -> Problem:
         """The problem of pairs that include all nearer than the cutoff."""
-        problem = problem_of_pairs(self.sides, self.distance, pairs, parameters, self.reach)
-        if self.unjudged is not None:
-            problem = ignore_states(problem, *self.unjudged)
+        near = NearPairs(
+            sides=self.sides,
+            distance=self.distance,
+            pairs=pairs,
+            unjudged=self.unjudged,
+            reach=self.reach,
+        )
+        problem = near.problem(parameters)
         if self.existence is not None:
             problem = weight_existence(problem, *self.existence)
         if self.step_weights is not None:
@@ -193,43 +198,91 @@ def prepare(
     return measured.prepared(states, request.parameters)
 
 
-def near_pairs(
-    aligned: Sides, distance: Distance, cutoff: float, effort: Effort
-) -> tuple[Sides, Distance, Pairs]:
-    """Both sides and the distance as they are compared, and all pairs nearer than the cutoff."""
-    sides, prepared = distance.prepared(aligned, effort)
-    return sides, prepared, prepared_pairs(sides, cutoff, prepared, effort)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NearPairs:
+    """Two sides as they are compared, and all pairs nearer than a cutoff, or within its margin.
 
+    Parameters
+    ----------
+    sides : pair of Trajectories
+        Truth and estimate, prepared.
+    distance : Distance
+        Base distance, prepared.
+    pairs : Pairs
+        Near pairs.
+    unjudged : pair of (R,) bool arrays, optional
+        Ignored rows of the truth, excused rows of the estimate.
+    reach : (R_truth,) float array, optional
+        How far beyond the cutoff an ignored truth may be followed.
+    """
 
-def problem_of_pairs(
-    sides: Sides,
-    distance: Distance,
-    pairs: Pairs,
-    parameters: Parameters,
-    reach: Floats | None = None,
-) -> Problem:
-    """The problem of what `near_pairs` found, and of pairs within `reach` beyond the cutoff."""
-    truth, estimate = sides
-    near = None
-    if reach is not None:
-        further = reach[pairs.truth_row]
-        near = (further > 0) & (pairs.distance < parameters.cutoff + further)
-    return tgospa_problem(
-        parameters=parameters,
-        steps=len(truth.times),
-        truths=len(truth.ids),
-        estimates=len(estimate.ids),
-        truth_step=truth.step,
-        truth_track=truth.track,
-        estimate_step=estimate.step,
-        estimate_track=estimate.track,
-        truth_row=pairs.truth_row,
-        estimate_row=pairs.estimate_row,
-        distance=pairs.distance,
-        distance_error=distance.error(truth.state.shape[1]),
-        last_place=distance.last_place(sides),
-        near=near,
-    )
+    sides: Sides
+    distance: Distance
+    pairs: Pairs
+    unjudged: tuple[Mask, Mask] | None = None
+    reach: Floats | None = None
+
+    @classmethod
+    def of(
+        cls,
+        aligned: Alignment,
+        request: EvaluationRequest,
+        distance: Distance,
+        cutoff: float,
+        effort: Effort,
+    ) -> "NearPairs":
+        """Both sides as they are compared, and their pairs that matter at such a cutoff."""
+        unjudged, reach = unjudged_of(aligned, request), reach_of(aligned, request)
+        seen = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
+        sides, distance = distance.prepared(seen, effort)
+        margin = 0.0
+        if unjudged is not None and unjudged[0].any():
+            margin = distance.margin(sides, cutoff)
+        pairs = prepared_pairs(sides, cutoff, distance, effort, margin=margin)
+        if reach is not None:
+            pairs = with_far_pairs(pairs, sides, distance, (cutoff, margin), reach, effort)
+        return cls(sides=sides, distance=distance, pairs=pairs, unjudged=unjudged, reach=reach)
+
+    def problem(self, parameters: Parameters) -> Problem:
+        """The problem of these pairs, with what is not judged."""
+        (truth, estimate), pairs, near, at_cutoff = self.sides, self.pairs, None, 0
+        if self.unjudged is not None:
+            near = pairs.distance < parameters.cutoff
+            which, jumps = self._jumps(parameters)
+            near[which] = self.distance.nearer(pairs.chosen(which), self.sides, jumps)
+            margin = self.distance.margin(self.sides, parameters.cutoff)
+            at_cutoff = int(np.count_nonzero(np.abs(pairs.distance[which] - jumps) <= margin))
+        problem = tgospa_problem(
+            parameters=parameters,
+            steps=len(truth.times),
+            truths=len(truth.ids),
+            estimates=len(estimate.ids),
+            truth_step=truth.step,
+            truth_track=truth.track,
+            estimate_step=estimate.step,
+            estimate_track=estimate.track,
+            truth_row=pairs.truth_row,
+            estimate_row=pairs.estimate_row,
+            distance=pairs.distance,
+            distance_error=self.distance.error(truth.state.shape[1]),
+            last_place=self.distance.last_place(self.sides),
+            near=near,
+        )
+        if self.unjudged is None:
+            return problem
+        return replace(ignore_states(problem, *self.unjudged), at_cutoff=at_cutoff)
+
+    def _jumps(self, parameters: Parameters) -> tuple[Ints, Floats]:
+        """Pairs whose gain jumps with the distance, and where: the cutoff, with a truth's reach.
+
+        Those of an ignored truth and an estimate that is not excused; all others gain less and
+        less up to the cutoff, so that no rounding there matters.
+        """
+        assert self.unjudged is not None
+        ignored, excused = self.unjudged
+        which = np.flatnonzero(ignored[self.pairs.truth_row] & ~excused[self.pairs.estimate_row])
+        reach = 0.0 if self.reach is None else self.reach[self.pairs.truth_row[which]]
+        return which, np.broadcast_to(parameters.cutoff + reach, len(which))
 
 
 def recorded_settings(
@@ -268,7 +321,6 @@ def measure(
             return _recorded(sides, request, files)
 
     with stopwatch.span("distances"):
-        seen = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
         truth, estimate = (
             side.seen_as(request.kinds) for side in (aligned.truth, aligned.estimate)
         )
@@ -282,17 +334,15 @@ def measure(
             "estimate_clouds": estimate.clouds,
         }
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
-        (truth, estimate), prepared, pairs = near_pairs(seen, distance, cutoff, effort)
-        reach = reach_of(aligned, request)
-        if reach is not None:
-            pairs = with_far_pairs(pairs, (truth, estimate), prepared, cutoff, reach, effort)
+        near = NearPairs.of(aligned, request, distance, cutoff, effort)
+        truth, estimate = near.sides
     weights = None
     if request.step_weights is not None:
         cost, switch = request.step_weights.on(truth)
         weights = StepWeights(cost=cost, switch=switch)
     measured = MeasuredSides(
-        sides=(truth, estimate),
-        distance=prepared,
+        sides=near.sides,
+        distance=near.distance,
         labels=Labels(
             times=truth.shown.tolist(),
             truths=truth.ids.tolist(),
@@ -309,10 +359,10 @@ def measure(
             if request.probabilistic
             else None
         ),
-        unjudged=unjudged_of(aligned, request),
-        reach=reach,
+        unjudged=near.unjudged,
+        reach=near.reach,
     )
-    return measured, pairs
+    return measured, near.pairs
 
 
 def reach_of(aligned: Alignment, request: EvaluationRequest) -> Floats | None:
@@ -324,23 +374,33 @@ def reach_of(aligned: Alignment, request: EvaluationRequest) -> Floats | None:
 
 
 def with_far_pairs(
-    pairs: Pairs, sides: Sides, distance: Distance, cutoff: float, reach: Floats, effort: Effort
+    pairs: Pairs,
+    sides: Sides,
+    distance: Distance,
+    cutoff: tuple[float, float],
+    reach: Floats,
+    effort: Effort,
 ) -> Pairs:
-    """Near pairs, and those of truths in gaps that are within their `reach` beyond the cutoff."""
+    """Near pairs, and those of truths in gaps that are within their `reach` beyond the cutoff.
+
+    With the cutoff comes its margin, up to which there are pairs as well.
+    """
     rows = np.flatnonzero(reach > 0)
     if not len(rows):
         return pairs
     gaps = sides[0].chosen(rows)
-    far = prepared_pairs((gaps, sides[1]), cutoff + float(reach.max()), distance, effort)
+    margin = cutoff[1]
+    most = cutoff[0] + float(reach.max())
+    far = prepared_pairs((gaps, sides[1]), most, distance, effort, margin=margin)
     row = rows[far.truth_row]
-    kept = (far.distance >= cutoff) & (far.distance < cutoff + reach[row])
+    kept = far.distance <= cutoff[0] + reach[row] + margin
     truth_row = np.concatenate((pairs.truth_row, row[kept]))
     estimate_row = np.concatenate((pairs.estimate_row, far.estimate_row[kept]))
-    order = np.lexsort((estimate_row, truth_row))
+    both = truth_row.astype(np.int64) * max(len(sides[1].step), 1) + estimate_row
+    first = np.unique(both, return_index=True)[1]  # near ones are in both
+    value = np.concatenate((pairs.distance, far.distance[kept]))
     return Pairs(
-        truth_row=truth_row[order],
-        estimate_row=estimate_row[order],
-        distance=np.concatenate((pairs.distance, far.distance[kept]))[order],
+        truth_row=truth_row[first], estimate_row=estimate_row[first], distance=value[first]
     )
 
 

@@ -22,7 +22,7 @@ from tgospa_eval.evaluation.axis import Axis, check_left
 from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
 from tgospa_eval.evaluation.evaluate import nested_timings, solver_record, solver_settings
 from tgospa_eval.evaluation.ignoring import Ignoring
-from tgospa_eval.evaluation.localisation import within_rounding
+from tgospa_eval.evaluation.localisation import at_cutoff, within_rounding
 from tgospa_eval.evaluation.prepare import digest_of_judged, fit, recorded_settings
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ROLES, Reading
@@ -312,6 +312,7 @@ def _result(
         warnings=(
             *(notice for one in known for notice in one.warnings),
             *within_rounding(bounds, solver.gap),
+            *at_cutoff(sum(block.at_cutoff for block in blocks)),
             *(() if found.nees is None else found.nees.warnings(split.get(SPREAD))),
         ),
         sizes={

@@ -14,20 +14,11 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import Effort, Pairs
 from tgospa_eval.evaluation.axis import Axis, Sides
 from tgospa_eval.evaluation.localisation import parts_of_distances
-from tgospa_eval.evaluation.prepare import (
-    Fitted,
-    fit,
-    near_pairs,
-    problem_of_pairs,
-    reach_of,
-    unjudged_of,
-    with_far_pairs,
-)
+from tgospa_eval.evaluation.prepare import Fitted, NearPairs, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.shards import ENTRY, marks_of
 from tgospa_eval.partitioned.steps import BlockPiece, Resampled
 from tgospa_eval.partitioned.tasks import writing_folder
-from tgospa_eval.problem.metric_family import ignore_states
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Arrays, Json
@@ -83,6 +74,8 @@ class Scanned:
         As `Problem.cost_slack`.
     blur : float
         As `Distance.last_place`; infinite without objects.
+    at_cutoff : int
+        As of `Problem`.
     counting, judged : tuple of int
         `row_sums` of the truth at the steps, and of what is judged of it.
     folder : Path
@@ -98,6 +91,7 @@ class Scanned:
     near: int
     slack: float
     blur: float
+    at_cutoff: int
     counting: tuple[int, ...]
     judged: tuple[int, ...]
     folder: Path
@@ -124,6 +118,7 @@ class Scanned:
                 folder=folder,
                 slack=float(found["slack"]),
                 blur=float(found["blur"]),
+                at_cutoff=int(found["at_cutoff"]),
                 counting=tuple(json.loads(str(found["counting"]))),
                 judged=tuple(json.loads(str(found["judged"]))),
             )
@@ -188,7 +183,7 @@ def scan(
 
 def _write_range(folder: Path, low: int, fitted: Fitted, request: EvaluationRequest) -> None:
     """Write the near pairs of some steps, the first of this number, and what `Scanned` has."""
-    problem, blur, beside = _problem(fitted, request)
+    near, problem, beside = _problem(fitted, request)
     aligned, kinds = (fitted.alignment.truth, fitted.alignment.estimate), fitted.distance.kinds
     entry = np.empty(len(problem.cost), ENTRY)
     entry["step"] = problem.entry_step
@@ -197,7 +192,7 @@ def _write_range(folder: Path, low: int, fitted: Fitted, request: EvaluationRequ
     entry["estimate"] = problem.estimate_track[problem.estimate_row]
     entry["cost"], entry["marks"] = problem.powers(slice(None)), marks_of(problem, slice(None))
     pairs = _pairs(entry, len(aligned[1].ids))
-    unjudged = unjudged_of(fitted.alignment, request)
+    unjudged, is_empty = near.unjudged, not len(problem.truth_step) + len(problem.estimate_step)
     counting = judged = row_sums(aligned[0].seen_as(kinds))
     if unjudged is not None and unjudged[0].any():
         judged = row_sums(aligned[0].seen_as(kinds).chosen(np.flatnonzero(~unjudged[0])))
@@ -206,7 +201,8 @@ def _write_range(folder: Path, low: int, fitted: Fitted, request: EvaluationRequ
         "near": len(pairs),
         "pairs": pairs,
         "slack": problem.cost_slack,
-        "blur": blur,
+        "blur": np.inf if is_empty else near.distance.last_place(near.sides),
+        "at_cutoff": problem.at_cutoff,
         "counting": json.dumps(counting),
         "judged": json.dumps(judged),
     }
@@ -224,28 +220,16 @@ def _write_range(folder: Path, low: int, fitted: Fitted, request: EvaluationRequ
     np.savez(folder / "block.npz", **found)  # type: ignore[arg-type]
 
 
-def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[Problem, float, Arrays]:
-    """The near pairs of a block as a problem, and what last places change of a distance.
+def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[NearPairs, Problem, Arrays]:
+    """The near pairs of a block, and their problem.
 
     And of each near pair what the table of assignments has beside its cost.
     """
-    aligned, kinds = sides.alignment, sides.distance.kinds
-    seen = aligned.truth.seen_as(kinds), aligned.estimate.seen_as(kinds)
-    compared, distance, pairs = near_pairs(
-        seen, sides.distance, request.parameters.cutoff, Effort(jobs=1)
-    )
-    reach = reach_of(aligned, request)
-    if reach is not None:
-        cutoff, effort = request.parameters.cutoff, Effort(jobs=1)
-        pairs = with_far_pairs(pairs, compared, distance, cutoff, reach, effort)
-    problem = problem_of_pairs(compared, distance, pairs, request.parameters, reach)
-    unjudged = unjudged_of(aligned, request)
-    if unjudged is not None:
-        problem = ignore_states(problem, *unjudged)
-    is_empty = not len(problem.truth_step) + len(problem.estimate_step)
-    blur = np.inf if is_empty else distance.last_place(compared)
+    aligned, parameters = sides.alignment, request.parameters
+    near = NearPairs.of(aligned, request, sides.distance, parameters.cutoff, Effort(jobs=1))
+    problem, distance, unjudged = near.problem(parameters), near.distance, near.unjudged
     entries, rows = np.arange(len(problem.cost)), (problem.truth_row, problem.estimate_row)
-    beside = parts_of_distances(compared, distance, request.parameters, problem, entries)
+    beside = parts_of_distances(near.sides, distance, parameters, problem, entries)
     told = aligned.truth.seen_as(request.kinds), aligned.estimate.seen_as(request.kinds)
     spread = told[1].second_moments
     if spread is not None:
@@ -256,7 +240,7 @@ def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[Problem, float,
         beside[NEES] = nees_of((told[0].state, told[1].state), spreads, rows, periods)
         if unjudged is not None:  # nobody is judged by an ignored truth
             beside[NEES][unjudged[0][rows[0]]] = np.nan
-    return problem, blur, beside
+    return near, problem, beside
 
 
 def _pairs(entry: NDArray[np.void], width: int) -> NDArray[np.void]:
@@ -276,7 +260,8 @@ def constants(
     parameters, none = request.parameters, np.zeros(0, np.int32)
     nothing = Trajectories.of_times(np.zeros(0), columns, "number")
     pairs = Pairs(truth_row=none, estimate_row=none, distance=np.zeros(0))
-    problem = problem_of_pairs((nothing, nothing), request.distance, pairs, parameters)
+    near = NearPairs(sides=(nothing, nothing), distance=request.distance, pairs=pairs)
+    problem = near.problem(parameters)
     objects = sum(int(found.sum()) for block in blocks for found in block.objects)
     blur = min((block.blur for block in blocks), default=np.inf) / parameters.cutoff
     return replace(

@@ -146,8 +146,8 @@ def tgospa_problem(
     last_place : float
         What the last places of the states can change of a distance.
     near : (N,) bool array, optional
-        Pairs that count as nearer than the cutoff, whatever their distance is: `ignore_states` is
-        to follow.
+        Pairs that count as nearer than the cutoff, by default by their distance. Given for
+        `ignore_states`, which is to follow.
 
     Raises
     ------
@@ -165,9 +165,7 @@ def tgospa_problem(
         least = max(SMALLEST_POWER, min(SMALLEST_POWER / parameters.cutoff, 1.0) ** order)
         cost[lifted] = np.maximum(cost[lifted], least)
         slack = least * min(len(truth_step), len(estimate_step))
-    keep = (distance < parameters.cutoff) & (cost < 1.0)
-    if near is not None:
-        keep |= near
+    keep = (distance < parameters.cutoff) & (cost < 1.0) if near is None else near
     if not keep.all():
         truth_row, estimate_row, cost = truth_row[keep], estimate_row[keep], cost[keep]
     objects = len(truth_step) + len(estimate_step)

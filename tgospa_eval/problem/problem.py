@@ -88,6 +88,8 @@ class Problem:
     pair_share : (N,) float array, optional
         What (d / c)^p is multiplied by in the cost, where that is none of A + B: 0 of an ignored
         truth.
+    at_cutoff : int
+        Number of pairs with an ignored truth of which rounding decides whether they gain.
     signed : bool
         Whether gains may be negative. Such a problem is for solvers, not for the certificate.
     """
@@ -111,6 +113,7 @@ class Problem:
     distance_power: Floats | None = None
     unjudged: tuple[Mask, Mask] | None = None
     pair_share: Floats | None = None
+    at_cutoff: int = 0
     signed: bool = False
 
     def __post_init__(self) -> None:

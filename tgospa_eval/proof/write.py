@@ -77,6 +77,7 @@ def proof_tables(
     }
     if compared.settings["distance"] not in CLOSED:
         distance = parameters.cutoff * problem.powers(slice(None)) ** (1 / parameters.order)
+        np.minimum(distance, math.nextafter(parameters.cutoff, 0.0), out=distance)  # all are near
         tracks = (side.track[side.row] for side in problem.sides)
         tables["distances.csv"] = _csv(
             ("truth", "estimate", "t", "distance"),

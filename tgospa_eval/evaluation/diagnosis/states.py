@@ -114,7 +114,7 @@ def nearness_warnings(sample: Sample) -> list[Notice]:
     within = f"within c = {sample.parameters.cutoff:g}"
     steps = counted(here.steps, "step")
     if not len(here.gain):
-        text = f"no truth has an estimate {within} at {steps}: all are missed, all estimates false"
+        text = f"no truth has an estimate {within} at {steps}"
     elif few_are_near(here) and _is_chance(sample):
         rows = len(here.objects[0])
         near = np.count_nonzero(np.bincount(here.rows[0], minlength=rows))

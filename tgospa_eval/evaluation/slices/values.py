@@ -6,7 +6,8 @@ from functools import reduce
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints
-from tgospa_eval.distances import Distance, near_pairs
+from tgospa_eval.distances import Distance, Effort
+from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.distances.sphere import Haversine
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.slicing import DERIVED, Attribute
@@ -66,7 +67,12 @@ def values_of(
 def _neighbours(side: Trajectories, distance: Distance, cutoff: float) -> Floats:
     """How many other objects of this side are nearer than the cutoff."""
     seen = side.seen_as(distance.kinds)
-    pairs = near_pairs(seen, seen, cutoff, distance)
+    effort = Effort(jobs=1)
+    both, distance = distance.prepared((seen, seen), effort)
+    margin = distance.margin(both, cutoff)
+    pairs = prepared_pairs(both, cutoff, distance, effort, margin=margin)
+    nearer = distance.nearer(pairs, both, np.full(len(pairs.distance), cutoff))
+    pairs = pairs.chosen(np.flatnonzero(nearer))
     others = pairs.truth_row[pairs.truth_row != pairs.estimate_row]
     return np.bincount(others, minlength=len(side.step)).astype(np.float64)
 
