@@ -371,8 +371,14 @@ class Settings:
         ConfigError
             An option names a column that does not enter the distance.
         """
+        distance, conversion = self.measure.distance(columns), self.conversions[1]
+        if self.frames is not None:
+            conversion = replace(conversion, unit_scale=1.0, scale=())
+        elif conversion.unit_scale != 1:
+            angles = tuple(distance.settings(columns).get("periodic", ()))
+            conversion = replace(conversion, angles=angles)
         return replace(
-            self.evaluation, distance=self.measure.distance(columns), recorded=self.recorded
+            self.evaluation, distance=distance, recorded=self.recorded, conversion=conversion
         )
 
     def fit(

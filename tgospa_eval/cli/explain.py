@@ -115,7 +115,7 @@ def command(
         ending = check_file(output, "-o", force=force, others=others, endings=TABLES)
     request, shown = Request.of(options | dict.fromkeys(LEFT_ASIDE)), OutputOptions.of(options)
     result, finished = evaluate_files(truth, estimate, request, shown)
-    found = explained(result, request, shown, max(top, apply))
+    found = explained(result, shown, max(top, apply))
     if output is not None:
         try:
             repaired = found.repaired(apply)
@@ -125,6 +125,12 @@ def command(
         if not shown.quiet:
             text = found.repairs[apply - 1].text
             print_notice(f"wrote {output}: the estimate with repair {apply}, {text}")
+            if (request.truth_crs, request.estimate_crs) != (None, None):
+                frame = "enu" if "x" in repaired.columns else ",".join(repaired.columns)
+                print_notice(
+                    f"{output} has the coordinates that were compared: evaluate it with "
+                    f"--estimate-crs {frame}, without --unit-scale and --estimate-scale"
+                )
     makers = explanation_document, Explanation.to_json, Explanation.columns
     emit(rendered(shown.format_, found, *makers), shown.format_)
     ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)

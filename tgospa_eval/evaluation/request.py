@@ -18,6 +18,7 @@ from tgospa_eval.results.consistency import NEES
 from tgospa_eval.solvers import Solver
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching
+from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.durations import MAX_STEPS, SECOND, TIME_UNITS, Duration
 from tgospa_eval.tracks.trajectories import TimeArray
 
@@ -202,6 +203,9 @@ class EvaluationRequest:
         Whether probabilities of existence count.
     ignoring : Ignoring, optional
         What is not judged.
+    conversion : Conversion
+        From the estimate's own stamps and states to those that are compared; frames of coordinates
+        aside.
 
     Raises
     ------
@@ -225,6 +229,7 @@ class EvaluationRequest:
     step_weights: "WeightsByTime | None" = None
     existence: str = "ignore"
     ignoring: "Ignoring | None" = None
+    conversion: Conversion = field(default_factory=Conversion)
 
     def __post_init__(self) -> None:
         if self.existence not in ("ignore", "use"):

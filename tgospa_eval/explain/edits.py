@@ -1,9 +1,9 @@
 """What a repair does to the rows of an estimate. Knows no metric."""
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.warm_start import SavedSolution, save_solution
 from tgospa_eval.tracks.attributes import Attributes, chosen, stacked
 from tgospa_eval.tracks.conversion import iso
+from tgospa_eval.tracks.existence import existence_of
+from tgospa_eval.tracks.ignored import AWAY, NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 NO_PARTNER = -1
@@ -201,8 +203,29 @@ def renamed(held: SavedSolution, edit: Edit) -> tuple[Ints, Ints, Ints, Ints]:
     return which, estimate, begin, end
 
 
+def as_read(estimate: Trajectories) -> Trajectories:
+    """The estimate with what files say of it, without marks that options made."""
+    made = NOT_JUDGED, AWAY
+    kept = {name: values for name, values in estimate.attributes.items() if name not in made}
+    return replace(estimate, attributes=kept)
+
+
+def is_same(first: Trajectories, second: Trajectories) -> bool:
+    """Whether all that changes a number is the same of two sides on the same grid."""
+
+    def arrays(side: Trajectories) -> tuple[NDArray[Any], ...]:
+        around = [] if side.covariance is None else [side.covariance]
+        if side.clouds is not None:
+            around += [side.clouds.points, side.clouds.weights]
+        marks = marks_of(side, NOT_JUDGED), existence_of(side)
+        return (side.times, side.step, side.ids[side.track], side.state, *marks, *around)
+
+    one, other = arrays(first), arrays(second)
+    return len(one) == len(other) and all(map(np.array_equal, one, other))
+
+
 def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
-    """The estimate after an edit: rows and stamps of the grid, but for stamps without rows."""
+    """The estimate after an edit: rows of the grid, and the stamps at which it has some."""
     track = edit.tracks(estimate.track, estimate.step)
     kept = np.flatnonzero(track >= 0)
     track, step = track[kept], estimate.step[kept].astype(np.int64)
@@ -227,8 +250,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
     times, labels = _moved_on(estimate, edit.shift)
     # A shift to the past puts stamps before the others, and those keep their numbers.
     step = step[order] + max(edit.shift, 0)
-    had = np.bincount(estimate.step + max(-edit.shift, 0), minlength=len(times))
-    gone = (np.bincount(step, minlength=len(times)) == 0) & (had > 0)
+    gone = np.bincount(step, minlength=len(times)) == 0
     step, times = (np.cumsum(~gone) - 1)[step], times[~gone]
     return Trajectories(
         step=step,

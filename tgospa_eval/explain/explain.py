@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Mask
+from tgospa_eval.common.arrays import Ints, Mask
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted, number
 from tgospa_eval.distances import near_pairs
-from tgospa_eval.errors import ConfigError, whole_number
-from tgospa_eval.evaluation.axis import on_own_times, periods_of
-from tgospa_eval.evaluation.prepare import Fitted, Prepared, fit, prepare, source_of
+from tgospa_eval.errors import ConfigError, InputError, whole_number
+from tgospa_eval.evaluation.axis import check_left, periods_of
+from tgospa_eval.evaluation.prepare import Fitted, Prepared, fit, prepare, reach_of, source_of
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.explain.candidates import (
     Candidate,
@@ -25,7 +25,16 @@ from tgospa_eval.explain.candidates import (
     shifted,
     split_up,
 )
-from tgospa_eval.explain.edits import Assigned, Edit, edited, renamed
+from tgospa_eval.explain.edits import (
+    NO_PARTNER,
+    Assigned,
+    Edit,
+    as_read,
+    edited,
+    is_same,
+    renamed,
+)
+from tgospa_eval.formats import Reading
 from tgospa_eval.problem.certificate import ROUNDOFF, certify, lower_bounds, lower_cost
 from tgospa_eval.problem.solution import Bounds
 from tgospa_eval.results.explanation import Explanation, Repair
@@ -35,6 +44,8 @@ from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers.block_costs import feasible_costs
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, WarmStart, make_warm_start
+from tgospa_eval.tracks.alignment import Alignment
+from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.existence import existence_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -70,13 +81,21 @@ class Trials:
     ) -> None:
         self.assigned, self.sides, self.request = assigned, sides, request
         self.aligned, self.parameters = sides.alignment, proof.parameters
+        self.estimate = as_read(self.aligned.estimate)
+        self.number = {name: k for k, name in enumerate(self.aligned.estimate.ids.tolist())}
         states, self.problem = proof.states, proof.states.problem
         self.blocks = states.track_blocks
         self.lower = lower_bounds(states, proof.prices, proof.reduced)
         self.cost = feasible_costs(states, proof.weights)
         self.rounding = (len(proof.weights) + 2 * len(self.problem.cost) + 64) * ROUNDOFF
         distance = request.distance.settings(sides.read[0].columns)
-        self.follows_data = sides.distance is not request.distance or "reduce" in distance
+        filters = {name.rpartition("_")[2] for name in request.recorded}
+        self.is_filtered = not filters.isdisjoint(("time", "class", "region"))
+        self.as_a_whole = (
+            sides.distance is not request.distance  # which takes something from the data
+            or "reduce" in distance
+            or reach_of(self.aligned, request) is not None
+        )
 
     def run(
         self, candidates: Sequence[Candidate], stopwatch: Stopwatch
@@ -93,32 +112,62 @@ class Trials:
             progress.again("repairs", done / len(candidates))
             try:
                 found.append((candidate, *self._trial(candidate.edit, stopwatch)))
-            except ConfigError:  # the steps that counted were those of what is gone
+            except (ConfigError, InputError):  # such as no step that counts is left
                 continue
         return found
 
     def _trial(self, edit: Edit, stopwatch: Stopwatch) -> tuple[Bounds, float]:
-        after = edited(self.aligned.estimate, edit)
-        if edit.local and len(after.times) == self.problem.steps and not self.follows_data:
-            return self._of_components(edit, after, stopwatch)
-        sides = fit(self.sides.read[0], after, self.request)
+        """The repaired estimate goes the way of any other."""
+        conversion = own_conversion(self.request, self.estimate)
+        after = conversion(conversion.undone(edited(self.estimate, edit)), "estimate")
+        if self.request.ignoring is not None:
+            reading = Reading(trajectories=after, rows=len(after.step))
+            after = self.request.ignoring.marked(reading, *2 * ("estimate",)).trajectories
+        if self.is_filtered and not any(len(side.step) for side in (self.sides.given[0], after)):
+            raise ConfigError("no row is left to evaluate")
+        sides = fit(self.sides.given[0], after, self.request)
+        kept = sum(len(side.step) for side in sides.axis.sides)
+        check_left(self.request.time_matching, kept, sides.axis.left_out)
+        if edit.local and not self.as_a_whole and self._spares_others(edit, sides.alignment):
+            return self._of_components(edit, sides, stopwatch)
         return self._evaluated(sides, edit, stopwatch)
 
+    def _spares_others(self, edit: Edit, after: Alignment) -> bool:
+        """Whether the truth and the tracks that an edit does not change are as they were."""
+        before = self.aligned
+        is_other = np.ones(len(self.number) + len(edit.fresh), bool)
+        is_other[list(self._tracks(edit))] = False
+        first, second = (
+            side.chosen(np.flatnonzero(is_other[self._numbers(side, edit)[side.track]]))
+            for side in (before.estimate, after.estimate)
+        )
+        return is_same(before.truth, after.truth) and is_same(first, second)
+
+    def _tracks(self, edit: Edit) -> set[int]:
+        """The tracks that an edit changes."""
+        fresh = range(len(self.number), len(self.number) + len(edit.fresh))
+        added = () if edit.added is None else edit.added.track.tolist()
+        return {*edit.pieces, *added, *fresh}
+
+    def _numbers(self, side: Trajectories, edit: Edit) -> Ints:
+        """The tracks of an estimate by the numbers that an edit has for them."""
+        number = self.number | {name: len(self.number) + k for k, name in enumerate(edit.fresh)}
+        return np.array([number[name] for name in side.ids.tolist()], np.int64)
+
     def _of_components(
-        self, edit: Edit, after: Trajectories, stopwatch: Stopwatch
+        self, edit: Edit, after: Fitted, stopwatch: Stopwatch
     ) -> tuple[Bounds, float]:
         """The components that an edit touches are evaluated again, the others stay."""
         problem = self.problem
-        touched, blocks = self._touched(edit, after)
+        side = after.alignment.estimate
+        track = self._numbers(side, edit)[side.track]
+        touched, blocks = self._touched(edit, side, track)
         estimate_in = np.append(touched[1], np.ones(len(edit.fresh), bool))
-        truth, estimate = (
-            side.chosen(np.flatnonzero(mask[side.track]))
-            for side, mask in ((self.aligned.truth, touched[0]), (after, estimate_in))
-        )
-        aligned = replace(self.aligned, truth=truth, estimate=estimate)
-        pair = truth, estimate
-        sides = replace(self.sides, given=pair, read=pair, alignment=aligned)
-        bounds, total = self._evaluated(sides, edit, stopwatch)
+        truth = self.aligned.truth
+        truth = truth.chosen(np.flatnonzero(touched[0][truth.track]))
+        estimate = side.chosen(np.flatnonzero(estimate_in[track]))
+        aligned = replace(after.alignment, truth=truth, estimate=estimate)
+        bounds, total = self._evaluated(replace(after, alignment=aligned), edit, stopwatch)
         unpaired: list[float] = []
         for price, block, mask in zip(problem.unassigned_costs, self.blocks, touched, strict=True):
             unpaired += price[(block < 0) & ~mask].tolist()
@@ -133,15 +182,18 @@ class Trials:
             total + rest,
         )
 
-    def _touched(self, edit: Edit, after: Trajectories) -> tuple[Masks, Mask]:
-        """The tracks of all components that an edit touches, and which components these are."""
+    def _touched(self, edit: Edit, after: Trajectories, track: Ints) -> tuple[Masks, Mask]:
+        """The tracks of all components that an edit touches, and which components these are.
+
+        `track` (R,) are the numbers of those of the rows afterwards.
+        """
+        tracks = self._tracks(edit)
         truth_in = np.zeros(self.problem.truths, bool)
         estimate_in = np.zeros(self.problem.estimates, bool)
-        estimate_in[list(edit.pieces)] = True
-        if edit.added is not None:
-            estimate_in[edit.added.track] = True
+        estimate_in[[k for k in tracks if k < self.problem.estimates]] = True
+        if edit.added is not None or self.request.time_matching.gaps:
             distance, truth = self.sides.distance, self.aligned.truth
-            own = after.chosen(np.flatnonzero(estimate_in[after.track]))
+            own = after.chosen(np.flatnonzero(np.isin(track, list(tracks))))
             pairs = near_pairs(
                 truth.seen_as(distance.kinds),
                 own.seen_as(distance.kinds),
@@ -187,15 +239,12 @@ class Trials:
             steps=held.steps,
         )
         before = self.aligned
-        ids = before.truth.ids, [*before.estimate.ids, *edit.fresh]
         step = np.searchsorted(before.truth.times, prepared.moments).clip(0, held.steps - 1)
-        truth, estimate = (
-            np.array([place[name] for name in names.ids.tolist()], np.int64)
-            for names, place in zip(
-                prepared.sides, [{name: k for k, name in enumerate(of)} for of in ids], strict=True
-            )
-        )
-        origin = truth, estimate, step
+        number = {name: k for k, name in enumerate(before.truth.ids.tolist())}
+        sides = prepared.sides
+        # A truth that had no row on the grid had no pair either.
+        known = [number.get(name, NO_PARTNER) for name in sides[0].ids.tolist()]
+        origin = np.array(known, np.int64), self._numbers(sides[1], edit), step
         return replace(make_warm_start(prepared.states, (saved,), (1.0,), origin), near=True)
 
 
@@ -215,7 +264,6 @@ def explain(
     top: int = TOP,
     *,
     stopwatch: Stopwatch | None = None,
-    without: Sequence[str] = (),
 ) -> Explanation:
     """The repairs that are proven to save most, `top` of them at most.
 
@@ -227,17 +275,16 @@ def explain(
         How many to list; up to `TRIED` times as many are tried.
     stopwatch : Stopwatch, optional
         Shows how far it is.
-    without : sequence of str
-        Kinds that are not tried.
 
     Raises
     ------
     ConfigError
-        `top` is less than 1, or the result knows nothing of its data.
+        `top` is less than 1, or the result knows nothing of its data or is by rules that depend on
+        the repair.
     """
     top = whole_number("top", top)
-    sides, asked = source_of(result)
-    request = on_own_times(asked)
+    sides, request = source_of(result)
+    without = not_explained(request)
     stopwatch = stopwatch or Stopwatch()
     begin = stopwatch.elapsed()
     with stopwatch.span("explain"):
@@ -253,14 +300,40 @@ def explain(
         repairs = [_repair(result, sides.read[0].columns, *trial) for trial in trials]
     worth = [repair for repair in repairs if repair.saving_upper > result.gap * result.total]
     worth.sort(key=lambda repair: -float(f"{repair.saving_lower:.6g}"))  # ties keep their order
+    estimate = as_read(sides.alignment.estimate)
     return Explanation(
         result=result,
         repairs=tuple(worth[:top]),
         candidates=len(able),
         tried=len(trials),
         seconds=stopwatch.elapsed() - begin,
-        estimate=sides.alignment.estimate,
+        estimate=estimate,
+        conversion=own_conversion(request, estimate),
     )
+
+
+def own_conversion(request: EvaluationRequest, estimate: Trajectories) -> Conversion:
+    """From the estimate's own units; numbers that are seen to be times stay such."""
+    scaled = estimate.clock == "number"
+    return request.conversion if scaled else replace(request.conversion, time_scale=1.0)
+
+
+def not_explained(request: EvaluationRequest) -> tuple[str, ...]:
+    """Kinds of repairs after which a filter might leave out other rows.
+
+    Raises
+    ------
+    ConfigError
+        The rules of a benchmark are asked for.
+    """
+    filters = request.recorded
+    if "preprocess" in filters:
+        raise ConfigError(
+            "--preprocess: what it leaves out depends on the repair; explain files without such "
+            "objects"
+        )
+    moving = ("shift",) if "time" in filters else ()
+    return (*moving, "offset", "extend", "fill") if "region" in filters else moving
 
 
 def _candidates(

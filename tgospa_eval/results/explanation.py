@@ -8,6 +8,7 @@ from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.records import PARTS, Columns, Json, Time, json_text
+from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -108,6 +109,8 @@ class Explanation:
         How long that took.
     estimate : Trajectories
         The estimate on the steps that count.
+    conversion : Conversion
+        To its stamps and states, from those of the file.
     """
 
     result: Any
@@ -116,6 +119,7 @@ class Explanation:
     tried: int
     seconds: float
     estimate: Trajectories
+    conversion: Conversion
 
     @property
     def before(self) -> float:
@@ -160,7 +164,9 @@ class Explanation:
         }
 
     def repaired(self, rank: int = 1) -> Trajectories:
-        """The estimate after the repair of this rank; it has the rows that count.
+        """The estimate after the repair of this rank, in its own units.
+
+        It has the rows that count, and what the same options read beside their states.
 
         Raises
         ------
@@ -172,7 +178,7 @@ class Explanation:
             raise ConfigError(f"repair {rank}: {there}")
         edits = import_module("tgospa_eval.explain.edits")
         made: Trajectories = edits.edited(self.estimate, self.repairs[rank - 1].edit)
-        return made
+        return self.conversion.undone(made)
 
     def to_dict(self) -> Json:
         """The JSON document as plain Python values."""

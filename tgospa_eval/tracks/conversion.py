@@ -121,6 +121,54 @@ class Conversion:
             )
         return converted, None
 
+    def _times_undone(self, side: Trajectories) -> Trajectories:
+        """Stamps as they were: of doubles around a quotient the one that becomes the stamp."""
+        if self.time_offset == 0 and self.time_scale == 1:
+            return side
+        if side.clock != "number":
+            back = replace(self, time_offset=-self.time_offset)
+            times, labels = back.times(side.times, side.clock, side.labels, "repaired")
+            return replace(side, times=times, labels=labels)
+        from decimal import Context, Decimal  # here: as above
+
+        exact = Context(prec=DIGITS_OF_SUMS)
+        factor, offset = Decimal(repr(self.time_scale)), Decimal(repr(self.time_offset))
+
+        def before(time: float) -> float:
+            quotient = exact.divide(exact.subtract(Decimal(repr(time)), offset), factor)
+            near = float(quotient)
+            whole = [int(quotient)] if abs(quotient) < 2**63 else []
+            for one in (
+                *whole,
+                near,
+                math.nextafter(near, -math.inf),
+                math.nextafter(near, math.inf),
+            ):
+                moved = exact.fma(Decimal(repr(one)), factor, offset)
+                if (moved if isinstance(time, int) else float(moved)) == time:
+                    return one
+            return near
+
+        found = [before(time) for time in side.times.tolist()]
+        return replace(side, times=np.array(found, None if found else side.times.dtype))
+
+    def undone(self, side: Trajectories) -> Trajectories:
+        """The side in the units from which this converts, as near as doubles are.
+
+        What was converted is converted to the same again, but for columns that became subnormal.
+        """
+        before = self._times_undone(side)
+        factors = self.factors(side.columns)
+        if factors is None:
+            return before
+        if side.clouds is not None:
+            return before.with_clouds(side.clouds.moved(_divided(side.clouds.points, factors)))
+        spread = side.covariance
+        if spread is not None:
+            row, column = np.tril_indices(len(factors))
+            spread = _divided(spread, factors[row] * factors[column])
+        return replace(before, state=_divided(side.state, factors), covariance=spread)
+
     def _calendar(self, times: TimeArray, clock: str, name: str) -> TimeArray:
         if self.time_scale != 1:
             raise ConfigError(
@@ -191,6 +239,15 @@ def scaled(state: Floats, factors: Floats, name: str) -> Floats:
         found = state * factors
     if np.isinf(found).any():
         raise ConfigError(f"{name}: a state becomes too large for a number by its scale")
+    return found
+
+
+def _divided(values: Floats, factors: Floats) -> Floats:
+    """Quotients, of the doubles around each the one whose product is the value, if there is one."""
+    found = values / factors
+    for toward in (-np.inf, np.inf):
+        other = np.nextafter(found, toward)
+        found = np.where((found * factors != values) & (other * factors == values), other, found)
     return found
 
 

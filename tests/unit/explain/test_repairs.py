@@ -7,9 +7,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from any_options import AnyOptions
+from hypothesis import assume, given
+from hypothesis import strategies as st
 from strategies import scene
 
 from tgospa_eval import ConfigError, Explanation, Sinkhorn, Trajectories, evaluate
+from tgospa_eval.formats.write import csv_text
 from tgospa_eval.results.explanation import KINDS, Repair
 
 NAN = math.nan
@@ -213,6 +217,65 @@ def test_a_repair_that_leaves_no_step_is_none(grid: str) -> None:
     weights = {1: 0, 2: 1, 3: 0}  # of the grid, b has the only step that counts
     found = evaluate(truth, other, C, 2, GAMMA, grid=grid, step_weights=weights).explain()
     assert all("b" not in repair.tracks for repair in found.repairs if repair.kind == "drop")
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_what_is_promised_is_what_evaluate_gives(seed: int) -> None:
+    """Of the repaired file, with the same options, whatever they are."""
+    scene = AnyOptions(seed)
+    before = scene.evaluate()
+    assume(before is not None)
+    explanation = before.explain(6)
+    for rank, repair in enumerate(explanation.repairs, 1):
+        text = csv_text(explanation.repaired(rank))
+        sound(repair, before, scene.evaluate(scene.read(text)))
+
+
+def test_states_that_fill_a_gap_in_a_region_are_excused() -> None:
+    """Of three that are added one follows a truth, and two are false but for the region."""
+    truth = pd.DataFrame(
+        {"id": ["a", "a", "b", "b"], "t": [6, 7, 4, 5], "x": [2.8, 2.2, 1.5, 0.6],
+         "y": [3.6, 3.1, 2.8, 2.7]}
+    )  # fmt: skip
+    estimate = pd.DataFrame({"id": "c", "t": [3, 7], "x": [1.8, 2.6], "y": [2.7, 2.9]})
+    regions = pd.DataFrame({"left": [0.0], "top": [0.0], "width": [3.0], "height": [3.0]})
+    settings: dict[str, Any] = {"cutoff": 2, "switch_penalty": 1, "ignore_regions": regions}
+    before = evaluate(truth, estimate, **settings)
+    found = before.explain()
+    repair = of_kind(found, "fill")
+    assert (before.total, repair.total) == (pytest.approx(6.2), pytest.approx(4.175))
+    sound(repair, before, evaluate(truth, found.repaired(), **settings))
+
+
+def test_steps_are_those_of_the_repaired_estimate() -> None:
+    """With the truth at its stamps a false track takes its own with it."""
+    truth = pd.DataFrame({"id": "a", "t": [0, 4, 8], "x": 0.0})
+    estimate = pd.DataFrame({"id": list("bbc"), "t": [1, 3, 4], "x": [50.0, 50.0, 0.0]})
+    settings = {"interpolate": "truth", "max_gap": 20, "outage": "none"}
+    found = explained(truth, estimate, **settings)
+    check(of_kind(found, "drop"), 4 * 50, 0.0)
+
+
+def test_a_repaired_estimate_is_in_its_own_units() -> None:
+    truth = pd.DataFrame({"id": "a", "t": np.arange(12) / 10, "x": 0.1 * np.arange(12.0)})
+    late = {"t": 100 * np.arange(12) + 250, "x": np.arange(12.0)}
+    estimate = pd.DataFrame({"id": "b", **late}).drop([4, 5])
+    settings = {"time_scale": 0.001, "time_offset": -0.25, "unit_scale": 0.1}
+    found = explained(truth, estimate, **settings)
+    made = found.repaired()
+    assert found.repairs[0].rows["t"] == [0.4, 0.5]
+    assert made.times.tolist() == late["t"].tolist()
+    assert made.state[:, 0] == pytest.approx(late["x"])
+    assert evaluate(truth, made, C, 2, GAMMA, **settings).total == found.repairs[0].total
+
+
+def test_the_rules_of_a_benchmark_depend_on_the_repair() -> None:
+    result = evaluate(tracks(A), tracks(B))
+    sides, request = result.source
+    request = replace(request, recorded={"preprocess": "kitti"})
+    result = replace(result, source=(sides, request))
+    with pytest.raises(ConfigError, match="what it leaves out depends on the repair"):
+        result.explain()
 
 
 def test_covariances_of_new_states_lie_between() -> None:

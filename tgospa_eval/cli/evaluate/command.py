@@ -119,7 +119,7 @@ def command(
     if chosen.explain:
         from tgospa_eval.cli.evaluate.run import with_repairs
 
-        result = with_repairs(result, chosen, output)
+        result = with_repairs(result, output)
     show(result, chosen, output, (truth, estimate))
     ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
 

@@ -129,17 +129,13 @@ def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
 # ``--explain``, and what the verb `explain` does with a result: its repairs, tried and proven.
 
 
-def explained(
-    result: Summary, options: Request, output: OutputOptions, top: int | None = None
-) -> "Explanation":
+def explained(result: Summary, output: OutputOptions, top: int | None = None) -> "Explanation":
     """The repairs of an estimate that was read from a file, `top` of them at most.
 
     Parameters
     ----------
     result : Summary
         Of all classes together.
-    options : Request
-        Filters, after which some kinds of repairs are not tried.
     output : OutputOptions
         Whether progress is shown, and seconds.
     top : int
@@ -150,7 +146,7 @@ def explained(
     assert isinstance(result, Result)  # --by class is refused
     stopwatch = Stopwatch()
     found = run(
-        lambda: explain(result, top or TOP, stopwatch=stopwatch, without=_left_out(options)),
+        lambda: explain(result, top or TOP, stopwatch=stopwatch),
         stopwatch,
         show=not output.quiet,
     )
@@ -159,18 +155,12 @@ def explained(
     return found
 
 
-def with_repairs(result: Summary, options: Request, output: OutputOptions) -> Summary:
+def with_repairs(result: Summary, output: OutputOptions) -> Summary:
     """The result with its repairs, for every output; the time that they took counts."""
-    found = explained(result, options, output)
+    found = explained(result, output)
     total = result.timings["total"] + found.seconds
     timings = {**result.timings, "explain": found.seconds, "total": total}
     return replace(result, explained=found, timings=timings)
-
-
-def _left_out(options: Request) -> tuple[str, ...]:
-    """Kinds of repairs after which a filter might leave out other rows."""
-    moving = ("shift",) if options.time else ()
-    return (*moving, "offset", "extend") if options.region else moving
 
 
 # -------------------------------------------------------------------------------------------------

@@ -131,7 +131,7 @@ def _row_at(truths: Objects, track: Ints, step: Ints) -> Ints:
 
 
 def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
-    """The sums of all slices that have rows, or are shown without."""
+    """The sums of all slices in which is anything, or that are shown without."""
     size = len(whole.names)
     sums: dict[str, Floats] = {}
     for side, columns in enumerate(costs):
@@ -144,7 +144,8 @@ def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
                 sums[name] = sums[name] + found if name in sums else found
     for name in PARTS:
         sums[name] = sums[name] * scale
-    there = whole.kept | (sums["truth_steps"] > 0) | (sums["estimate_steps"] > 0)
+    # A slice of ignored truths alone has no states that count, but may have a switch.
+    there = whole.kept | np.logical_or.reduce([value > 0 for value in sums.values()])
     return [
         Slice(name=whole.names[k], **{name: float(value[k]) for name, value in sums.items()})
         for k in np.flatnonzero(there).tolist()
