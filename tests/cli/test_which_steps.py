@@ -574,3 +574,19 @@ def test_steps_of_nuscenes_are_the_samples(invoke: Invoke) -> None:
         assert row["normalised.tgospa"] == pytest.approx((row["total"] / 12) ** 0.5)
     annotations.write_text("[]", encoding="utf-8")
     assert "done before" not in invoke("batch", *run, "-c", "2", "-g", "1", *store).err
+
+
+def test_classes_with_steps_of_their_own_are_refused(invoke: Invoke) -> None:
+    """What the message proposes works."""
+    rows = [(k, t, k * 3.0, "ab"[k]) for k in (0, 1) for t in range(20)]
+    truth = pd.DataFrame(rows, columns=["id", "t", "x", "class"])
+    estimate = truth[(truth["class"] == "a") | (truth["t"] % 3 > 0)]
+    estimate = estimate.assign(t=estimate["t"] + 0.5)
+    truth.to_csv("truth.csv", index=False)
+    estimate.to_csv("estimate.csv", index=False)
+    asked = ("truth.csv", "estimate.csv", "-c", "2", "-g", "1", "--max-gap", "3", "-q")
+    answer = invoke(*asked, "--by", "class", "--interpolate", "truth")
+    assert answer.status == 2
+    assert answer.err.startswith("--by class: --interpolate leaves each class steps of its own")
+    assert invoke(*asked, "--by", "class", "--resample", "1").status == 0
+    assert invoke(*asked, "--class", "a", "--interpolate", "truth").status == 0

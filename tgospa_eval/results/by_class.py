@@ -11,6 +11,7 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import spoken_in_python
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.readout import Unjudged
 from tgospa_eval.problem.solution import Bounds, Brackets, Breakdown
 from tgospa_eval.results.consistency import NeesSums
@@ -80,9 +81,19 @@ def add_up(results: dict[str, Result], files: Sequence[Json], read: float) -> By
         The two files, as of `input_record`.
     read : float
         Seconds that reading took.
+
+    Raises
+    ------
+    ConfigError
+        The classes have different steps.
     """
     parts = list(results.values())
     first = parts[0]
+    if any(part.labels.times != first.labels.times for part in parts):
+        raise ConfigError(
+            "--by class: --interpolate leaves each class steps of its own, and their costs do not "
+            "add up; --resample gives all the same, or choose one class by --class NAME"
+        )
     bounds = [part.proof.bounds for part in parts]
     splits = [part.proof.breakdown for part in parts]
     unfinished = [part.solver for part in parts if not part.solver["finished"]]
