@@ -83,8 +83,8 @@ class Scanned:
         As `Problem.cost_slack`.
     blur : float
         As `Distance.last_place`; infinite without objects.
-    counting, judged : tuple of int
-        `row_sums` of the truth at the steps, and of what is judged of it.
+    counting : tuple of int
+        `row_sums` of the truth at the steps.
     folder : Path
         Where it was read from.
     """
@@ -99,7 +99,6 @@ class Scanned:
     slack: float
     blur: float
     counting: tuple[int, ...]
-    judged: tuple[int, ...]
     folder: Path
 
     @property
@@ -125,7 +124,6 @@ class Scanned:
                 slack=float(found["slack"]),
                 blur=float(found["blur"]),
                 counting=tuple(json.loads(str(found["counting"]))),
-                judged=tuple(json.loads(str(found["judged"]))),
             )
 
 
@@ -198,17 +196,13 @@ def _write_range(folder: Path, low: int, fitted: Fitted, request: EvaluationRequ
     entry["cost"], entry["marks"] = problem.powers(slice(None)), marks_of(problem, slice(None))
     pairs = _pairs(entry, len(aligned[1].ids))
     unjudged = unjudged_of(fitted.alignment, request)
-    counting = judged = row_sums(aligned[0].seen_as(kinds))
-    if unjudged is not None and unjudged[0].any():
-        judged = row_sums(aligned[0].seen_as(kinds).chosen(np.flatnonzero(~unjudged[0])))
     found: dict[str, object] = {
         "first": low,
         "near": len(pairs),
         "pairs": pairs,
         "slack": problem.cost_slack,
         "blur": blur,
-        "counting": json.dumps(counting),
-        "judged": json.dumps(judged),
+        "counting": json.dumps(row_sums(aligned[0].seen_as(kinds))),
     }
     masks: tuple[Mask | slice, Mask | slice] = unjudged or (slice(0), slice(0))
     for role, side, mask in zip(("truth", "estimate"), aligned, masks, strict=True):
