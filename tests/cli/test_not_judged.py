@@ -96,7 +96,7 @@ def test_every_report_says_what_is_not_judged(files, invoke) -> None:
         (("--ignore", "class>3"), "classes are compared by ="),
         (("--ignore", "x>a"), '"a" is no plain, finite number'),
         (("--ignore", "x"), "must be COLUMN=VALUE[,VALUE]"),
-        (("--ignore", "marked"), "truth.csv has no column ignored, and estimate.csv no column"),
+        (("--ignore", "marked"), "truth.csv has no column ignored; for marks of estimates"),
         (("--ignore", "truth-gaps"), "is for --interpolate truth and --resample"),
         (("--ignore", "class=Van", "--by", "class"), "each class is judged by itself"),
         (("--ignore", "x>1", "--existence", "use"), "does not go together"),

@@ -100,11 +100,12 @@ RULES = {
     "number": ("--ignore", "occlusion>1"),
     "values": ("--ignore", "occlusion=1,2", "--ignore", "x<30"),
     "marked": ("--ignore", "marked"),
+    "both marked": ("--ignore", "marked,marked-estimates"),
     "outside": ("--ignore", "outside-truth-steps,class=Bus"),
-    "steps": ("--ignore", "outside-truth-steps,marked", "--steps", "0:40:0.5"),
+    "steps": ("--ignore", "outside-truth-steps,marked-estimates", "--steps", "0:40:0.5"),
     "circles": ("--ignore-regions", "circles.csv", "--ignore", "class=Van"),
     "boxes": ("--ignore-regions", "boxes.csv"),
-    "gaps": ("--ignore", "truth-gaps,marked", "--resample", "0.7", "--max-gap", "2.5,4"),
+    "gaps": ("--ignore", "truth-gaps,marked-estimates", "--resample", "0.7", "--max-gap", "2.5,4"),
     "reach": (
         *("--ignore", "truth-gaps,marked", "--resample", "0.7", "--max-gap", "2.5"),
         *("--max-speed", "0.5"),
@@ -139,7 +140,7 @@ def test_parts_have_the_numbers_and_tables_of_one_file(
 
 @given(
     seed=st.integers(0, 2**32 - 1),
-    rule=st.sampled_from(["marked", "gaps", "reach", "number"]),
+    rule=st.sampled_from(["both marked", "gaps", "reach", "number"]),
     metric=st.tuples(
         st.sampled_from([3.0, 20.0]), st.sampled_from([1, 2]), st.sampled_from([0.5, 0.2])
     ),
@@ -194,6 +195,7 @@ def test_faults_and_rules_that_fit_nothing_are_told_as_of_one_file(
         ("--ignore", "wrong>1"),
         ("--ignore", "class=Tram"),
         ("--ignore", "occlusion>7"),
+        ("--ignore", "marked-estimates"),
     ):
         one, other = (
             invoke(*pair, *METRIC[:-1], *asked, "--memory", "100MB", "--max-input", "0")

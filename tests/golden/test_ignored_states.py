@@ -42,7 +42,7 @@ class Masked:
             order=self.p,
             switch_penalty=self.gamma,
             distance=self.distance,
-            **{"ignore": "marked", **options},
+            **{"ignore": "marked,marked-estimates", **options},
         )
 
     def costs(self) -> Costs:
@@ -141,7 +141,10 @@ def test_what_follows_ignored_truths_is_free_and_one_estimate_alone() -> None:
     assert result.ignored == {"truth_states": 2, "absorbed": 2.0, "excused": 0}
     assert result.judged["truth_states"] == 1
     excused = two.assign(excused=(two.id == 8) & (two.t > 0))
-    result = evaluate(truth, excused, **options)
+    assert (
+        evaluate(truth, excused, **options).total == result.total
+    )  # nobody excuses itself unasked
+    result = evaluate(truth, excused, **{**options, "ignore": "marked,marked-estimates"})
     assert result.total == 0.5 + 1.0
     assert result.table("assignments")["ignored"] == [0, 1, 1]
 
@@ -149,7 +152,7 @@ def test_what_follows_ignored_truths_is_free_and_one_estimate_alone() -> None:
 def test_an_excused_estimate_far_from_a_judged_truth_is_better_unassigned() -> None:
     """``d^p`` against ``c^p / 2`` (docs/theory/family.md)."""
     truth = pd.DataFrame({"id": 1, "t": [0], "x": 0.0})
-    options = {"cutoff": 2.0, "order": 1.0, "switch_penalty": 0.5, "ignore": "marked"}
+    options = {"cutoff": 2.0, "order": 1.0, "switch_penalty": 0.5, "ignore": "marked-estimates"}
     for place, total in ((0.75, 0.75), (1.25, 1.0)):
         estimate = pd.DataFrame({"id": 7, "t": [0], "x": place, "excused": True})
         assert evaluate(truth, estimate, **options).total == total
@@ -166,7 +169,7 @@ def test_each_point_of_a_sweep_is_an_evaluation(name: str) -> None:
             table(masked.estimate, excused=masked.excused),
         )
         options = {"cutoff": masked.c, "order": masked.p, "switch_penalty": masked.gamma}
-        options |= {"ignore": "marked"}
+        options |= {"ignore": "marked,marked-estimates"}
         given = values.get(name, [0.2, 0.5, 0.9])
         swept = sweep(*sides, **{**options, name: given})
         for value, point in zip(given, swept.points, strict=True):

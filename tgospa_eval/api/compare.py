@@ -45,6 +45,7 @@ from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import MADE_BY, read_result, saved_result, unlike
 from tgospa_eval.solvers import SOLVERS, Solver
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.ignored import refuse_own_marks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -230,6 +231,8 @@ class PairReader:
         mapping: "Components | None" = None,
         in_python: bool = False,
     ) -> None:
+        if settings.evaluation.ignoring is not None:
+            refuse_own_marks(settings.evaluation.ignoring.texts, "compare")
         self.settings, self.stopwatch, self.notify = settings, stopwatch, notify
         self.mapping, self.in_python = mapping, in_python
         self.known: dict[str, Reading] = {}
@@ -411,6 +414,8 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
     found: list[list[RunOutcome]] = []
     for group in runs:
         documents = [read_result(path) for path in group]
+        for document in documents:
+            refuse_own_marks(document["parameters"].get("ignore", ()), "compare")
         heads.append([{name: item.get(name, {}) for name in HEAD} for item in documents])
         faults = []
         for path, document in zip(group, documents, strict=True):

@@ -936,10 +936,9 @@ def gate(
         "cutoff": used.cutoff,
         "switch-penalty": used.switch_penalty,
     }
+    now = measured(result)
     about = {"warnings": result.warnings, "seconds": 0.0}
-    report = _report(
-        judge_by, [pair], [], path, old, lambda *_: (measured(result), recorded, about), ""
-    )
+    report = _report(judge_by, [pair], [], path, old, lambda *_: (now, recorded, about), "")
     (outcome,) = report.outcomes
     outcome = replace(outcome, notes=tuple(in_python(note, reads=False) for note in outcome.notes))
     return GateResult(report=replace(report, outcomes=(outcome,)), result=result)

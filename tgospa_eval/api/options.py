@@ -415,10 +415,10 @@ class Request(Values):
     ignore: tuple[str, ...] = _filters(
         "--ignore SPEC",
         "What is not judged: an estimate that follows an ignored truth costs nothing, nor does its "
-        "absence. Truths by a column (class=Van,Person, occlusion>1, height<25); marked: as the "
-        "columns ignored of TRUTH and excused of ESTIMATE say; outside-truth-steps: estimates at "
-        "times at which TRUTH has no row; truth-gaps: the straight line across gaps longer than "
-        "--max-gap. Repeatable.",
+        "absence. Truths by a column (class=Van,Person, occlusion>1, height<25); marked: truths "
+        "with 1 in a column ignored; marked-estimates: estimates with 1 in a column excused, not "
+        "for compare and gate; outside-truth-steps: estimates at times at which TRUTH has no row; "
+        "truth-gaps: the straight line across gaps longer than --max-gap. Repeatable.",
         default=(),
     )
     ignore_regions: str | None = _filters(

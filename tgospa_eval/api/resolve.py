@@ -469,6 +469,7 @@ def _settings(options: Request) -> Settings:
         clouds="cloud" in measure.named.kinds or (nees and not measure.named.kinds),
         fault=measure.fault,
         attributes=(*columns, *((EXISTENCE,) if options.existence == "use" else ())),
+        numbered=bool(others or options.preprocess),
         max_input=options.max_input,
     )
     parameters, defaults = chosen_parameters(

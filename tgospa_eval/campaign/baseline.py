@@ -8,16 +8,19 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias
 
+from tgospa_eval.campaign.grouping import ESTIMATE_DIGEST, same_data
 from tgospa_eval.campaign.row import Row, row_of
 from tgospa_eval.campaign.rules import PROVEN, SPLIT, Value
 from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.interval import Interval
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.results.consistency import NEES, NeesSums, right_record
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.results.saved import ACCURACY, NEUTRAL, contradiction, strict_json, unlike
+from tgospa_eval.results.saved import contradiction, of_metric, strict_json, unlike
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.ignored import refuse_own_marks
 from tgospa_eval.tracks.judged import JUDGE_ALIKE, fault_of, incomparable, judged_of
 
 
@@ -37,6 +40,8 @@ class Measured:
         As in the JSON of a result.
     judged : mapping
         What it was judged on, as in the JSON of a result.
+    estimate : str
+        Digest of the estimate.
     version : str
         Of the program.
     status : str
@@ -52,6 +57,7 @@ class Measured:
     bounds: tuple[float, float]
     parameters: Mapping[str, object]
     judged: Mapping[str, Any]
+    estimate: str
     version: str
     status: str
     certified: bool
@@ -65,13 +71,8 @@ class Measured:
     @property
     def digest(self) -> str:
         """Of the parameters and of what was judged: equal where values are comparable."""
-        used = {
-            name: value
-            for name, value in self.parameters.items()
-            if name not in (*ACCURACY, *NEUTRAL)
-        }
         judged = {name: text for name, text in self.judged.items() if name.endswith("sha256")}
-        text = json.dumps([used, judged], sort_keys=True)
+        text = json.dumps([of_metric(self.parameters), judged], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @property
@@ -147,15 +148,23 @@ def values_of(numbers: Mapping[str, float], scale: float) -> dict[str, Value]:
 
 
 def measured_row(row: Row) -> Measured:
-    """What a gate judges of a row of a store."""
-    nees = NeesSums.of_row(row)
+    """What a gate judges of a row of a store.
+
+    Raises
+    ------
+    ConfigError
+        Estimates said what of them is not judged.
+    """
+    nees, parameters = NeesSums.of_row(row), json.loads(row["parameters"])
+    refuse_own_marks(parameters.get("ignore", ()), "gate")
     return Measured(
         nees=nees,
         values=values_of(row, row["cutoff"] ** row["order"]) | nees_values(nees),
         classes={},
         bounds=(row["lower_bound"], row["upper_bound"]),
-        parameters=json.loads(row["parameters"]),
+        parameters=parameters,
         judged=judged_of(row),
+        estimate=row.get(ESTIMATE_DIGEST, ""),
         version=row["version"],
         status=row["message"],
         certified=bool(row["certified"]),
@@ -205,6 +214,7 @@ def make_entry(
         "options": dict(options),
         "parameters": now.parameters,
         "judged": now.judged,
+        "estimate_sha256": now.estimate,
         "version": now.version,
         **({"labels": dict(labels)} if labels else {}),
     }
@@ -239,6 +249,22 @@ def differences(entry: Json, now: Measured) -> list[str]:
     ]
     wrong = incomparable({"now": now.judged, "the baseline": entry["judged"]})
     return [*found, f"{wrong}; {JUDGE_ALIKE}"] if wrong else found
+
+
+def check_equal(entry: Json, now: Measured) -> None:
+    """Whether values of the same data, which can be compared, have one in common.
+
+    Raises
+    ------
+    SolverError
+        They have none.
+    """
+    own, old = (
+        [Interval(lower=low, upper=high)]
+        for low, high in (now.bounds, [entry["values"][name] for name in BOUNDS])
+    )
+    names = f"now, version {now.version}", f"the baseline, version {entry['version']}"
+    same_data(names, ([now.estimate], [entry.get("estimate_sha256", "")]), (own, old))
 
 
 def dump(baseline: Baseline) -> str:
@@ -307,8 +333,9 @@ def _fault(entry: Json) -> str | None:
         wrong = contradiction(found, parameters.get("order"))
         if wrong:
             return f"{where} contradict each other: {wrong}"
-    if not isinstance(entry.get("version"), str):
-        return "version is no text"
+    for name in ("version", "estimate_sha256"):
+        if not isinstance({"estimate_sha256": "", **entry}.get(name), str):
+            return f"{name} is no text"
     if not all(
         isinstance(text, str) for text in _object({"labels": {}, **entry}, "labels").values()
     ):

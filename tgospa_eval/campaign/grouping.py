@@ -5,13 +5,16 @@ from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from tgospa_eval.campaign.row import LABEL
+from tgospa_eval.common.interval import Interval, equal, overlap
+from tgospa_eval.errors import SolverError
 from tgospa_eval.results.saved import ACCURACY
+from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
     import pandas as pd
 
 TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "estimate"))
-"""Columns with digests of ids, times and states."""
+"""Columns with digests of the sides (`tracks.judged.digest`)."""
 
 
 PARAMETERS = ("distance", "cutoff", "order", "switch_penalty")
@@ -81,6 +84,39 @@ def truths(rows: "pd.DataFrame") -> "pd.Series[str]":
     known = pd.Series(digests.to_numpy(), index=paths).dropna()
     known = known[~known.index.duplicated(keep="last")]
     return digests.fillna(paths.map(known)).fillna(paths)
+
+
+def same_data(
+    names: tuple[str, str],
+    digests: tuple[Sequence[str], Sequence[str]],
+    brackets: tuple[Sequence[Interval], Sequence[Interval]],
+) -> bool:
+    """Whether two results that are judged alike are of the same estimates, so that both are equal.
+
+    Parameters
+    ----------
+    names : pair of str
+        What they are called, for the message.
+    digests : pair of sequence of str
+        Of the estimate of each run; blank where there is none.
+    brackets : pair of sequence of Interval
+        Of the value of each run, in one unit.
+
+    Raises
+    ------
+    SolverError
+        The values of a run are proven to differ, and yet its data are the same.
+    """
+    alike = [bool(own) and own == other for own, other in zip(*digests, strict=True)]
+    for same, own, other in zip(alike, *brackets, strict=True):
+        if same and not (overlap(own, other) or equal(own, other)):
+            shown = " and ".join(f"[{one.lower:.12g}, {one.upper:.12g}]" for one in (own, other))
+            raise SolverError(
+                f"{' and '.join(map(quoted, names))} have the same data, and their brackets "
+                f"{shown} have no value in common: one of them is wrong; evaluate both again with "
+                "this version"
+            )
+    return bool(alike) and all(alike)
 
 
 def pair_numbers(

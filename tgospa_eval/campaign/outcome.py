@@ -8,6 +8,7 @@ from typing import Any, Self
 from tgospa_eval.campaign.baseline import (
     Baseline,
     Measured,
+    check_equal,
     differences,
     value_at,
 )
@@ -30,7 +31,7 @@ from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
 from tgospa_eval.common.words import number
-from tgospa_eval.errors import ExitStatus
+from tgospa_eval.errors import ExitStatus, SolverError
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.saved import unlike
 from tgospa_eval.tracks.judged import incomparable
@@ -205,6 +206,12 @@ def judged_outcome(
     apart = differences(entry, now) if entry else []
     if apart:
         return PairOutcome.of(pair, Verdict.INCOMPARABLE, *apart, **about)
+    if entry:
+        try:
+            check_equal(entry, now)
+        except SolverError as error:
+            about["status"] = error.exit_status
+            return PairOutcome.of(pair, Verdict.ERROR, str(error), **about)
     findings = [_judged(rule, now, entry["values"] if entry else {}, past) for rule in rules]
     if noisy:
         findings = [replace(finding, noisy=True) for finding in findings]

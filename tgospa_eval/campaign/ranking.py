@@ -8,6 +8,7 @@ the mean totals may be another, and `opposed` marks it.
 """
 
 import itertools
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,7 @@ import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.campaign import SCHEMA
-from tgospa_eval.campaign.grouping import ESTIMATE_DIGEST, pair_numbers, truths
+from tgospa_eval.campaign.grouping import ESTIMATE_DIGEST, pair_numbers, same_data, truths
 from tgospa_eval.campaign.row import LABEL, covariances_of
 from tgospa_eval.campaign.statistics import (
     CONFIDENCE,
@@ -52,7 +53,9 @@ from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.numbers import MEAN, SPLIT_PARTS, SPREAD, outward
 from tgospa_eval.results.records import PARTS, Columns, Json, OtherMetrics, Time
 from tgospa_eval.results.result import Result
+from tgospa_eval.results.saved import of_metric
 from tgospa_eval.tracks.alignment import Times
+from tgospa_eval.tracks.ignored import OWN_MARKS
 from tgospa_eval.tracks.judged import DIGESTS, JUDGE_ALIKE, incomparable, judged_of
 
 if TYPE_CHECKING:
@@ -402,13 +405,13 @@ def ranking_document(
     ends = zip(lower.mean(axis=1).tolist(), upper.mean(axis=1).tolist(), strict=True)
     normal = [Interval(lower=low, upper=high) for low, high in ends]
     ranked = sorted(range(len(names)), key=lambda k: (normal[k].upper, normal[k].lower))
-    # Equal data have equal values, whatever the brackets are.
     digests = [
         [item.run["input"]["estimate"]["sha256"] for item in runs] for runs in entrants.values()
     ]
+    equal = _same(names, digests, costs["total_lower"], costs["total"])
 
     def verdict_of(a: int, b: int) -> str:
-        return "equal" if digests[a] == digests[b] else verdict(normal[a], normal[b])
+        return "equal" if (a, b) in equal else verdict(normal[a], normal[b])
 
     place = places(normal, lambda *pair: verdict_of(*pair) == "equal")
     estimates = []
@@ -606,6 +609,12 @@ def _ranking(
     part: "pd.DataFrame", label: str, parameters: Parameters, all_names: Iterable[str]
 ) -> Iterator[Ranking | str]:
     column = LABEL + label
+    if any(OWN_MARKS in json.loads(text).get("ignore", ()) for text in part["parameters"].unique()):
+        yield (
+            f"{label} is not ranked: its estimates say themselves what they are not judged by "
+            f"(--ignore {OWN_MARKS})"
+        )
+        return
     part = part.assign(_pair=pair_numbers(part, [label]), _truth=truths(part))
     # Two with the same labels and truth: a manifest has changed, the older one is of the past.
     part = part.sort_values("finished", kind="stable")
@@ -709,8 +718,8 @@ def _orders(
     steps = common.groupby(column)["judged.steps"].sum().loc[list(names)].to_numpy(float)
     values, per_step = (_combined(totals, order, divisor) for divisor in (1.0, steps))
     compared = list(itertools.combinations(range(size), 2))
-    data = _digests(common, column, names)
-    same = np.array([bool(data[a]) and data[a] == data[b] for a, b in compared])
+    equal = _same(names, *_data(common, column, names))
+    same = np.array([pair in equal for pair in compared])
     comparisons: list[Json] = []
     for (a, b), alike in zip(compared, same, strict=True):
         difference = NOTHING if alike else second_less_first(values[a], values[b])
@@ -723,12 +732,12 @@ def _orders(
                 **dict.fromkeys(("lower", "upper", "p_value", "p_holm", "significant")),
             }
         )
-    equal = {
+    alike = {
         frozenset(pair)
         for pair, row in zip(compared, comparisons, strict=True)
         if row["verdict"] == "equal"
     }
-    proven = places(values, lambda *pair: frozenset(pair) in equal)
+    proven = places(values, lambda *pair: frozenset(pair) in alike)
     sure: list[Any] = [None] * size
     inferred: list[Any] = sure
     if totals[0].shape[1] >= LEAST_PAIRS:
@@ -758,13 +767,38 @@ def _combined(totals: tuple[Floats, Floats], order: float, per: Floats | float) 
     return [Interval(lower=low, upper=high) for low, high in zip(lower, upper, strict=True)]
 
 
-def _digests(common: "pd.DataFrame", column: str, names: Sequence[str]) -> list[tuple[str, ...]]:
-    """Of the data of each: those with the same have equal values, whatever the brackets are."""
-    if ESTIMATE_DIGEST not in common:
-        return [()] * len(names)
-    known = common.sort_values("_pair").dropna(subset=ESTIMATE_DIGEST)
-    found = {name: tuple(group) for name, group in known.groupby(column)[ESTIMATE_DIGEST]}
-    return [found.get(name, ()) for name in names]
+def _data(
+    common: "pd.DataFrame", column: str, names: Sequence[str]
+) -> tuple[list[list[str]], Floats, Floats]:
+    """Digests of the estimates of each, in one order of the jobs, and bounds of their totals."""
+    table = common.set_index(["_pair", column]).sort_index()
+    sides = [table[end].unstack(column)[list(names)].to_numpy(float).T for end in TOTAL_ENDS]
+    if ESTIMATE_DIGEST not in table:
+        return [[""] * sides[0].shape[1]] * len(names), sides[0], sides[1]
+    # Jobs may have options of their own that change the number.
+    options = {
+        text: json.dumps(of_metric(json.loads(text)), sort_keys=True)
+        for text in table["parameters"].unique()
+    }
+    data = table[ESTIMATE_DIGEST] + " " + table["parameters"].map(options)
+    return data.fillna("").unstack(column)[list(names)].to_numpy().T.tolist(), sides[0], sides[1]
+
+
+def _same(
+    names: Sequence[str], digests: Sequence[Sequence[str]], lower: Floats, upper: Floats
+) -> set[tuple[int, int]]:
+    """Pairs of numbers of those that have the same data, both ways round."""
+    brackets = [
+        [Interval(lower=low, upper=high) for low, high in zip(*ends, strict=True)]
+        for ends in zip(lower.tolist(), upper.tolist(), strict=True)
+    ]
+    pairs = itertools.combinations(range(len(names)), 2)
+    found = [
+        (a, b)
+        for a, b in pairs
+        if same_data((names[a], names[b]), (digests[a], digests[b]), (brackets[a], brackets[b]))
+    ]
+    return {*found, *((b, a) for a, b in found)}
 
 
 def _inferred(

@@ -269,17 +269,18 @@ def _bures_two(first: Pair, second: Pair, third: Pair) -> Floats:
 def _bures_many(factors: Sequence[Pair]) -> Floats:
     """Of any number of components, by singular value decompositions, in blocks of pairs.
 
-    Q = U V' where A = L2' L1 = U S V'.
+    Q = U V' where A = L2' L1 = U S V'. Which of two covariances is the first is decided by their
+    numbers, so that the rounding is the same both ways.
     """
     shape = np.broadcast_shapes(*(side.shape for side in factors[0]))
     sides = [[np.broadcast_to(pair[side], shape).ravel() for pair in factors] for side in (0, 1)]
     found = np.empty(len(sides[0][0]))
     for begin in range(0, len(found), PAIRS_TOGETHER):
+        a, b = (np.array([x[begin : begin + PAIRS_TOGETHER] for x in side]) for side in sides)
+        at = np.argmax(a != b, axis=0)[None]  # the first component in which they differ
+        later = np.take_along_axis(a, at, axis=0) > np.take_along_axis(b, at, axis=0)
         one, two = (
-            covariances.unpack(
-                np.array([x[begin : begin + PAIRS_TOGETHER] for x in side]), lower=True
-            )
-            for side in sides
+            covariances.unpack(np.where(later, *pair), lower=True) for pair in ((b, a), (a, b))
         )
         u, _, v = np.linalg.svd(two.transpose(0, 2, 1) @ one)
         rest = one - two @ (u @ v)

@@ -20,17 +20,15 @@ from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.options import class_named
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.attributes import Values
-from tgospa_eval.tracks.ignored import EXCUSED, IGNORED, marked, marks_of
+from tgospa_eval.tracks.ignored import MARKED, MARKS, OWN_MARKS, marked, marks_of
 from tgospa_eval.tracks.interpolation import found_near
 from tgospa_eval.tracks.regions import Regions
 from tgospa_eval.tracks.trajectories import Trajectories
 
-WORDS = MARKED, OUTSIDE, GAPS = "marked", "outside-truth-steps", "truth-gaps"
+OUTSIDE, GAPS = "outside-truth-steps", "truth-gaps"
+WORDS = (*MARKS, OUTSIDE, GAPS)
 
 CLASS = "class"
-
-MARKS = IGNORED, EXCUSED
-"""Columns of marks of either side."""
 
 COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {
     "<=": operator.le,
@@ -139,7 +137,7 @@ class Ignoring:
     @property
     def columns(self) -> tuple[str, ...]:
         """Columns that readers should look for."""
-        marks = MARKS if MARKED in self.texts else ()
+        marks = (column for rule, column in MARKS.items() if rule in self.texts)
         return (*(one.column for one in self.conditions if one.column != CLASS), *marks)
 
     def mark(self, sides: Sequence[Reading], names: Sequence[str]) -> tuple[Reading, ...]:
@@ -148,7 +146,7 @@ class Ignoring:
         Raises
         ------
         ConfigError
-            The truth lacks a column, or no file has marks that are asked for.
+            The truth lacks a column, or a side has no marks that are asked for.
         InputError
             A mark is neither yes nor no.
         """
@@ -158,18 +156,17 @@ class Ignoring:
         return replace(truth, notices=(*truth.notices, *absent)), estimate
 
     def check_marks(self, attributes: Sequence[Container[str]], names: Sequence[str]) -> None:
-        """Whether some side has marks, if they are asked for.
+        """Whether a side has the marks that are asked for.
 
         Raises
         ------
         ConfigError
-            No file has any.
+            It has none.
         """
-        if MARKED in self.texts and not any(map(operator.contains, attributes, MARKS)):
-            raise ConfigError(
-                f"--ignore {MARKED}: {names[0]} has no column {IGNORED}, and {names[1]} no column "
-                f"{EXCUSED}"
-            )
+        for (rule, column), there, name in zip(MARKS.items(), attributes, names, strict=True):
+            if rule in self.texts and column not in there:
+                other = f"; for marks of estimates there is {OWN_MARKS}" * (rule == MARKED)
+                raise ConfigError(f"--ignore {rule}: {name} has no column {column}{other}")
 
     def spelt(self, named: Sequence[str]) -> tuple["Ignoring", list[str]]:
         """With classes as the truth writes them, which has these; what to say of absent ones.
@@ -201,9 +198,10 @@ class Ignoring:
             A mark is neither yes nor no.
         """
         rows = np.zeros(side.taken, bool)
-        if MARKED in self.texts:
+        rule, column = list(MARKS.items())[ROLES.index(role)]
+        if rule in self.texts:
             try:
-                rows |= marks_of(side.trajectories, MARKS[ROLES.index(role)])
+                rows |= marks_of(side.trajectories, column)
             except InputError as error:
                 raise InputError(f"{name}, {error}") from None
         for one in self.conditions if role == ROLES[0] else ():
@@ -251,7 +249,8 @@ def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
         if match is None or not all(values):
             raise ConfigError(
                 f"--ignore {quoted(text)}: must be COLUMN=VALUE[,VALUE], COLUMN<NUMBER, "
-                f"COLUMN>NUMBER, {MARKED}, {OUTSIDE} or {GAPS}, such as class=Van or occlusion>1"
+                f"COLUMN>NUMBER, {', '.join(WORDS[:-1])} or {GAPS}, such as class=Van "
+                "or occlusion>1"
             )
         if match[1] == CLASS and match[2] != "=":
             raise ConfigError(f"--ignore {quoted(text)}: classes are compared by =")

@@ -27,6 +27,7 @@ from tgospa_eval.problem.gospa import per_step_gospa
 from tgospa_eval.problem.readout import judged_rows
 from tgospa_eval.results.records import OtherMetrics
 from tgospa_eval.results.result import Proof
+from tgospa_eval.tracks.attributes import file_order
 
 THRESHOLD = 0.5
 """Similarity from which a pair matches, in CLEAR and Identity."""
@@ -204,11 +205,15 @@ def _metric(name: str) -> Any:
 
 
 class _Similarities:
-    """The matrix of each step, made when it is asked for: all of them together may be large."""
+    """The matrix of each step, made when it is asked for: all of them together may be large.
+
+    Its rows and columns are in the order of the files, which decides where sums are equal.
+    """
 
     def __init__(self, sides: Sides, distance: Distance, zero: float, effort: Effort) -> None:
         self.sides, self.zero = sides, zero
         self.starts = [starts_of_steps(side) for side in self.sides]
+        self.orders = [file_order(side.step, side.attributes) for side in self.sides]
         self.pairs = None
         if distance.name != IOU:
             self.pairs = prepared_pairs(self.sides, zero, distance, effort)
@@ -218,15 +223,19 @@ class _Similarities:
         return len(self.starts[0]) - 1
 
     def __getitem__(self, step: int) -> Floats:
-        rows, columns = (slice(start[step], start[step + 1]) for start in self.starts)
+        rows, columns = (
+            order[start[step] : start[step + 1]]
+            for order, start in zip(self.orders, self.starts, strict=True)
+        )
         if self.pairs is None:
             return overlaps(self.sides[0].state[rows], self.sides[1].state[columns])
         near = slice(self.first[step], self.first[step + 1])
-        matrix = np.zeros((rows.stop - rows.start, columns.stop - columns.start))
-        row = self.pairs.truth_row[near] - rows.start
-        column = self.pairs.estimate_row[near] - columns.start
+        matrix = np.zeros((len(rows), len(columns)))
+        begin = self.starts[0][step], self.starts[1][step]
+        row = self.pairs.truth_row[near] - begin[0]
+        column = self.pairs.estimate_row[near] - begin[1]
         matrix[row, column] = 1 - self.pairs.distance[near] / self.zero
-        return matrix
+        return matrix[np.ix_(rows - begin[0], columns - begin[1])]
 
 
 def _sequence(sides: Sides, distance: Distance, zero: float, effort: Effort) -> dict[str, object]:
@@ -236,11 +245,13 @@ def _sequence(sides: Sides, distance: Distance, zero: float, effort: Effort) -> 
         "num_timesteps": len(similarities),
         "similarity_scores": similarities,
     }
-    for name, side, start in zip(("gt", "tracker"), sides, similarities.starts, strict=True):
+    for name, side, start, order in zip(
+        ("gt", "tracker"), sides, similarities.starts, similarities.orders, strict=True
+    ):
         ids, track = np.unique(side.track, return_inverse=True)
         data |= {
             f"num_{name}_ids": len(ids),
             f"num_{name}_dets": len(track),
-            f"{name}_ids": np.split(track, start[1:-1]),
+            f"{name}_ids": np.split(track[order], start[1:-1]),
         }
     return data

@@ -34,7 +34,7 @@ from tgospa_eval.results.result import ComparedSides, Result
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
 from tgospa_eval.tracks.ignored import AWAY, NOT_JUDGED, marks_of
-from tgospa_eval.tracks.judged import Judged, digest, judge, whole
+from tgospa_eval.tracks.judged import Judged, digest, judge, unsigned_zeros, whole
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -412,16 +412,12 @@ def unjudged_of(aligned: Alignment, request: EvaluationRequest) -> tuple[Mask, M
     return found if any(mask.any() for mask in found) else None
 
 
-def digest_of_judged(request: EvaluationRequest, whole: str, judged: str = "") -> str:
-    """What a value is judged on, of the digests of the truth that counts and what is judged of it.
-
-    The latter is blank where all is.
-    """
+def digest_of_judged(request: EvaluationRequest, truth: str) -> str:
+    """What a value is judged on: the digest of the truth that counts, and that of the regions."""
     regions = None if request.ignoring is None else request.ignoring.regions
-    for further in (judged, "" if regions is None else regions.sha256):
-        if further:
-            whole = hashlib.sha256(f"{whole} {further}".encode()).hexdigest()
-    return whole
+    if regions is None:
+        return truth
+    return hashlib.sha256(f"{truth} {regions.sha256}".encode()).hexdigest()
 
 
 def _recorded(
@@ -437,10 +433,7 @@ def _recorded(
     unjudged = unjudged_of(aligned, request)
     if unjudged is not None and unjudged[0].any():
         counts = counts.chosen(np.flatnonzero(~unjudged[0]))
-        sha256 = digest_of_judged(request, sha256, digest(counts))
-    else:
-        sha256 = digest_of_judged(request, sha256)
-    judged = judge(sides.axis.horizon, counts, sha256)
+    judged = judge(sides.axis.horizon, counts, digest_of_judged(request, sha256))
     left_out = zip(aligned.left_out, sides.axis.left_out, strict=True)
     found = {
         role: input_record(file, sha256, {"grid": off_grid, "steps": off_steps})
@@ -514,5 +507,5 @@ def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:
     order = np.argsort(given.times, kind="stable")
     sha = hashlib.sha256(given.clock.encode())
     for array in (whole(given.times[order]), given.cost[order], given.switch[order]):
-        sha.update(np.ascontiguousarray(array).data)
+        sha.update(np.ascontiguousarray(unsigned_zeros(array)).data)
     return {"step_weights": sha.hexdigest()}

@@ -5,9 +5,9 @@ with those of the truth, one to one: the sum of their IoU is largest, and only p
 1/2 or more count. Estimates that are matched with a truth that is not judged are left out. KITTI
 leaves out others, too, that are small or in a region `DontCare`: where the shared area is more than
 half of the estimate's, by one region. Their rules, and the order of their steps, are those of
-TrackEval. VisDrone leaves out, on both sides, what has half of its area or more in ignored regions,
-all of a step together (dropObjects of its toolkit, but for the edge of the image, which no file
-has); so does UA-DETRAC.
+TrackEval; where sums are equal the order of the rows in the file decides, as there. VisDrone leaves
+out, on both sides, what has half of its area or more in ignored regions, all of a step together
+(dropObjects of its toolkit, but for the edge of the image, which no file has); so does UA-DETRAC.
 
 Instead of leaving them out by a matching that no metric knows, ``:ignore`` marks: truths that are
 not judged are ignored, estimates that are small or in a region are excused.
@@ -31,6 +31,7 @@ from tgospa_eval.formats.rows import AS_REGIONS
 from tgospa_eval.formats.text.table import IGNORED
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching, align
+from tgospa_eval.tracks.attributes import file_order
 from tgospa_eval.tracks.ignored import marked
 from tgospa_eval.tracks.regions import Regions
 
@@ -269,13 +270,17 @@ def _matched(truth: Reading, estimate: Reading, names: tuple[str, str]) -> Ints:
     sides = aligned.truth, aligned.estimate
     found = np.full(len(aligned.estimate.step), -1)
     starts = [starts_of_steps(side) for side in sides]
+    orders = [file_order(side.step, side.attributes) for side in sides]
     for step in range(len(sides[0].times)):
-        rows, columns = (slice(start[step], start[step + 1]) for start in starts)
+        rows, columns = (
+            order[start[step] : start[step + 1]]
+            for order, start in zip(orders, starts, strict=True)
+        )
         overlap = overlaps(sides[0].state[rows], sides[1].state[columns])
         overlap[overlap < LEAST_MATCH] = 0.0
         i, j = linear_sum_assignment(-overlap)
         some = overlap[i, j] > TRACKEVAL_EPS
-        found[columns][j[some]] = rows.start + i[some]
+        found[columns[j[some]]] = rows[i[some]]
     return found
 
 

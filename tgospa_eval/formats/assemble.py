@@ -15,7 +15,7 @@ from tgospa_eval.formats.options import ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import AS_REGIONS, Rows
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.attributes import Values
+from tgospa_eval.tracks.attributes import ROW, Values
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
 from tgospa_eval.tracks.regions import BOX, Regions, Shape
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
@@ -29,9 +29,9 @@ AIS_UNKNOWN = (91.0, 181.0)
 """Latitude and longitude that ships send while they do not know theirs (ITU-R M.1371)."""
 
 RULES_SAID = {
+    "time": "left out by --time",
     "blank": "with a blank or NaN position: absent at that step",
     "no place": "without a position (latitude 91, longitude 181, of AIS): absent at that step",
-    "time": "left out by --time",
     "class": "left out by --class",
     "region": "left out by --region",
     "invalid": "left out by --on-invalid drop",
@@ -60,6 +60,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         state = scaled(state, factors, rows.name)
     choice = _Choice(len(state))
     choice.warnings += rows.warnings
+    moments, step, labels = _grid(rows, options, choice)  # first: parts do not read other times
     for rule, (apart, sentence) in rows.apart.items():
         if rule not in options.kept:
             choice.keep(~apart, rule, sentence)
@@ -67,7 +68,6 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     choice.keep(filled, "blank")
     if roles.names[:2] == ("lat", "lon"):
         choice.keep((state[:, :2] != AIS_UNKNOWN).any(axis=1), "no place")
-    moments, step, labels = _grid(rows, options, choice)
     _keep_classes(rows, options, choice)
     track_ids, track = rows.ids
     key = step.astype(np.int64) * max(len(track_ids), 1) + track
@@ -108,7 +108,10 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         clock=rows.times.clock,
         labels=labels,
         covariance=covariance,
-        attributes=attributes_of(rows, taken) if roles.attributes else {},
+        attributes={
+            **(attributes_of(rows, taken) if roles.attributes else {}),
+            **({ROW: taken.astype(np.float64)} if options.numbered else {}),
+        },
         offered=roles.headers if options.attributes else (),
     )
     classes, klass = _classes(rows, taken, options, choice)

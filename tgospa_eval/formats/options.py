@@ -227,6 +227,8 @@ class ReadOptions:
         and what is wrong with the first.
     attributes : tuple of str
         Further columns to read, as far as the file has them: see `Trajectories.attributes`.
+    numbered : bool
+        The rows have the attribute `ROW`, their place in the file.
     conversion : Conversion
         From the stamps and states of the file to those that take part; `time` and `region` are in
         the units of these.
@@ -268,6 +270,7 @@ class ReadOptions:
     clouds: bool = False
     fault: Callable[[tuple[str, ...], Floats], tuple[Mask, str, str] | None] | None = None
     attributes: tuple[str, ...] = ()
+    numbered: bool = False
     conversion: Conversion = field(default_factory=Conversion)
     max_input: float | None = None
     shared: tuple[str, ...] = ()

@@ -206,7 +206,7 @@ def _marking(
     Raises
     ------
     ConfigError
-        No file has marks that are asked for.
+        A side has no marks that are asked for.
     """
     ignoring.check_marks([side.roles.attributes for side in sides], [side.path for side in sides])
     ignoring, absent = ignoring.spelt(sides[0].steps.classes)
@@ -274,10 +274,8 @@ def _result(
     )
     rule = "grid" if request.time_matching.steps is None else "steps"
     counts, columns = found.objects[0], sides[0].columns
-    judged = ""
-    if found.unjudged is not None and found.unjudged.ignored.any():
+    if found.unjudged is not None:
         counts = counts - found.unjudged.ignored
-        judged = digest_of_sums(columns, [block.judged for block in blocks])
     counting = digest_of_sums(columns, [block.counting for block in blocks])
     return PartitionedResult(
         proof=proof,
@@ -301,7 +299,7 @@ def _result(
         judged_on=judge(
             axis.horizon,
             grid.truth,
-            digest_of_judged(request, counting, judged),
+            digest_of_judged(request, counting),
             states=int(counts.sum()),
             at=int(np.count_nonzero(counts)),
         ),

@@ -76,8 +76,8 @@ class Scanned:
         As `Distance.last_place`; infinite without objects.
     at_cutoff : int
         As of `Problem`.
-    counting, judged : tuple of int
-        `row_sums` of the truth at the steps, and of what is judged of it.
+    counting : tuple of int
+        `row_sums` of the truth at the steps.
     folder : Path
         Where it was read from.
     """
@@ -93,7 +93,6 @@ class Scanned:
     blur: float
     at_cutoff: int
     counting: tuple[int, ...]
-    judged: tuple[int, ...]
     folder: Path
 
     @property
@@ -120,7 +119,6 @@ class Scanned:
                 blur=float(found["blur"]),
                 at_cutoff=int(found["at_cutoff"]),
                 counting=tuple(json.loads(str(found["counting"]))),
-                judged=tuple(json.loads(str(found["judged"]))),
             )
 
 
@@ -193,9 +191,6 @@ def _write_range(folder: Path, low: int, fitted: Fitted, request: EvaluationRequ
     entry["cost"], entry["marks"] = problem.powers(slice(None)), marks_of(problem, slice(None))
     pairs = _pairs(entry, len(aligned[1].ids))
     unjudged, is_empty = near.unjudged, not len(problem.truth_step) + len(problem.estimate_step)
-    counting = judged = row_sums(aligned[0].seen_as(kinds))
-    if unjudged is not None and unjudged[0].any():
-        judged = row_sums(aligned[0].seen_as(kinds).chosen(np.flatnonzero(~unjudged[0])))
     found: dict[str, object] = {
         "first": low,
         "near": len(pairs),
@@ -203,8 +198,7 @@ def _write_range(folder: Path, low: int, fitted: Fitted, request: EvaluationRequ
         "slack": problem.cost_slack,
         "blur": np.inf if is_empty else near.distance.last_place(near.sides),
         "at_cutoff": problem.at_cutoff,
-        "counting": json.dumps(counting),
-        "judged": json.dumps(judged),
+        "counting": json.dumps(row_sums(aligned[0].seen_as(kinds))),
     }
     masks: tuple[Mask | slice, Mask | slice] = unjudged or (slice(0), slice(0))
     for role, side, mask in zip(("truth", "estimate"), aligned, masks, strict=True):

@@ -37,6 +37,11 @@ FAMILY = RESULT_SCHEMA.rpartition("/")[0] + "/"
 MADE_BY = f"a saved result is the {RESULT_FILE} of -o, or what --format json prints"
 
 
+def of_metric(parameters: Mapping[str, object]) -> dict[str, object]:
+    """Those that change the number."""
+    return {n: value for n, value in parameters.items() if n not in (*ACCURACY, *NEUTRAL)}
+
+
 def unlike(
     own: Mapping[str, object], other: Mapping[str, object]
 ) -> Iterator[tuple[str, str, str]]:
@@ -46,7 +51,7 @@ def unlike(
         there = name in parameters
         return json.dumps(parameters[name], ensure_ascii=False) if there else "not set"
 
-    for name in sorted({*own, *other} - {*ACCURACY, *NEUTRAL}):
+    for name in sorted(of_metric({**own, **other})):
         if own.get(name) != other.get(name):
             yield name, shown(own, name), shown(other, name)
 

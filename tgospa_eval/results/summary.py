@@ -59,6 +59,9 @@ if TYPE_CHECKING:
 
 RESULT_SCHEMA = "tgospa-eval/result/1"
 
+OPEN = 0.99
+"""Relative gap from which a bracket says hardly more than its upper bound."""
+
 BRACKET = ("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified")
 LOGGED = (*BRACKET, *PARTS)
 """What every result has one number of."""
@@ -617,6 +620,8 @@ class Summary(ABC):
             # No more than 12 digits: the last ones are rounding and differ between machines.
             digits = math.floor(-math.log10(max(self.relative_gap, 1e-12)) + 1e-9)
             return f"exact: proven lower and upper bound agree to {digits} digits"
+        if self.relative_gap > OPEN:
+            return "proven; the total may be nearly 0"
         return f"proven (the totals differ by {number(100 * self.relative_gap, 2)}%)"
 
     @property

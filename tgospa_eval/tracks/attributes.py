@@ -17,6 +17,17 @@ Attributes: TypeAlias = Mapping[str, Values]
 """Values (R,) of each row, by name."""
 
 
+ROW = "\0row"
+"""The attribute with the number of the row of the file, as readers have it if it is asked for."""
+
+
+def file_order(step: Ints, attributes: Attributes) -> Ints:
+    """Rows (R,) step by step as their file has them; as they are if that is not known."""
+    if ROW not in attributes:
+        return np.arange(len(step))
+    return np.lexsort((attributes[ROW], step))
+
+
 def checked(attributes: Attributes, rows: int) -> dict[str, Values]:
     """Arrays of so many rows that cannot be written to: numbers as doubles, all else as texts.
 

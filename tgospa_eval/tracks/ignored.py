@@ -1,23 +1,27 @@
 """States that are not judged: marks on the rows of truth and estimate."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from tgospa_eval.common.arrays import Mask
-from tgospa_eval.errors import InputError
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
 IGNORED, EXCUSED = "ignored", "excused"
 """Columns of truth and estimate that say what is not judged."""
 
-NOT_JUDGED = "not judged"
-"""The attribute of what is not judged, whatever says so: of truths ignored, of estimates excused.
-"""
+MARKED, OWN_MARKS = "marked", "marked-estimates"
+MARKS: Mapping[str, str] = {MARKED: IGNORED, OWN_MARKS: EXCUSED}
+"""Of truth and estimate the rule of ``--ignore`` that asks for its marks, and their column."""
 
-AWAY = "time to the nearer state"
+NOT_JUDGED = "\0not judged"
+"""The attribute of what is not judged, whatever says so: of truths ignored, of estimates excused.
+No column of a file has such a name."""
+
+AWAY = "\0time to the nearer state"
 """The attribute of states in gaps, in seconds or the unit of the stamps; 0 of others."""
 
 
@@ -60,3 +64,19 @@ def marked(side: Trajectories, rows: Mask) -> Trajectories:
         return side
     marks = (marks_of(side, NOT_JUDGED) | rows).astype(np.float64)
     return replace(side, attributes={**side.attributes, NOT_JUDGED: marks})
+
+
+def refuse_own_marks(rules: Iterable[object], verb: str) -> None:
+    """Refuse marks of estimates where these are judged against others.
+
+    Raises
+    ------
+    ConfigError
+        They are among the rules.
+    """
+    if OWN_MARKS in rules:
+        raise ConfigError(
+            f"--ignore {OWN_MARKS}: {verb} does not take marks of estimates, for a tracker would "
+            f"say itself what it is not judged by; mark the truth (--ignore {MARKED}) or give "
+            "--ignore-regions"
+        )

@@ -7,7 +7,7 @@ declared; never by stamps of an estimate. Two values are comparable where both d
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,10 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.tracks.existence import existence_of
+from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
+
+Number = TypeVar("Number", bound=np.ndarray[Any, Any])
 
 JUDGED_FIELDS = {
     "steps": int,
@@ -186,9 +189,14 @@ def digest_of_times(ticks: TimeArray, clock: str) -> str:
 
 
 def digest(side: Trajectories, *, existence: bool = False) -> str:
-    """Digest of what takes part: columns, ids, times, states, covariances or particles.
+    """Digest of a side: everything in it that changes the number, and nothing else.
 
-    `existence`: whether probabilities of existence do, too.
+    It is of the names of the columns, and of each row: id, time, state, covariance or particles
+    with their weights, the mark of what is not judged, and with `existence` the probability. A side
+    that a distance sees as points is digested as points. Not in it: labels, other attributes, the
+    order of the ids, and tracks and times without rows. Rows that are not marked have the digest
+    that they have without marks. The clock is in the digest of the steps; regions, weights of steps
+    and all options are in the parameters.
     """
     clouds = side.clouds
     arrays = () if clouds is None else (clouds.first, clouds.points, clouds.weights)
@@ -206,13 +214,29 @@ def row_sums(side: Trajectories, *, existence: bool = False) -> tuple[int, ...]:
     They tell data apart that differ by accident; somebody who looks for other data with the same
     sums may find some. SHA-256 of each row by itself would take as long as an evaluation.
     """
+    marks = marks_of(side, NOT_JUDGED)
+    if not marks.any():
+        return _row_sums(side, existence=existence)
+    judged, others = (side.chosen(np.flatnonzero(marks == kind)) for kind in (False, True))
+    return _added(
+        [
+            _row_sums(judged, existence=existence),
+            _row_sums(others, existence=existence, marked=True),
+        ]
+    )
+
+
+def _row_sums(side: Trajectories, *, existence: bool, marked: bool = False) -> tuple[int, ...]:
+    """The same of rows that are all marked, or none."""
     names = b"".join([_hash_of(name) for name in side.ids.tolist()])
     ids = np.frombuffer(names, "<u8").reshape(-1, len(LANES))
     moments = _bits(side.times)
     tables = [side.state] if side.covariance is None else [side.state, side.covariance]
     if existence:
         tables.append(existence_of(side)[:, None])
-    numbers = [table.view(np.uint64) for table in tables]
+    if marked:
+        tables.append(np.ones((len(side.step), 1)))
+    numbers = [unsigned_zeros(table).view(np.uint64) for table in tables]
     if kernels is not None and side.step.dtype == side.track.dtype == np.int32:
         sums = kernels.hash_rows(moments, ids, side.step, side.track, numbers, LANES)
         return len(side.step), *sums
@@ -249,11 +273,20 @@ def digest_of_sums(
     arrays : tuple of arrays
         What else it has.
     """
-    totals = [sum(each) % MODULUS for each in zip(NO_SUMS, *parts, strict=True)]
-    sha = hashlib.sha256(repr((list(columns), totals)).encode())
+    sha = hashlib.sha256(repr((list(columns), list(_added(parts)))).encode())
     for array in arrays:
         _add(sha, array)
     return sha.hexdigest()
+
+
+def _added(parts: Iterable[Sequence[int]]) -> tuple[int, ...]:
+    """The `row_sums` of all parts together."""
+    return tuple(sum(each) % MODULUS for each in zip(NO_SUMS, *parts, strict=True))
+
+
+def unsigned_zeros(numbers: Number) -> Number:
+    """The same numbers, with 0.0 for -0.0, which is the same number in other bits."""
+    return numbers + 0  # type: ignore[return-value]
 
 
 def _bits(times: TimeArray) -> NDArray[np.uint64]:
@@ -276,4 +309,4 @@ def whole(times: TimeArray) -> TimeArray:
 def _add(sha: Any, array: np.ndarray[Any, Any]) -> None:
     kind = "<i8" if array.dtype.kind == "i" else "<f8"
     sha.update(kind.encode())
-    sha.update(np.ascontiguousarray(array, dtype=kind).data)
+    sha.update(np.ascontiguousarray(unsigned_zeros(array), dtype=kind).data)

@@ -10,7 +10,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
-from tgospa_eval.tracks.judged import whole
+from tgospa_eval.tracks.judged import unsigned_zeros, whole
 from tgospa_eval.tracks.trajectories import PLACES
 
 BOX, CIRCLE, CAP, POLYGON, GEOJSON = "box", "circle", "cap", "polygon", "geojson"
@@ -102,7 +102,7 @@ class Regions:
         """A digest of where and when they are."""
         sha = hashlib.sha256(self.clock.encode())
         for shape in self.shapes:
-            rings = [ring.tolist() for ring in shape.rings]
+            rings = [unsigned_zeros(ring).tolist() for ring in shape.rings]
             time = None if shape.moment is None else whole(np.array([shape.moment])).tolist()
             sha.update(f"{shape.kind} {time} {rings}".encode())
         return sha.hexdigest()

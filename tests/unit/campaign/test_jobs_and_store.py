@@ -172,7 +172,7 @@ def test_costs_are_added_and_roots_are_not() -> None:
         "switch_penalty": 1.0, "localisation": 0.0, "missed": 0.0, "false": 0.0, "switch": 0.0,
         "counts.missed": 0.0, "counts.false": 0.0, "counts.switch": 0.0, "judged.steps": 10,
         "truth": "t", "options": "{}", "finished": 1, "judged.steps_sha256": "h",
-        "judged.truth_sha256": "d",
+        "judged.truth_sha256": "d", "parameters": "{}",
     }  # fmt: skip
     rows = pd.DataFrame(
         [

@@ -30,7 +30,7 @@ COLUMNS = {
     "switch_penalty": 1.0, "localisation": 1.0, "missed": 0.0, "false": 0.0, "switch": 0.0,
     "counts.missed": 0.0, "counts.false": 0.0, "counts.switch": 0.0, "judged.steps": 10.0,
     "judged.steps_sha256": "s", "judged.truth_sha256": "t", "judged.truth_states": 5,
-    "judged.truth_steps": 5,
+    "judged.truth_steps": 5, "parameters": "{}",
     "options": "{}", "finished": 1,
 }  # fmt: skip
 

@@ -179,6 +179,30 @@ def test_singular_covariances_of_any_rank(d: int) -> None:
         assert found == pytest.approx(expected, rel=1e-11)
 
 
+@given(seed=SEEDS, d=st.integers(1, 6), periodic=st.booleans())
+def test_the_distance_is_the_same_both_ways_to_the_bit(seed: int, d: int, periodic: bool) -> None:
+    rng = np.random.default_rng(seed)
+    count = 40
+    means = rng.normal(size=(2, count, d)) * 10.0 ** rng.integers(-3, 4)
+    laws = np.array(
+        [
+            [covariance(rng, d, int(rng.integers(0, d + 1)), 1e6) for _ in range(count)]
+            for _ in range(2)
+        ]
+    )
+    some = rng.random(count) < 0.2
+    laws[1][some] = laws[0][some]  # of equal ones as well
+    period = 7.0 if periodic else None
+    one = gaussian_wasserstein(means[0], laws[0], means[1], laws[1], period=period)
+    other = gaussian_wasserstein(means[1], laws[1], means[0], laws[0], period=period)
+    np.testing.assert_array_equal(one, other)
+    alone = [
+        gaussian_wasserstein(means[1][k], laws[1][k], means[0][k], laws[0][k], period=period)
+        for k in range(3)
+    ]
+    np.testing.assert_array_equal(one[:3], alone)  # whatever is beside it
+
+
 def test_equal_laws_are_at_distance_0() -> None:
     rng = np.random.default_rng(1)
     for d in (1, 2, 3, 5):

@@ -324,6 +324,39 @@ def test_boxes_at_a_threshold_match_as_in_trackeval(
             assert found[name][field] == pytest.approx(value, rel=1e-14, abs=0), (name, field)
 
 
+def with_ties(rng: np.random.Generator, steps: int) -> tuple[str, str]:
+    """Boxes of one size on a coarse grid, so that sums are equal, in rows of no order."""
+    texts = []
+    for end in ("{flag},{kind},1", "1,-1,-1,-1"):
+        rows = []
+        for step in range(1, steps + 1):
+            for name in rng.permutation(12)[: rng.integers(1, 6)]:
+                x, y = 5 * rng.integers(0, 3, 2)
+                flag, kind = int(rng.random() < 0.8), rng.choice([1, 1, 8, 12, 7])
+                own = end.format(flag=flag, kind=kind)
+                rows.append(f"{step},{name},{x},{y},20,20,{own}\n")
+        rng.shuffle(rows)
+        texts.append("".join(rows))
+    return texts[0], texts[1]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_ties_are_broken_by_the_order_of_the_rows_as_in_trackeval(
+    invoke: Invoke, tmp_path: Path, write: Write, seed: int
+) -> None:
+    steps = 6
+    texts = with_ties(np.random.default_rng(seed), steps)
+    expected = by_trackeval(tmp_path, *texts, steps)
+    answer = invoke(write("gt.txt", texts[0]), write("out.txt", texts[1]), "--distance", "iou",
+                    "--preprocess", "motchallenge", "--with", "hota,clear,identity",
+                    "--format", "json")  # fmt: skip
+    found = json.loads(answer.out)["with"]
+    for name, fields in METRIC_FIELDS.items():
+        for field in fields:
+            value = np.mean(expected[name][field])
+            assert found[name][field] == pytest.approx(value, rel=1e-14, abs=0), (name, field)
+
+
 def test_boxes_at_the_ends_of_the_numbers(write: Write, invoke: Invoke) -> None:
     head = "id,t,left,top,width,height\n"
     truth = write("t.csv", f"{head}1,1,-1.7e308,0,1e150,1e150\n1,2,0,0,1e150,1e150\n")

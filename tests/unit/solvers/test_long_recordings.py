@@ -177,3 +177,21 @@ def test_extremes_raise_no_warning(
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             result = evaluate(truth, estimate, cutoff, order, penalty, solver=solver)
         assert result.proof.bounds.lower <= result.proof.bounds.upper
+
+
+@compiled_only
+def test_a_bracket_that_is_open_up_to_a_gap_of_one_says_so() -> None:
+    """Errors of 1e-5, a cutoff of 100: the total is nearly 0, and a stopped run knows no more."""
+    rng = np.random.default_rng(0)
+    truth = rng.uniform(0, 3, (40, 8, 2))
+    estimate = np.stack([states[rng.permutation(8)] for states in truth])
+    estimate += rng.normal(0, 1e-5, truth.shape)
+    exact = evaluate(truth, estimate, 100.0, 2, 1e-5)
+    stopped = evaluate(truth, estimate, 100.0, 2, 1e-5, solver="sinkhorn", time_limit=1e-9)
+    assert exact.total < 1e-6
+    assert stopped.lower_bound <= exact.upper_bound
+    assert stopped.relative_gap == pytest.approx(1)
+    assert not stopped.certified
+    assert stopped.proven == "proven; the total may be nearly 0"
+    assert stopped.claim.startswith("TGOSPA is between ")
+    assert stopped.proven in stopped.to_html()
