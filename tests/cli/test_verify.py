@@ -2,9 +2,11 @@
 
 import hashlib
 import json
+import os
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -18,7 +20,9 @@ from checkout import SAMPLES
 from tgospa_eval import evaluate, verify
 from tgospa_eval.api.options import OF_THE_NUMBER
 from tgospa_eval.distances import DISTANCES
+from tgospa_eval.errors import SolverError
 from tgospa_eval.proof import verify_tgospa
+from tgospa_eval.proof import write as write_module
 
 Invoke = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
@@ -140,7 +144,7 @@ def test_parameters_and_distances_that_do_not_follow_from_the_files(
     proof["sha256"]["distances.csv"] = hashlib.sha256(table.read_bytes()).hexdigest()
     path.write_text(json.dumps(proof), encoding="utf-8")
     assert invoke("verify", "r").status == 0
-    answer = invoke("verify", "r", *files)
+    answer = invoke("verify", "r", *files, "--covariance", "c.csv")
     assert answer.status == 1
     assert message in answer.err
 
@@ -207,6 +211,69 @@ def test_a_class_without_its_proof_is_missed(invoke: Invoke, write: Write) -> No
     answer = invoke("verify", "r")
     assert answer.status == 1
     assert "r: there is no proof of the class 'bus'" in answer.err
+
+
+def test_scenes_in_which_nothing_of_a_side_is_judged(invoke: Invoke, write: Write) -> None:
+    write("t.csv", "id,t,x,ignored\n2,0,0,1\n2,1,0,1\n1,2,0,1\n2,2,2,1\n")
+    write("e.csv", "id,t,x\n3,0,1\n0,1,1\n2,2,2\n")
+    write("u.csv", "id,t,x,excused\n3,0,1,1\n0,1,1,1\n2,2,2,1\n")
+    metric = ("-c", "10", "-p", "3", "-g", "0.1", "--ignore", "marked", "--columns", "x")
+    for truth, estimate, rho, ignored, excused in (
+        ("t.csv", "e.csv", "0.5", 4, 0),
+        ("t.csv", "e.csv", "0.2", 4, 0),
+        ("e.csv", "u.csv", "0.3", 0, 3),
+        ("t.csv", "u.csv", "0.9", 4, 3),
+    ):
+        answer = invoke(truth, estimate, *metric, "--rho", rho, "-o", "r", "--proof", "-q")
+        assert answer.status == 0, answer.err
+        answer = invoke("verify", "r", truth, estimate)
+        assert answer.status == 0, answer.err
+        many = 4 if truth == "t.csv" else 3
+        what = f"not judged: {ignored} of {many} truth states, {excused} of 3 estimate states; "
+        assert what in answer.out
+
+
+def test_a_folder_that_does_not_prove_its_claim_is_not_written(
+    invoke: Invoke, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(write_module, "estimate_prices", lambda *_: Counter({(0, 0): 1 << 99}))
+    answer = invoke(*QUICK, "-o", "r", "--proof", "-q")
+    assert answer.status == 4
+    assert "the proof folder does not prove the bounds of this result, the claim" in answer.err
+    assert "is not proven, only" in answer.err
+    assert not Path("r").exists()
+    with pytest.raises(SolverError, match="is not proven, only"):
+        evaluate(*QUICK).proof.save("p")
+    assert not Path("p").exists()
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("judged", "steps"), 61),
+        (("judged", "truth_states"), 1),
+        (("judged", "truth_sha256"), "0" * 64),
+        (("judged", "first"), "1"),
+        (("inputs", "truth", "sha256"), "0" * 64),
+        (("inputs", "estimate", "sha256"), "0" * 64),
+    ],
+)
+def test_what_a_proof_says_of_the_files_is_checked(
+    invoke: Invoke, path: tuple[str, ...], value: object
+) -> None:
+    assert invoke(*QUICK, "-o", "r", "--proof", "-q").status == 0
+    file = Path("r/proof/proof.json")
+    document = json.loads(file.read_text(encoding="utf-8"))
+    place = document
+    for name in path[:-1]:
+        place = place[name]
+    right, place[path[-1]] = place[path[-1]], value
+    file.write_text(json.dumps(document), encoding="utf-8")
+    assert invoke("verify", "r").status == 0  # no part of what is proven
+    answer = invoke("verify", "r", *QUICK)
+    assert answer.status == 1
+    assert f"is {value!r}, must be {right!r} by" in answer.err
+    assert answer.err.startswith(f"r/proof: {path[0]}, ")
 
 
 # --- what a verdict says, of folders that somebody else wrote -------------------------------------
@@ -311,7 +378,8 @@ def test_a_verdict_names_how_the_files_were_read(invoke: Invoke, write: Write, n
     option = f"--{name.strip('_').replace('_', '-')}"
     answer = invoke(*files, option, *values, "-o", "r", "--proof", "-q")
     assert answer.status == 0, answer.err
-    answer = invoke("verify", "r", *files)
+    mine = ("--ignore-regions", "r.csv") if name == "ignore_regions" else ()
+    answer = invoke("verify", "r", *files, *mine)
     assert answer.status == 0, answer.err
     assert f", {option} " in answer.out.partition("; the tables follow from the files")[2]
 
@@ -473,6 +541,123 @@ def test_files_are_utf_8(
     status, text = both(invoke, plain, capsys)
     assert status == 3
     assert message in text
+
+
+SECRET = "API_KEY=abc123"
+
+
+@pytest.mark.parametrize(
+    ("options", "mine", "status", "message"),
+    [
+        ({"ignore_regions": "secret"}, (), 3, "'secret', which is not opened for that alone; name"),
+        ({"ignore_regions": "pipe"}, (), 3, "name yours, with --ignore-regions FILE"),
+        ({"region": "secret"}, (), 3, "proof.json, options, region: names a file, 'secret'"),
+        ({"distance": "mahalanobis", "covariance": "secret"}, (), 3, "name yours, with --cov"),
+        ({"inner_cov": "secret"}, (), 3, "name yours, with --inner-cov FILE"),
+        ({"step_weights": "secret"}, (), 3, "proof.json, options, step_weights: names a file"),
+        ({"ignore_regions": 3}, (), 3, "names a file, 3"),
+        ({"ignore_regions": "secret"}, ("--ignore-regions", "r.csv"), 1, "parameter masked"),
+        ({"region": "x=0:9"}, ("--region", "r.csv"), 2, "--region: the proof was written without"),
+        ({}, ("--covariance", "r.csv"), 2, "--covariance: the proof was written without"),
+        ({"cutoff": -1}, (), 3, "p: proof.json, options: cutoff is -1"),
+        ({"cutoff": "x"}, (), 3, "p: proof.json, options: cutoff is 'x': must be a number"),
+        ({"time": [["a"]]}, (), 3, "p: proof.json, options: time is"),
+    ],
+)
+def test_no_file_is_opened_that_only_a_proof_names(
+    invoke: Invoke,
+    plain: str,
+    write: Write,
+    options: dict[str, Any],
+    mine: tuple[str, ...],
+    status: int,
+    message: str,
+) -> None:
+    write("secret", f"{SECRET}\n{SECRET}\n")
+    write("r.csv", "left,top,width,height\n3,1,1,1\n" if status == 1 else "x,y,radius\n3,1,1\n")
+    os.mkfifo("pipe")
+    files = write("t.csv", "id,t,x,y\na,0,0,0\n"), write("e.csv", "id,t,x,y\nb,0,3.5,1.5\n")
+    evaluate(*files, 10, 2, 2).proof.save(plain)
+    rewritten(plain, {"options": {"cutoff": 10.0} | options})
+    answer = invoke("verify", plain, *files, *mine)
+    assert answer.status == status, answer.err
+    assert message in answer.err
+    assert SECRET not in answer.err
+    assert answer.out == ""
+
+
+def test_files_of_options_are_those_of_the_command_line(invoke: Invoke, write: Write) -> None:
+    """Also those that were named otherwise when the proof was written."""
+    write("r.csv", "x,y,radius\n90,90,40\n")
+    for option in ("--region", "--ignore-regions"):
+        assert invoke(*QUICK, option, "r.csv", "-o", "r", "--proof", "-q").status == 0
+        write("mine.csv", "x,y,radius\n90,90,40\n")
+        answer = invoke("verify", "r", *QUICK, option, "mine.csv")
+        assert answer.status == 0, answer.err
+        assert f"{option} 'mine.csv'" in answer.out
+        write("mine.csv", "x,y,radius\n90,90,20\n")
+        assert invoke("verify", "r", *QUICK, option, "mine.csv").status == 1
+    answer = invoke("verify", "r", "--ignore-regions", "r.csv")
+    assert answer.status == 2
+    assert "--ignore-regions is for TRUTH and ESTIMATE: name both" in answer.err
+
+
+@pytest.mark.parametrize("name", ["proof.json", "truth.csv"])
+def test_files_of_a_folder_are_its_own(
+    invoke: Invoke, plain: str, write: Write, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    write("secret", f"{SECRET}\n")
+    path = Path(plain, name)
+    good = path.read_bytes()
+    for make, message in (
+        (lambda: path.symlink_to("../secret"), f"{name} is a link out of the folder"),
+        (lambda: path.symlink_to(path.name), f"{name} is missing, or no file"),
+        (lambda: os.mkfifo(path), f"{name} is missing, or no file"),
+        (lambda: path.symlink_to("/dev/zero"), f"{name} is missing, or no file"),
+        (path.mkdir, f"{name} is missing, or no file"),
+        (lambda: sparse(path), f"{name} is too large"),
+    ):
+        path.unlink()
+        make()
+        if message.startswith("proof.json is missing"):
+            assert verify_tgospa.main([plain]) == invoke("verify", plain).status == 3
+            capsys.readouterr()
+        else:
+            status, text = both(invoke, plain, capsys)
+            assert status == 3
+            assert message in text
+            assert SECRET not in text
+        if path.is_dir():
+            path.rmdir()
+            path.touch()
+    path.unlink()
+    path.write_bytes(good)
+    Path("alias").symlink_to(plain)  # the folder that is named may be one
+    assert both(invoke, "alias", capsys)[0] == 0
+
+
+def sparse(path: Path) -> None:
+    """A file that takes no room on the disk, and more memory than there is."""
+    with path.open("wb") as file:
+        file.truncate(1 << 40)
+
+
+def test_folders_of_a_result_are_its_own(invoke: Invoke, plain: str) -> None:
+    Path("r").mkdir()
+    Path("r/proof").symlink_to(f"../{plain}")
+    answer = invoke("verify", "r")
+    assert answer.status == 3
+    assert "r/proof: is a link out of r; name the folder it leads to" in answer.err
+
+
+def test_no_option_of_a_proof_ends_in_a_traceback(invoke: Invoke, plain: str, write: Write) -> None:
+    random = Random(2)
+    files = "t.csv", "e.csv"
+    values = [None, True, -1, 2**70, 1.5, 1e300, "", "x", "1_0", "nan", "1e-9", [], {}, [[]], ["a"]]
+    for name in verify_tgospa.RECORDED.split():
+        value = random.choice(values)
+        rewritten(plain, {"options": {"cutoff": 10.0, name: value}})
+        assert invoke("verify", plain, *files).status in (0, 1, 3)
 
 
 def crowd(states: int) -> dict[str, bytes]:

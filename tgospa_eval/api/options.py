@@ -640,6 +640,15 @@ def is_coverage(region: str | None) -> bool:
     return region is not None and (region.startswith("circle=") or "=" not in region)
 
 
+def names_file(name: str, value: object) -> bool:
+    """Whether a value of an option is the name of a file."""
+    if name == "inner_cov":
+        return value not in ("global", "pair")
+    if name == "region":
+        return is_coverage(str(value)) and not str(value).startswith("circle=")
+    return name in SETTINGS and SETTINGS[name].kind == "path"
+
+
 SETTINGS: dict[str, Setting] = {
     field.name: field.metadata["setting"] for field in dataclasses.fields(Request) if field.metadata
 }

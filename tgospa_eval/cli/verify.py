@@ -1,14 +1,14 @@
 """``tgospa-eval verify FOLDER [TRUTH ESTIMATE]``: check a proof folder in exact integers."""
 
 import inspect
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from tgospa_eval.api.options import SETTINGS, names_file
 from tgospa_eval.cli.shared.command import PATH, Option, Verb
-from tgospa_eval.errors import ExitStatus, InputError
+from tgospa_eval.errors import ConfigError, ExitStatus, InputError
 
 if TYPE_CHECKING:
     from tgospa_eval.common.progress import Stopwatch
@@ -26,16 +26,29 @@ NOT_OF_THE_TABLES = (
 distance. All others that a proof records say what was read, and how: a verdict names them."""
 
 
+NAMED = ("ignore_regions", "region", "covariance", "inner_cov")
+"""Options of proofs that may name a file, which is read if the command line names it too."""
+
+
 @click.command(
     "verify",
     cls=Verb,
     params=[
+        *(
+            Option(
+                f"--{SETTINGS[name].key} FILE",
+                f"With the original files: the one that --{SETTINGS[name].key} named.",
+                section="Files",
+                type=PATH,
+            )
+            for name in NAMED
+        ),
         Option(
             "--script",
             "Print the program that checks, one file that needs Python alone: to read, and to "
             "archive with a paper.",
             section="Output",
-        )
+        ),
     ],
 )
 @click.argument("folder", type=PATH, required=False)
@@ -50,13 +63,15 @@ def command(
     estimate: str | None,
     *,
     script: bool,
+    **named: str | None,
 ) -> None:
     """Check the proof in FOLDER, which evaluate --proof has written.
 
     From the tables, the assignment and the prices in it both bounds are computed
     again, in exact integers, by a program of one file that shares nothing with the
     solver. With the original files TRUTH and ESTIMATE it is also checked that the
-    tables follow from them.
+    tables follow from them, and the digests of what was compared. No file is
+    opened that only the proof names.
 
     \b
     Examples:
@@ -75,6 +90,9 @@ def command(
         )
     if (truth is None) != (estimate is None):
         raise click.UsageError("name both files, TRUTH and ESTIMATE, or none")
+    given = {name: path for name, path in named.items() if path is not None}
+    if given and truth is None:
+        raise click.UsageError(f"--{SETTINGS[min(given)].key} is for TRUTH and ESTIMATE: name both")
     from tgospa_eval.common.progress import Stopwatch
     from tgospa_eval.proof import verify_tgospa
     from tgospa_eval.proof.check import check, check_folders
@@ -91,7 +109,8 @@ def command(
         def follows() -> str:
             if files is None:
                 return ""
-            return f"; the tables follow from the files{_check_tables(path, files, stopwatch)}"
+            how = _check_tables(path, files, given, stopwatch)
+            return f"; the tables follow from the files{how}"
 
         return run(lambda: check(path, proof, follows), stopwatch, show=True)
 
@@ -101,74 +120,122 @@ def command(
     ctx.exit(ExitStatus.DONE if found.holds else ExitStatus.NOT_PROVEN)
 
 
-def _check_tables(folder: str, files: Files, stopwatch: "Stopwatch") -> str:
-    """Whether tables and parameters follow from the files and the options that the proof records.
+def _check_tables(
+    folder: str, files: Files, given: Mapping[str, str], stopwatch: "Stopwatch"
+) -> str:
+    """Whether all of a proof follows from the files and the options that it records.
 
     Returns how the files were read, in words; nothing if as they are.
 
     Raises
     ------
     Wrong
-        They do not.
+        Tables, parameters, digests, or what it says to be judged on, do not.
     """
     from tgospa_eval.proof import verify_tgospa
     from tgospa_eval.proof.write import check_provable, difference, proof_parameters, proof_tables
 
-    proof = verify_tgospa.Folder(folder).proof()
+    there = verify_tgospa.Folder(folder)
+    proof = there.proof()
     if "options" not in proof:
         raise InputError(
             f"{folder}: does not say how the files were read, as it was saved from Python; name no "
             "files, or write it with --proof"
         )
-    prepared = _prepared(files, proof, stopwatch)
-    compared, parameters = prepared.compared, prepared.parameters
-    check_provable(compared, parameters)
-    options, proven = (
-        proof_parameters(compared, parameters, prepared.states.problem),
-        proof["parameters"],
-    )
-    for name in sorted({*options, *proven}):
-        if proven.get(name) != options.get(name):
-            raise verify_tgospa.Wrong(
-                f"the parameter {name} is {proven.get(name)!r}, must be {options.get(name)!r} by "
-                "the recorded options"
-            )
-    made = proof_tables(compared, prepared.states.problem, parameters)
-    for name, text in made.items():
-        there = Path(folder, name).read_bytes().decode()
-        problem = difference(name, there, text, parameters.cutoff)
-        if problem:
+    options = _options(folder, proof["options"], given)
+    try:
+        prepared = _prepared(files, proof, options, stopwatch)
+        compared, parameters = prepared.compared, prepared.parameters
+        check_provable(compared, parameters)
+    except ConfigError as error:  # an option of the proof, not of this command
+        raise InputError(f"{folder}: proof.json, options: {error}") from None
+    problem = prepared.states.problem
+    for name, proven, must in _differing(
+        proof["parameters"], proof_parameters(compared, parameters, problem)
+    ):
+        raise verify_tgospa.Wrong(
+            f"the parameter {name} is {proven!r}, must be {must!r} by the recorded options"
+        )
+    for name, text in proof_tables(compared, problem, parameters).items():
+        apart = difference(name, there.text(name), text, parameters.cutoff)
+        if apart:
             raise verify_tgospa.Wrong(
                 f"{name} does not follow from {files[0]} and {files[1]} with the recorded "
-                f"options: {problem}"
+                f"options: {apart}"
+            )
+    inputs, judged = prepared.recorded()
+    digests = {side: record["sha256"] for side, record in inputs.items()}
+    recorded = {side: record["sha256"] for side, record in proof.get("inputs", {}).items()}
+    for part, claimed, found in (
+        ("judged", proof.get("judged"), judged.record()),
+        ("inputs, sha256", recorded or None, digests),
+    ):
+        for name, proven, must in () if claimed is None else _differing(claimed, found):
+            raise verify_tgospa.Wrong(
+                f"{part}, {name}: is {proven!r}, must be {must!r} by {files[0]} and {files[1]}"
             )
     known = {*NOT_OF_THE_TABLES, *" ".join(verify_tgospa.EXTRAS.values()).split()}
     chosen = [
         f"--{name.strip('_').replace('_', '-')} {value!r}"
-        for name, value in proof["options"].items()
+        for name, value in options.items()
         if name not in known
     ]
     only = [f"class {proof['class']!r}"] if "class" in proof else []
     return "".join(f", {part}" for part in (*only, *chosen))
 
 
-def _prepared(files: Files, proof: Mapping[str, Any], stopwatch: "Stopwatch") -> "Prepared":
+def _differing(
+    proven: Mapping[str, object], must: Mapping[str, object]
+) -> Iterator[tuple[str, object, object]]:
+    """Fields of which the values are not the same, by name, with both."""
+    for name in sorted({*proven, *must}):
+        if proven.get(name) != must.get(name):
+            yield name, proven.get(name), must.get(name)
+
+
+def _options(folder: str, recorded: Mapping[str, Any], given: Mapping[str, str]) -> dict[str, Any]:
+    """The options of a proof, with the files that the command line names in place of its own.
+
+    Raises
+    ------
+    InputError
+        It names another file: what is in that is not for a message.
+    UsageError
+        It has no such option.
+    """
+    options = dict(recorded)
+    for name, value in recorded.items():
+        if names_file(name, value) and name not in given:
+            yours = f"; name yours, with --{SETTINGS[name].key} FILE" if name in NAMED else ""
+            raise InputError(
+                f"{folder}: proof.json, options, {name}: names a file, {value!r:.80}, which is not "
+                f"opened for that alone{yours}"
+            )
+    for name, path in given.items():
+        if name not in recorded or not names_file(name, recorded[name]):
+            raise click.UsageError(f"--{SETTINGS[name].key}: the proof was written without")
+        options[name] = path
+    return options
+
+
+def _prepared(
+    files: Files, proof: Mapping[str, Any], options: Mapping[str, Any], stopwatch: "Stopwatch"
+) -> "Prepared":
     """What an evaluation of these files would solve."""
     from dataclasses import replace
 
-    from tgospa_eval.api.options import Request
+    from tgospa_eval.api.keywords import requested
     from tgospa_eval.api.resolve import make_settings
     from tgospa_eval.evaluation.prepare import fit, prepare
 
-    options: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value
-        for name, value in proof["options"].items()
-    }
-    try:
-        chosen = Request(**options)
-    except TypeError as error:
-        raise InputError(f"proof.json: options of another version: {error}") from None
-    settings = make_settings(chosen)
+    settings = make_settings(
+        requested(
+            {
+                name: tuple(value) if isinstance(value, list) else value
+                for name, value in options.items()
+            }
+        )
+    )
     sides = settings.read(*files)
     fitted, request = settings.fit(sides, files)
     if "class" in proof:

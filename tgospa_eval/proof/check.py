@@ -91,8 +91,10 @@ def check_folders(folder: str, judge: Callable[[str, verify_tgospa.Folder], Clai
     """
     folders = _folders(folder)
     claims = [] if folders == [folder] else list(_missing_classes(folder, folders))
-    files = None
+    files, home = None, os.path.realpath(folder)
     for path in folders:
+        if os.path.commonpath((home, os.path.realpath(path))) != home:
+            raise InputError(f"{path}: is a link out of {folder}; name the folder it leads to")
         files = verify_tgospa.Folder(path, files)
         claims.append(judge(path, files))
     return Verification(claims=tuple(claims))

@@ -35,6 +35,7 @@ PLAIN_NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]{1,3})?")
 LENGTH, FIGURES = 60, 1000  # of a decimal number, of an integer
 PRICE_BITS, LARGEST_UNIT, TOP_ORDER, EXACT_BITS = 1200, 2**64, 10**4, 8000
 WORK, MEGABYTE = 5e6, 10**6  # microseconds, about, for a folder of so many bytes
+LARGEST_FILE = 10**9  # bytes
 
 # What proof.json holds, and nothing else: [x] is a list of x, (x, y) a row, fields of MAY may lack.
 ANY, MAY = type("number or text", (), {}), None  # ANY is also a list or a matrix of these
@@ -66,6 +67,10 @@ EXTRAS |= dict.fromkeys(
 
 class Wrong(Exception):
     """The folder does not prove what it claims."""
+
+
+class BeyondLimits(ValueError):
+    """The folder would take too much time or memory."""
 
 
 def visible(text):
@@ -117,11 +122,19 @@ class Folder:
         self.path = pathlib.Path(path)
         self.size, self.work = (before.size, before.work) if before else (0, 0)
 
-    def text(self, name, digest=None):
-        """A file, which must be UTF-8 without a byte order mark, and have the digest if any."""
+    def read(self, name):
+        """The bytes of a file of the folder itself."""
         if not (path := self.path / name).is_file():  # a device may have no end
             raise FileNotFoundError(f"{name} is missing, or no file")
-        self.size += len(data := path.read_bytes())
+        if path.resolve().parent != self.path.resolve():  # what is elsewhere is not for messages
+            raise ValueError(f"{name} is a link out of the folder: must be a file in it")
+        if path.stat().st_size > LARGEST_FILE:
+            raise BeyondLimits(f"{name} is too large: at most {LARGEST_FILE} bytes are read")
+        return path.read_bytes()
+
+    def text(self, name, digest=None):
+        """A file, which must be UTF-8 without a byte order mark, and have the digest if any."""
+        self.size += len(data := self.read(name))
         if digest not in (None, hashlib.sha256(data).hexdigest()):
             raise Wrong(f"{name} was changed after the proof was written")
         if data.startswith(b"\xef\xbb\xbf"):
@@ -169,7 +182,7 @@ class Folder:
         """Take so much; beyond MEGABYTE it may grow faster than the pairs that rows can have."""
         self.work += work
         if self.work > WORK * max(1, self.size / MEGABYTE) ** 3:
-            raise ValueError("there are too many near pairs for a folder of this size")
+            raise BeyondLimits("there are too many near pairs for a folder of this size")
 
 
 def pair_work(columns, size):
@@ -242,6 +255,7 @@ class ClaimedScene:
                 sides[of][name, self.step[t]] = list(map(number, state))
                 price[of][name, self.step[t]] = full * one * (mark == JUDGED[of])
         self.all = sum(itertools.chain(*map(dict.values, price)))
+        self.unjudged = [f"{[*of.values()].count(0)} of {len(of)}" for of in price]
         if sum(map(len, sides)) < sum(map(len, tables)) or len({*times.values()}) < len(times):
             raise ValueError("an object is there twice, or one time is spelt in two ways")
         # truth -> estimate -> [(step, cost rounded down, cost rounded up)]
@@ -376,9 +390,8 @@ def upper_bound(scene, proof):
     return math.ceil(scene.all) * unit - saved + scene.change[1] * moved
 
 
-def found_bounds(folder, proof):
+def found_bounds(scene, proof):
     """Proven bounds of the total cost, and of TGOSPA, as decimals widened by 1e-45."""
-    scene = ClaimedScene(folder, proof)
     bounds = (lower_bound(scene, proof), 1), (upper_bound(scene, proof), proof["weight_unit"])
     with decimal.localcontext(prec=80, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
         cutoff, order = decimal.Decimal(float(scene.cutoff)), decimal.Decimal(float(scene.order))
@@ -399,13 +412,16 @@ def verify(folder):
     """What was found, in a line; raises `Wrong` if the claim does not hold."""
     proof = folder.proof()
     lower, upper = (proof[name] for name in ("lower_bound", "upper_bound") if number(proof[name]))
-    totals, roots = found_bounds(folder, proof)
+    scene = ClaimedScene(folder, proof)
+    totals, roots = found_bounds(scene, proof)
     found = "{} <= TGOSPA <= {}, {} <= total <= {}".format(*rounded(roots), *rounded(totals))
     if not (decimal.Decimal(lower) <= totals[0] and totals[1] <= decimal.Decimal(upper)):
         raise Wrong(f"the claim {lower} <= total <= {upper} is not proven, only {found}")
     named = proof["parameters"]
     given = "" if named["distance"] in CLOSED else ", given the distances"
     metric = [f"{k} {v if k in {*ALWAYS, 'rho'} else repr(v)}" for k, v in named.items()]
+    if "masked" in named:
+        found += "; not judged: {} truth states, {} estimate states".format(*scene.unjudged)
     return visible(f"verified{given}: {found}; {', '.join(metric)}")
 
 

@@ -7,18 +7,15 @@ import io
 import itertools
 import json
 import math
-import tempfile
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.common.arrays import Floats, Ints, Mask
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.problem.certificate import fair_prices, lower_bounds, of_whole
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Problem
@@ -160,7 +157,7 @@ def _csv(header: Iterable[str], *columns: Iterable[str]) -> str:
 # From the prices of the solver to prices of using an estimate at a step, as whole numbers.
 #
 # A checker that knows no reduction needs one kind of price: v_j(k) >= 0 of the estimate j at the
-# step k, at the cutoff of the user. Three things differ in a `Solution`.
+# step k, at the cutoff of the user. Five things differ in a `Solution`.
 #
 # - A price of a slot is paid once, by whoever holds the estimate in it. It is put on the first step
 #   of the slot: within a slot nothing gains, so nobody enters between two of its steps.
@@ -172,8 +169,13 @@ def _csv(header: Iterable[str], *columns: Iterable[str]) -> str:
 #   gains at most the sum of G_i(k) - v(k) + a_i(k) - a_i(k-1) <= 0; and the prices sum to the
 #   optimum.
 # - Blocks at a smaller cutoff price s: with the prices v' there and the vertex cover (y, z) of
-#   `problem.smaller_cutoff`, v = s v' + (1 - s) z. Proof: a gain is
-#   G <= s G' + (1 - s) (y + z), so each truth gains at most what it does there, and (1 - s) y.
+#   `problem.smaller_cutoff`, v = s v' + (1 - s) (A + B) z, where A + B is 1, or what is left of it
+#   if all truths are ignored or all estimates excused. Proof: a gain is
+#   G <= s G' + (1 - s) (A + B) (y + z), so each truth gains at most what it does there, and
+#   (1 - s) (A + B) y.
+# - Blocks of which nothing is proven: with the price B wherever an estimate may be used, no truth
+#   gains more than its own A, so that they take nothing from the others.
+# - A and B of a problem are doubles, those of a checker exact: see `_of_slots`.
 
 Prices = Counter[tuple[int, int]]
 """Price by estimate and step, in units of 2^-bits c^p."""
@@ -189,43 +191,61 @@ def price_bits(states: States, lower: float) -> int:
     return SPARE_BITS + max(math.frexp(many / lower)[1] if lower > 0 else 0, 0)
 
 
+Shares = tuple[Fraction, Fraction]
+"""Prices A and B of a missed and of a false target; those of a `Problem` are rounded."""
+
+
 def estimate_prices(
-    states: States, prices: Floats, reduced: tuple[Reduced, ...], bits: int
+    states: States, prices: Floats, reduced: tuple[Reduced, ...], shares: Shares, bits: int
 ) -> Prices:
     """Prices that prove what the certificate has proven, in units of 2^-bits c^p."""
-    blocks = len(states.block_begin)
-    part_of = np.full(blocks, -1)
-    best = np.full(blocks, -np.inf)
+    problem = states.problem
+    own = int(shares[1] * (1 << bits))
+    part_of = np.full(len(states.block_begin), -1)
+    best = lower_bounds(states, prices)
     for number, part in enumerate(reduced):
         inner = lower_bounds(part.states, part.solution.prices, part.solution.reduced)
         bound = np.where(part.blocks, of_whole(states, part, inner), -np.inf)
         part_of[bound > best] = number
         best = np.maximum(best, bound)
-    found = _of_slots(states, prices, part_of < 0, bits)
+    direct, useless = (part_of < 0) & (best > 0), best <= 0
+    found = _of_slots(states, prices, direct, shares, bits)
     first = states.block_first
-    for block in np.flatnonzero(states.transposed & (part_of < 0)).tolist():
+    for block in np.flatnonzero(states.transposed & direct).tolist():
         entry = states.entry[first[block] : first[block + 1]]
-        found.update(_of_single_estimate(states.problem, entry[entry >= 0], bits))
+        found.update(_of_single_estimate(problem, entry[entry >= 0], shares, bits))
+    entry = states.entry[states.states_of(useless) & (states.entry >= 0)]
+    found.update(dict.fromkeys(_priced_places(problem, entry), own))
     home = states.track_blocks[1]
     for number, part in enumerate(reduced):
-        chosen = part_of == number
+        chosen = (part_of == number) & ~useless
         below = bits + int(np.log2(part.scale))  # a power of 2
         inner_prices = (
-            estimate_prices(part.states, part.solution.prices, part.solution.reduced, below)
+            estimate_prices(part.states, part.solution.prices, part.solution.reduced, shares, below)
             if below > 0
             else Counter()
         )
-        rest = (1 << bits) - (1 << max(below, 0))
+        priced = (share for share, side in zip(shares, problem.sides, strict=True) if side.price[0])
+        both = sum(priced, Fraction(0))
+        rest = int(both * ((1 << bits) - (1 << max(below, 0))))
         for row in np.flatnonzero(vertex_cover(states, chosen)[1]).tolist():
-            place = states.problem.estimate_track[row], states.problem.estimate_step[row]
+            place = problem.estimate_track[row], problem.estimate_step[row]
             inner_prices[int(place[0]), int(place[1])] += rest
         found.update({place: v for place, v in inner_prices.items() if chosen[home[place[0]]]})
     return found
 
 
-def _of_slots(states: States, prices: Floats, chosen: Mask, bits: int) -> Prices:
-    """Prices of slots at their first steps, as the certificate uses them."""
-    columns = states.columns
+def _priced_places(problem: Problem, entry: Ints) -> set[tuple[int, int]]:
+    """Estimates and steps of these entries at which a false target costs something."""
+    row = problem.estimate_row[entry]
+    row = np.unique(row[problem.estimate_price[row] > 0])
+    columns = problem.estimate_track[row], problem.estimate_step[row]
+    return set(zip(*(column.tolist() for column in columns), strict=True))
+
+
+def _of_slots(states: States, prices: Floats, chosen: Mask, shares: Shares, bits: int) -> Prices:
+    """Prices of slots at their first steps, as the certificate uses them, for the exact shares."""
+    columns, problem = states.columns, states.problem
     unit, running = columns.running(fair_prices(prices))
     whole = np.diff(running)
     estimate = np.zeros(states.nodes, np.int64)
@@ -233,7 +253,7 @@ def _of_slots(states: States, prices: Floats, chosen: Mask, bits: int) -> Prices
     node = columns.node
     used = np.flatnonzero((whole > 0) & (chosen & ~states.transposed)[states.node_block[node]])
     exponent = np.frexp(unit[node[used]])[1] - 1 + bits
-    return Counter(
+    found = Counter(
         {
             (track, step): value << shift if shift >= 0 else value >> -shift
             for track, step, value, shift in zip(
@@ -245,17 +265,30 @@ def _of_slots(states: States, prices: Floats, chosen: Mask, bits: int) -> Prices
             )
         }
     )
+    # Let u = B - v where an estimate may be used, -v elsewhere. The bound is the sum of u and of
+    # what each truth costs at least, D - u or A; with all costs and u `less` times as large, so is
+    # it.
+    rounded = [Fraction(float(np.max(side.price, initial=0.0))) for side in problem.sides]
+    ratios = [one / two for one, two in zip(shares, rounded, strict=True) if two]
+    if any(ratio != 1 for ratio in ratios):
+        less = min(Fraction(1), *ratios)
+        own = int((shares[1] - less * rounded[1]) * (1 << bits))
+        found = Counter({place: int(less * value) for place, value in found.items()})
+        direct = states.states_of(chosen & ~states.transposed) & (states.entry >= 0)
+        found.update(dict.fromkeys(_priced_places(problem, states.entry[direct]), own))
+    return found
 
 
-def _of_single_estimate(problem: Problem, entry: Ints, bits: int) -> Prices:
+def _of_single_estimate(problem: Problem, entry: Ints, shares: Shares, bits: int) -> Prices:
     """Prices of the estimate of a block that has no other, from its value function."""
     entry = entry[np.argsort(-problem.entry_step[entry], kind="stable")]
     steps = problem.entry_step[entry].tolist()
     truths = problem.truth_track[problem.truth_row[entry]].tolist()
-    prices = (side.price[side.row[entry]].tolist() for side in problem.sides)
+    full = [int(share * (1 << bits)) for share in shares]
+    judged = ((side.price[side.row[entry]] > 0).tolist() for side in problem.sides)
     gains = [
-        sum(_whole(price, bits) for price in both) - _whole(cost, bits)
-        for *both, cost in zip(*prices, problem.cost[entry].tolist(), strict=True)
+        sum(itertools.compress(full, both)) - _whole(cost, bits)
+        for *both, cost in zip(*judged, problem.cost[entry].tolist(), strict=True)
     ]
     change = _whole(float(np.max(problem.switch_price, initial=0.0)), bits)
     estimate = int(problem.estimate_track[problem.estimate_row[entry[0]]])
@@ -306,7 +339,9 @@ def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dic
     parameters = proof.parameters
     bits = price_bits(proof.states, proof.bounds.lower)
     there = _steps_of_tables(proof.states.problem)
-    prices = _at_steps(there, estimate_prices(proof.states, proof.prices, proof.reduced, bits))
+    rho = Fraction(parameters.rho)
+    found = estimate_prices(proof.states, proof.prices, proof.reduced, (1 - rho, rho), bits)
+    prices = _at_steps(there, found)
     times, truths, estimates = (
         [json.dumps(text, ensure_ascii=False) for text in texts]
         for texts in (times_of(compared), compared.labels.truths, compared.labels.estimates)
@@ -372,58 +407,45 @@ def check_provable(compared: ComparedSides, parameters: Parameters) -> None:
             )
 
 
-def check_work(written: Sequence[tuple[Proof, Mapping[str, str]]]) -> None:
-    """Whether a checker accepts these folders in their order, for all their near pairs.
-
-    It counts them; where it might refuse, it is asked.
+def check_proofs(written: Iterable[Mapping[str, str]]) -> None:
+    """Whether the checker finds that these folders, in their order, prove what they claim.
 
     Raises
     ------
     ConfigError
-        It does not.
+        It would take too long.
+    SolverError
+        They do not.
     """
-    account = verify_tgospa.Folder("")
-    with suppress(ValueError):
-        for proof, texts in written:
-            account.size += sum(map(len, texts.values()))
-            account.spend(_most_work(proof))
-        return
-    with tempfile.TemporaryDirectory() as home:
-        folder = None
-        for proof, texts in written:
-            for name, text in texts.items():
-                Path(home, name).write_bytes(text.encode())
-            folder = verify_tgospa.Folder(home, folder)
-            try:
-                verify_tgospa.verify(folder)
-            except ValueError:
-                raise ConfigError(
-                    f"a proof folder of {len(proof.states.problem.cost):,} near pairs in "
-                    f"{folder.size:,} bytes takes too long to check: choose a smaller cutoff, or "
-                    "an order that is a whole number"
-                ) from None
+    folder = None
+    for texts in written:
+        folder = _Written(texts, folder)
+        try:
+            verify_tgospa.verify(folder)
+        except verify_tgospa.BeyondLimits as error:
+            raise ConfigError(
+                f"{error}; a proof folder of this takes too long to check: choose a smaller "
+                "cutoff, or an order that is a whole number"
+            ) from None
+        except (verify_tgospa.Wrong, *verify_tgospa.DAMAGED) as error:
+            if isinstance(error, MemoryError):
+                raise
+            raise SolverError(
+                f"the proof folder does not prove the bounds of this result, {error}: no proof is "
+                "written; please report this as a bug, with the two files"
+            ) from None
 
 
-def _most_work(proof: Proof) -> float:
-    """At most what checking takes: as if all pairs of a step were in neighbouring cells."""
-    parameters, problem, compared = proof.parameters, proof.states.problem, proof.compared
-    settings = compared.settings
-    given = [list(_numbers(settings, name).values()) for name in COLUMN_NUMBERS]
-    numbers = np.concatenate(
-        [compared.truth.ravel(), compared.estimate.ravel(), [parameters.cutoff, 1.0], *given]
-    )
-    exponents = np.frexp(numbers[numbers != 0])[1]
-    size = 4 * (int(np.ptp(exponents)) + 54)  # of a product of four of them
-    if settings["distance"] not in CLOSED:
-        size = max(size, 2400)  # of a distance, which may be any double
-    truths, estimates = (np.bincount(side.step, minlength=1) for side in problem.sides)
-    steps = min(len(truths), len(estimates))
-    pairs = float(truths[:steps] @ estimates[:steps].astype(np.float64))
-    exponent = Fraction(parameters.order) / (2 if settings["distance"] == "euclidean" else 1)
-    bits = price_bits(proof.states, proof.bounds.lower) + verify_tgospa.MORE_BITS
-    return pairs * verify_tgospa.pair_work(len(compared.columns) + 1, size) + len(
-        problem.cost
-    ) * verify_tgospa.power_work(exponent, size, bits)
+class _Written(verify_tgospa.Folder):
+    """A folder that is not on a disk yet."""
+
+    def __init__(self, texts: Mapping[str, str], before: verify_tgospa.Folder | None) -> None:
+        super().__init__("", before)
+        self.texts = texts
+
+    def read(self, name: str) -> bytes:
+        """The bytes of a file."""
+        return self.texts[name].encode()
 
 
 def proof_parameters(

@@ -5,7 +5,7 @@ import os
 from collections.abc import Mapping
 from urllib.parse import quote
 
-from tgospa_eval.proof.write import check_work, proof_texts
+from tgospa_eval.proof.write import check_proofs, proof_texts
 from tgospa_eval.reports.files import PROOF, write_texts
 from tgospa_eval.results.by_class import ByClass
 from tgospa_eval.results.result import Proof, Result
@@ -28,6 +28,13 @@ def proof_files(result: Summary, options: Mapping[str, object]) -> dict[str, str
         Of one evaluation, or of several classes.
     options : mapping of str to object
         How the files were read and compared: `Request` that are no defaults.
+
+    Raises
+    ------
+    ConfigError
+        A proof folder has no place for what was evaluated.
+    SolverError
+        A checker finds that a folder does not prove what it claims.
     """
     files: dict[str, str] = {}
     written = []
@@ -41,9 +48,9 @@ def proof_files(result: Summary, options: Mapping[str, object]) -> dict[str, str
             },
         }
         texts = proof_texts(part.proof, origin)
-        written.append((part.proof, texts))
+        written.append(texts)
         files |= {f"{folder}{name}": text for name, text in texts.items()}
-    check_work(written)
+    check_proofs(written)
     return files
 
 
@@ -75,7 +82,9 @@ def save(proof: Proof, folder: "str | os.PathLike[str]", *, force: bool = False)
     ------
     ConfigError
         The folder cannot be written, or holds files of others, or has no place for the result.
+    SolverError
+        A checker finds that it does not prove what it claims.
     """
     texts = proof_texts(proof)
-    check_work([(proof, texts)])
+    check_proofs([texts])
     write_texts(texts, os.fspath(folder), PROOF, force=force, option="folder")

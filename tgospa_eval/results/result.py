@@ -102,6 +102,8 @@ class Proof(Costs):
         ------
         ConfigError
             The folder cannot be written, or holds files of others.
+        SolverError
+            A checker finds that it does not prove what it claims.
         """
         import_module("tgospa_eval.reports.proofs").save(self, folder, force=force)
 
