@@ -151,7 +151,8 @@ class AnyOptions:
     def _not_judged(self) -> None:
         rng, options = self.rng, self.options
         made = options.get("interpolate") == "truth" or "resample" in options
-        rules = [rule for rule in ("marked", "level>0", "kind=p,q") if rng.random() < 0.4]
+        offered = ("marked", "marked-estimates", "level>0", "kind=p,q")
+        rules = [rule for rule in offered if rng.random() < 0.4]
         if rng.random() < 0.3:
             rules.append("truth-gaps" if made else "outside-truth-steps")
         if "truth-gaps" in rules and rng.random() < 0.5:
