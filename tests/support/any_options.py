@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from tgospa_eval import ConfigError, TgospaWarning, evaluate
+from tgospa_eval.errors import NothingLeftError
 from tgospa_eval.results.result import Result
 
 STAMPS = np.arange(-40, 80) / 4
@@ -177,6 +178,8 @@ class AnyOptions:
             warnings.simplefilter("ignore", TgospaWarning)
             try:
                 return evaluate(self.truth, estimate, **self.options, **more)
+            except NothingLeftError:
+                return None
             except ConfigError as error:
                 if not any(words in str(error) for words in NOTHING):
                     raise
