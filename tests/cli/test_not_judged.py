@@ -257,3 +257,19 @@ def test_several_rules_with_commas_are_those_of_a_list(files, invoke) -> None:
     assert first["parameters"]["ignore"] == rules
     for other in others:
         assert (other["total"], other["parameters"]) == (first["total"], first["parameters"])
+
+
+def test_a_class_of_which_nothing_is_ignored_has_the_same_columns(files, invoke) -> None:
+    """Pairs of each class say whether their truth is ignored."""
+    rows = [f"{name},{t},{t},0,{name}" for name in ("car", "van") for t in range(3)]
+    marks = ["ignored", *("01"[row.startswith("van")] for row in rows)]
+    table = "\n".join(map(",".join, zip(["id,t,x,y,class", *rows], marks, strict=True)))
+    Path("t.csv").write_text(table + "\n", encoding="utf-8")
+    Path("e.csv").write_text("id,t,x,y,class\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    answer = invoke("t.csv", "e.csv", *METRIC, "--ignore", "marked", "--by", "class", "-o", "out")
+    assert answer.status == 0, answer.err
+    pairs = pd.read_csv("out/assignments.csv")
+    assert pairs.groupby("class")["ignored"].unique().map(list).to_dict() == {
+        "car": [0],
+        "van": [1],
+    }

@@ -260,7 +260,7 @@ def judge_all(
             raise ConfigError("--against is for files and suites: name the baseline of a store")
         folder, path = _stores(gate, truth, estimate)
         table = _store_rows(folder)
-        settings = Store(folder).settings()["options"]
+        settings = _store_options(folder)
         pairs = [
             Pair(
                 name=name,
@@ -748,7 +748,7 @@ def load_baseline(path: str) -> Baseline | None:
     """
     if not is_store(path):
         return load(path)
-    settings = Store(path).settings()["options"]
+    settings = _store_options(path)
     return {
         name: make_entry(measured_row(row), _row_options(row, settings, path), labels_of(row))
         for name, row in _store_rows(path).items()
@@ -804,13 +804,28 @@ def _store_rows(folder: str) -> dict[str, Row]:
     return rows
 
 
-def _row_options(row: Row, settings: Mapping[str, object], path: str) -> dict[str, object]:
-    """Options of a job as a baseline records them, by their names in a configuration file."""
+def _store_options(folder: str) -> dict[str, object]:
+    """Options of all jobs of a store, by their names in a configuration file.
+
+    Raises
+    ------
+    InputError
+        It holds no batch, or an option is none of ours.
+    """
     keys = {name: key for key, name in NAMES.items()}
+    options = Store(folder).settings()["options"]
+    unknown = next((name for name in options if name not in keys), None)
+    if unknown is not None:
+        path = os.path.join(folder, SETTINGS_FILE)
+        raise InputError(f"{path}: options.{unknown}: is no option; make it anew with batch")
+    return {keys[name]: value for name, value in options.items()}
+
+
+def _row_options(row: Row, of_all: Mapping[str, object], path: str) -> dict[str, object]:
+    """Options of a job as a baseline records them, by their names in a configuration file."""
     own = {key.replace("_", "-"): value for key, value in json.loads(row["options"]).items()}
-    of_all = {keys[name]: value for name, value in settings.items()}
     used = {"cutoff": row["cutoff"], "switch-penalty": row["switch_penalty"]}
-    return _portable(of_all | own | used, path)
+    return _portable({**of_all, **own, **used}, path)
 
 
 # -------------------------------------------------------------------------------------------------

@@ -3,25 +3,26 @@
 import hashlib
 import json
 import math
-import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias
 
 from tgospa_eval.campaign.grouping import ESTIMATE_DIGEST, same_data
 from tgospa_eval.campaign.row import Row, row_of
 from tgospa_eval.campaign.rules import PROVEN, SPLIT, Value
+from tgospa_eval.common.documents import ANYTHING, COST, TEXT, Maybe, document_of
 from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.results.consistency import NEES, NeesSums, right_record
+from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
+from tgospa_eval.results.contradictions import contradiction
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.results.saved import contradiction, of_metric, strict_json, unlike
+from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, of_metric, unlike
 from tgospa_eval.results.summary import Summary
-from tgospa_eval.text import quoted
+from tgospa_eval.text import clipped
 from tgospa_eval.tracks.ignored import refuse_own_marks
-from tgospa_eval.tracks.judged import JUDGE_ALIKE, fault_of, incomparable, judged_of
+from tgospa_eval.tracks.judged import JUDGE_ALIKE, incomparable, judged_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,7 +200,7 @@ def make_entry(
     SolverError
         A value is not finite.
     """
-    values = nested({path: one for path, one in now.values.items() if path in MEASURED}) | dict(
+    values = upper_ends({path: one for path, one in now.values.items() if path in MEASURED}) | dict(
         zip(BOUNDS, now.bounds, strict=True)
     )
     if not all(math.isfinite(value.upper) for value in now.values.values()):
@@ -208,7 +209,7 @@ def make_entry(
         record = now.nees.record()
         values[NEES] = {name: record[name] for name in ("mean", "anees", "inside", "sums")}
     if now.classes:
-        values["by_class"] = {name: nested(group) for name, group in now.classes.items()}
+        values["by_class"] = {name: upper_ends(group) for name, group in now.classes.items()}
     return {
         "values": values,
         "options": dict(options),
@@ -220,16 +221,21 @@ def make_entry(
     }
 
 
-def nested(values: Mapping[str, Value]) -> Json:
-    """The upper ends of values, as in the JSON of a result."""
+def nested(values: Mapping[str, Any]) -> Json:
+    """Values by path, as in the JSON of a result."""
     table: Json = {}
     for path, value in values.items():
         head, _, rest = path.partition(".")
         if rest:
-            table.setdefault(head, {})[rest] = value.upper
+            table.setdefault(head, {})[rest] = value
         else:
-            table[head] = value.upper
+            table[head] = value
     return table
+
+
+def upper_ends(values: Mapping[str, Value]) -> Json:
+    """The upper ends of values, as in the JSON of a result."""
+    return nested({path: value.upper for path, value in values.items()})
 
 
 def value_at(values: Json, path: str) -> Any:
@@ -291,53 +297,54 @@ def parse(content: bytes, path: str) -> Baseline:
     ConfigError
         It is no baseline of this version.
     """
-    try:
-        document = strict_json(content.decode("utf-8-sig"))
-        schema = document.get("schema") if isinstance(document, dict) else None
-        if not isinstance(document, dict) or schema != SCHEMA:
-            raise ValueError(f'its schema is {json.dumps(schema)}, this version reads "{SCHEMA}"')
-        pairs = _object(document, "pairs")
-        for name in pairs:
-            fault = _fault(_object(pairs, name))
-            if fault:
-                raise ValueError(f"pair {quoted(name)}: {fault}")
-    except (TypeError, ValueError, RecursionError) as error:
-        raise ConfigError(f"{path}: is no baseline: {error}; {REMEDY}") from None
+    name = f"{path}: is no baseline"
+    document = document_of(content, name, SCHEMA, BASELINE, ConfigError, remedy=REMEDY)
+    pairs: Baseline = document["pairs"]
+    for pair, entry in pairs.items():
+        wrong = _contradiction(entry)
+        if wrong:
+            raise ConfigError(f"{name}: pairs.{clipped(pair)}.{wrong}; {REMEDY}")
     return pairs
 
 
-def _object(parent: Json, name: str) -> Json:
-    table = parent.get(name)
-    if not isinstance(table, dict):
-        raise TypeError(f"{quoted(name)} must be an object")
-    return table
+def _values(paths: Iterable[str]) -> Json:
+    """The description of values at these paths."""
+    return nested(dict.fromkeys(paths, COST))
 
 
-def _fault(entry: Json) -> str | None:
-    """What is wrong with an entry that was read."""
-    values, parameters, judged, _ = (
-        _object(entry, name) for name in ("values", "parameters", "judged", "options")
-    )
-    if NEES in values and not right_record(values[NEES]):
-        return f"values.{NEES} is not as this program wrote it"
-    classes = _object(values, "by_class") if "by_class" in values else {}
+BASELINE = {
+    "pairs": {
+        ...: {
+            "values": {
+                **_values(BASELINE_VALUES),
+                NEES: Maybe(NEES_RECORD),
+                "by_class": Maybe({...: _values(MEASURED)}),
+            },
+            "options": {...: ANYTHING},
+            "parameters": PARAMETERS,
+            "judged": JUDGED,
+            "estimate_sha256": Maybe(TEXT),
+            "version": TEXT,
+            "labels": Maybe({...: TEXT}),
+        }
+    }
+}
+"""Description of the fields."""
+
+
+def _contradiction(entry: Json) -> str | None:
+    """The first value of an entry that does not fit the others; None if all fit."""
+    values = entry["values"]
+    classes = values.get("by_class", {})
     groups = [("values", values, BASELINE_VALUES)]
-    groups += [(f"values.by_class.{name}", _object(classes, name), MEASURED) for name in classes]
+    groups += [(f"values.by_class.{clipped(name)}", classes[name], MEASURED) for name in classes]
     for where, group, paths in groups:
-        found = {path: value_at(group, path) for path in paths}
-        for path, value in found.items():
-            if value is None:
-                return f"{where}.{path} is missing"
-            if type(value) not in (int, float) or not 0 <= value <= sys.float_info.max:
-                return f"{where}.{path} is {json.dumps(value)}: must be a number, finite and >= 0"
-        wrong = contradiction(found, parameters.get("order"))
+        numbers = {path: value_at(group, path) for path in paths}
+        wrong = contradiction(
+            numbers | {"judged.steps": entry["judged"]["steps"]}, entry["parameters"]
+        )
         if wrong:
-            return f"{where} contradict each other: {wrong}"
-    for name in ("version", "estimate_sha256"):
-        if not isinstance({"estimate_sha256": "", **entry}.get(name), str):
-            return f"{name} is no text"
-    if not all(
-        isinstance(text, str) for text in _object({"labels": {}, **entry}, "labels").values()
-    ):
-        return "labels must be texts"
-    return fault_of(judged)
+            return f"{where}.{wrong}"
+    if NEES in values and not fits_sums(values[NEES]):
+        return f"values.{NEES} has other numbers than its sums make"
+    return None

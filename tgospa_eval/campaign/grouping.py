@@ -4,7 +4,7 @@ import json
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
-from tgospa_eval.campaign.row import LABEL
+from tgospa_eval.campaign.row import LABEL, PARAMETER_COLUMNS
 from tgospa_eval.common.interval import Interval, equal, overlap
 from tgospa_eval.errors import SolverError
 from tgospa_eval.results.saved import ACCURACY
@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "estimate"))
 """Columns with digests of the sides (`tracks.judged.digest`)."""
 
-
-PARAMETERS = ("distance", "cutoff", "order", "switch_penalty")
-"""Parameters of the metric that every row has as columns."""
 
 READ_AS_GIVEN = (
     *("time", "class", "region", "truth_class", "estimate_class", "time_tolerance"),
@@ -46,12 +43,12 @@ def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
     have is a dash, and so is any of a job without a value.
     """
     having = rows[rows["status"] != "failed"]
-    differing = [name for name in PARAMETERS if having[name].nunique() > 1]
+    differing = [name for name in PARAMETER_COLUMNS if having[name].nunique() > 1]
     if "parameters" not in having:
         return rows, differing
     found = {text: json.loads(text) for text in having["parameters"].dropna().unique()}
     names = {name for settings in found.values() for name in settings}
-    for name in sorted(names - {*PARAMETERS, *ACCURACY, *READ_AS_GIVEN}):
+    for name in sorted(names - {*PARAMETER_COLUMNS, *ACCURACY, *READ_AS_GIVEN}):
         shown = {text: in_words(settings.get(name)) for text, settings in found.items()}
         if len(set(shown.values())) > 1:
             rows = rows.assign(**{name: rows["parameters"].map(shown).fillna("-")})

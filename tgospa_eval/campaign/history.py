@@ -4,7 +4,6 @@ Two branches that both add lines merge by union; lines are put in order of time 
 """
 
 import json
-import math
 import os
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,6 +12,7 @@ from typing import Any
 
 from tgospa_eval.campaign.gate_report import title
 from tgospa_eval.campaign.outcome import PairOutcome
+from tgospa_eval.common.documents import MOMENT, NUMBER, TEXT, Maybe, checked
 from tgospa_eval.common.files import is_missing, named, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import number
@@ -25,6 +25,13 @@ SCHEMA = "tgospa-eval/history/1"
 
 COMMITS = ("GITHUB_SHA", "CI_COMMIT_SHA", "GIT_COMMIT")
 """Variables of CI systems that have the commit."""
+
+POINT = {
+    "time": MOMENT,
+    "commit": TEXT,
+    "values": {...: {"values": {...: NUMBER}, "judged": TEXT, "verdict": Maybe(TEXT)}},
+}
+"""Description of a line."""
 
 OPTION = "--history"
 MOST_BYTES = 1 << 28
@@ -79,41 +86,19 @@ def load_history(path: str) -> list[HistoryPoint]:
         if not line.strip():
             continue
         try:
-            record = json.loads(line)
-            values = {str(name): _checked(one) for name, one in record["values"].items()}
-            point = HistoryPoint(
-                time=datetime.fromisoformat(record["time"]).astimezone(UTC).isoformat(),
-                commit=str(record["commit"]),
-                values=values,
-            )
-        except (
-            ArithmeticError,
-            AttributeError,
-            LookupError,
-            RecursionError,
-            TypeError,
-            ValueError,
-        ):
+            record = checked(line, POINT)
+        except ValueError as error:
             mark = " (a merge conflict)" if line.startswith(("<<<<", "====", ">>>>")) else ""
             raise ConfigError(
-                f"{path}, line {at}: is no line of a history{mark}; mend or remove it"
+                f"{path}, line {at}: is no line of a history{mark}: {error}; mend or remove it"
             ) from None
+        point = HistoryPoint(
+            time=datetime.fromisoformat(record["time"]).astimezone(UTC).isoformat(),
+            commit=record["commit"],
+            values=record["values"],
+        )
         found.append(point)
     return sorted(found, key=lambda point: point.time)
-
-
-def _checked(one: Mapping[str, Any]) -> dict[str, Any]:
-    """What a line has of a pair or group.
-
-    Raises
-    ------
-    TypeError, ValueError
-        It is none of a history.
-    """
-    values = {str(path): float(value) for path, value in one["values"].items()}
-    if not all(map(math.isfinite, values.values())):
-        raise ValueError
-    return {**one, "values": values, "judged": str(one["judged"])}
 
 
 def append_history(path: str, outcomes: Iterable[PairOutcome]) -> None:

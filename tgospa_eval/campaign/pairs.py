@@ -3,7 +3,6 @@
 Knows paths and labels; of recordings at most the names of runs are read that one file has.
 """
 
-import csv
 import glob
 import itertools
 import os
@@ -13,7 +12,6 @@ from dataclasses import field, replace
 from pathlib import Path
 
 from tgospa_eval.common import patterns
-from tgospa_eval.common.files import named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural, parsed_whole
 from tgospa_eval.errors import ConfigError, InputError
@@ -21,6 +19,7 @@ from tgospa_eval.formats import runs_inside
 from tgospa_eval.formats.guess import file_of, is_table_folder
 from tgospa_eval.formats.loading import load
 from tgospa_eval.formats.text.lines import decode
+from tgospa_eval.formats.text.small import rows_of
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.durations import MAX_STEPS
 
@@ -36,6 +35,9 @@ DECLARED_IN = {"motchallenge": f"{SEQINFO} with seqLength", "kitti": f"frames in
 
 PATHS = ("truth", "estimate")
 """Columns of a manifest that are no label."""
+
+LARGEST_MANIFEST = 1 << 32
+"""Bytes that no manifest has."""
 
 NEARBY_LEVELS = 2
 """Folders above and below a wrong one where the right one is looked for."""
@@ -342,17 +344,15 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
     InputError
         The file is missing or wrong.
     """
-    with named(path, InputError), open(path, encoding="utf-8-sig", newline="") as file:
-        rows = list(csv.reader(file))
+    data = load(path, LARGEST_MANIFEST)
+    lines, rows = rows_of(data, path, decimal=".") if data else ([], [])
     if not rows or any(name not in rows[0] for name in PATHS):
         raise InputError(f"{path}, line 1: a manifest has the columns truth and estimate")
     head, folder = rows[0], os.path.dirname(path)
     if len(set(head)) < len(head):
         raise InputError(f"{path}, line 1: a column is named twice")
     jobs, faults = [], []
-    for line, row in enumerate(rows[1:], 2):
-        if not any(row):
-            continue
+    for line, row in zip(lines[1:], rows[1:], strict=True):
         if len(row) != len(head):
             raise InputError(f"{path}, line {line}: {len(row)} fields, the header has {len(head)}")
         values = dict(zip(head, row, strict=True))

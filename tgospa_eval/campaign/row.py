@@ -1,16 +1,43 @@
 """The row of an evaluation: what a store keeps of a result, tables add up and a gate judges."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.results.consistency import STORED_NEES, NeesSums
+import numpy as np
+
+from tgospa_eval.common.arrays import Ints
+from tgospa_eval.common.documents import (
+    ANYTHING,
+    COST,
+    COUNT,
+    FLAG,
+    NUMBER,
+    TEXT,
+    FieldKind,
+    checked,
+    one_of,
+    or_null,
+)
+from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums, fits_sums
+from tgospa_eval.results.contradictions import UNLIKE_COUNTS, contradictions
 from tgospa_eval.results.numbers import SPLIT_PARTS
-from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS
+from tgospa_eval.results.saved import (
+    JUDGED,
+    NEES_SUMS,
+    NOTICE,
+    PARAMETERS,
+    ROLES,
+    SLICING,
+    slices_fault,
+)
 from tgospa_eval.results.summary import Summary
+from tgospa_eval.text import clipped
 
 if TYPE_CHECKING:
     import pandas as pd
+    import pyarrow as pa
 
 Row = dict[str, Any]
 """Plain values by column; labels begin with ``label.``."""
@@ -20,6 +47,9 @@ LABEL = "label."
 
 OFF_STEPS = {role: f"input.{role}.left_out.steps" for role in ("truth", "estimate")}
 """Columns with how many rows of each side are at none of the steps that were declared."""
+
+PARAMETER_COLUMNS = ("distance", "cutoff", "order", "switch_penalty")
+"""Parameters of the metric that every row has as columns."""
 
 STORED_SLICES = "slices"
 """Column with costs that are split, as text."""
@@ -95,3 +125,170 @@ def job_name(row: Mapping[Any, Any]) -> str:
     labels = labels_of(row)
     own = labels.pop("options", "")
     return " ".join(filter(None, ("/".join(labels.values()) or str(row["estimate"]), own)))
+
+
+# -------------------------------------------------------------------------------------------------
+# What rows that were stored must be like.
+
+TOTALS = ("tgospa", "lower_bound", "upper_bound", "total", "total_lower", "total_upper")
+PER_STEP = "normalised.tgospa"
+
+OF_ALL: dict[str, FieldKind] = {
+    "key": TEXT,
+    "status": one_of("done", "open", "failed"),
+    "message": TEXT,
+    **dict.fromkeys(("truth", "estimate", "options", "version"), TEXT),
+    "seconds": COST,
+    "finished": COUNT,
+}
+"""Columns of every job."""
+
+OF_VALUES: dict[str, FieldKind] = {
+    **dict.fromkeys((*TOTALS, PER_STEP, *PARTS), COST),
+    "certified": FLAG,
+    **{f"counts.{name}": COST for name in COUNTED_PARTS},
+    **{f"judged.{name}": kind for name, kind in JUDGED.items()},
+    **dict.fromkeys(("sizes.steps", "sizes.truth_states", "sizes.estimate_states"), COUNT),
+    **{name: PARAMETERS[name] for name in PARAMETER_COLUMNS},
+    **dict.fromkeys(("parameters", "warnings"), TEXT),
+    **{f"input.{role}.sha256": TEXT for role in ROLES},
+    **dict.fromkeys(OFF_STEPS.values(), COUNT),
+}
+"""Columns of jobs that have a value."""
+
+OF_SOME: dict[str, FieldKind] = {
+    **dict.fromkeys((*SPLIT_PARTS, NEES), or_null(COST)),
+    **dict.fromkeys((STORED_NEES, STORED_SLICES, "not_written"), or_null(TEXT)),
+    "per_step.rows": or_null(COUNT),
+    "per_step.curve": or_null(FLAG),
+}
+"""Columns that some jobs have."""
+
+SEVERAL = FieldKind(
+    "a finite number, a list of such, or null",
+    lambda value: value is None or all(map(NUMBER.fits, value if type(value) is list else [value])),
+)
+OF_SEVERAL: dict[str, FieldKind] = {
+    LABEL: or_null(TEXT),
+    "with.": SEVERAL,
+    "sizes.": or_null(COUNT),
+    "judged.": or_null(TEXT),
+    f"{NEES}.": FieldKind(
+        "a finite number, a text, or null", lambda value: TEXT.fits(value) or SEVERAL.fits(value)
+    ),
+}
+"""Columns by what their names begin with."""
+
+AS_JSON = {
+    "options": {...: TEXT},
+    "parameters": PARAMETERS,
+    "warnings": [NOTICE],
+    STORED_NEES: NEES_SUMS,
+    STORED_SLICES: [SLICING],
+}
+"""Columns of JSON texts."""
+
+
+def column_fault(
+    table: "pa.Table", columns: Mapping[str, FieldKind], numbers: Ints | None = None
+) -> str | None:
+    """The first of these columns that is missing or has another value, in words; None if none.
+
+    Parameters
+    ----------
+    table : Table
+        Rows.
+    columns : mapping of str to FieldKind
+        What their values must be.
+    numbers : (N,) int array, optional
+        Of the rows in their file.
+    """
+    for name, kind in columns.items():
+        if table.column_names.count(name) != 1:
+            there = "is there twice" if name in table.column_names else "is missing"
+            return f"column {name}: {there}; expected {kind.name}"
+        row = _first_wrong(table[name], kind)
+        if row is not None:
+            value = clipped(json.dumps(table[name][row].as_py(), default=str))
+            number = row if numbers is None else int(numbers[row])
+            return f"row {number + 1}: {name} is {value}; expected {kind.name}"
+    return None
+
+
+def _first_wrong(column: "pa.ChunkedArray", kind: FieldKind) -> int | None:
+    """The row of the first value that does not fit; None if all fit."""
+    import pyarrow.types as types
+
+    def is_number(kind: "pa.DataType") -> bool:
+        return bool(types.is_integer(kind) or types.is_floating(kind))
+
+    few: list[Any] | None = None
+    if types.is_string(column.type) or types.is_dictionary(column.type):
+        few = column.unique().to_pylist()
+    elif len(column) and not column.null_count and is_number(column.type):
+        values = column.to_numpy()  # kinds of numbers are ranges
+        few = [values.min().item(), values.max().item()]
+    if few is not None and all(map(kind.fits, few)):
+        return None
+    return next((k for k, value in enumerate(column.to_pylist()) if not kind.fits(value)), None)
+
+
+def known_columns(table: "pa.Table") -> dict[str, FieldKind]:
+    """Those of the columns that all or some jobs have, whatever their values."""
+    begins = tuple(OF_SEVERAL)
+    exact: dict[str, FieldKind] = OF_ALL | dict.fromkeys(OF_VALUES, ANYTHING) | OF_SOME
+    return {
+        name: exact.get(name) or next(OF_SEVERAL[one] for one in begins if name.startswith(one))
+        for name in table.column_names
+        if name in exact or name.startswith(begins)
+    }
+
+
+def part_fault(table: "pa.Table") -> str | None:
+    """The first row that lacks something or contradicts itself, in words; None if all are right."""
+    wrong = column_fault(table, OF_ALL | known_columns(table))
+    if wrong:
+        return wrong
+    numbers = np.flatnonzero(np.array(table["status"].to_pylist()) != "failed")
+    valued = table.take(numbers)
+    wrong = column_fault(valued, OF_VALUES, numbers) if len(numbers) else None
+    if wrong:
+        return wrong
+    values: dict[str, dict[str | None, Any]] = {}
+    for name in [name for name in AS_JSON if name in table.column_names]:
+        values[name] = {None: None}
+        for row, text in enumerate(table[name].to_pylist()):
+            if text not in values[name]:
+                try:
+                    values[name][text] = checked(text, AS_JSON[name], name)
+                except ValueError as error:
+                    return f"row {row + 1}: {error}"
+    faults = _contradictions(valued, values) if len(numbers) else iter(())
+    return next((f"row {numbers[row] + 1}: {text}" for row, text in faults), None)
+
+
+def _contradictions(
+    table: "pa.Table", of_text: Mapping[str, Mapping[str | None, Any]]
+) -> Iterator[tuple[int, str]]:
+    """Rows that contradict themselves, and how; `of_text` has the values of JSON texts."""
+    parameters = [of_text["parameters"][text] for text in table["parameters"].to_pylist()]
+    names = [name for name in OF_VALUES if OF_VALUES[name] in (COST, COUNT)]
+    names += ["order", "cutoff", *(name for name in SPLIT_PARTS if name in table.column_names)]
+    columns = {name: np.array(table[name].to_pylist(), float) for name in names}
+    columns["rho"] = np.array([own.get("rho", 0.5) for own in parameters])
+    is_plain = np.array([not any(one in own for one in UNLIKE_COUNTS) for own in parameters])
+    yield from contradictions(columns, is_plain)
+    several = {STORED_NEES, STORED_SLICES} & of_text.keys()
+    for row, own in enumerate(table.to_pylist() if several else ()):
+        sums = of_text.get(STORED_NEES, {}).get(own.get(STORED_NEES))
+        record = {name: own.get(f"{NEES}.{name}") for name in ("anees", "inside")}
+        if sums and not fits_sums(record | {"mean": own[NEES], "sums": sums}):
+            yield row, f"{NEES} has other numbers than its sums make"
+        slicings = of_text.get(STORED_SLICES, {}).get(own.get(STORED_SLICES))
+        wrong = slices_fault(slicings or (), own)
+        if wrong:
+            yield row, wrong
+    for name in PARAMETER_COLUMNS:
+        for row, value in enumerate(table[name].to_pylist()):
+            if value != parameters[row][name]:
+                yield row, f"{name} is {value}, but parameters.{name} is {parameters[row][name]}"

@@ -16,14 +16,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.campaign.row import Row
+from tgospa_eval.campaign.row import Row, column_fault, job_name, known_columns, part_fault
 from tgospa_eval.common import files
+from tgospa_eval.common.documents import (
+    ANYTHING,
+    COST,
+    COUNT,
+    TEXT,
+    Maybe,
+    or_null,
+    read_document,
+)
 from tgospa_eval.common.files import named
 from tgospa_eval.common.manifest import STORE, STORE_SCHEMA
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats.loading import reason_of
+from tgospa_eval.results.contradictions import ADD_UP, AGREE, TINY
 from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.saved import SETTINGS_FILE as USED_FILE
 from tgospa_eval.results.summary import Summary
+from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,6 +54,36 @@ COST_COLUMNS = ("total", *PARTS)
 """Columns of costs."""
 
 CURVE_COLUMNS = ("curve.tgospa", "curve.lower_bound", "curve.upper_bound")
+
+OF_STEPS = {
+    **dict.fromkeys(("key", "t"), TEXT),
+    **dict.fromkeys(("finished", "step", "steps"), COUNT),
+    **dict.fromkeys(COST_COLUMNS, COST),
+    **dict.fromkeys(CURVE_COLUMNS, or_null(COST)),
+}
+"""Columns of steps."""
+
+ANEW = "delete the file, and batch does its jobs again"
+"""What to do with a part that is wrong."""
+
+
+@contextmanager
+def read_part(path: Path) -> Iterator[None]:
+    """Raise faults of a part as errors of the user.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or is wrong.
+    """
+    import pyarrow as pa
+
+    with named(str(path), InputError):
+        try:
+            yield
+        except (ValueError, pa.ArrowException) as error:
+            text = "cannot be read: " if isinstance(error, pa.ArrowException) else ""
+            raise InputError(f"{path}: {text}{reason_of(error)}; {ANEW}") from None
 
 
 def stored_steps(result: Summary, *, per_step: bool) -> Row:
@@ -113,11 +156,16 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
     known = pd.Series(wanted.index, index=pd.MultiIndex.from_frame(wanted[["key", "finished"]]))
     parts = []
     for path in sorted(folder.glob("part-*.parquet")):
-        columns = ["key", "finished", "step", "t", "steps", *COST_COLUMNS, *CURVE_COLUMNS]
-        with named(str(path), InputError):
-            table = pq.read_table(path, columns=columns).to_pandas()
-        # A job is looked up once, where it begins.
-        first = table["step"] == 1
+        with read_part(path), pq.ParquetFile(path) as file:
+            read = file.read()
+            wrong = column_fault(read, OF_STEPS)
+            if wrong:
+                raise ValueError(wrong)
+            table = read.select(list(OF_STEPS)).to_pandas()
+            # A job is looked up once, where it begins.
+            first = table["step"] == 1
+            if not (first | (table["step"] == table["step"].shift(fill_value=0) + 1)).all():
+                raise ValueError("the steps of a job are not in order")
         jobs = known.reindex(
             pd.MultiIndex.from_frame(table.loc[first, ["key", "finished"]].astype({"key": str}))
         )
@@ -125,7 +173,32 @@ def read_steps(folder: Path, rows: "pd.DataFrame") -> "pd.DataFrame | None":
         kept = table[table["job"].notna()]
         if len(kept):
             parts.append(kept.astype({"job": np.int64}).drop(columns=["key", "finished", "step"]))
-    return pd.concat(parts, ignore_index=True) if parts else None
+    if not parts:
+        return None
+    steps: pd.DataFrame = pd.concat(parts, ignore_index=True)
+    for job, wrong in _contradictions(steps, wanted):
+        name = quoted(job_name(rows.loc[job]))
+        raise InputError(f"{folder}: the steps of {name}: {wrong}; {ANEW}")
+    return steps
+
+
+def _contradictions(steps: "pd.DataFrame", rows: "pd.DataFrame") -> Iterator[tuple[Any, str]]:
+    """Jobs whose steps contradict each other or their row, and how."""
+    with np.errstate(over="ignore"):
+        sums = steps.groupby("job")[list(COST_COLUMNS)].sum()
+    for name in COST_COLUMNS:
+        own = rows.loc[sums.index, name]
+        apart = (sums[name] - own).abs() > ADD_UP * own + TINY
+        for job in sums.index[apart]:
+            yield job, f"{name} sums to {sums[name][job]:.15g}, but the job has {own[job]:.15g}"
+    order = rows["order"].reindex(steps["job"]).to_numpy()
+    value, lower, upper = (steps[name].to_numpy(float) for name in CURVE_COLUMNS)
+    with np.errstate(over="ignore"):
+        is_wrong = ~((lower <= value * (1 + AGREE)) & (value <= upper * (1 + AGREE)))
+        is_wrong |= np.isinf(upper**order)
+    for row in np.flatnonzero(is_wrong & ~(np.isnan(value) & np.isnan(lower) & np.isnan(upper))):
+        names = ", ".join(CURVE_COLUMNS)
+        yield steps["job"][row], f"{names} are {value[row]:g}, {lower[row]:g}, {upper[row]:g}"
 
 
 # -------------------------------------------------------------------------------------------------
@@ -190,6 +263,18 @@ def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
 
 
 SCHEMA, SETTINGS_FILE = STORE_SCHEMA, STORE
+SETTINGS = {
+    "version": TEXT,
+    "options": {...: ANYTHING},
+    "with": Maybe([TEXT]),
+    "slices": Maybe([TEXT]),
+    "jobs": {
+        "paths": [TEXT],
+        **dict.fromkeys(("truth", "estimate", "layout", "seqmap"), or_null(TEXT)),
+    },
+    "settings_file": USED_FILE,
+}
+"""Description of the fields of a store's settings."""
 PART_FOLDER = "jobs"
 
 
@@ -255,14 +340,7 @@ class Store:
         path = self.folder / SETTINGS_FILE
         if self.folder.is_dir() and not path.exists():
             raise InputError(f"{self.folder}: holds no batch: {SETTINGS_FILE} is missing")
-        with named(str(path), InputError):
-            settings: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-            if settings.get("schema") != SCHEMA:
-                raise InputError(
-                    f"{path}: its schema is not {SCHEMA}: another version made it; make it anew "
-                    "with batch"
-                )
-        return settings
+        return read_document(str(path), SCHEMA, SETTINGS, remedy="make it anew with batch")
 
     def rows(self) -> "pd.DataFrame":
         """One row for each job, done before failed and the last of these, in the order of labels.
@@ -279,12 +357,17 @@ class Store:
         tables = []
         for path in sorted((self.folder / PART_FOLDER).glob("part-*.parquet")):
             # Of one file, without the search for a dataset, which takes longer than reading.
-            with named(str(path), InputError), pq.ParquetFile(path) as file:
-                tables.append(file.read().replace_schema_metadata())
+            with read_part(path), pq.ParquetFile(path) as file:
+                part = file.read().replace_schema_metadata()
+                wrong = part_fault(part)
+                if wrong:
+                    raise ValueError(wrong)
+            tables.append(part.select(list(known_columns(part))))
         if not tables:
             return pd.DataFrame(columns=["key", "status"])
         # Parts of failed jobs alone lack columns.
-        table = pa.concat_tables(tables, promote_options="permissive")
+        with read_part(self.folder / PART_FOLDER):
+            table = pa.concat_tables(tables, promote_options="permissive")
         labels = [name for name in table.column_names if name.startswith("label.")]
         # A file that changed since has another key: its older row is one of the past.
         same = [*labels, "truth", "estimate", "options"]

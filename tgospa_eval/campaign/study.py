@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, replace
 from operator import itemgetter
 from pathlib import Path
-from typing import NoReturn, TypeGuard
+from typing import NoReturn
 
 import numpy as np
 
@@ -33,6 +33,20 @@ from tgospa_eval.campaign.solver_runs import (
     warm_up,
 )
 from tgospa_eval.campaign.store import locked
+from tgospa_eval.common.documents import (
+    ANYTHING,
+    COST,
+    COUNT,
+    FLAG,
+    NULL,
+    NUMBER,
+    TEXT,
+    Closed,
+    OrNull,
+    fault,
+    or_null,
+    strict_json,
+)
 from tgospa_eval.common.files import is_missing, is_regular, named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
@@ -44,7 +58,7 @@ from tgospa_eval.evaluation.prepare import fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.results.records import PARTS, Json
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Json
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver
 
@@ -54,8 +68,35 @@ Key = tuple[int, int, int]
 LOG_SCHEMA = "tgospa-eval/study/3"
 LOG_NAME = "runs.jsonl"
 
-RECORD = {"targets", "steps", "run", "occupied", "sizes", "prepare_seconds", "runs"}
-"""What a record has."""
+RECORD = Closed(
+    {
+        **dict.fromkeys(("targets", "steps", "run"), COUNT),
+        "occupied": or_null(COUNT),
+        "sizes": OrNull({"states": COUNT}),
+        "prepare_seconds": or_null(COST),
+        "runs": [Closed(dict.fromkeys(RUN, ANYTHING))],
+    }
+)
+"""Description of a record."""
+
+ABOUT = {**dict.fromkeys(("name", "solver", "status"), TEXT), "finished": FLAG}
+FAILED = {
+    **dict.fromkeys(RUN, NULL),
+    **ABOUT,
+    **dict.fromkeys(("epsilon", "counts", "history"), ANYTHING),
+}
+DONE = {
+    **ABOUT,
+    "epsilon": or_null(COST),
+    "counts": dict.fromkeys(COUNTED_PARTS, COST),
+    **dict.fromkeys(("tgospa", "lower_bound", "total", "total_lower", *PARTS), COST),
+    "iterations": COUNT,
+    "seconds": {"solve": COST, "certify": COST},
+    "entropic": OrNull(
+        {"dual": NUMBER, "cost": NUMBER, **dict.fromkeys(("error", "cost_error"), or_null(NUMBER))}
+    ),
+}
+"""Descriptions of the runs of solvers that failed, and of others."""
 
 
 def machine() -> str:
@@ -107,16 +148,17 @@ class Log:
             self._refuse()
         for number, line in enumerate(content[:whole].splitlines(), start=1):
             try:
-                document = json.loads(line)
-            except (ValueError, RecursionError):
-                document = None
+                document = strict_json(line)
+                wrong = None if number == 1 else record_fault(document, solvers)
+            except ValueError as error:
+                document, wrong = None, str(error)
             if number == 1:
                 self._check(json.loads(first), document)
                 continue
-            if not is_record(document, solvers):
+            if wrong:
                 raise ConfigError(
-                    f"{self.path}, line {number}: no record of this study; remove the line, or "
-                    "name another folder"
+                    f"{self.path}, line {number}: no record of this study: {wrong}; remove the "
+                    "line, or name another folder"
                 )
             self.known[document["targets"], document["steps"], document["run"]] = document
         if whole < len(content):  # killed in the middle of a line
@@ -160,15 +202,17 @@ def opened(folder: str, settings: Json) -> Iterator[Log]:
         yield Log(folder, settings)
 
 
-def is_record(document: object, solvers: int) -> TypeGuard[Json]:
-    """Whether this has everything that a record of so many solvers has."""
-    return (
-        isinstance(document, dict)
-        and document.keys() == RECORD
-        and isinstance(document["runs"], list)
-        and len(document["runs"]) == solvers
-        and all(isinstance(run, dict) and run.keys() == {*RUN} for run in document["runs"])
-    )
+def record_fault(document: object, solvers: int) -> str | None:
+    """The first field of a record of so many solvers that is missing or wrong; None if none."""
+    wrong = fault(document, RECORD)
+    if wrong or not isinstance(document, dict):
+        return wrong
+    runs = document["runs"]
+    if len(runs) != solvers:
+        return f"runs has {len(runs)} items; expected {solvers}"
+    kinds = (FAILED if run["total"] is None else DONE for run in runs)
+    each = enumerate(zip(runs, kinds, strict=True))
+    return next(filter(None, (fault(run, kind, f"runs[{k}]") for k, (run, kind) in each)), None)
 
 
 def _flat(document: Mapping[str, object], prefix: str = "") -> dict[str, object]:

@@ -11,10 +11,18 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 
+from tgospa_eval.common.documents import COUNT, TEXT, Closed, checked, one_of
 from tgospa_eval.common.frozen import dataclass
 
 NAME = ".tgospa-eval.json"
 SCHEMA = "tgospa-eval/folder/1"
+
+MANIFEST = {
+    "schema": one_of(SCHEMA),
+    "kind": TEXT,
+    "files": [Closed({"name": TEXT, "size": COUNT, "sha256": TEXT})],
+}
+"""Description of the fields."""
 
 STORE, STORE_SCHEMA = "batch.json", "tgospa-eval/batch/2"
 """The file by which the store of a batch is known, and its schema."""
@@ -87,21 +95,19 @@ def read_manifest(folder: Path, kind: str) -> tuple[FileEntry, ...] | None:
 def _read(folder: Path) -> tuple[str | None, tuple[FileEntry, ...]]:
     """The kind of a folder, if it has a manifest, and its entries."""
     try:
-        document = json.loads((folder / NAME).read_bytes())
-        if document["schema"] != SCHEMA:
-            return None, ()
-        found = tuple(FileEntry(**entry) for entry in document["files"])
-        safe = all(_is_below(PurePosixPath(entry.name)) for entry in found)
-        return (document["kind"] if safe else None), found
-    except (FileNotFoundError, IsADirectoryError, ValueError, TypeError, KeyError, RecursionError):
+        document = checked((folder / NAME).read_bytes(), MANIFEST)
+    except (FileNotFoundError, IsADirectoryError, ValueError):
         return None, ()
+    listed = tuple(FileEntry(**entry) for entry in document["files"])
+    safe = all(_is_below(PurePosixPath(entry.name)) for entry in listed)
+    return (document["kind"] if safe else None), listed
 
 
 def results_in(folder: Path) -> Callable[[str], bool]:
     """Which files of a folder, by their paths in it, are results: those of a store all are."""
-    with suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
-        if json.loads((folder / STORE).read_bytes())["schema"] == STORE_SCHEMA:
-            return lambda _: True
+    with suppress(OSError, ValueError):
+        checked((folder / STORE).read_bytes(), {"schema": one_of(STORE_SCHEMA)})
+        return lambda _: True
     with suppress(OSError):  # of a folder that is not to be looked into
         kind, listed = _read(folder)
         return {entry.name for entry in listed if kind not in OF_DATA}.__contains__

@@ -22,7 +22,7 @@ from tgospa_eval.formats.columns.headers import BOX, find_roles
 from tgospa_eval.formats.loading import TABLE, check_memory, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.text import listed
+from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.trajectories import as_doubles, column_names
 
 AXES = 3
@@ -88,7 +88,10 @@ def _array(path: str, data: bytes) -> Array:
         what = "Python objects" if kind.hasobject else f"{there:,} bytes where {size:,} should be"
         raise InputError(f"{path}: no readable npy file: {what}")
     values = np.frombuffer(data, kind, offset=stream.tell())
-    return values.reshape(shape, order="F" if in_columns else "C")
+    try:
+        return values.reshape(shape, order="F" if in_columns else "C")
+    except ValueError as error:  # an axis beside one of size 0 may be of any size
+        raise unreadable(path, "npy", error) from None
 
 
 def meant(name: str) -> tuple[str, str]:
@@ -160,22 +163,27 @@ def array_rows(
     tables = _oriented(path, {k: v for k, v in found.items() if k in axes}, known, axes)
     what = "particles" if "particles" in tables else "x"
     tables = _chosen(tables, chosen, path)
-    steps, tracks, size = (tables[what].shape[k] for k in (0, 1, -1))
+    *shape, size = (tables[what].shape[k] for k in (0, 1, -1))
     if not size:
         raise InputError(f"{path}: {told[what]}: no coordinates")
-    names = _columns(path, found, size, options, names)
     first = int(axes is MATLAB)
-    there = np.ones((steps, tracks), bool) if there is None else there
+    there = np.ones(shape, bool) if there is None else there
     step, track = at = np.nonzero(there)
     each = tables[what].shape[2] if what == "particles" else 1
     if file is not None:
         about = " and ".join(told[kind] for kind in tables)
         width = size + (size * size + 2 if "P" in tables else 2)
-        check_memory(path, TABLE * 8 * len(step) * each * width, file, options.max_input, about)
+        count = max(len(step) * each, 1)  # without any there are the names of columns
+        check_memory(path, TABLE * 8 * count * width, file, options.max_input, about)
+    names = _columns(path, found, size, options, names)
     table: dict[str, Any] = {}
-    for kind, count, place in (("id", tracks, track), ("t", steps, step)):
-        values = found[kind][1].ravel() if kind in found else np.arange(count) + first
-        table[kind] = np.repeat((_whole(values) if first else values)[place], each)
+    for kind, place in (("id", track), ("t", step)):
+        if kind in found:
+            values = found[kind][1].ravel()
+            values = (_whole(values) if first else values)[place]
+        else:
+            values = place + first
+        table[kind] = np.repeat(values, each)
     points = tables[what][at]
     if what == "particles":
         table["weight"] = _weights(points, tables["weights"][at] if "weights" in tables else None)
@@ -409,6 +417,12 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
             arrays = {name: archive[name] for name in archive.files}
     except Exception as error:  # damaged archives end in errors of many kinds
         raise unreadable(path, "npz", error) from None
+    for name, array in arrays.items():
+        if not isinstance(array, np.ndarray):  # any zip file is opened
+            raise InputError(
+                f"{path}: no readable npz file: {quoted(name)} in it is no array; write it with "
+                "numpy.savez, and tables, such as those of a spreadsheet, as CSV"
+            )
     if any(array.ndim >= AXES for array in arrays.values()):
         return array_rows(path, arrays, options, file=len(data))
     columns: dict[str, Any] = {}

@@ -46,14 +46,15 @@ class ByClass(Summary):
     def _of_tracks(self, name: str) -> Columns:
         """Class by class, with the class in front."""
         tables = {part: made.table(name) for part, made in self.results.items()}
-        columns = next(iter(tables.values()))
-        joined: Columns = {
-            "class": [part for part, table in tables.items() for _ in next(iter(table.values()))]
-        }
-        return joined | {
-            column: [value for table in tables.values() for value in table[column]]
-            for column in columns
-        }
+        sizes = {part: len(next(iter(table.values()))) for part, table in tables.items()}
+        joined: Columns = {"class": [part for part, size in sizes.items() for _ in range(size)]}
+        for column in dict.fromkeys(name for table in tables.values() for name in table):
+            joined[column] = [  # what is not judged, which some classes have none of
+                value
+                for part, table in tables.items()
+                for value in table.get(column, [0] * sizes[part])
+            ]
+        return joined
 
     def _per_class(self) -> Columns:
         """Value and costs of each class; the costs add up, the values do not."""

@@ -3,29 +3,42 @@
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import asdict
-from typing import NoReturn
+from dataclasses import fields
+from typing import Any
 
-from tgospa_eval.common.files import read_bytes
-from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.documents import (
+    ANYTHING,
+    COST,
+    COUNT,
+    FLAG,
+    NUMBER,
+    POSITIVE,
+    TEXT,
+    TIME,
+    Closed,
+    FieldKind,
+    Maybe,
+    fault,
+    or_null,
+    read_document,
+)
 from tgospa_eval.errors import InputError
-from tgospa_eval.results.consistency import NEES, right_record
+from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
+from tgospa_eval.results.contradictions import ADD_UP, TINY, contradiction
 from tgospa_eval.results.numbers import SPLIT_PARTS
-from tgospa_eval.results.records import PARTS, Json
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Json
+from tgospa_eval.results.slices import SLICE_NUMBERS
 from tgospa_eval.results.summary import BRACKET, RESULT_SCHEMA
-from tgospa_eval.text import quoted
-from tgospa_eval.tracks.judged import fault_of
+
+ROLES = ("truth", "estimate")
 
 ACCURACY = ("solver", "gap", "epsilon", "time_limit")
 """Parameters that change the bracket and not the metric: those of two runs may differ."""
 
 NEUTRAL = ("unit", "decimal")
 """Parameters that change neither: how the files are written, and what is printed."""
-
-AGREE, ADD_UP = 1e-9, 1e-6
-"""Relative tolerances of values that are the same, and of parts that were summed."""
 
 LARGEST_RESULT = 1 << 32
 """Bytes that no saved result has."""
@@ -56,56 +69,6 @@ def unlike(
             yield name, shown(own, name), shown(other, name)
 
 
-def contradiction(values: Mapping[str, float], order: object) -> str | None:
-    """In what tgospa, its bounds, total and parts do not fit each other; None if they do."""
-    total = values["total"]
-    upper = values.get("upper_bound", values["tgospa"])
-    if not math.isclose(values["tgospa"], upper, rel_tol=AGREE):
-        return "tgospa is not upper_bound"
-    if values.get("lower_bound", 0.0) > upper:
-        return "lower_bound is above upper_bound"
-    if not _is_power(total, upper, order):
-        return "total is not tgospa to the power of the order"
-    if not math.isclose(sum(values[part] for part in PARTS), total, rel_tol=ADD_UP):
-        return f"{', '.join(PARTS)} do not add up to total"
-    return None
-
-
-def _is_power(total: float, value: float, order: object) -> bool:
-    """Whether the total is the value to the power of the order, as far as that is a number."""
-    if isinstance(order, bool) or not isinstance(order, int | float):
-        return True  # which makes the pair not comparable
-    try:
-        return math.isclose(total, value**order, rel_tol=AGREE * max(order, 1), abs_tol=1e-300)
-    except (OverflowError, ZeroDivisionError):
-        return False
-
-
-def strict_json(text: str) -> object:
-    """What JSON says, without NaN, infinities and repeated names.
-
-    Raises
-    ------
-    ValueError
-        It is no JSON, or has one of these.
-    """
-    return json.loads(text, parse_constant=_no_number, object_pairs_hook=_once)
-
-
-def _no_number(text: str) -> NoReturn:
-    raise ValueError(f"{text} is no number of JSON; every value must be finite")
-
-
-def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """An object whose names are all different: JSON would take the last of two."""
-    found: dict[str, object] = {}
-    for name, value in pairs:
-        if name in found:
-            raise ValueError(f"{quoted(name)} is there twice in one object; delete one")
-        found[name] = value
-    return found
-
-
 def saved_result(path: str) -> str | None:
     """The JSON of a result at a path, which may be its folder; None if there is none."""
     if os.path.isdir(path):
@@ -120,79 +83,122 @@ def saved_result(path: str) -> str | None:
     return None
 
 
+JUDGED: dict[str, FieldKind] = {
+    "steps": COUNT,
+    "steps_sha256": TEXT,
+    "truth_states": COUNT,
+    "truth_steps": COUNT,
+    "truth_sha256": TEXT,
+}
+"""Description of what values are judged on."""
+
+PARAMETERS: dict[str, Any] = {
+    "cutoff": POSITIVE,
+    "order": FieldKind("a finite number >= 1", lambda value: NUMBER.fits(value) and value >= 1),
+    "switch_penalty": COST,
+    "distance": TEXT,
+    "solver": TEXT,
+    "rho": Maybe(COST),
+    **{name: Maybe(COST) for name in ("gap", "epsilon", "time_limit")},
+}
+"""Description of the parameters that are read; others are compared as they are."""
+
+NOTICE = Closed({"code": TEXT, "text": TEXT, "remedy": TEXT})
+
+NEES_SUMS = Closed(
+    {"components": FieldKind("a whole number > 0", lambda value: COUNT.fits(value) and value > 0)}
+    | {one.name: COST for one in fields(NeesSums) if one.name not in ("components", "ranks")}
+    | {"ranks": [[COST]]}
+)
+NEES_RECORD = {**dict.fromkeys(("mean", "anees", "inside"), or_null(COST)), "sums": NEES_SUMS}
+
+SLICING = {
+    "by": TEXT,
+    "unique": FLAG,
+    "slices": [{"slice": TEXT, "total": COST, **dict.fromkeys(SLICE_NUMBERS, COST)}],
+}
+
+SETTINGS_FILE = Maybe(Closed({"path": TEXT, "named": FLAG, "options": {...: ANYTHING}}))
+
+RESULT = {
+    **dict.fromkeys((*BRACKET[:5], *PARTS), COST),
+    **dict.fromkeys(("certified", "within_rounding"), FLAG),
+    "version": TEXT,
+    "counts": dict.fromkeys(COUNTED_PARTS, COST),
+    "normalised": {"tgospa": COST},
+    "parameters": PARAMETERS,
+    "judged": JUDGED,
+    "solver": {"status": TEXT, "finished": FLAG},
+    "input": {role: {"sha256": TEXT} for role in ROLES},
+    "files": dict.fromkeys(ROLES, or_null(TEXT)),
+    "per_step": [{"t": TIME, **dict.fromkeys((*PARTS, "total"), COST)}],
+    "warnings": [NOTICE],
+    **dict.fromkeys(SPLIT_PARTS, Maybe(COST)),
+    NEES: Maybe(NEES_RECORD),
+    "slices": Maybe([SLICING]),
+    "with": Maybe({...: {...: NUMBER}}),
+}
+"""Description of the fields of a result that are read; `by_class` has the same of each class."""
+
+
 def read_result(path: str) -> Json:
-    """The document of a saved result, as far as rankings need it checked.
+    """The document of a saved result.
 
     Raises
     ------
     InputError
         It is no result, or was changed by hand.
     """
-    try:
-        document = strict_json(read_bytes(path, InputError, LARGEST_RESULT).decode("utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: {error}; {MADE_BY}") from None
-    schema = document.get("schema") if isinstance(document, dict) else None
-    if not isinstance(document, dict) or schema != RESULT_SCHEMA:
-        raise InputError(
-            f'{path}: has the schema {quoted(str(schema))}, this version reads "{RESULT_SCHEMA}"; '
-            f"{MADE_BY}"
-        )
+    document = read_document(path, RESULT_SCHEMA, {}, remedy=MADE_BY, most=LARGEST_RESULT)
     if "per_step" not in document and "tables" in document:
         raise InputError(
             f"{path}: of data in parts, with more steps than a ranking takes; evaluate parts of "
             "the recording, by --time"
         )
-    try:
-        wrong = _fault(document)
-    except KeyError as error:
-        wrong = f"{error} is missing"
-    except (TypeError, AttributeError, ValueError, ArithmeticError):
-        wrong = "not as this program wrote it"
-    if wrong is not None:
+    wrong = result_fault(document)
+    if wrong:
         raise InputError(f"{path}: {wrong}; evaluate again and save the result anew")
     return document
 
 
-def _fault(document: Json) -> str | None:
-    """What is wrong with the numbers; other exceptions tell what is missing."""
-    parameters, steps = document["parameters"], document["per_step"]
-    values = {name: document[name] for name in (*BRACKET[:4], *PARTS)}
-    values |= {f"counts.{name}": value for name, value in document["counts"].items()}
+def result_fault(document: Json) -> str | None:
+    """The first field of a result that is missing, wrong, or contradicts others; None if none."""
+    wrong = fault(document, RESULT) or fault(document, {"by_class": Maybe({...: RESULT})})
+    if wrong:
+        return wrong
+    names = (*BRACKET, "within_rounding", *PARTS, *(n for n in SPLIT_PARTS if n in document))
+    values = {name: document[name] for name in names}
+    values |= {f"counts.{name}": document["counts"][name] for name in COUNTED_PARTS}
     values |= {"normalised.tgospa": document["normalised"]["tgospa"]}
+    values |= {"judged.steps": document["judged"]["steps"]}
     values |= {
-        f"per_step.{name}": math.fsum(step[name] for step in steps) for name in (*PARTS, "total")
+        f"per_step.{name}": added(step[name] for step in document["per_step"])
+        for name in (*PARTS, "total")
     }
-    values |= {name: parameters[name] for name in ("cutoff", "order", "switch_penalty")}
-    values |= {name: document[name] for name in SPLIT_PARTS if name in document}
-    if NEES in document and not right_record(document[NEES]):
-        return f"{NEES} is not as this program wrote it, or its sums are of other numbers"
-    for name, value in values.items():
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not is_number or not 0 <= float(value) < math.inf:
-            return f"{name} is {json.dumps(value)}: must be a number, finite and >= 0"
-    others = [value for found in document.get("with", {}).values() for value in found.values()]
-    if not all(math.isfinite(value) for value in others):
-        return "other metrics must be finite numbers"
-    for name in (*PARTS, "total"):
-        if not math.isclose(values[f"per_step.{name}"], values[name], rel_tol=ADD_UP):
-            return f"values contradict each other: per_step.{name} does not add up to {name}"
-    texts = (
-        parameters["distance"],
-        document["solver"]["status"],
-        *(document["input"][side]["sha256"] for side in ("truth", "estimate")),
-        *(text for notice in document["warnings"] for text in asdict(Notice(**notice)).values()),
+    wrong = contradiction(values, document["parameters"])
+    wrong = wrong or slices_fault(document.get("slices", ()), document)
+    if not wrong and NEES in document and not fits_sums(document[NEES]):
+        wrong = f"{NEES} has other numbers than its sums make"
+    parts = document.get("by_class", {}).items()
+    faults = (
+        own and f"by_class.{name}: {own}" for name, part in parts if (own := result_fault(part))
     )
-    times = [step["t"] for step in steps]
-    if not all(isinstance(t, int | float | str) and not isinstance(t, bool) for t in times):
-        return "t of a step is neither number nor text"
-    if not all(isinstance(text, str) for text in texts):
-        return "not as this program wrote it"
-    found = contradiction(values, parameters["order"])
-    judged = document["judged"]
-    each = (values["total"] / max(judged["steps"], 1)) ** (1 / max(parameters["order"], 1))
-    if parameters["order"] < 1 or not math.isclose(
-        each, values["normalised.tgospa"], rel_tol=ADD_UP
-    ):
-        found = "normalised.tgospa, judged.steps or the order"
-    return fault_of(judged) or (found and f"values contradict each other: {found}")
+    return wrong or next(faults, None)
+
+
+def added(values: Iterable[float]) -> float:
+    """The sum, which may be infinite."""
+    return sum(map(float, values))
+
+
+def slices_fault(slicings: Iterable[Json], whole: Mapping[Any, Any]) -> str | None:
+    """The first part of the cost that slices do not add up to; None if they do."""
+    for number, one in enumerate(slicings):
+        for part in PARTS:
+            total = added(row[part] for row in one["slices"])
+            if not math.isclose(total, whole[part], rel_tol=ADD_UP, abs_tol=TINY):
+                return (
+                    f"slices[{number}] has {part} costs that sum to {total:.15g}, but {part} is "
+                    f"{whole[part]:.15g}"
+                )
+    return None

@@ -22,13 +22,7 @@ from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
 Number = TypeVar("Number", bound=np.ndarray[Any, Any])
 
-JUDGED_FIELDS = {
-    "steps": int,
-    "steps_sha256": str,
-    "truth_states": int,
-    "truth_steps": int,
-    "truth_sha256": str,
-}
+JUDGED_FIELDS = ("steps", "steps_sha256", "truth_states", "truth_steps", "truth_sha256")
 """What comparisons read of a record."""
 
 
@@ -170,15 +164,6 @@ def _steps_of(record: Mapping[str, Any]) -> str:
 def judged_of(row: Mapping[str, Any]) -> dict[str, Any]:
     """What a comparison reads, of the row of a table."""
     return {name: row[f"judged.{name}"] for name in JUDGED_FIELDS}
-
-
-def fault_of(record: Mapping[str, object]) -> str:
-    """What is wrong with a record that was read, in words; blank if nothing is."""
-    for name, kind in JUDGED_FIELDS.items():
-        value = record.get(name)
-        if not isinstance(value, kind) or isinstance(value, bool):
-            return f"judged.{name} is missing, or not as this program wrote it"
-    return ""
 
 
 def digest_of_times(ticks: TimeArray, clock: str) -> str:

@@ -5,9 +5,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from stored import settings_of, stored_row
 
 from tgospa_eval.campaign import pairs as jobs
-from tgospa_eval.campaign.store import SCHEMA, Store
+from tgospa_eval.campaign.store import Store
 from tgospa_eval.campaign.sums import tabulated
 from tgospa_eval.errors import ConfigError, InputError
 
@@ -133,35 +134,74 @@ def test_manifest(tree: Path, write: Write) -> None:
     for text, message in (
         ("a,b\n", "line 1: a manifest has the columns truth and estimate"),
         ("truth,estimate\n1\n", "line 2: 1 fields, the header has 2"),
+        ("truth,estimate,run\na,b," + "x" * 200_000, "line 2: field larger than field limit"),
         ("truth,estimate,run\n" + "gt/s1.csv,out/a/s1.csv,1\n" * 2, "a column tells them apart"),
     ):
         with pytest.raises(InputError, match=message):
             jobs.of_manifest(write("m.csv", text), ())
 
 
-def row(key: str, status: str, finished: int, **more: object) -> dict[str, object]:
-    """A row as the store has them."""
-    paths = {"truth": "t", "estimate": "e", "options": "{}"}
-    return {"key": key, "status": status, "finished": finished, "label.run": key} | paths | more
-
-
 def test_the_store_keeps_the_last_row_that_is_done(tmp_path: Path) -> None:
     store = Store(str(tmp_path / "s"))
-    store.open({"schema": SCHEMA, "options": {"cutoff": 5.0}})
-    store.add([row("a", "failed", 1), row("b", "done", 2)])
-    store.add([row("a", "done", 3), row("b", "failed", 4)])
+    store.open(settings_of(5.0))
+    store.add([stored_row("a", "failed", 1), stored_row("b", "done", 2)])
+    store.add([stored_row("a", "done", 3), stored_row("b", "failed", 4)])
     assert store.rows()[["key", "status"]].values.tolist() == [["a", "done"], ["b", "done"]]
-    store.add([row("c", "done", 5, **{"label.run": "b"})])  # b, with a file that has changed
+    store.add([stored_row("c", "done", 5, **{"label.run": "b"})])  # b, with a file that has changed
     assert store.rows()["key"].tolist() == ["a", "c"]
-    store.open({"schema": SCHEMA, "options": {"cutoff": 5.0}})
+    store.open(settings_of(5.0))
     with pytest.raises(ConfigError, match=r"options was {\"cutoff\": 5.0}, is {\"cutoff\": 6.0}"):
-        store.open({"schema": SCHEMA, "options": {"cutoff": 6.0}})
+        store.open(settings_of(6.0))
     with pytest.raises(InputError, match="holds no batch: "):
         Store(str(tmp_path)).settings()
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "file").touch()
     with pytest.raises(ConfigError, match="is not empty, and no batch"):
-        Store(str(tmp_path / "other")).open({"schema": SCHEMA})
+        Store(str(tmp_path / "other")).open(settings_of(5.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"total_upper": 0.15}, "total_lower is 1.49999999999999, but total_upper is 0.15"),
+        ({"upper_bound": 9.0}, "tgospa is 1.22474487139159, but upper_bound is 9"),
+        ({"total": 2.0}, "total is 2, but total_upper is 1.5"),
+        ({"missed": 1.0}, "total is 1.5, but localisation, missed, false, switch sum to 2.5"),
+        ({"counts.missed": 2.0}, "missed is 0, but counts.missed makes it 9"),
+        ({"normalised.tgospa": 3.0}, "normalised.tgospa is 3, but total and judged.steps make"),
+        ({"judged.steps": 5}, "normalised.tgospa is 0.70710678118"),
+        ({"localisation_mean": 1.0, "localisation_spread": 1.0}, "localisation is 1.5, but"),
+        ({"cutoff": 4.0}, "cutoff is 4.0, but parameters.cutoff is 3.0"),
+        ({"tgospa": -1.0}, "row 1: tgospa is -1.0; expected a finite number >= 0"),
+        ({"tgospa": float("nan")}, "tgospa is NaN; expected a finite number >= 0"),
+        ({"tgospa": None}, "tgospa is null; expected a finite number >= 0"),
+        ({"certified": "yes"}, 'certified is "yes"; expected true or false'),
+        ({"judged.steps": "3"}, 'judged.steps is "3"; expected a whole number >= 0'),
+        ({"options": "[]"}, "options is a list; expected an object"),
+        ({"warnings": '[{"code": "x"}]'}, r"warnings\[0\].text: is missing; expected a text"),
+        ({"parameters": "{"}, "row 1: parameters: Expecting property name"),
+        ({"status": "new"}, 'status is "new"; expected one of done, open, failed'),
+        ({"with.clear.MOTA": "x"}, "with.clear.MOTA is .x.; expected a finite number, a list"),
+        ({"nees.sums": "{}"}, "nees.sums.components: is missing; expected a whole number > 0"),
+    ],
+)
+def test_rows_that_contradict_themselves_are_refused(
+    tmp_path: Path, change: dict[str, object], message: str
+) -> None:
+    store = Store(str(tmp_path / "s"))
+    store.open(settings_of(5.0))
+    store.add([stored_row("a", "done", 1) | change])
+    with pytest.raises(InputError, match=rf"jobs.part-\w+-\w+.parquet: .*{message}.*; delete the"):
+        store.rows()
+
+
+def test_a_row_lacks_a_column(tmp_path: Path) -> None:
+    store, row = Store(str(tmp_path / "s")), stored_row("a", "done", 1)
+    store.open(settings_of(5.0))
+    del row["total_upper"]
+    store.add([row])
+    with pytest.raises(InputError, match="column total_upper: is missing; expected a finite"):
+        store.rows()
 
 
 def test_costs_are_added_and_roots_are_not() -> None:

@@ -5,24 +5,24 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from stored import settings_of, stored_row
 
-from tgospa_eval.campaign.store import SCHEMA, Store
+from tgospa_eval.campaign.store import Store
 from tgospa_eval.errors import ConfigError, InputError
 
 
 def row(key: int, status: str = "done", **more: object) -> dict[str, Any]:
-    base = {"key": str(key), "status": status, "finished": key, "label.run": str(key)}
-    return base | {"truth": "t", "estimate": "e", "options": "{}"} | more
+    return stored_row(str(key), status, key, **more)
 
 
 @pytest.fixture
 def store(tmp_path: Path) -> Store:
     """One with parts of other columns each."""
     store = Store(str(tmp_path / "s"))
-    store.open({"schema": SCHEMA})
+    store.open(settings_of(5.0))
     store.add([row(1, "failed", message="no file")])
-    store.add([row(2, tgospa=2.5, message=None)])
-    store.add([row(1, tgospa=1.5), row(3, tgospa=3.5)])
+    store.add([row(2, seconds=2.5)])
+    store.add([row(1, seconds=1.5), row(3, seconds=3.5)])
     return store
 
 
@@ -32,7 +32,7 @@ def names(store: Store) -> list[str]:
 
 def test_later_rows_of_a_job_count(store: Store) -> None:
     assert len(names(store)) == 3
-    assert store.rows()["tgospa"].tolist() == [1.5, 2.5, 3.5]
+    assert store.rows()["seconds"].tolist() == [1.5, 2.5, 3.5]
 
 
 def test_a_damaged_part_is_named(store: Store) -> None:

@@ -7,8 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from answer import Answer
+
+from tgospa_eval.results.saved import read_result
 
 TRUTH = "id,t,x\n1,0,0\n1,1,0\n1,2,0\n"
 OPTIONS = ("-c", "5", "-g", "1", "-q")
@@ -223,28 +226,30 @@ def test_what_is_judged_on_other_steps_has_no_order(save: Save, invoke: Invoke) 
     [
         (
             lambda d: d.update(schema="tgospa-eval/result/9"),
-            'has the schema "tgospa-eval/result/9"',
+            'its schema is "tgospa-eval/result/9", this version reads "tgospa-eval/result/1"',
         ),
-        (lambda d: d.update(lower_bound=2.0), "values contradict each other: lower_bound is above"),
-        (lambda d: d.update(total=2.0), "per_step.total does not add up to total"),
+        (lambda d: d.update(lower_bound=2.0), "lower_bound is 2, but upper_bound is 1.00000"),
+        (lambda d: d.update(total=2.5), "total is 2.5, but tgospa to the power of the order is 1"),
+        (lambda d: d["per_step"][1].update(total=5.0), "the numbers of per_step.total sum to 5"),
         (lambda d: d.update(upper_bound=float("nan")), "NaN is no number of JSON"),
-        (lambda d: d.update(missed=True), "missed is true: must be a number, finite and >= 0"),
-        (lambda d: d["normalised"].update(tgospa=9.0), "contradict each other: normalised.tgospa"),
-        (lambda d: d["normalised"].update(tgospa=0), "contradict each other: normalised.tgospa"),
-        (lambda d: d["counts"].update(false=10**400), "not as this program wrote it"),
-        (
-            lambda d: d["parameters"].update(order=0),
-            "contradict each other: normalised.tgospa, judged",
-        ),
-        (lambda d: d.pop("tgospa"), "'tgospa' is missing"),
-        (lambda d: d.pop("judged"), "'judged' is missing; evaluate again and save the result anew"),
-        (lambda d: d["judged"].update(truth_sha256=5), "judged.truth_sha256 is missing, or not"),
-        (lambda d: d.update(per_step=[1]), "not as this program wrote it"),
+        (lambda d: d.update(missed=True), "missed is true; expected a finite number >= 0"),
+        (lambda d: d["normalised"].update(tgospa=9.0), "normalised.tgospa is 9, but total and"),
+        (lambda d: d["normalised"].update(tgospa=0), "normalised.tgospa is 0, but total and"),
+        (lambda d: d["counts"].update(false=10**400), "counts.false is 1000"),
+        (lambda d: d["counts"].update(false=3), "false is 0, but counts.false makes it 37.5"),
+        (lambda d: d.update(relative_gap=0.5), "relative_gap is 0.5, but lower_bound and upper"),
+        (lambda d: d["parameters"].update(order=0), "parameters.order is 0; expected a finite"),
+        (lambda d: d.pop("tgospa"), "tgospa: is missing; expected a finite number >= 0"),
+        (lambda d: d.pop("judged"), "judged: is missing; expected an object; evaluate again and"),
+        (lambda d: d["judged"].update(truth_sha256=5), "judged.truth_sha256 is 5; expected a text"),
+        (lambda d: d.update(files=None), "files is null; expected an object"),
+        (lambda d: d["solver"].pop("finished"), "solver.finished: is missing; expected true or"),
+        (lambda d: d.update(per_step=[1]), "per_step[0] is 1; expected an object"),
         (lambda d: d["per_step"].reverse(), "per_step: times are not in order"),
-        (lambda d: d["per_step"][1].update(t=None), "t of a step is neither number nor text"),
+        (lambda d: d["per_step"][1].update(t=None), "per_step[1].t is null; expected a finite"),
         (lambda d: d["per_step"][1].update(t="noon"), "mixed kinds of time: "),
         (lambda d: [s.update(t=f"day {s['t']}") for s in d["per_step"]], "not a time: "),
-        (lambda d: d.update(warnings=[{"code": 1}]), "not as this program wrote it"),
+        (lambda d: d.update(warnings=[{"code": 1}]), "warnings[0].text: is missing; expected a"),
     ],
 )
 def test_changed_results_are_refused(
@@ -269,3 +274,42 @@ def test_bounds_that_were_not_met_are_told(save: Save, invoke: Invoke, write: Wr
     answer = invoke("compare", "a", "b", "-q")
     assert (answer.status, answer.err) == (4, "accuracy not reached: b/result.json: solved\n")
     assert answer.out
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--rho", "0.2"),
+        ("--ignore", "marked"),
+        ("--existence", "use", "-p", "1"),
+        ("--by", "class", "--slice", "class", "--curve"),
+        ("--solver", "sinkhorn", "--epsilon", "0.5", "-p", "3"),
+        ("--resample", "0.5", "--max-gap", "2", "--with", "hota"),
+        ("--step-weights", "w.csv", "--window", "2"),
+        ("-c", "1e-140", "-g", "1e-140"),
+        ("-c", "1e140", "-g", "1e120"),
+        ("-g", "1e100", "-p", "3"),
+    ],
+)
+def test_whatever_was_saved_is_right(
+    options: tuple[str, ...], write: Callable[[str, str], str], invoke: Invoke
+) -> None:
+    """What contradicts itself is refused: nothing that the program writes does."""
+    rng = np.random.default_rng(1)
+    for name, noise in (("t", 0.1), ("e", 0.7)):
+        rows = [
+            f"{k},{t},{3 * k + noise * rng.normal()},{t},{'ab'[k % 2]},{k % 3 // 2},0.8"
+            for k in range(4)
+            for t in range(6)
+            if rng.random() < 0.8
+        ]
+        write(f"{name}.csv", "\n".join(["id,t,x,y,class,ignored,existence", *rows, ""]))
+    write("w.csv", "t,weight\n" + "".join(f"{t},{t % 3}\n" for t in range(6)))
+    common = ("-c", "2", "-g", "1", "--columns", "x,y", *options)
+    assert invoke("t.csv", "e.csv", *common, "-q", "-o", "out").status in (0, 4)
+    assert read_result("out/result.json")["schema"].startswith("tgospa-eval/result/")
+    write("m.csv", "truth,estimate,run\nt.csv,e.csv,a\ne.csv,t.csv,b\n")
+    if not {"--by", "--window"} & {*options}:
+        invoke("batch", "m.csv", *common, "--per-step", "-q", "-o", "s", "--workers", "1")
+        answer = invoke("batch", "report", "s")
+        assert answer.status in (0, 4), answer.err

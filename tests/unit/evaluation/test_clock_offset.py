@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from tgospa_eval import TgospaWarning, Trajectories, evaluate
@@ -177,3 +178,31 @@ def test_the_offset_that_is_proposed_works(invoke: Run, write: Write) -> None:
     late = replace(estimate, times=estimate.times + 24.7)
     with pytest.warns(TgospaWarning, match=r"use time_offset=-24\.7;"):
         evaluate(truth, late, 10.0, 2, 5.0)
+
+
+def test_stamps_that_doubles_do_not_tell_apart_name_no_offset() -> None:
+    """Nanoseconds since 1970 beside numbers of steps, and one stamp that is small."""
+    states = [
+        *((0.1, -0.1), (0.6, 0.1), (-0.5, 0.4), (1.4, 0.8), (-0.1, -1.2), (-1.2, 0.4)),
+        *((-0.9, 0.6), (-1.3, -1.9), (-1.7, 0.1), (-0.5, 1.6), (-1.4, -0.5), (-2.4, 0.4)),
+        *((0.4, 1.7), (-2.2, -1.4), (-2.8, 0.7), (-0.6, 1.5), (-2.3, -0.9), (-2.6, 1.0)),
+        *((-1.2, 1.4), (-1.6, 0.6), (-3.9, 2.5), (0.1, 2.2), (-1.3, 0.3), (-2.4, 4.5)),
+    ]
+    others = [
+        *((0.5, 0.1), (0.7, -0.1), (-0.5, 0.5), (1.2, 0.9), (0.0, -1.0), (-1.4, 0.3)),
+        *((-1.0, 0.4), (-1.0, -2.0), (-1.6, 0.0), (-0.2, 1.9), (-1.3, -1.0), (-2.4, 0.6)),
+        *((0.6, 1.6), (-1.8, -1.7), (-3.0, 0.8), (-0.6, 1.9), (-2.3, -1.0), (-2.7, 0.8)),
+        *((-1.5, 1.5), (-1.4, 0.8), (-4.0, 2.9), (0.0, 2.5), (-1.4, 0.1), (-2.4, 4.7)),
+    ]
+    begin, steps = 578721382704613377, np.arange(24) // 3
+    for small in (False, True):
+        times = begin + (steps - 1) % 8
+        times[-1] = 526343 if small else times[-1]
+        sides = (
+            pd.DataFrame(own, columns=["x", "y"]).assign(id=np.arange(24) % 3, t=t)
+            for t, own in ((steps, states), (times, others))
+        )
+        with pytest.warns(TgospaWarning) as caught:
+            result = evaluate(*sides, 3.0, 2.0, 1.0)
+        assert result.tgospa == pytest.approx(216**0.5)
+        assert not any("inf" in str(one.message) for one in caught)

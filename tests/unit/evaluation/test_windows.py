@@ -330,3 +330,11 @@ def test_the_picture_needs_windows() -> None:
     assert axis.lines[1].get_ydata() == pytest.approx([18**0.5] * 3, abs=1e-5)
     with pytest.raises(ConfigError, match="there are no windows"):
         plot_windows(evaluate(np.zeros((3, 1, 2)), np.zeros((3, 1, 2))))
+
+
+def test_the_page_of_no_window(invoke: Invoke, write: Write) -> None:
+    for name in ("t.csv", "e.csv"):
+        write(name, "id,t,x\n")
+    answer = invoke("t.csv", "e.csv", "-c", "3", "-g", "1", "--window", "3", "-q", "-o", "out")
+    assert answer.status == 0, answer.err
+    assert "the largest is 0" in Path("out/report.html").read_text(encoding="utf-8")

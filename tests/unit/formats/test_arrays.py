@@ -1,6 +1,7 @@
 """Arrays (T, k, d) in npy and npz files: the answer of CSV, and what is wrong with some."""
 
 import io
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -89,6 +90,21 @@ SQUARE = np.zeros((2, 2, 2))
 HUGE = npy(SQUARE).replace(b"(2, 2, 2)", b"(2, 2,99)")
 
 
+def header(*shape: int) -> bytes:
+    """An npy file without a number."""
+    buffer = io.BytesIO()
+    about = {"descr": "<f8", "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(buffer, about)
+    return buffer.getvalue()
+
+
+def zipped(name: str, content: bytes) -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr(name, content)
+    return buffer.getvalue()
+
+
 @pytest.mark.parametrize(
     ("name", "data", "message"),
     [
@@ -106,6 +122,10 @@ HUGE = npy(SQUARE).replace(b"(2, 2, 2)", b"(2, 2,99)")
         ),
         ("a.npy", npy(SQUARE[:, :, :0]), "states 2 x 2 x 0: no coordinates"),
         ("a.npy", npy(SQUARE + np.inf), 'trajectory 0, step 0, column "x": infinite'),
+        ("a.npy", header(10**18, 0, 2), "no readable npy file: array is too big"),
+        ("a.npy", header(0, 2, 10**11), "states 0 x 2 x 100000000000: reading it takes some"),
+        ("a.npz", zipped("x.npy", b"no array"), 'no readable npz file: "x" in it is no array'),
+        ("a.npz", zipped("xl/sheet1.xml", b"<x/>"), '"xl/sheet1.xml" in it is no array; .* as CSV'),
         ("a.npz", npz(a=SQUARE, b=SQUARE), "a 2 x 2 x 2, b 2 x 2 x 2: which are the states"),
         (
             "a.npz",
@@ -123,6 +143,11 @@ def test_what_is_wrong(write: Write, name: str, data: bytes, message: str) -> No
     path = write(name, data)
     with pytest.raises(InputError, match=message):
         read(path)
+
+
+@pytest.mark.parametrize("shape", [(10**11, 0, 2), (0, 10**11, 2)])
+def test_steps_without_objects_take_no_room(write: Write, shape: tuple[int, ...]) -> None:
+    assert read(write("a.npy", header(*shape))).rows == 0
 
 
 def test_room(write: Write) -> None:

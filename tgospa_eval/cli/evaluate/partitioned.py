@@ -20,6 +20,7 @@ from tgospa_eval.cli.shared.click_options import OutputOptions
 from tgospa_eval.cli.shared.progress import bracket, new_stopwatch, shown
 from tgospa_eval.cli.shared.streams import interrupted, notifier, print_notice
 from tgospa_eval.cli.shared.writing import probed_folder
+from tgospa_eval.common.documents import checked
 from tgospa_eval.common.files import named
 from tgospa_eval.common.machine import cores
 from tgospa_eval.common.progress import Progress
@@ -241,7 +242,7 @@ def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, w
         It is of another.
     """
     try:
-        old = json.loads(log.read_text("utf-8"))
+        old = checked(log.read_bytes(), {})
     except ValueError:
         old = {}
     names = sorted({*old, *identity})

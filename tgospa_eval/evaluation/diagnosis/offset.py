@@ -378,7 +378,7 @@ class Search:
         if best.better(now) < SIGNIFICANT:
             return None
         uncertainty, reach = self._spread(best, tried, fit)
-        if reach > max(LOCAL * uncertainty, self.timeline.apart):
+        if not reach <= max(LOCAL * uncertainty, self.timeline.apart) < np.inf:
             return None
         first, last = (here or self).fit(0.0), self.fit(best.shift)
         pairs = float(np.maximum(first.pairs, last.pairs).sum())

@@ -13,6 +13,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from tgospa_eval.common.arrays import in_batches
+from tgospa_eval.common.documents import TEXT, checked
 from tgospa_eval.common.files import CHUNK, STDIN, named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
@@ -200,7 +201,7 @@ def changed_file(files: Sequence[tuple[File, os.stat_result]], work: Path, run: 
     before = now
     if kept.exists():
         try:
-            before = json.loads(kept.read_bytes())
+            before = checked(kept.read_bytes(), {...: [TEXT]})
         except ValueError:  # the machine has stopped before it was written
             before = {}
     changed = [path for path in {**before, **now} if before.get(path) != now.get(path)]

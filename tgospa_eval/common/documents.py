@@ -1,0 +1,265 @@
+"""JSON documents of ours: read strictly, and checked against one description of their fields.
+
+A description is a `FieldKind` for a value, a list with the description of each item, or a dict: of
+each field by its name, and under ``...`` of those of any other name. `Maybe` is for fields that may
+be missing, `OrNull` for objects that may be null, `Closed` for objects without any other field.
+"""
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from typing import Any, NoReturn
+
+from tgospa_eval.common.files import SETTINGS, read_bytes
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.errors import InputError, TgospaError
+from tgospa_eval.text import clipped, quoted
+
+
+@dataclass(frozen=True)
+class FieldKind:
+    """Values of a field.
+
+    Parameters
+    ----------
+    name : str
+        Of what is expected, for messages.
+    fits : callable
+        Whether a value is one.
+    """
+
+    name: str
+    fits: Callable[[Any], bool]
+
+
+@dataclass(frozen=True)
+class Maybe:
+    """A field that may be missing.
+
+    Parameters
+    ----------
+    description : FieldKind, dict or list
+        Of its value, where it is there.
+    """
+
+    description: Any
+
+
+@dataclass(frozen=True)
+class OrNull:
+    """A value that may be null.
+
+    Parameters
+    ----------
+    description : dict or list
+        Of its value, where it is not; for those of a `FieldKind` there is `or_null`.
+    """
+
+    description: Any
+
+
+class Closed(dict[Any, Any]):
+    """The fields of an object that has no others."""
+
+
+def _is_number(value: object) -> bool:
+    return type(value) in (int, float) and abs(value) <= sys.float_info.max  # type: ignore[arg-type]
+
+
+def _is_moment(value: object) -> bool:
+    try:
+        datetime.fromisoformat(value).astimezone(UTC)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return False
+    return True
+
+
+ANYTHING = FieldKind("a value", lambda _: True)
+TEXT = FieldKind("a text", lambda value: isinstance(value, str))
+FLAG = FieldKind("true or false", lambda value: isinstance(value, bool))
+NUMBER = FieldKind("a finite number", _is_number)
+COST = FieldKind("a finite number >= 0", lambda value: _is_number(value) and value >= 0)
+POSITIVE = FieldKind("a finite number > 0", lambda value: _is_number(value) and value > 0)
+COUNT = FieldKind("a whole number >= 0", lambda value: type(value) is int and 0 <= value < 2**63)
+TIME = FieldKind(
+    "a finite number or a text", lambda value: isinstance(value, str) or _is_number(value)
+)
+MOMENT = FieldKind("an ISO 8601 time", _is_moment)
+
+
+def or_null(kind: FieldKind) -> FieldKind:
+    """The same, or null."""
+    return FieldKind(f"{kind.name}, or null", lambda value: value is None or kind.fits(value))
+
+
+NULL = FieldKind("null", lambda value: value is None)
+
+
+def one_of(*values: str) -> FieldKind:
+    """One of some texts."""
+    return FieldKind(f"one of {', '.join(values)}", lambda value: value in values)
+
+
+def fault(value: object, description: Any, place: str = "") -> str | None:
+    """The first fault of a value: where, what is there, and what is expected; None if it fits.
+
+    Parameters
+    ----------
+    value : object
+        Of plain Python values.
+    description : FieldKind, dict or list
+        See the module.
+    place : str
+        Path of the value in its document, as ``parts.localisation``.
+    """
+    if isinstance(description, OrNull):
+        return None if value is None else fault(value, description.description, place)
+    if isinstance(description, FieldKind):
+        fits = description.fits(value)
+        return None if fits else f"{place or 'it'} is {shown(value)}; expected {description.name}"
+    if not isinstance(value, list if isinstance(description, list) else dict):
+        return f"{place or 'it'} is {shown(value)}; expected {_expected(description)}"
+    if isinstance(value, list):
+        items = enumerate(value)
+        faults = (fault(item, description[0], f"{place}[{number}]") for number, item in items)
+        return next(filter(None, faults), None)
+    return next(_object_faults(value, description, f"{place}." if place else ""), None)
+
+
+def _object_faults(value: dict[str, Any], description: dict[Any, Any], begin: str) -> Iterator[str]:
+    """The faults of the fields of an object."""
+    others = description.get(...)
+    for name, own in description.items():
+        if name is not ... and name not in value and not isinstance(own, Maybe):
+            yield f"{begin}{name}: is missing; expected {_expected(own)}"
+    for name, item in value.items():
+        own = description.get(name, others)
+        place = f"{begin}{clipped(name)}"
+        if own is not None:
+            wrong = fault(item, own.description if isinstance(own, Maybe) else own, place)
+            if wrong:
+                yield wrong
+        elif isinstance(description, Closed):
+            yield f"{place}: is no field of ours"
+
+
+def _expected(description: Any) -> str:
+    """A description in words."""
+    if isinstance(description, OrNull):
+        return f"{_expected(description.description)}, or null"
+    if isinstance(description, FieldKind):
+        return description.name
+    return "a list" if isinstance(description, list) else "an object"
+
+
+def shown(value: object) -> str:
+    """A value in words: short, as JSON has it."""
+    if isinstance(value, dict | list):
+        return "an object" if isinstance(value, dict) else "a list"
+    return clipped(json.dumps(value, ensure_ascii=False, default=str))
+
+
+def strict_json(text: str | bytes) -> Any:
+    """The value of a JSON text without NaN, infinities and repeated names.
+
+    Raises
+    ------
+    ValueError
+        It is no JSON, or has one of these.
+    """
+    if isinstance(text, bytes):
+        text = text.decode("utf-8-sig")
+    try:
+        return json.loads(text, parse_constant=_no_number, object_pairs_hook=_once)
+    except RecursionError:
+        raise ValueError("lists in lists without end") from None
+
+
+def _no_number(text: str) -> NoReturn:
+    raise ValueError(f"{text} is no number of JSON; every value must be finite")
+
+
+def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """An object whose names are all different: JSON would take the last of two."""
+    members: dict[str, object] = {}
+    for name, value in pairs:
+        if name in members:
+            raise ValueError(f"{quoted(name)} is there twice in one object; delete one")
+        members[name] = value
+    return members
+
+
+def checked(text: str | bytes, description: Any, place: str = "") -> Any:
+    """The value of a JSON text that fits a description.
+
+    Raises
+    ------
+    ValueError
+        It is no JSON, or does not fit.
+    """
+    try:
+        value = strict_json(text)
+    except ValueError as error:
+        raise ValueError(f"{place}: {error}" if place else error) from None
+    wrong = fault(value, description, place)
+    if wrong:
+        raise ValueError(wrong)
+    return value
+
+
+def read_document(
+    path: str,
+    schema: str,
+    description: Any,
+    kind: type[TgospaError] = InputError,
+    *,
+    remedy: str,
+    most: int = SETTINGS,
+) -> dict[str, Any]:
+    """The document of a file.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    schema : str
+        Its schema, by name and version.
+    description : dict
+        Of its fields.
+    kind : type
+        Of the error.
+    remedy : str
+        What would be right.
+    most : int
+        Bytes that it has at most.
+
+    Raises
+    ------
+    kind
+        It cannot be read, or is no such document.
+    """
+    return document_of(read_bytes(path, kind, most), path, schema, description, kind, remedy=remedy)
+
+
+def document_of(
+    content: bytes,
+    path: str,
+    schema: str,
+    description: Any,
+    kind: type[TgospaError] = InputError,
+    *,
+    remedy: str,
+) -> dict[str, Any]:
+    """The document in the content of a file; arguments and errors as of `read_document`."""
+    try:
+        document: dict[str, Any] = strict_json(content)
+        own = document.get("schema") if isinstance(document, dict) else None
+        if own != schema:
+            raise ValueError(f'its schema is {shown(own)}, this version reads "{schema}"')
+        wrong = fault(document, description)
+    except ValueError as error:
+        wrong = str(error)
+    if wrong:
+        raise kind(f"{path}: {wrong}; {remedy}")
+    return document
