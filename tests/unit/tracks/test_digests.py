@@ -266,6 +266,8 @@ def _make_worse(path: Path) -> None:
     for part in (document, *document["per_step"]):
         for name in ("total", "localisation", "missed", "false", "switch"):
             part[name] *= 2
+    for name in document["counts"]:
+        document["counts"][name] *= 2
     for name in ("tgospa", "lower_bound", "upper_bound"):
         document[name] *= 2**0.5
     document["normalised"]["tgospa"] *= 2**0.5
@@ -283,6 +285,8 @@ def test_a_baseline_that_contradicts_its_own_data_is_an_error(
     (entry,) = document["pairs"].values()
     for name in ("total", "localisation", "missed", "false", "switch"):
         entry["values"][name] *= 2
+    for name in entry["values"]["counts"]:
+        entry["values"]["counts"][name] *= 2
     for name in ("tgospa", "lower_bound", "upper_bound"):
         entry["values"][name] *= 2**0.5
     entry["values"]["normalised"]["tgospa"] *= 2**0.5
@@ -307,7 +311,8 @@ def test_a_store_whose_rows_contradict_each_other_is_not_ranked(
     for path in Path("store", "jobs").glob("*.parquet"):
         table = pd.read_parquet(path)
         worse = table["label.tracker"] == "b"
-        for name in ("total", "total_lower", "total_upper", "missed", "false"):
+        costs = ["total", "total_lower", "total_upper", "missed", "false"]
+        for name in (*costs, *(column for column in table if column.startswith("counts."))):
             if name in table:
                 table.loc[worse, name] *= 2
         for name in ("tgospa", "lower_bound", "upper_bound", "normalised.tgospa"):
