@@ -214,4 +214,3 @@ def test_clouds_that_data_change_have_none() -> None:
         result = evaluate(pd.DataFrame(rows), pd.DataFrame(rows), 5, 2, 1, distance=distance)
         with pytest.raises(ConfigError, match=message):
             result.gradient()
-
