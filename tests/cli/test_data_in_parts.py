@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
@@ -571,16 +572,31 @@ def test_what_is_not_solved_in_time_is_bracketed(
 ) -> None:
     folders = str(recording / "truth"), str(recording / "estimate")
     exact = json.loads(invoke(*folders, *METRIC, "--format", "json", "-q").out)
-    for most in (run.MOST_ENTRIES, 300):  # in one piece, and in windows
-        monkeypatch.setattr(run, "MOST_ENTRIES", most)
-        asked = (*METRIC, "--format", "json", "--time-limit", "1e-9", "-o", str(tmp_path / "out"))
-        answer = invoke(*folders, *asked)
-        assert answer.status == 4
-        assert "accuracy not reached: solver stopped by the time limit" in answer.err
-        found = json.loads(answer.out)
-        assert found["lower_bound"] < exact["tgospa"] < found["upper_bound"]
-        assert not found["certified"]
-        assert not (tmp_path / "out" / "work").exists()
+    asked = (*METRIC, "--format", "json", "--time-limit", "1e-9", "-o", str(tmp_path / "out"))
+    answer = invoke(*folders, *asked)
+    assert answer.status == 4
+    assert "accuracy not reached: solver stopped by the time limit" in answer.err
+    found = json.loads(answer.out)
+    assert found["lower_bound"] < exact["tgospa"] < found["upper_bound"]
+    assert not found["certified"]
+    assert not (tmp_path / "out" / "work").exists()
+
+
+def test_a_component_that_does_not_fit_is_refused_with_the_memory_that_it_takes(
+    invoke: Invoke, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the message proposes works, in the same folder."""
+    monkeypatch.setattr(run, "SHARD_ENTRIES", 10)
+    monkeypatch.setattr(run, "BYTES_AN_ENTRY", 10**6)
+    folders = str(recording / "truth"), str(recording / "estimate")
+    asked = (*folders, *METRIC, "-o", str(tmp_path / "out"), "-q")
+    answer = invoke(*asked, "--memory", "100MB")
+    assert answer.status == 2
+    proposed = re.search(r"allow (--memory \S+) with (--jobs 1), ", answer.err)
+    assert proposed
+    assert "\n" not in answer.err.strip()
+    again = invoke(*asked, *" ".join(proposed.groups()).split())
+    assert again.status == 0, again.err
 
 
 @pytest.mark.parametrize(

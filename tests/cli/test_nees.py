@@ -57,7 +57,6 @@ def test_data_in_parts_have_the_numbers_of_files_in_memory(
         for k, part in pd.read_csv(f"{side}.csv").groupby(lambda row: row % 3):
             part.to_parquet(f"{side}/{k}.parquet")
     monkeypatch.setattr(run, "MOST_ROWS", rows)
-    monkeypatch.setattr(run, "MOST_ENTRIES", entries)  # few: as long components
     monkeypatch.setattr(components, "SHARD_ENTRIES", entries)
     assert invoke("truth.csv", "kf.csv", *METRIC, *asked, "-o", "one").status == 0
     answer = invoke("truth", "kf", *METRIC, *asked, "--memory", "200MB", "-o", "many")

@@ -58,16 +58,15 @@ def write(sides: tuple[pd.DataFrame, pd.DataFrame], folder: Path, parts: int = 3
 
 
 @contextmanager
-def small(rows: int, shard: int, together: int) -> Iterator[None]:
+def small(rows: int, shard: int) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run, "MOST_ROWS", rows)
         patch.setattr(components, "SHARD_ENTRIES", shard)
-        patch.setattr(run, "MOST_ENTRIES", together)
         yield
 
 
 def both(
-    invoke: Invoke, folder: Path, *asked: str, sizes: tuple[int, int, int] = (30, 25, 10**6)
+    invoke: Invoke, folder: Path, *asked: str, sizes: tuple[int, int] = (30, 25)
 ) -> tuple[Any, Any]:
     """The documents of one file a side and of parts; numbers that must be the same are."""
     names = ("truth", "estimate")
@@ -78,7 +77,7 @@ def both(
     with small(*sizes):
         given_parts = (*parts, *METRIC, *asked, "--memory", "100MB", "-o", str(out))
         answer = invoke(*given_parts, "--pictures", "none")
-    assert answer.status in (0, 4), answer.err
+    assert answer.status == 0, answer.err
     one, other = (json.loads((at / "result.json").read_text()) for at in (folder / "whole", out))
     assert {name: one.get(name) for name in SAME} == {name: other.get(name) for name in SAME}
     assert other["lower_bound"] <= one["upper_bound"]
@@ -87,10 +86,7 @@ def both(
         assert other["ignored"][name] == one["ignored"][name]
     for role in names:
         assert other["input"][role] == one["input"][role]
-    if answer.status == 0:
-        assert math.isclose(other["total"], one["total"], rel_tol=1e-9)
-    else:
-        assert sizes[2] < one["sizes"]["pair_steps"]
+    assert math.isclose(other["total"], one["total"], rel_tol=1e-9)
     return one, other
 
 
@@ -125,7 +121,7 @@ def test_parts_have_the_numbers_and_tables_of_one_file(
     assert other["ignored"] == one["ignored"]
     assert sum(one["ignored"].values()) > 0
     for name in TABLES:
-        place = "30-25-1000000" + ("/assignments" if name == "assignments" else f"/{name}.parquet")
+        place = "30-25" + ("/assignments" if name == "assignments" else f"/{name}.parquet")
         table, stored = pd.read_csv(f"whole/{name}.csv"), pd.read_parquet(place)
         assert [*table] == [*stored], name
         for column in table:
@@ -135,7 +131,6 @@ def test_parts_have_the_numbers_and_tables_of_one_file(
             else:
                 mine, theirs = (one[column].fillna("").astype(str) for one in (stored, table))
                 assert [*mine] == [*theirs], (name, column)
-    both(invoke, tmp_path, *RULES[rule], sizes=(30, 25, 120))
 
 
 @given(
@@ -144,18 +139,18 @@ def test_parts_have_the_numbers_and_tables_of_one_file(
     metric=st.tuples(
         st.sampled_from([3.0, 20.0]), st.sampled_from([1, 2]), st.sampled_from([0.5, 0.2])
     ),
-    sizes=st.tuples(st.sampled_from([10, 30, 300]), st.integers(1, 60), st.integers(100, 400)),
+    sizes=st.tuples(st.sampled_from([10, 30, 300]), st.integers(1, 60)),
 )
 @settings(
     max_examples=settings.default.max_examples // 10,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
-def test_any_parts_and_any_windows(
+def test_any_parts(
     invoke: Invoke,
     seed: int,
     rule: str,
     metric: tuple[float, int, float],
-    sizes: tuple[int, int, int],
+    sizes: tuple[int, int],
 ) -> None:
     folder = Path(tempfile.mkdtemp())
     try:
@@ -174,7 +169,7 @@ def test_what_cannot_be_compared_alike_is_refused(invoke: Invoke, tmp_path: Path
     truth = truth.sort_values("t").assign(kind=np.where(truth["t"].sort_values() < 20, "1", "far"))
     write((truth, estimate), tmp_path)
     folders = str(tmp_path / "truth"), str(tmp_path / "estimate")
-    with small(30, 25, 10**6):
+    with small(30, 25):
         answer = invoke(*folders, *METRIC, "--memory", "100MB", "--ignore", "kind=far")
     assert answer.status == 3
     assert 'truth, column "kind": some parts have numbers alone and some have texts' in answer.err

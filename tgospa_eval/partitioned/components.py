@@ -85,26 +85,18 @@ class Shards:
         Shard of each truth, -1 for those without a near pair.
     entries : (N,) int array
         Entries of each shard.
-    long : (N,) bool array
-        Shards of a single component that is too large to be solved at once.
     components, pairs : int
         How many there are in all.
     """
 
     of_truth: Ints
     entries: Ints
-    long: Mask
     components: int
     pairs: int
 
 
-def make_shards(
-    blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks, most_entries: int
-) -> Shards:
-    """Components in the order of their first truths, in shards of some `SHARD_ENTRIES`.
-
-    Components of more than `most_entries` are long.
-    """
+def make_shards(blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks) -> Shards:
+    """Components in the order of their first truths, in shards of some `SHARD_ENTRIES`."""
     m, n = len(truths.ids), len(estimates.ids)
     several = [_in_several(side) for side in (truths, estimates)]
     root: Ints = np.arange(m + n, dtype=np.int32)
@@ -123,13 +115,13 @@ def make_shards(
     paired = np.flatnonzero(by_truth)
     _, component = np.unique(root[paired], return_inverse=True)  # roots are the first truths
     entries = np.bincount(component, by_truth[paired]).astype(np.int64)
-    shard, long = _cut(entries, most_entries)
+    group = (np.cumsum(entries) - entries) // SHARD_ENTRIES
+    _, shard = np.unique(group, return_inverse=True)
     of_truth = np.full(m, -1, np.int32)
-    of_truth[paired] = shard[component]
+    of_truth[paired] = shard.astype(np.int32)[component]
     return Shards(
         of_truth=of_truth,
-        entries=np.bincount(shard, entries, minlength=len(long)).astype(np.int64),
-        long=long,
+        entries=np.bincount(shard, entries).astype(np.int64),
         components=len(entries),
         pairs=once + len(often),
     )
@@ -150,14 +142,3 @@ def _near_tracks(
     for block, *numbers in zip(blocks, truths.numbers, estimates.numbers, strict=True):
         pairs = block.pairs
         yield numbers[0][pairs["truth"]], numbers[1][pairs["estimate"]], pairs["entries"]
-
-
-def _cut(entries: Ints, most: int) -> tuple[Ints, Mask]:
-    """Shard of each component, and which shards are long; those have one component."""
-    long_ones = entries > most
-    others = np.where(long_ones, 0, entries)
-    before = np.cumsum(others) - others
-    group = before // SHARD_ENTRIES
-    group[long_ones] = -1 - np.arange(np.count_nonzero(long_ones))
-    _, first, shard = np.unique(group, return_index=True, return_inverse=True)
-    return shard.astype(np.int32), long_ones[first]

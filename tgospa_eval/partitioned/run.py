@@ -15,10 +15,16 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.engines.processes import PersistentPool
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
+from tgospa_eval.partitioned.components import (
+    SHARD_ENTRIES,
+    Shards,
+    Tracks,
+    make_shards,
+    number_tracks,
+)
 from tgospa_eval.partitioned.gaps import with_states_beyond
-from tgospa_eval.partitioned.long.run import solve_long
 from tgospa_eval.partitioned.scan import BESIDE, READ, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import (
     IGNORED_TRUTH,
@@ -276,8 +282,8 @@ SCANNED = "scan"
 HEAVY = 50_000
 """Work of a task, in entries, for which workers are begun at once where there are more tasks."""
 
-MOST_ROWS, MOST_ENTRIES = 4_000_000, 30_000_000
-"""No more than this together, however much memory there is."""
+MOST_ROWS = 4_000_000
+"""Rows of a block at most, however much memory there is."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -331,9 +337,36 @@ def rows_together(memory: int) -> int:
     return max(min(MOST_ROWS, memory // BYTES_A_ROW), 1)
 
 
-def most_entries(memory: int, *, masked: bool) -> int:
-    """Entries that a worker with so many bytes can hold; `masked`: some may not be judged."""
-    return max(min(MOST_ENTRIES, memory // (BYTES_AN_ENTRY + BYTES_OF_MARKS * masked)), 1)
+class MemoryTooSmallError(ConfigError):
+    """The memory that is allowed is too small; work with another amount begins anew."""
+
+
+def check_memory(shards: Shards, memory: int, *, masked: bool) -> None:
+    """Refuse components that a worker with so many bytes cannot hold.
+
+    Parameters
+    ----------
+    shards : Shards
+        What is to be solved.
+    memory : int
+        Bytes for each worker.
+    masked : bool
+        Whether some states may not be judged.
+
+    Raises
+    ------
+    MemoryTooSmallError
+        One needs more; the message says how much.
+    """
+    entries = int(shards.entries.max(initial=0))
+    needed = entries * (BYTES_AN_ENTRY + BYTES_OF_MARKS * masked)
+    if entries > SHARD_ENTRIES and needed > memory:
+        gigabytes = math.ceil(needed / 1e8) / 10
+        raise MemoryTooSmallError(
+            f"objects near one another make a component of {entries:,} near pairs, which is solved "
+            f"at once in {gigabytes:g} GB: allow --memory {gigabytes:g}GB with --jobs 1, choose a "
+            "smaller cutoff, or evaluate parts of the recording, by --time"
+        )
 
 
 def scan_parts(
@@ -395,14 +428,14 @@ def evaluate_parts(
         A process died.
     """
     parameters, span = cut.request.parameters, stages.stopwatch.span
-    most = most_entries(memory, masked=cut.request.ignoring is not None)
     with span("solve/preparation"):
         truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
-        shards = make_shards(blocks, truths, estimates, most)
+        shards = make_shards(blocks, truths, estimates)
+        check_memory(shards, memory, masked=cut.request.ignoring is not None)
         folders = _shuffle(work, blocks, (truths, estimates), shards, stages)
     with span("solve/sweeps"):
         stages.expect(parameters, (int(truths.judged.sum()), int(estimates.judged.sum())))
-        solved = _solve(cut.request, work, folders, shards, most, stages)
+        solved = _solve(cut.request, work, folders, shards, stages)
     stages.end()
     with span("certify"):
         sizes, assigned = (len(cut.times), len(truths.ids), len(estimates.ids)), []
@@ -455,7 +488,7 @@ def _shuffle(
             scanned=str(block.folder),
             numbers=(tracks[0].numbers[k], tracks[1].numbers[k]),
             shard_of_truth=shards.of_truth[tracks[0].numbers[k]],
-            shards=len(shards.long),
+            shards=len(shards.entries),
         )
         for k, block in enumerate(blocks)
         if block.near
@@ -488,21 +521,19 @@ def _solve(
     work: Path,
     folders: tuple[str, ...],
     shards: Shards,
-    most: int,
     stages: Stages,
 ) -> list[Path]:
-    """Folders with what the shards contribute, those of long components last."""
+    """Folders with what the shards contribute."""
     solver, parameters = request.solver, request.parameters
     assert isinstance(solver, Certified)
     end = None if solver.time_limit is None else time.time() + solver.time_limit
-    short = np.flatnonzero(~shards.long)
-    found = [work / "shards" / f"{number:06d}" for number in short.tolist()]
-    largest = np.argsort(-shards.entries[short], kind="stable").tolist()
+    solved = [work / "shards" / f"{number:06d}" for number in range(len(shards.entries))]
+    largest = np.argsort(-shards.entries, kind="stable").tolist()
     tasks: dict[str, Task] = {
-        str(found[k]): partial(
+        str(solved[k]): partial(
             solve_shard,
             folders=folders,
-            number=int(short[k]),
+            number=k,
             parameters=parameters,
             solver=solver,
             end=end,
@@ -512,26 +543,7 @@ def _solve(
     stages.run(
         "solving",
         tasks,
-        shards.entries[short[largest]].astype(float).tolist(),
+        shards.entries[largest].astype(float).tolist(),
         lambda output: PartialSums.load(Path(output) / "share.npz"),
     )
-    for number in np.flatnonzero(shards.long).tolist():
-        name = str(work / "long" / f"{number:06d}")
-        joined = solve_long(
-            [
-                (
-                    f"{folder}/entries.npy",
-                    *np.load(f"{folder}/entries.first.npy")[number : number + 2].tolist(),
-                )
-                for folder in folders
-            ],
-            parameters,
-            name,
-            partial(stages.run, "solving a long component"),
-            partial(stages.prove, name=name),
-            gap=solver.gap,
-            together=most,
-            end=end,
-        )
-        found += map(Path, joined.folders)
-    return found
+    return solved

@@ -1,7 +1,7 @@
 """A shard: some components as a problem of their own, solved, proven, and what it contributes."""
 
 import math
-from collections.abc import Mapping
+import time
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.partitioned.tasks import left_until, writing_folder
+from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.problem.certificate import prove, unpaired_prices
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.metric_family import Parameters, ignore_states
@@ -31,11 +31,6 @@ IGNORED_TRUTH, EXCUSED_ESTIMATE = 1, 2
 """Bits of marks: see `problem.metric_family.ignore_states`."""
 
 Table = NDArray[np.void]
-
-HELD = np.dtype(
-    [("truth", "<i4"), ("estimate", "<i4"), ("begin", "<i4"), ("end", "<i4"), ("weight", "<i8")]
-)
-"""An assignment from one step to another, both included; weights in units of `weights.ONE`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -177,7 +172,9 @@ def solve_shard(
     problem = problem_of(entry, first, numbers, parameters)
     del entry
     states = merge_runs(problem)
-    solution = within(solver, end)(states, Stopwatch())
+    if end is not None:  # on a cluster clocks have to agree about as well as it is to be kept
+        solver = replace(solver, time_limit=max(end - time.time(), NO_TIME))
+    solution = solver(states, Stopwatch())
     weights, lower, breakdown = prove(states, solution, consume=True)
     share = PartialSums(
         **vars(breakdown),
@@ -197,49 +194,11 @@ def solve_shard(
         for side, objects in enumerate(problem.sides)
     ]
     with writing_folder(output) as folder:
-        contribute(
-            folder,
-            tables=tables_of(states, weights, first, numbers),
-            truths=tracks[0],
-            estimates=tracks[1],
-            share=share,
-        )
-
-
-def contribute(
-    folder: Path,
-    *,
-    tables: Mapping[str, Table] | None = None,
-    truths: Mapping[str, Any] | None = None,
-    estimates: Mapping[str, Any] | None = None,
-    share: PartialSums | None = None,
-) -> None:
-    """Write what of a component or a part of one is added up; what is not given is nothing.
-
-    Parameters
-    ----------
-    folder : Path
-        It is there.
-    tables : mapping, optional
-        ``assigned`` and ``switched``.
-    truths, estimates : mapping, optional
-        Parts of tracks, with ``track`` and ``rows``.
-    share : PartialSums, optional
-        Sums.
-    """
-    for name, table in (tables or {}).items():
-        np.save(folder / f"{name}.npy", table)
-    for name, parts in (("truths", truths), ("estimates", estimates)):
-        if parts is not None:
+        for name, table in tables_of(states, weights, first, numbers).items():
+            np.save(folder / f"{name}.npy", table)
+        for name, parts in zip(("truths", "estimates"), tracks, strict=True):
             np.savez(folder / f"{name}.npz", **parts)
-    if share is not None:
         share.save(folder / "share.npz")
-
-
-def within(solver: Certified, end: float | None) -> Certified:
-    """The solver with what is left of the time until an end."""
-    left = left_until(end)
-    return replace(solver, time_limit=None if left is None else max(left, NO_TIME))
 
 
 def judged_at_steps(problem: Problem, side: int) -> Ints:

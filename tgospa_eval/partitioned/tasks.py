@@ -84,14 +84,6 @@ def run_tasks(
         done(output)
 
 
-def left_until(end: float | None) -> float | None:
-    """Seconds that are left until an end in `time.time()`, 0 if it is over; None where it has none.
-
-    On a cluster clocks have to agree about as well as the limit is to be kept.
-    """
-    return None if end is None else max(end - time.time(), 0.0)
-
-
 @contextmanager
 def writing(output: str) -> Iterator[Path]:
     """Where to write an output, a file or a folder, that has its name once it is whole.

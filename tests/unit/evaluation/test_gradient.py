@@ -214,34 +214,3 @@ def test_clouds_that_data_change_have_none() -> None:
         result = evaluate(pd.DataFrame(rows), pd.DataFrame(rows), 5, 2, 1, distance=distance)
         with pytest.raises(ConfigError, match=message):
             result.gradient()
-
-
-def test_torch() -> None:
-    torch = pytest.importorskip("torch")
-    from tgospa_eval.torch import tgospa
-
-    truth, estimate = scene("euclidean")
-    moved = torch.tensor(estimate, requires_grad=True)
-    for total in (False, True):
-        value = tgospa(torch.tensor(truth), moved, total=total, cutoff=3, switch_penalty=1)
-        (slopes,) = torch.autograd.grad(value, moved)
-        result = evaluate(truth, estimate, 3, 2, 1)
-        gradient = result.gradient()
-        assert value.item() == (result.total if total else result.tgospa)
-        expected = gradient.array * (1.0 if total else gradient.root)
-        assert slopes.numpy() == pytest.approx(expected)
-
-
-def test_jax() -> None:
-    jax = pytest.importorskip("jax")
-    from tgospa_eval.jax import tgospa
-
-    truth, estimate = scene("euclidean")
-
-    def value(moved: object) -> object:
-        return tgospa(jax.numpy.array(truth), moved, total=True, cutoff=3.0, switch_penalty=1.0)
-
-    found, slopes = jax.jit(jax.value_and_grad(value))(jax.numpy.array(estimate))
-    result = evaluate(truth, estimate, 3, 2, 1)
-    assert float(found) == pytest.approx(result.total, rel=1e-5)  # single precision by default
-    assert np.asarray(slopes) == pytest.approx(result.gradient().array, abs=1e-4)

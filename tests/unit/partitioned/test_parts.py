@@ -106,28 +106,6 @@ def test_parts_add_up_to_the_whole(
         assert parts.tracks[1].ids.tolist() == estimate.ids.tolist()
 
 
-def test_a_component_that_no_process_holds_is_a_part_like_others(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    sides = simulate(
-        Scene(scenario="dense", targets=5, steps=90, area=60),
-        Tracker(noise=1, detection=0.95, swaps=0.3, near=6, false_rate=0.05),
-        np.random.default_rng(0),
-    )
-    parameters = Parameters(cutoff=10, switch_penalty=3)
-    whole = tg.evaluate(*sides, 10, 2, 3)
-    monkeypatch.setattr(run, "MOST_ENTRIES", 250)
-    parts = evaluated(sides, parameters, tmp_path)
-    assert parts.shards.long.any()
-    assert parts.proof.bounds.met(1e-9)
-    total = parts.proof.breakdown.total
-    assert math.isclose(total, whole.proof.breakdown.total, rel_tol=1e-12)
-    for mine, table in zip(parts.track_costs, (whole.per_truth, whole.per_estimate), strict=True):
-        scaled = whole.scale * mine.localisation.sum()
-        assert math.isclose(scaled, table["localisation"].sum(), rel_tol=1e-12)
-    assert int(parts.shards.entries.sum()) == whole.sizes["pair_steps"]
-
-
 def test_processes_and_interruptions_change_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -175,13 +153,6 @@ def test_a_task_of_which_processes_die_is_named(tmp_path: Path) -> None:
         pytest.raises(SolverError, match="a process died of 000007, most likely for want of"),
     ):
         tasks.run_tasks({str(tmp_path / "000007"): kill}, pool)
-
-
-def test_shards_are_filled_in_order_and_long_components_stand_alone() -> None:
-    sizes = np.array([3, 900_000, 200_000, 5_000_000, 7, 10])
-    shard, long = components._cut(sizes, 4_000_000)
-    assert long.tolist() == [True, False, False]
-    assert shard.tolist() == [1, 1, 1, 0, 2, 2]
 
 
 def fill(beside: Path) -> None:

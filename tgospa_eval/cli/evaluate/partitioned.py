@@ -28,7 +28,7 @@ from tgospa_eval.engines.processes import engine_of
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.partitioned.evaluate import evaluate_partitioned
 from tgospa_eval.partitioned.input.listing import state_of, stored
-from tgospa_eval.partitioned.run import SCANNED
+from tgospa_eval.partitioned.run import SCANNED, MemoryTooSmallError
 from tgospa_eval.partitioned.tasks import removing
 from tgospa_eval.reports.files import WORK_FOLDER, WORK_LOG
 from tgospa_eval.results.consistency import NEES
@@ -177,6 +177,9 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
             over = not interrupted()  # or the result was not written
         except InputError:  # nothing to go on with, once the data are right
             over = not (work / SCANNED).exists()
+            raise
+        except MemoryTooSmallError:
+            over = True
             raise
         finally:
             if over:

@@ -1,1 +1,0 @@
-"""One component larger than memory: windows in time, joined, proven as a whole, repaired."""
