@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import lagrangian_bound, tgospa_lp
-from strategies import ORDERS, SWITCH, pairs_of_sets, scene
+from strategies import ORDERS, SWITCH, few_among_many, pairs_of_sets, scene
 
 from tgospa_eval import Certified, ConfigError, Exact, Sinkhorn, evaluate
 from tgospa_eval.common.progress import Status, Stopwatch
@@ -59,6 +59,41 @@ def test_small(sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, c: 
 @given(sides=pairs_of_sets(), p=ORDERS, gamma=SWITCH)
 def test_small_referee(sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float) -> None:
     check(*sides, 2.0, p, gamma, "exact")
+
+
+CUTOFFS = st.sampled_from([2.0, 5.0, 50.0])
+
+
+@settings(max_examples=15)
+@given(sides=few_among_many(longest=60), p=ORDERS, gamma=SWITCH, c=CUTOFFS)
+def test_few_among_many(
+    sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, c: float
+) -> None:
+    check(*sides, c, p, gamma, "certified")
+
+
+@pytest.mark.slow
+@settings(max_examples=1000)
+@given(sides=few_among_many(), p=ORDERS, gamma=SWITCH, c=CUTOFFS)
+def test_few_among_many_and_longer(
+    sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, c: float
+) -> None:
+    check(*sides, c, p, gamma, "certified")
+
+
+@pytest.mark.parametrize("seed", [341, 449])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_programmes_without_a_capacity_of_rows(seed: int, swapped: bool) -> None:
+    """Slow walks in rounded places: no row of the last programme could be assigned twice."""
+    rng = np.random.default_rng(seed)
+    steps, few = int(rng.integers(60, 110)), int(rng.integers(2, 4))
+
+    def side(count: int, spread: list[int]) -> np.ndarray:
+        walk = np.cumsum(rng.normal(0, rng.choice([0.1, 0.3]), (steps, count, 2)), axis=0)
+        return np.round(walk + rng.normal(0, rng.choice(spread), (1, count, 2)))
+
+    sides = side(2 * few, [0, 1, 3]), side(few, [0, 1, 30])
+    check(*(sides[::-1] if swapped else sides), 50.0, 2.0, 25.0, "certified")
 
 
 @pytest.mark.slow

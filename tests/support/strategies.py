@@ -67,6 +67,36 @@ def far_scenes(
     return FarScene(truth, estimate, c, p, d * 10.0 ** draw(st.floats(-3.0, 6.0)), distance)
 
 
+@st.composite
+def few_among_many(
+    draw: st.DrawFn, most: int = 16, longest: int = 100
+) -> tuple[np.ndarray, np.ndarray]:
+    """One to four tracks on one side, up to `most` on the other, of any length up to `longest`.
+
+    Tracks walk, stand still, or jump; in rounded places much ties. Short scenes have more tracks.
+    """
+    steps = int(draw(st.floats(1.0, 2.0).map(lambda power: longest ** (power - 1.0))))
+    few = draw(st.integers(1, 4))
+    many = draw(st.integers(few, max(few, min(most, 6 * longest // (few * steps)))))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    dimension = draw(st.integers(1, 2))
+    restless = draw(st.sampled_from([0.0, 0.1, 1.0]))
+    grid = draw(st.sampled_from([None, None, 1.0, 4.0]))
+    holes = draw(st.sampled_from([0.0, 0.0, 0.1, 0.5]))
+
+    def side(count: int) -> np.ndarray:
+        states = rng.normal(0, 2, (1, count, dimension)) + np.cumsum(
+            rng.normal(0, restless, (steps, count, dimension)), axis=0
+        )
+        if grid is not None:
+            states = np.round(states / grid) * grid
+        states[rng.random((steps, count)) < holes] = np.nan
+        return states
+
+    sides = side(few), side(many)
+    return sides if draw(st.booleans()) else sides[::-1]
+
+
 def scene(
     seed: int, m: int, n: int, steps: int, *, side: float, noise: float = 0.5
 ) -> tuple[np.ndarray, np.ndarray]:

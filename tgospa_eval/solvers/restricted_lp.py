@@ -322,7 +322,7 @@ def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
     row_of[p.rows.constraint] = row[p.rows.state]
     base = np.searchsorted(row_of, np.arange(len(used))) + np.arange(len(used))
     first = np.flatnonzero(np.diff(p.rows.state, prepend=-1))
-    last = np.append(first[1:], len(p.rows.state)) - 1
+    last = np.flatnonzero(np.diff(p.rows.state, append=-1))
     low, high = np.full(size, -1), np.full(size, -1)
     has = p.rows.state[first]
     low[has] = p.rows.constraint[first] + row[has]
