@@ -3,8 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence, Sized
 from dataclasses import field
-from fractions import Fraction
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +15,9 @@ from tgospa_eval.common.words import more
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
+
+if TYPE_CHECKING:
+    from fractions import Fraction
 
 Fault = tuple[Mask, str, str]
 """Which states are wrong in a column, the column, and what is wrong with the first of them."""
@@ -287,9 +289,11 @@ def exactly_nearer(
     pairs: Pairs,
     sides: Sides,
     cutoff: Floats,
-    decide: Callable[[list[Fraction], list[Fraction], Fraction], bool],
+    decide: Callable[["list[Fraction]", "list[Fraction]", "Fraction"], bool],
 ) -> Mask:
     """Mask of nearer pairs, (N,): of a closed form, which `decide` evaluates in rationals."""
+    from fractions import Fraction  # here: slow to import, and few pairs are at the cutoff
+
     nearer: Mask = pairs.distance < cutoff
     margin = distance.margin(sides, float(cutoff.max(initial=0.0)))
     close = np.flatnonzero(np.abs(pairs.distance - cutoff) <= margin)

@@ -1,14 +1,16 @@
 """Distance of boxes in an image: what they do not share."""
 
 from collections.abc import Iterable
-from fractions import Fraction
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Pairs, Sides, exactly_nearer
+
+if TYPE_CHECKING:
+    from fractions import Fraction
 
 SMALLEST_EDGE, LARGEST_EDGE = 1e-100, 1e150
 """Of widths and heights, so that areas are doubles."""
@@ -46,8 +48,9 @@ class IoU(Distance):
 
     def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
         """Mask of the pairs that are nearer than the cutoff of each, (N,), exactly."""
+        from fractions import Fraction  # here: as in `exactly_nearer`
 
-        def decide(a: list[Fraction], b: list[Fraction], cutoff: Fraction) -> bool:
+        def decide(a: "list[Fraction]", b: "list[Fraction]", cutoff: "Fraction") -> bool:
             shared = Fraction(1)
             for k in (0, 1):
                 end = min(a[k] + a[k + 2], b[k] + b[k + 2])

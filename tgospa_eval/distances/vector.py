@@ -1,8 +1,8 @@
 """Norms of the difference of two points, their components scaled or on a circle."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from fractions import Fraction
 from functools import reduce
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +10,9 @@ from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Pairs, Sides, exactly_nearer
 from tgospa_eval.errors import ConfigError, real_number
+
+if TYPE_CHECKING:
+    from fractions import Fraction
 
 SMALLEST_SCALE, LARGEST_SCALE = 1e-150, 1e150
 """Of scales and periods: beyond these, products with a cutoff may be no doubles."""
@@ -76,8 +79,9 @@ class Norm(Distance):
 
     def nearer(self, pairs: Pairs, sides: Sides, cutoff: Floats) -> Mask:
         """Mask of the pairs that are nearer than the cutoff of each, (N,), exactly."""
+        from fractions import Fraction  # here: as in `exactly_nearer`
 
-        def decide(a: list[Fraction], b: list[Fraction], cutoff: Fraction) -> bool:
+        def decide(a: "list[Fraction]", b: "list[Fraction]", cutoff: "Fraction") -> bool:
             sizes = [abs(x - y) for x, y in zip(a, b, strict=True)]
             for k, period in enumerate(self.period or ()):
                 if period < np.inf:

@@ -1,14 +1,14 @@
 """Which states are inside regions: points, and boxes by the share of their area."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats, Mask
+from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.words import install
-from tgospa_eval.distances.pair_search import starts_of_steps
+from tgospa_eval.distances.pair_search import SearchedSide, search, starts_of_steps
 from tgospa_eval.distances.sphere import Haversine
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.sides import as_frame, is_path
@@ -31,6 +31,9 @@ GIVEN = "ignore_regions"
 
 HALF = 0.5 - 1e-12
 """Least share of the area of a box that is inside, with room for rounding."""
+
+ROUNDED = 2.0**-40
+"""What distances of boxes are widened by when those near each other are searched."""
 
 PLANE, EARTH = ("x", "y"), PLACES
 
@@ -135,9 +138,6 @@ def inside(
     InputError
         Regions and states are not of one kind, or their times are not.
     """
-    placed = _placed(regions, side, tolerance, name)
-    most, total = np.zeros((2, len(side.step)))
-    begins = starts_of_steps(side)
     boxes, earth = side.columns == SHAPES[BOX], "lat" in side.columns
     axes = [side.columns.index(c) for c in (EARTH if earth else PLANE) if c in side.columns]
     if not boxes and len(axes) < 2:
@@ -147,52 +147,126 @@ def inside(
         )
     seen = side.state[:, axes], earth
     there = seen if regions.origin is None else (on_earth(side.state, regions.origin), True)
-    for step, shapes in placed.items():
-        rows = slice(None) if step is None else slice(begins[step], begins[step + 1])
-        for shape in shapes:
-            points, places = there if shape.kind in (CAP, GEOJSON) else seen
-            share = (
-                _share(shape, side.state[rows])
-                if boxes
-                else _holds(shape, points[rows, :2], earth=places)
-            )
-            most[rows] = np.maximum(most[rows], share)
-            total[rows] += share
+    most, total = np.zeros((2, len(side.step)))
+    around: list[tuple[Ints, Ints]] = []  # rows and shapes that may have something in common
+    for step, shapes in _placed(regions, side, tolerance, name).items():
+        for rows, shape in _candidates(regions, shapes, side, step, spread=boxes):
+            points, places = there if regions.shapes[shape[0]].kind in (CAP, GEOJSON) else seen
+            if boxes:
+                share = _shares(regions, shape, side.state[rows])
+            else:
+                held = _holds(regions.shapes[shape[0]], points[rows, :2], earth=places)
+                share = held.astype(np.float64)
+            np.maximum.at(most, rows, share)
+            np.add.at(total, rows, share)
+            around.append((rows, shape))
     if more_than is not None:
         return np.asarray(most > more_than)
     found = most >= HALF
-    for row in np.flatnonzero(~found & (total >= HALF)).tolist():
-        together = placed.get(None, []) + placed.get(int(side.step[row]), [])
-        found[row] = _share_of_all(side.state[row], together) >= HALF
+    unsure = np.flatnonzero(~found & (total >= HALF))
+    if len(unsure):
+        rows, shape = (np.concatenate(parts) for parts in zip(*around, strict=True))
+        order = np.lexsort((shape, rows))
+        rows, shape = rows[order], shape[order]
+        first, last = rows.searchsorted(unsure), rows.searchsorted(unsure, "right")
+        for row, low, high in zip(unsure.tolist(), first.tolist(), last.tolist(), strict=True):
+            together = [regions.shapes[k] for k in shape[low:high].tolist()]
+            found[row] = _share_of_all(side.state[row], together) >= HALF
     return np.asarray(found)
+
+
+def _candidates(
+    regions: Regions, shapes: Ints, side: Trajectories, step: int | None, *, spread: bool
+) -> Iterator[tuple[Ints, Ints]]:
+    """Rows of a step, or of all, and the shapes that may have something in common with them.
+
+    In the plane and in images those whose bounding boxes are near each other: pieces of rows with
+    boxes (`spread`) and of boxes together, other shapes by themselves.
+    """
+    begins = starts_of_steps(side)
+    low, high = (0, len(side.step)) if step is None else begins[step : step + 2].tolist()
+    plain = [k for k in shapes.tolist() if regions.shapes[k].kind not in (CAP, GEOJSON)]
+    for k in np.setdiff1d(shapes, plain).tolist():
+        yield np.arange(low, high), np.full(high - low, k)
+    if not plain or high == low:
+        return
+    if "lat" in side.columns:  # which turn around
+        for k in plain:
+            yield np.arange(low, high), np.full(high - low, k)
+        return
+    columns = [side.columns.index(name) for name in (SHAPES[BOX] if spread else PLANE)]
+    state = side.state[low:high, columns]
+    size = state[:, 2:] if spread else np.zeros_like(state)
+    bounds = np.array([_bounds(regions.shapes[k]) for k in plain])
+    sides, reaches = [], []
+    for corner, extent in ((state[:, :2], size), (bounds[:, 0], bounds[:, 1] - bounds[:, 0])):
+        axes = (corner + 0.5 * extent).T
+        sides.append(
+            SearchedSide(
+                first=0,
+                step=np.zeros(len(corner), np.int64),
+                at=np.array([0, len(corner)]),
+                axes=np.ascontiguousarray(axes),
+            )
+        )
+        # Boxes that touch differ by half of both sizes, so by the larger at most.
+        reaches.append(extent.T * (1 + ROUNDED) + ROUNDED * np.abs(axes) + np.finfo(float).tiny)
+    of_box = np.array([regions.shapes[k].kind == BOX for k in plain])
+    numbers = np.array(plain)
+    rest = []
+    for row, shape in search(sides[0], sides[1], (reaches[0], reaches[1]), float("inf")):
+        together = of_box[shape] & spread
+        if together.any():
+            yield row[together] + low, numbers[shape[together]]
+        rest.append((row[~together] + low, shape[~together]))
+    if not rest:
+        return
+    rows, shape = (np.concatenate(parts) for parts in zip(*rest, strict=True))
+    for k in np.unique(shape).tolist():
+        own = rows[shape == k]
+        yield own, np.full(len(own), numbers[k])
+
+
+def _bounds(shape: Shape) -> Floats:
+    """Least and largest corner (2, 2) of a region of the plane."""
+    if shape.kind == BOX:
+        left, top, width, height = shape.rings[0]
+        return np.array([[left, top], [left + width, top + height]])
+    if shape.kind == CIRCLE:
+        centre, radius = shape.rings[0][:2], shape.rings[0][2]
+        return np.array([centre - radius, centre + radius])
+    return np.array([shape.rings[0].min(axis=0), shape.rings[0].max(axis=0)])
 
 
 def _placed(
     regions: Regions, side: Trajectories, tolerance: float, name: str
-) -> dict[int | None, list[Shape]]:
-    """The regions of each step of the side; those of all steps under None."""
+) -> dict[int | None, Ints]:
+    """The numbers of the regions of each step of the side; those of all steps under None."""
     times = cast("TimeArray", np.unique([s.moment for s in regions.shapes if s.moment is not None]))
     own = Trajectories.of_times(times, (), regions.clock)
     at, there = found_near(own, side, tolerance, (regions.name, name))
     step: dict[int | float | None, int | None] = {None: None}
     step |= dict(zip(times[there].tolist(), at[there].tolist(), strict=True))
-    placed: dict[int | None, list[Shape]] = {}
-    for shape in regions.shapes:
+    placed: dict[int | None, list[int]] = {}
+    for number, shape in enumerate(regions.shapes):
         if shape.moment in step:
-            placed.setdefault(step[shape.moment], []).append(shape)
-    return placed
+            placed.setdefault(step[shape.moment], []).append(number)
+    return {where: np.array(numbers) for where, numbers in placed.items()}
 
 
-def _share(shape: Shape, state: Floats) -> Floats:
-    """Share of the area of boxes (N, 4) that is in a region."""
+def _shares(regions: Regions, which: Ints, state: Floats) -> Floats:
+    """Share of the area of each of some boxes (N, 4) that is in its region, of those `which` (N,).
+
+    All regions are boxes, or it is one.
+    """
     begin, end = state[:, :2], state[:, :2] + state[:, 2:]
     area = (end - begin).prod(axis=1)
-    if shape.kind == BOX:
-        box = shape.rings[0]
-        edges = np.minimum(end, box[:2] + box[2:]) - np.maximum(begin, box[:2])
+    if regions.shapes[which[0]].kind == BOX:
+        box = np.array([regions.shapes[k].rings[0] for k in which.tolist()])
+        edges = np.minimum(end, box[:, :2] + box[:, 2:]) - np.maximum(begin, box[:, :2])
         shared = np.maximum(edges, 0.0).prod(axis=1)
     else:
-        shared = _shared([shape], state)
+        shared = _shared([regions.shapes[which[0]]], state)
     share: Floats = np.divide(shared, area, out=np.zeros(len(area)), where=area > 0)
     return share
 

@@ -170,10 +170,14 @@ def test_what_it_does_to_the_number(write: Write, invoke: Invoke, tmp_path: Path
     assert result.total == found["total"]
     assert result.parameters["ignore_regions"] == found["parameters"]["ignore_regions"]
     verdict = invoke("verify", folder, truth, estimate)
+    assert verdict.status == 3
+    assert "name yours, with --ignore-regions FILE" in verdict.err
+    again = ("verify", folder, truth, estimate, "--ignore-regions", regions)
+    verdict = invoke(*again)
     assert verdict.status == 0, verdict.err
     assert "--ignore-regions" in verdict.out
     Path(regions).write_text("left,top,width,height\n0,0,1,1\n", encoding="utf-8")
-    assert invoke("verify", folder, truth, estimate).status == 1
+    assert invoke(*again).status == 1
 
 
 @pytest.mark.parametrize(
