@@ -1,6 +1,5 @@
 """Baselines: values, options and what was judged of each pair, as JSON made for git."""
 
-import hashlib
 import json
 import math
 import sys
@@ -15,7 +14,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.results.consistency import NEES, NeesSums, right_record
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.results.saved import ACCURACY, NEUTRAL, contradiction, strict_json, unlike
+from tgospa_eval.results.saved import contradiction, strict_json, unlike
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.judged import JUDGE_ALIKE, fault_of, incomparable, judged_of
@@ -61,18 +60,6 @@ class Measured:
     def order(self) -> float:
         """The order p."""
         return float(str(self.parameters["order"]))
-
-    @property
-    def digest(self) -> str:
-        """Of the parameters and of what was judged: equal where values are comparable."""
-        used = {
-            name: value
-            for name, value in self.parameters.items()
-            if name not in (*ACCURACY, *NEUTRAL)
-        }
-        judged = {name: text for name, text in self.judged.items() if name.endswith("sha256")}
-        text = json.dumps([used, judged], sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @property
     def relative_gap(self) -> float:
