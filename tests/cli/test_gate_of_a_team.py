@@ -529,11 +529,32 @@ def test_a_new_scene_passes_until_the_target_has_it(
     assert "new" not in groups(answer)
     new = [one for one in document["pairs"] if one["name"].startswith("new/")]
     assert len(new) == 5
-    assert all(one["notes"][-1].startswith("new: the target has neither") for one in new)
+    assert all(one["notes"][-1].startswith("new: the target has no baseline of it") for one in new)
     assert [rule["rule"] for rule in new[0]["rules"]] == ["total<=300"]
     monkeypatch.setitem(SCENES, "new", 400.0)
     runs(0, 1, spread=0)
     assert against().status == 1
+
+
+def test_a_new_tracker_passes_until_the_target_has_it(against: Invoke) -> None:
+    text = SUITE.replace("out/{scene}", "out/{tracker}/{scene}") + "[[group]]\nname = '{tracker}'\n"
+    write("suite.toml", text + "fail-on = ['total:+2%']\n")
+    shutil.move("out", "mine")
+    shutil.move("mine", "out/mine")
+    git("add", ".")
+    git("commit", "-m", "trackers")
+    document = json.loads(Path("base.json").read_text(encoding="utf-8"))
+    document["pairs"] = {
+        f"mine/{name}": entry | {"labels": entry["labels"] | {"tracker": "mine"}}
+        for name, entry in document["pairs"].items()
+    }
+    write("base.json", json.dumps(document))
+    git("commit", "-am", "baseline")
+    shutil.copytree("out/mine", "out/other")
+    answer = against("--format", "json")
+    assert (answer.status, list(groups(answer))) == (0, ["mine"])
+    shutil.rmtree("out/mine")
+    assert against().status == 3
 
 
 def test_limits_alone_need_no_baseline_of_the_target(against: Invoke) -> None:
@@ -545,11 +566,11 @@ def test_limits_alone_need_no_baseline_of_the_target(against: Invoke) -> None:
     answer = against()
     assert answer.status == 3
     assert "data/slow/1/truth.csv: there is no such file, and main has it" in answer.err
-    git("checkout", "data")
-    shutil.rmtree("out/slow")
-    assert against().status == 3
     runs(3, 1)
     assert against().status == 1
+    shutil.rmtree("out/slow")
+    answer = against()
+    assert (answer.status, answer.err.count("out/slow/1.csv")) == (1, 1)
 
 
 def test_files_that_options_name_are_the_target_s(against: Invoke) -> None:

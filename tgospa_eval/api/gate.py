@@ -287,7 +287,7 @@ def judge_all(
         old = load_baseline(path) if path else None
     else:
         old = parse(target.demand(path), target.name(path)) if path else None
-        pairs = [*_with_faults(gate, target, pairs, old, path)]
+        pairs = [*_with_faults(gate, target, pairs, groups, old, path)]
     return _report(
         gate,
         pairs,
@@ -300,10 +300,20 @@ def judge_all(
 
 
 def _with_faults(
-    gate: GateOptions, target: Target, pairs: Sequence[Pair], old: Baseline | None, path: str
+    gate: GateOptions,
+    target: Target,
+    pairs: Sequence[Pair],
+    groups: Sequence[GroupTable],
+    old: Baseline | None,
+    path: str,
 ) -> Iterator[Pair]:
     """The pairs; those whose files are not the target's have a fault, or are new."""
-    known = old or {}
+    known, seeds = old or {}, {table.seed for table in gate.tables(pairs, groups)}
+
+    def scene(labels: Mapping[str, str]) -> set[tuple[str, str]]:
+        return {item for item in labels.items() if item[0] not in seeds}
+
+    scenes = [scene(entry.get("labels", {})) for entry in known.values()]
     for pair in pairs:
         options = gate.resolve(pair, known.get(pair.name), path)
         named = [options.get(NAMES[key]) for key in (*PATHS_GIVEN, "region")]
@@ -311,9 +321,9 @@ def _with_faults(
         other = [file for file in files if target.has_another(file)]
         if other and not pair.fault:
             yield replace(pair, fault=f"{other[0]}: is another one in {target.where}, which judges")
-        else:
-            is_new = pair.name not in known and not target.has(pair.truth)
-            yield replace(pair, is_new=is_new)
+            continue
+        judged = target.has(pair.truth) and (old is None or scene(pair.labels) in scenes)
+        yield replace(pair, is_new=pair.name not in known and not judged)
 
 
 def _check_junit(gate: GateOptions, *paths: str | None) -> None:
@@ -452,8 +462,8 @@ MAX_PAGES = 200
 
 IN_GROUP = "not in the baseline: judged in its group alone"
 NEW = (
-    "new: the target has neither its truth nor a baseline of it; judged by absolute limits alone "
-    "until it has"
+    "new: the target has no baseline of it, or no truth; judged by absolute limits alone until it "
+    "has"
 )
 
 

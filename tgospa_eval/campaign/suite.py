@@ -52,7 +52,7 @@ class Pair:
     labels : dict of str to str
         What the fields of its patterns stand for.
     is_new : bool
-        Whether the target that judges has neither its truth nor a baseline of it.
+        Whether the target that judges has no baseline to judge it by, or no truth.
     """
 
     name: str
@@ -282,16 +282,16 @@ def _pairs(
 
 
 def _lost(table: Table, folder: str, target: Target) -> Iterator[Pair]:
-    """Pairs by patterns, whose truths or estimates the target has and the working tree lacks."""
+    """Pairs by patterns, whose truths or trackers the target has and the working tree lacks."""
     truth, estimate = str(table["truth"]), str(table["estimate"])
-    needed, fields = patterns.fields(truth), patterns.fields(truth + estimate)
-    for path in target.missing if fields else ():
-        own, other = (patterns.values_of(text, folder, path) for text in (truth, estimate))
-        of_estimate = other is not None and other.keys() >= {*needed}
-        if own is not None or (
-            of_estimate and target.has(os.path.join(folder, patterns.fill(truth, other or {})))
-        ):
-            fault = f"{path}: there is no such file, and {target.where} has it"
+    needed, given = ({*patterns.fields(text)} for text in (truth, estimate))
+    for path in target.missing if needed | given else ():
+        own = patterns.values_of(truth, folder, path)
+        # An estimate that has no field of its own is missed beside its truth.
+        other = patterns.values_of(estimate, folder, path) if given > needed else None
+        of_truth = os.path.join(folder, patterns.fill(truth, other)) if other else None
+        if own is not None or (of_truth and target.has(of_truth)):
+            fault = f"there is no such file, and {target.where} has it"
             yield Pair(name=path, truth=truth, estimate=estimate, fault=fault)
 
 

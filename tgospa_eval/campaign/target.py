@@ -132,8 +132,8 @@ class Target:
 
 
 DIFF = (
-    *("-c", "core.fileMode=false", "diff", "--name-only", "-z", "--diff-filter=MTD"),
-    *("--no-ext-diff", "--no-renames", "--ignore-submodules=all"),
+    *("-c", "core.fileMode=false", "-c", "diff.relative=false", "diff", "--name-only", "-z"),
+    *("--diff-filter=MTD", "--no-ext-diff", "--no-renames", "--ignore-submodules=all"),
 )
 
 
