@@ -26,7 +26,6 @@ class ExitStatus(IntEnum):
     WRONG_OPTION = 2
     WRONG_INPUT = 3
     NOT_REACHED = 4  # the accuracy that was asked, or a fault of a solver or of ours
-    WEAKENED = 6  # of the gate, with --protect: the change loosens what it is judged by
     INTERRUPTED = 130
 
 

@@ -1,4 +1,4 @@
-"""The gate of a team: noisy seeds, pull requests, accepting in part, values over time."""
+"""The gate of a team: noisy seeds, pull requests, accepting in part."""
 
 import json
 import os
@@ -353,16 +353,16 @@ def git(*arguments: str) -> None:
 
 
 @pytest.fixture
-def protected(gate: Invoke) -> Invoke:
+def against(gate: Invoke) -> Invoke:
     """The same against the branch main, which has all of this."""
     git("init")
     git("add", ".")
     git("commit", "-m", "first")
 
-    def protected(*arguments: str, **about: Any) -> Any:
-        return gate("--against", "main", "--protect", *arguments, **about)
+    def against(*arguments: str, **about: Any) -> Any:
+        return gate("--against", "main", *arguments, **about)
 
-    return protected
+    return against
 
 
 def edit(path: str, old: str, new: str) -> None:
@@ -393,14 +393,6 @@ def fewer_pairs() -> None:
     edit("suite.toml", "out/{scene}/", "out/{scene}w/")
 
 
-def other_truth() -> None:
-    edit("data/slow/1/truth.csv", "a,3,3,0\n", "a,3,3.5,0\n")
-
-
-def fewer_files() -> None:
-    subprocess.run(["rm", "-r", "data/slow/1"], check=True)
-
-
 def cutoff() -> None:
     edit("suite.toml", "cutoff = 10", "cutoff = 3")
 
@@ -418,128 +410,245 @@ def more_noise() -> None:
     edit("suite.toml", '"{scene}"\n', '"{seed}"\n')
 
 
-@pytest.mark.parametrize(
-    ("weaken", "said"),
-    [
-        (loosened, "group {scene}: the rule total:+2% is loosened to total:+900%"),
-        (warning_only, "group {scene}: the rule total:+2% is removed"),
-        (no_group, "group all: is removed"),
-        (
-            fewer_pairs,
-            "dense/1, dense/2, dense/3, dense/4, dense/5 and 10 more: the pair is removed",
-        ),
-        (other_truth, "data/slow/1/truth.csv: the truth is changed"),
-        (fewer_files, "slow/1: in the baseline of the target, and there are no such files"),
-        (cutoff, 'cutoff is "3", in the target "10"'),
-        (configuration, 'configuration: scale is "x=0.1", in the target not set'),
-        (confidence, "group {scene}: confidence is 0.9999, in the target 0.95"),
-        (more_noise, "group {scene}: is removed"),
-    ],
-)
-def test_a_weakened_gate_is_caught(
-    protected: Invoke, weaken: Callable[[], None], said: str
-) -> None:
-    weaken()
-    answer = protected("--format", "json", "--junit", "j.xml")
-    found = json.loads(answer.out)
-    assert answer.status == found["status"] == 6
-    assert any(said in text for text in found["weakened"]), found["weakened"]
-    assert 'type="weakened"' in Path("j.xml").read_text(encoding="utf-8")
-
-
-def test_without_protection_it_is_listed(protected: Invoke, gate: Invoke) -> None:
-    """And judged by the verdict of the target."""
-    for weaken, status in ((loosened, 0), (fewer_files, 2)):
-        assert protected().status == 0
-        weaken()
-        answer = gate("--against", "main")
-        assert answer.status == status
-        assert "This branch lets more pass than main" in answer.out
-        git("checkout", ".")
-
-
-def test_a_baseline_that_is_updated_passes_nothing(protected: Invoke, gate: Invoke) -> None:
-    runs(0.3, 2)
-    assert gate("--update-baseline").status == 0
-    assert gate().status == 0
-    answer = protected()
-    assert answer.status == 1
-    assert "the baseline of dense/1 is raised: total" in answer.out
-
-
-def test_variables_are_passed_over(protected: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:
-    runs(0.3, 2)
-    monkeypatch.setenv("TGOSPA_EVAL_FAIL_ON", "total:+900%")
-    monkeypatch.setenv("TGOSPA_EVAL_CUTOFF", "0.1")
-    answer = protected()
-    assert answer.status == 1
-    for name in ("FAIL_ON", "CUTOFF"):
-        assert f"the variable TGOSPA_EVAL_{name} is set" in " ".join(answer.out.split())
-
-
-def test_stricter_is_no_finding(protected: Invoke) -> None:
-    edit(
-        "suite.toml",
-        'name = "{scene}"\nfail-on = ["total:+2%"]',
-        'name = "{scene}"\nfail-on = ["total:+1%"]',
-    )
-    assert json.loads(protected("--format", "json").out)["weakened"] == []
-
-
 def other_baseline() -> None:
     edit("suite.toml", '"base.json"', '"other.json"')
-    write("other.json", Path("base.json").read_text(encoding="utf-8"))
+    write("other.json", Path("base.json").read_text(encoding="utf-8").replace(": 1", ": 9"))
 
 
 def baseline_options() -> None:
     edit("base.json", '"cutoff": 10.0', '"cutoff": 0.1')
 
 
-def drift_only() -> None:
-    edit(
-        "suite.toml",
-        'name = "{scene}"\nfail-on = ["total:+2%"]',
-        'name = "{scene}"\nfail-on = ["total:+2% best-of-last 5"]',
-    )
-
-
 def more_groups() -> None:
     edit("suite.toml", GROUPS, GROUPS + "[[group]]\nname = 'more {scene}'\n")
 
 
-def easy_seeds() -> None:
-    for folder in ("data", "out"):
-        subprocess.run(["rm", "-r", folder], check=True)
-    runs(0, 9, seeds=range(21, 26))
+def other_label() -> None:
+    edit("suite.toml", "{seed}", "{run}")
 
 
-@pytest.mark.parametrize(
-    ("weaken", "said"),
-    [
-        (other_baseline, "the baseline is other.json, in the target base.json"),
-        (baseline_options, "options in the baseline are others"),
-        (drift_only, "the rule total:+2% is removed"),
-        (more_groups, "groups have 3 rules, in the target 2"),
-        (easy_seeds, "not in the target, nor in its baseline"),
-    ],
+def no_baseline() -> None:
+    Path("base.json").unlink()
+
+
+def no_suite() -> None:
+    Path("suite.toml").unlink()
+
+
+WEAKER = (
+    *(loosened, warning_only, no_group, fewer_pairs, cutoff, configuration, confidence),
+    *(more_noise, other_baseline, baseline_options, more_groups, other_label, no_baseline),
+    no_suite,
 )
-def test_more_ways_to_weaken(protected: Invoke, weaken: Callable[[], None], said: str) -> None:
-    weaken()
-    found = json.loads(protected("--format", "json", "--history", "h.jsonl").out)["weakened"]
-    assert any(said in text for text in found), found
 
 
-def test_a_pull_request_with_a_worse_tracker_and_a_folder(
-    protected: Invoke, gate: Invoke, tmp_path_factory: pytest.TempPathFactory
+@pytest.mark.parametrize("weaken", WEAKER)
+def test_what_a_branch_makes_of_its_gate_counts_for_nothing(
+    against: Invoke, weaken: Callable[[], None]
 ) -> None:
-    other = tmp_path_factory.mktemp("target")
-    subprocess.run(["cp", "-r", "suite.toml", "base.json", "data", str(other)], check=True)
     runs(0.3, 2)
+    weaken()
+    answer = against("--format", "json")
+    assert (answer.status, json.loads(answer.out)["against"]) == (1, "main")
+    rules = {
+        (one["name"], rule["rule"]) for one in groups(answer).values() for rule in one["rules"]
+    }
+    assert rules == {(name, "total:+2%") for name in (*SCENES, "all of {scene}", "all")}
+    assert groups(answer)["all"]["verdict"] == "fail"
+
+
+def test_the_same_of_a_folder(
+    gate: Invoke, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    other = str(tmp_path_factory.mktemp("target"))
+    shutil.copytree(".", other, dirs_exist_ok=True)
+    assert gate("--against", other).status == 0
     loosened()
-    for target in ("main", str(other)):
-        answer = gate("--against", target, "--format", "json")
-        assert answer.status == 1
-        assert len(json.loads(answer.out)["weakened"]) == 1
+    baseline_options()
+    write("tgospa-eval.toml", "scale = 'x=0.1'\n")
+    edit("data/slow/1/truth.csv", "a,3,3,0\n", "a,3,3.5,0\n")
+    shutil.rmtree("data/fast/2")
+    answer = gate("--against", other, "--format", "json")
+    assert answer.status == 3
+    assert {one["name"]: one["verdict"] for one in json.loads(answer.out)["groups"]} == {
+        "all": "not comparable",
+        "dense": "pass",
+        "fast": "not comparable",
+        "slow": "not comparable",
+    }
+    shutil.copytree(Path(other) / "data", "data", dirs_exist_ok=True)
+    runs(0.3, 2)
+    assert gate("--against", other).status == 1
+
+
+def test_a_truth_is_that_of_the_target(against: Invoke, gate: Invoke) -> None:
+    edit("data/slow/1/truth.csv", "a,3,3,0\n", "a,3,3.5,0\n")
+    assert gate("--update-baseline").status == 0
+    answer = against()
+    assert answer.status == 3
+    assert "data/slow/1/truth.csv: is another one in main, which judges" in answer.err
+    git("checkout", ".")
+    truth = Path("data/slow/1/truth.csv")
+    truth.rename("moved.csv")
+    truth.symlink_to("../../../moved.csv")
+    assert against().status == 3
+
+
+@pytest.mark.parametrize("gone", ["data/slow", "data/slow/1", "out/slow", "out/slow/1.csv"])
+def test_a_scene_that_is_removed_or_renamed_is_a_failure(
+    against: Invoke, gate: Invoke, gone: str
+) -> None:
+    Path(gone).rename(f"{gone}-moved")
+    gate("--update-baseline", "--prune")
+    answer = against("--format", "json")
+    assert answer.status in (2, 3)
+    assert groups(answer)["slow"]["verdict"] == "not comparable"
+
+
+def test_seeds_that_the_target_does_not_know_decide_nothing(against: Invoke, gate: Invoke) -> None:
+    for folder in ("data", "out"):
+        shutil.rmtree(folder)
+    runs(0, 9, seeds=range(21, 26))
+    assert gate("--update-baseline", "--prune").status == 0
+    answer = against("--format", "json")
+    assert answer.status == 3
+    assert {one["verdict"] for one in groups(answer).values()} == {"not comparable"}
+
+
+def test_a_new_scene_passes_until_the_target_has_it(
+    against: Invoke, gate: Invoke, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write("suite.toml", f"max = ['total=300']\n{SUITE}{GROUPS}")
+    git("commit", "-am", "limit")
+    monkeypatch.setitem(SCENES, "new", 250.0)
+    runs(0, 1)
+    assert gate("--update-baseline").status == 0
+    answer = against("--format", "json")
+    assert answer.status == 0
+    document = json.loads(answer.out)
+    assert "new" not in groups(answer)
+    new = [one for one in document["pairs"] if one["name"].startswith("new/")]
+    assert len(new) == 5
+    assert all(one["notes"][-1].startswith("new: the target has no baseline of it") for one in new)
+    assert [rule["rule"] for rule in new[0]["rules"]] == ["total<=300"]
+    monkeypatch.setitem(SCENES, "new", 400.0)
+    runs(0, 1, spread=0)
+    assert against().status == 1
+
+
+def test_a_new_tracker_passes_until_the_target_has_it(against: Invoke) -> None:
+    text = SUITE.replace("out/{scene}", "out/{tracker}/{scene}") + "[[group]]\nname = '{tracker}'\n"
+    write("suite.toml", text + "fail-on = ['total:+2%']\n")
+    shutil.move("out", "mine")
+    shutil.move("mine", "out/mine")
+    git("add", ".")
+    git("commit", "-m", "trackers")
+    document = json.loads(Path("base.json").read_text(encoding="utf-8"))
+    document["pairs"] = {
+        f"mine/{name}": entry | {"labels": entry["labels"] | {"tracker": "mine"}}
+        for name, entry in document["pairs"].items()
+    }
+    write("base.json", json.dumps(document))
+    git("commit", "-am", "baseline")
+    shutil.copytree("out/mine", "out/other")
+    answer = against("--format", "json")
+    assert (answer.status, list(groups(answer))) == (0, ["mine"])
+    shutil.rmtree("out/mine")
+    assert against().status == 3
+
+
+def test_limits_alone_need_no_baseline_of_the_target(against: Invoke) -> None:
+    write("suite.toml", "max = ['total=300']\n" + SUITE.replace('baseline = "base.json"\n', ""))
+    git("commit", "-am", "limits")
+    assert against().status == 0
+    write("suite.toml", "max = ['total=9000']\n" + SUITE)
+    shutil.rmtree("data/slow/1")
+    answer = against()
+    assert answer.status == 3
+    assert "data/slow/1/truth.csv: there is no such file, and main has it" in answer.err
+    runs(3, 1)
+    assert against().status == 1
+    shutil.rmtree("out/slow")
+    answer = against()
+    assert (answer.status, answer.err.count("out/slow/1.csv")) == (1, 1)
+
+
+def test_files_that_options_name_are_the_target_s(against: Invoke) -> None:
+    write("regions.csv", "left,top,width,height\n900,900,1,1\n")
+    options = "[options]\nignore-regions = 'regions.csv'"
+    write("suite.toml", SUITE.replace("[options]", options))
+    git("add", "regions.csv")
+    git("commit", "-am", "regions")
+    write("regions.csv", "left,top,width,height\n-900,-900,1800,1800\n")
+    answer = against()
+    assert answer.status == 3
+    assert "regions.csv: is another one in main, which judges" in answer.err
+
+
+def test_a_baseline_that_is_updated_passes_nothing(against: Invoke, gate: Invoke) -> None:
+    runs(0.3, 2)
+    assert gate("--update-baseline").status == 0
+    assert gate().status == 0
+    answer = against()
+    assert answer.status == 1
+    assert "To accept this, if it is right; main judges until it has this:" in answer.out
+    assert "\n  tgospa-eval gate --suite suite.toml -q --update-baseline" in answer.out
+
+
+def test_variables_count_for_nothing(
+    against: Invoke, gate: Invoke, invoke: Invoke, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lax = f"fail-on = ['total:+900%']\n{SUITE}"
+    write("lax.toml", lax)
+    write("other.toml", "suite = 'lax.toml'\nfail-on = 'total:+900%'\nscale = 'y=0.1'\n")
+    git("add", ".")
+    git("commit", "-m", "more")
+    runs(0.3, 2)
+    values = {
+        "FAIL_ON": "total:+900%",
+        "CUTOFF": "0.1",
+        "SUITE": "lax.toml",
+        "GAMMA": "0",
+        "CONFIG": "other.toml",
+        "BASELINE": "none.json",
+        "TIME": "0:1",
+        "SOLVER": "sinkhorn",
+    }
+    for name, value in values.items():
+        monkeypatch.setenv(f"TGOSPA_EVAL_{name}", value)
+    assert against().status == 1
+    answer = invoke("gate", "--suite", "suite.toml", "--against", "main")
+    assert answer.status == 1
+    assert "TGOSPA_EVAL_CUTOFF" in answer.err
+    assert "ignored, main judges" in answer.err
+    assert invoke("gate", "--against", "main", "-q").status == 2  # no suite is named
+    for name in values:
+        monkeypatch.delenv(f"TGOSPA_EVAL_{name}")
+    loosened()
+    monkeypatch.setenv("TGOSPA_EVAL_AGAINST", "main")
+    assert gate("--format", "json").status == 1
+
+
+def test_configuration_is_that_of_the_target(against: Invoke, gate: Invoke, invoke: Invoke) -> None:
+    write("tgospa-eval.toml", "unit = 'm'\n")
+    write("ci.toml", "suite = 'suite.toml'\nmax = 'total=300'\n")
+    git("add", ".")
+    git("commit", "-m", "configuration")
+    write("tgospa-eval.toml", "unknown = 3\n")
+    write("ci.toml", "suite = 'none.toml'\n")
+    settings = json.loads(against("--format", "json").out)["settings_file"]
+    assert (settings["path"], settings["options"]) == ("main:tgospa-eval.toml", {"unit": "m"})
+    named = ("gate", "--against", "main", "-q", "--config")
+    assert invoke(*named, "ci.toml").status == 0
+    runs(4, 1)
+    assert "total<=300" in invoke(*named, "ci.toml", "--format", "json").out
+    write("mine.toml", "suite = 'suite.toml'\n")
+    answer = invoke(*named, "mine.toml")
+    assert (answer.status, "main:mine.toml: there is no such file" in answer.err) == (2, True)
+
+
+def test_stricter_flags_hold(against: Invoke) -> None:
+    assert against("--max", "total=1").status == 1
 
 
 def test_an_error_is_in_the_folder_too(gate: Invoke) -> None:
@@ -553,26 +662,31 @@ def test_an_error_is_in_the_folder_too(gate: Invoke) -> None:
     ("arguments", "said"),
     [
         (("--against", "no"), "neither a folder nor a git revision"),
-        (("--protect",), "--protect is for --against TARGET"),
+        (("--against", "main", "--suite", "none.toml"), "main:none.toml: there is no such file"),
+        (("--against", "main", "--baseline", "no.json"), "main:no.json: there is no such file"),
+        (("--protect",), "--protect is gone: --against TARGET judges by the suite"),
+        (("--history", "h.jsonl"), "--history is gone: keep the documents"),
+        (("--format", "bencher"), "--format bencher is gone: --format json"),
+        (("--fail-on", "total:+5% best-of-last 20"), "best-of-last is gone: a rule such as"),
         (("--against", "main", "--update-baseline"), "leave one of them out"),
     ],
 )
-def test_wrong_targets(
-    protected: Invoke, gate: Invoke, arguments: tuple[str, ...], said: str
+def test_wrong_targets_and_what_is_gone(
+    against: Invoke, gate: Invoke, arguments: tuple[str, ...], said: str
 ) -> None:
     answer = gate(*arguments)
     assert answer.status == 2
     assert said in answer.err
 
 
-def test_nothing_is_protected_in_silence(protected: Invoke, gate: Invoke, invoke: Invoke) -> None:
+def test_targets_are_for_files(against: Invoke, gate: Invoke, invoke: Invoke) -> None:
     labels = ("--truth", "data/{scene}/{seed}/truth.csv", "--estimate", "out/{scene}/{seed}.csv")
     assert invoke("batch", *labels, "-c", "10", "-g", "5", "-o", "store", "-q").status == 0
-    answer = invoke("gate", "store", "--baseline", "base.json", "--against", "main", "--protect")
+    answer = invoke("gate", "store", "--baseline", "base.json", "--against", "main")
     assert answer.status == 2
     assert "--against is for files and suites" in answer.err
     before = Path("data/slow/1/truth.csv").read_text(encoding="utf-8")
-    answer = protected("--junit", "data/slow/1/truth.csv")
+    answer = against("--junit", "data/slow/1/truth.csv")
     assert answer.status == 2
     assert "is an input of the gate" in answer.err
     assert Path("data/slow/1/truth.csv").read_text(encoding="utf-8") == before
@@ -624,14 +738,6 @@ def test_a_folder_with_a_page(gate: Invoke) -> None:
     assert json.loads(Path("report/gate.json").read_text(encoding="utf-8"))["status"] == 1
 
 
-def test_other_formats(gate: Invoke) -> None:
-    found = json.loads(gate("--format", "bencher").out)
-    assert found["slow/1"]["total"]["value"] == found["slow/1"]["total"]["upper_value"]
-    assert "group all" in found
-    found = json.loads(gate("--format", "github-action-benchmark").out)
-    assert {"name", "unit", "value", "range"} == {*found[0]}
-
-
 def test_estimates_without_a_truth_are_reported(gate: Invoke, invoke: Invoke) -> None:
     write("out/slow/9.csv", "id,t,x,y\n")
     answer = invoke("gate", "--suite", "suite.toml")
@@ -640,14 +746,11 @@ def test_estimates_without_a_truth_are_reported(gate: Invoke, invoke: Invoke) ->
     )
 
 
-@pytest.mark.parametrize(
-    ("option", "place"), [("--history", "no/such/folder"), ("--junit", "suite.toml/file")]
-)
-def test_what_cannot_be_written_hides_no_regression(gate: Invoke, option: str, place: str) -> None:
+def test_what_cannot_be_written_hides_no_regression(gate: Invoke) -> None:
     runs(0.14, 2)
-    answer = gate(option, place, "-o", "report")
+    answer = gate("--junit", "suite.toml/file", "-o", "report")
     assert answer.status == 1
-    assert f"{option} {place}: cannot be written" in answer.err
+    assert "--junit suite.toml/file: cannot be written" in answer.err
     assert "group all" in answer.out
     assert Path("report/gate.md").is_file()
 
@@ -749,28 +852,3 @@ def test_the_steps_for_gitlab(shell: Invoke) -> None:
     assert Notes.bodies[0] == "LGTM"
     (body,) = Notes.bodies[1:]
     assert body.partition("\n")[2] == Path("gate/gate.md").read_text(encoding="utf-8")
-
-
-# --- over time ------------------------------------------------------------------------------------
-
-
-def test_history_and_slow_drift(gate: Invoke, invoke: Invoke) -> None:
-    drift = ("--history", "h.jsonl", "--fail-on", "total:+5% best-of-last 20")
-    write("suite.toml", SUITE)
-    statuses = []
-    for change in (0, 0.02, 0.04, 0.06):
-        runs(change, 1)
-        statuses.append(gate(*drift).status)
-    assert statuses == [0, 0, 0, 1]
-    assert len(Path("h.jsonl").read_text(encoding="utf-8").splitlines()) == 4
-    answer = invoke("gate", "history", "h.jsonl")
-    assert answer.status == 0
-    assert "slow/1" in answer.out
-    assert json.loads(invoke("gate", "history", "h.jsonl", "--format", "json").out)["runs"]
-    assert invoke("gate", "history", "none.jsonl").status == 2
-    write("suite.toml", SUITE + "[[group]]\nfail-on = 'total:+5% best-of-last 20'\n")
-    assert "best-of-last is for trackers without seeds" in gate("--history", "h.jsonl").err
-    write("suite.toml", SUITE)
-    answer = gate("--fail-on", "total:+5% best-of-last 20")
-    assert answer.status == 2
-    assert "rules with best-of-last need the file of --history" in answer.err

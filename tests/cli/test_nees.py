@@ -184,7 +184,6 @@ def test_of_a_calibrated_filter_95_percent_are_inside() -> None:
         (("nees:b..9",), 2, "must be PATH:LEAST..MOST"),
         (("nees.inside:+0.1",), 2, "nees.inside is worse the less it is: PATH:-N"),
         (("total:-1",), 2, "total is worse the larger it is: PATH:+N"),
-        (("nees:+1 best-of-last 3",), 2, "best-of-last is for costs and counts"),
     ],
 )
 def test_gate_rules_of_absolute_ranges(

@@ -5,10 +5,10 @@ import json
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from fnmatch import fnmatchcase
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval._version import __version__
@@ -27,7 +27,6 @@ from tgospa_eval.campaign.baseline import (
 )
 from tgospa_eval.campaign.gate_report import GATE_REPORTS, finding_record
 from tgospa_eval.campaign.groups import judge_groups
-from tgospa_eval.campaign.history import best_of_last, load_history
 from tgospa_eval.campaign.outcome import (
     PairOutcome,
     Report,
@@ -46,6 +45,7 @@ from tgospa_eval.campaign.suite import (
     load_suite,
     make_group,
 )
+from tgospa_eval.campaign.target import Target
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python
@@ -103,9 +103,6 @@ class GateOptions(Values):
         ``default_map`` for a configuration file, or ``default``.
     typed : tuple of str
         The arguments, for commands that messages propose.
-    configured : mapping, optional
-        Options of the evaluation by the configuration of the target, in place of that which is
-        used.
     """
 
     evaluation: Request = Request()
@@ -123,11 +120,8 @@ class GateOptions(Values):
     only: tuple[str, ...] = ()
     prune: bool = False
     against: str | None = None
-    protect: bool = False
-    history: str | None = None
     output: str | None = None
     force: bool = False
-    configured: Mapping[str, object] | None = None
     junit: str | None = None
     proof: str | None = None
     quiet: bool = False
@@ -160,7 +154,7 @@ class GateOptions(Values):
             inherited[key] = os.path.join(os.path.dirname(path), str(inherited[key]))
         return {
             **typed(inherited, f"{path}, options"),
-            **(self.given("default_map") if self.configured is None else self.configured),
+            **self.given("default_map"),
             **typed(pair.options, f"pair {quoted(pair.name)}, options"),
             **self.given("commandline", "environment"),
         }
@@ -280,102 +274,56 @@ def judge_all(
 
         old = load_baseline(path) if path else None
         return _report(gate, pairs, [], path or "", old, evaluated, folder)
-    if gate.against is not None:
-        return _against(gate, truth, estimate, evaluate_pair, notify)
-    pairs, groups, named = _pairs(gate, truth, estimate, notify)
+    if gate.against is not None and gate.update_baseline:
+        raise ConfigError("--against and --update-baseline: leave one of them out")
+    target = None if gate.against is None else Target(gate.against)
+    pairs, groups, named = _pairs(gate, truth, estimate, notify, target)
     if truth is not None:
         gate = replace(gate, suite=None)
     for pair in pairs:
         _check_junit(gate, pair.truth, pair.estimate, named)
-    path = gate.baseline if gate.strong("baseline") or not named else named
+    path = (gate.baseline if gate.strong("baseline") or not named else named) or ""
+    if target is None:
+        old = load_baseline(path) if path else None
+    else:
+        old = parse(target.demand(path), target.name(path)) if path else None
+        pairs = [*_with_faults(gate, target, pairs, groups, old, path)]
     return _report(
         gate,
         pairs,
         groups,
-        path or "",
-        load_baseline(path) if path else None,
-        lambda pair, entry: _evaluated(
-            gate, pair, entry, path or "", groups, evaluate_pair, notify
-        ),
-        "the suite",
-    )
-
-
-def _against(
-    gate: GateOptions,
-    truth: str | None,
-    estimate: str | None,
-    evaluate_pair: EvaluatePair,
-    notify: Callable[[str], None],
-) -> Report:
-    """Judge by the suite, the baseline and the configuration of the target.
-
-    Raises
-    ------
-    ConfigError
-        The target has no such suite or baseline, or an update is asked for.
-    """
-    from tgospa_eval.api import protection  # here: few gates are against a target
-    from tgospa_eval.campaign.target import Target
-
-    assert gate.against is not None
-    if gate.update_baseline:
-        raise ConfigError("--against and --update-baseline: leave one of them out")
-    target, found = Target(gate.against), [*protection.of_environment()]
-    named = gate.config.path if gate.config and gate.config.named else None
-    theirs, mine = protection.configurations(target, named)
-    found += (f"configuration: {text}" for text in protection.of_settings(theirs, mine))
-    typed_only = {
-        name: "default" if source in ("environment", "default_map") else source
-        for name, source in gate.sources.items()
-    }
-    rules: dict[str, Any] = {
-        name: () if typed_only[name] == "default" else getattr(gate, name)
-        for name in RULE_PARAMETERS.values()
-    }
-    for key, name in RULE_PARAMETERS.items():
-        if key in theirs and typed_only[name] == "default":
-            rules[name] = tuple(split_rules(str(theirs[key])))
-    evaluation = {key: value for key, value in theirs.items() if key in NAMES}
-    other = replace(gate, sources=typed_only, configured=typed(evaluation, gate.against), **rules)
-    own_pairs, own_groups, own_named = _pairs(gate, truth, estimate, notify)
-    pairs, groups, baseline = own_pairs, own_groups, own_named
-    if truth is None and gate.suite:
-        content = target.read(gate.suite)
-        if content is None:
-            raise ConfigError(f"{target.name(gate.suite)}: there is no such file")
-        pairs, groups, baseline, _ = load_suite(gate.suite, FLAGS, content)
-    else:
-        other = replace(other, suite=None)
-    for pair in (*own_pairs, *pairs):
-        _check_junit(gate, pair.truth, pair.estimate, own_named, baseline)
-    path = gate.baseline if typed_only["baseline"] != "default" or not baseline else baseline
-    if not path:
-        raise ConfigError("no baseline: name it with --baseline FILE")
-    content = target.read(path)
-    old = None if content is None else parse(content, target.name(path))
-    found += protection.of_pairs(
-        {pair.name: (pair, other.rules(pair, default=not groups)) for pair in pairs},
-        {pair.name: (pair, gate.rules(pair, default=not own_groups)) for pair in own_pairs},
-    )
-    found += protection.of_groups(other.tables(pairs, groups), gate.tables(own_pairs, own_groups))
-    found += protection.of_runs(old or {}, pairs, groups)
-    found += protection.of_baselines(old or {}, load_baseline(path) or {})
-    found += protection.of_truths(target, pairs, old or {}, groups)
-    if gate.history:
-        found += protection.of_history(target, gate.history)
-    if gate.suite and truth is None and own_named != baseline:
-        found.append(f"the baseline is {own_named}, in the target {baseline}")
-    report = _report(
-        other,
-        pairs,
-        groups,
         path,
         old,
-        lambda pair, entry: _evaluated(other, pair, entry, path, groups, evaluate_pair, notify),
+        lambda pair, entry: _evaluated(gate, pair, entry, path, groups, evaluate_pair, notify),
         "the suite",
     )
-    return replace(report, against=gate.against, weakened=tuple(found), protect=gate.protect)
+
+
+def _with_faults(
+    gate: GateOptions,
+    target: Target,
+    pairs: Sequence[Pair],
+    groups: Sequence[GroupTable],
+    old: Baseline | None,
+    path: str,
+) -> Iterator[Pair]:
+    """The pairs; those whose files are not the target's have a fault, or are new."""
+    known, seeds = old or {}, {table.seed for table in gate.tables(pairs, groups)}
+
+    def scene(labels: Mapping[str, str]) -> set[tuple[str, str]]:
+        return {item for item in labels.items() if item[0] not in seeds}
+
+    scenes = [scene(entry.get("labels", {})) for entry in known.values()]
+    for pair in pairs:
+        options = gate.resolve(pair, known.get(pair.name), path)
+        named = [options.get(NAMES[key]) for key in (*PATHS_GIVEN, "region")]
+        files = [pair.truth, *(str(file) for file in named if file)]
+        other = [file for file in files if target.has_another(file)]
+        if other and not pair.fault:
+            yield replace(pair, fault=f"{other[0]}: is another one in {target.where}, which judges")
+            continue
+        judged = target.has(pair.truth) and (old is None or scene(pair.labels) in scenes)
+        yield replace(pair, is_new=pair.name not in known and not judged)
 
 
 def _check_junit(gate: GateOptions, *paths: str | None) -> None:
@@ -397,7 +345,7 @@ def _check_junit(gate: GateOptions, *paths: str | None) -> None:
 
 
 def _check_options(gate: GateOptions, path: str) -> None:
-    """Whether the options of an update, and of a target, go together.
+    """Whether the options of an update go together.
 
     Raises
     ------
@@ -407,28 +355,9 @@ def _check_options(gate: GateOptions, path: str) -> None:
     for option, value in (("only", gate.only), ("prune", gate.prune)):
         if value and not gate.update_baseline:
             raise ConfigError(f"--{option} is for --update-baseline")
-    if gate.protect and gate.against is None:
-        raise ConfigError("--protect is for --against TARGET")
     if gate.update_baseline and (not path or is_store(path)):
         wrong = f"{path} is a batch, which tgospa-eval batch makes" if path else "no baseline"
         raise ConfigError(f"{wrong}: name the file to make with --baseline FILE")
-
-
-def _check_drift(groups: Sequence[GroupTable], pairs: Sequence[Pair]) -> None:
-    """Whether rules against drift are of groups without seeds.
-
-    Raises
-    ------
-    ConfigError
-        The best of several noisy runs would be the limit.
-    """
-    for table in groups:
-        seeds = {pair.labels[table.seed] for pair in pairs if table.seed in pair.labels}
-        if len(seeds) > 1 and any(rule.last for rule in table.rules):
-            raise ConfigError(
-                f"group {table.name}: best-of-last is for trackers without seeds: the best of "
-                "noisy runs is lower than the tracker is"
-            )
 
 
 def _report(
@@ -443,7 +372,6 @@ def _report(
     """The outcomes of all groups and pairs, or of an update of the baseline."""
     _check_options(gate, path)
     groups = gate.tables(pairs, groups)
-    _check_drift(groups, pairs)
     if gate.group is not None:  # whose rules are those of the command line
         gate = replace(gate, fail_on=(), warn_on=(), maximum=())
     alone = {pair.name for pair in pairs} == {ONLY_PAIR} and not gate.suite
@@ -452,27 +380,28 @@ def _report(
     if groups and not path:
         raise ConfigError("no baseline: name it with --baseline FILE; groups need one")
     rules = {
-        pair.name: gate.rules(pair, baseline=bool(path), default=not groups)
+        pair.name: [rule for rule in found if rule.absolute or not pair.is_new]
         for pair in pairs
         if not pair.fault
+        for found in [gate.rules(pair, baseline=bool(path), default=not groups)]
     }  # wrong ones before any work
     if gate.update_baseline:
         return _updated(gate, pairs, path, old, evaluated, whence)
-    past = load_history(gate.history) if gate.history else []
-    judging = [rule for some in (*rules.values(), *(one.rules for one in groups)) for rule in some]
-    if any(rule.last for rule in judging) and not gate.history:
-        raise ConfigError("rules with best-of-last need the file of --history")
-    outcomes = _judged(
-        pairs, groups, path, old, rules, partial(best_of_last, past), evaluated, whence
-    )
+    outcomes = _judged(pairs, groups, path, old, rules, evaluated, whence)
     again: tuple[str, ...] = ()
     if gate.typed and path and not is_store(path):
-        command = _without(gate.typed, "--against", "--protect")
+        command = _without(gate.typed, "--against")
         at = command.index("--") if "--" in command else len(command)
         accepted = _accepted(outcomes, groups, pairs, old or {})
         if accepted:
             again = ("tgospa-eval", "gate", *command[:at], *accepted, *command[at:])
-    return Report(baseline=path, outcomes=tuple(outcomes), version=__version__, again=again)
+    return Report(
+        baseline=path,
+        outcomes=tuple(outcomes),
+        version=__version__,
+        again=again,
+        against=gate.against or "",
+    )
 
 
 def _judged(
@@ -481,7 +410,6 @@ def _judged(
     path: str,
     baseline: Baseline | None,
     rules: Mapping[str, list[Rule]],
-    past: Callable[[str, str, str, int], float | None],
     evaluated: Evaluate,
     whence: str,
 ) -> list[PairOutcome]:
@@ -494,11 +422,11 @@ def _judged(
     outcomes = []
     for pair in pairs:
         entry, begin = old.get(pair.name), time.monotonic()
-        tables = [table for table in groups if table.has(pair.labels)]
+        tables = [table for table in groups if table.has(pair.labels) and not pair.is_new]
         if pair.fault:
             outcomes.append(PairOutcome.of(pair, Verdict.ERROR, pair.fault))
             continue
-        if path and entry is None and not (tables and baseline):
+        if path and entry is None and not pair.is_new and not (tables and baseline):
             outcomes.append(PairOutcome.of(pair, Verdict.INCOMPARABLE, missing))
             continue
         try:
@@ -508,28 +436,21 @@ def _judged(
             outcomes.append(PairOutcome.of(pair, Verdict.ERROR, str(error), **about))
             continue
         about = {"seconds": time.monotonic() - begin, **about}
-        results[pair.name] = now
-        if path and entry is None:
-            about |= {"values": now.values, "judged": now.digest}
+        if not pair.is_new:
+            results[pair.name] = now
+        if path and entry is None and not pair.is_new:
+            about |= {"values": now.values}
             outcomes.append(PairOutcome.of(pair, Verdict.PASS, IN_GROUP, **about))
             continue
         noisy = any(table.seed in pair.labels for table in tables)
-        outcomes.append(
-            judged_outcome(
-                pair,
-                now,
-                entry,
-                rules[pair.name],
-                past=partial(past, pair.name, now.digest),
-                noisy=noisy,
-                **about,
-            )
-        )
+        judged = judged_outcome(pair, now, entry, rules[pair.name], noisy=noisy, **about)
+        notes = (*judged.notes, *([NEW] if pair.is_new else []))
+        outcomes.append(replace(judged, notes=notes))
     if len(pairs) > MAX_PAGES:
         outcomes = [replace(one, page="") if not one.status else one for one in outcomes]
     if baseline is not None:
         failed = [one.name for one in outcomes if one.verdict is Verdict.ERROR]
-        outcomes = [*judge_groups(groups, results, old, labels, failed, past), *outcomes]
+        outcomes = [*judge_groups(groups, results, old, labels, failed), *outcomes]
     named = {name for name in old if any(table.has(labels[name]) for table in groups)}
     named |= {pair.name for pair in pairs}
     note = f"in the baseline and not in {whence}; --update-baseline --prune removes it"
@@ -540,6 +461,10 @@ MAX_PAGES = 200
 """Pairs of which each has a page; of more those have one that do not pass."""
 
 IN_GROUP = "not in the baseline: judged in its group alone"
+NEW = (
+    "new: the target has no baseline of it, or no truth; judged by absolute limits alone until it "
+    "has"
+)
 
 
 def _updated(
@@ -583,9 +508,9 @@ def _updated(
     return Report(baseline=path, outcomes=tuple(outcomes), version=__version__, tally=tally)
 
 
-def _without(arguments: Sequence[str], option: str, flag: str) -> list[str]:
-    """Arguments without an option that has a value, and without a flag."""
-    kept = [text for text in arguments if text != flag and not text.startswith(f"{option}=")]
+def _without(arguments: Sequence[str], option: str) -> list[str]:
+    """Arguments without an option that has a value."""
+    kept = [text for text in arguments if not text.startswith(f"{option}=")]
     if option in kept:
         at = kept.index(option)
         del kept[at : at + 2]
@@ -622,7 +547,7 @@ def _accepted(
         one
         for one in outcomes
         if one.verdict is Verdict.INCOMPARABLE
-        or any(found.verdict is Verdict.FAIL and not found.rule.last for found in one.findings)
+        or any(found.verdict is Verdict.FAIL for found in one.findings)
     )
     if not names and not any(one.status for one in outcomes):
         names = meant(one for one in outcomes if any(found.improved for found in one.findings))
@@ -648,7 +573,11 @@ def _patterns(names: set[str], everything: set[str]) -> list[str]:
 
 
 def _pairs(
-    gate: GateOptions, truth: str | None, estimate: str | None, notify: Callable[[str], None]
+    gate: GateOptions,
+    truth: str | None,
+    estimate: str | None,
+    notify: Callable[[str], None],
+    target: Target | None,
 ) -> tuple[list[Pair], list[GroupTable], str | None]:
     """The pairs, one of two files or those of a suite; groups and the baseline of the suite."""
     path = gate.suite
@@ -662,7 +591,7 @@ def _pairs(
             f"{name} is missing; type tgospa-eval gate {truth or 'TRUTH'} ESTIMATE "
             "--baseline FILE, or tgospa-eval gate --suite FILE"
         )
-    pairs, groups, baseline, notices = load_suite(path, FLAGS)
+    pairs, groups, baseline, notices = load_suite(path, FLAGS, target)
     for text in () if gate.quiet else notices:
         notify(text)
     return pairs, groups, baseline
@@ -938,8 +867,7 @@ def gate(
         warn_on=tuple(_texts(warn_on)),
         maximum=tuple(f"{name}={value!r}" for name, value in (limits or {}).items()),
     )
-    if any(rule.last for rule in judge_by.rules(pair)):  # wrong ones before any work
-        raise ConfigError("rules with best-of-last are for --history of the command line")
+    judge_by.rules(pair)  # wrong ones before any work
     kept = old[ONLY_PAIR]["options"] if old else {}
     inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
     given: dict[str, Any] = {**inherited, **options}

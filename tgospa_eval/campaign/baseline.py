@@ -1,6 +1,5 @@
 """Baselines: values, options and what was judged of each pair, as JSON made for git."""
 
-import hashlib
 import json
 import math
 from collections.abc import Iterable, Mapping
@@ -18,7 +17,7 @@ from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.contradictions import contradiction
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, of_metric, unlike
+from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, unlike
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import clipped
 from tgospa_eval.tracks.ignored import refuse_own_marks
@@ -68,13 +67,6 @@ class Measured:
     def order(self) -> float:
         """The order p."""
         return float(str(self.parameters["order"]))
-
-    @property
-    def digest(self) -> str:
-        """Of the parameters and of what was judged: equal where values are comparable."""
-        judged = {name: text for name, text in self.judged.items() if name.endswith("sha256")}
-        text = json.dumps([of_metric(self.parameters), judged], sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @property
     def relative_gap(self) -> float:

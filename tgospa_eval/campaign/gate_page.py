@@ -7,6 +7,7 @@ from urllib.parse import quote
 
 from tgospa_eval.campaign.gate_report import (
     PAGE,
+    accept_title,
     change,
     headline,
     json_report,
@@ -15,7 +16,6 @@ from tgospa_eval.campaign.gate_report import (
     number_of,
     rows_of,
     title,
-    weakened_title,
 )
 from tgospa_eval.campaign.outcome import PairOutcome, Report
 from tgospa_eval.campaign.rules import Verdict
@@ -68,7 +68,7 @@ def page(report: Report, seed: str) -> str:
         .render(
             report=report,
             headline=headline(report),
-            weakened_title=weakened_title(report),
+            accept_title=accept_title(report),
             beside=report.told(),
             failing=[row for row in rows if not row["passes"]],
             passing=[row for row in rows if row["passes"]],

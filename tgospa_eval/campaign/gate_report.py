@@ -1,6 +1,5 @@
 """What a gate found: a table of 80 columns, JSON, Markdown for a pull request."""
 
-import json
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -32,8 +31,6 @@ from tgospa_eval.text import clipped, ending, listed, visible
 SCHEMA = "tgospa-eval/gate/1"
 WIDTHS = (16, 20, 11, 11, 11, 0)
 """Of the columns: pair, rule, three numbers, verdict."""
-
-ACCEPT = "To accept this, if it is right"
 
 
 def title(outcome: PairOutcome) -> str:
@@ -114,12 +111,10 @@ def table(report: Report, width: int = WIDTH) -> str:
     lay = TextWrapper(width, "", "  ", break_on_hyphens=False, break_long_words=False)
     notes = [line for text in notes_of(report) for line in lay.wrap(visible(text))]
     blocks = [lay.wrap(headline(report)), lines if len(lines) > 1 else [], notes]
-    if report.weakened:
-        items = [line for text in report.weakened for line in lay.wrap(visible(f"- {text}"))]
-        blocks.append([*lay.wrap(visible(weakened_title(report))), *items])
     blocks += [lay.wrap(visible(text)) for text in report.told()]
     if report.advice:
-        blocks.append([f"{ACCEPT}:", f"  {visible(report.advice)}"])
+        title_of = lay.wrap(visible(f"{accept_title(report)}:"))
+        blocks.append([*title_of, f"  {visible(report.advice)}"])
     return "\n\n".join("\n".join(block) for block in blocks if block) + "\n"
 
 
@@ -177,9 +172,10 @@ def _common(parts: Sequence[Sequence[str]]) -> int:
     return min(sum(1 for _ in same), min(map(len, parts)) - 1)
 
 
-def weakened_title(report: Report) -> str:
-    """What the list of weakened rules is called."""
-    return f"This branch lets more pass than {report.against}, by which it was judged:"
+def accept_title(report: Report) -> str:
+    """What the command is called that accepts what failed."""
+    until = f"; {report.against} judges until it has this" if report.against else ""
+    return f"To accept this, if it is right{until}"
 
 
 def shown_verdict(finding: Finding) -> str:
@@ -204,7 +200,7 @@ def json_report(report: Report) -> str:
         "verdict": report.verdict,
         "status": report.status,
         "update": report.advice,
-        **({"against": report.against, "weakened": [*report.weakened]} if report.against else {}),
+        **({"against": report.against} if report.against else {}),
         **settings_field(report.settings_file),
         "groups": [_pair(outcome) for outcome in report.outcomes if outcome.group],
         "pairs": [_pair(outcome) for outcome in report.outcomes if not outcome.group],
@@ -292,11 +288,9 @@ def github_lines(report: Report) -> Iterator[str]:
         for note in outcome.notes if outcome.verdict is Verdict.ERROR else ():
             yield f"- {markdown_code(title(outcome))}: {escape.markdown(note)}"
     yield from (f"- {escape.markdown(text)}" for text in notes_of(report))
-    if report.weakened:
-        yield f"\n**{escape.markdown(weakened_title(report))}**\n"
-    yield from (f"- {escape.markdown(text)}" for text in (*report.weakened, *report.told()))
+    yield from (f"- {escape.markdown(text)}" for text in report.told())
     if report.advice:
-        yield f"\n{ACCEPT}: {markdown_code(report.advice)}"
+        yield f"\n{escape.markdown(accept_title(report))}: {markdown_code(report.advice)}"
     if fold:
         yield f"\n<details><summary>{len(rows[True])} rules that pass</summary>\n"
         yield from (*lines_of(rows[True]), "", "</details>")
@@ -316,41 +310,10 @@ def _cell(value: float | None) -> str:
     return "" if value is None or math.isnan(value) else number(value, 7)
 
 
-def bencher(report: Report) -> str:
-    """The Metric Format of Bencher: a benchmark for each pair and group, a measure each value."""
-    return json_text(
-        {
-            title(outcome): {
-                path: {"value": value.upper, "lower_value": value.lower, "upper_value": value.upper}
-                for path, value in outcome.values.items()
-            }
-            for outcome in report.outcomes
-            if outcome.values
-        }
-    )
-
-
-def action_benchmark(report: Report) -> str:
-    """``customSmallerIsBetter`` of github-action-benchmark: an entry for each value."""
-    found = [
-        {
-            "name": f"{title(outcome)} {path}",
-            "unit": "",
-            "value": value.upper,
-            "range": f"{value.lower:.9g} to {value.upper:.9g}",
-        }
-        for outcome in report.outcomes
-        for path, value in outcome.values.items()
-    ]
-    return json.dumps(found, indent=2, sort_keys=True) + "\n"
-
-
 GATE_REPORTS = {
     "table": table,
     "json": json_report,
     "markdown": markdown,
-    "bencher": bencher,
-    "github-action-benchmark": action_benchmark,
 }
 """What ``--format`` of the gate prints, by name."""
 
@@ -390,9 +353,6 @@ def annotations(report: Report) -> Iterator[str]:
             lines.insert(0, f"broken or undecided, for a warning only: {broken}")
         if lines:
             warnings.append((title(outcome), "\n".join(lines)))
-    if report.weakened:
-        text = "\n".join((weakened_title(report), *report.weakened))
-        (errors if report.protect else warnings).insert(0, ("protection", text))
     for kind, found in (("error", errors), ("warning", warnings)):
         shown = found if len(found) <= MOST_ANNOTATIONS else found[: MOST_ANNOTATIONS - 1]
         for name, text in shown:
@@ -468,13 +428,6 @@ def junit(report: Report, folder: str | None = None) -> str:
         if folder and any(one.verdict is not Verdict.PASS for one in outcome.findings):
             told.append(f"[[ATTACHMENT|{os.path.join(folder, outcome.page_name or PAGE)}]]")
         cases += _cases(outcome, told)
-    if report.against:
-        text = "\n".join(report.weakened)
-        result = _output([text]) if report.weakened else ""
-        if report.weakened and report.protect:
-            result = _result("failure", Verdict.WEAKENED, text, weakened_title(report))
-        about = PairOutcome(name="gate", truth="", estimate="", verdict=report.verdict, status=0)
-        cases.append(_case(about, "protection", 0.0, result))
     attributes = {
         "name": SUITE,
         "tests": str(len(cases)),
@@ -519,7 +472,7 @@ def _cases(outcome: PairOutcome, told: list[str]) -> Iterator[str]:
         # Without the limit: a case keeps its history where that changes.
         rule = finding.rule
         kind = (" min" if rule.least else " max") if rule.absolute else " less" * rule.least
-        kind += " best-of-last" * bool(rule.last) + " warning" * rule.warns
+        kind += " warning" * rule.warns
         yield _case(outcome, rule.path + kind, seconds, result + _output(lines))
 
 

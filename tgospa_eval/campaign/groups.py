@@ -8,7 +8,6 @@ groups and rules there are. For that p values are adjusted (Holm 1979, with weig
 table has the same share of the error, one half of it for all groups together.
 """
 
-import hashlib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -16,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from tgospa_eval.campaign.baseline import Baseline, Measured, differences, nees_values, value_at
-from tgospa_eval.campaign.outcome import PairOutcome, combined_outcome, judged_by_past
+from tgospa_eval.campaign.outcome import PairOutcome, combined_outcome
 from tgospa_eval.campaign.permutation import Stratum, fewest, noticeable, p_value
 from tgospa_eval.campaign.rules import (
     OF_NEES,
@@ -96,12 +95,6 @@ class Group:
         """Of now."""
         return sum(len(scene.now) for scene in self.scenes)
 
-    @property
-    def judged(self) -> str:
-        """Digest of what all runs are judged on."""
-        digests = sorted(one.digest for scene in self.scenes for one in scene.now)
-        return hashlib.sha256("".join(digests).encode()).hexdigest()[:16]
-
 
 def judge_groups(
     tables: Iterable[GroupTable],
@@ -109,7 +102,6 @@ def judge_groups(
     old: Baseline,
     labels: Mapping[str, Labels],
     failed: Iterable[str] = (),
-    past: Callable[[str, str, str, int], float | None] | None = None,
 ) -> list[PairOutcome]:
     """The outcomes of all groups.
 
@@ -123,8 +115,6 @@ def judge_groups(
         Pairs that could not be evaluated: their groups cannot be judged.
     labels : mapping of str to mapping
         Of the pairs of both, by name.
-    past : callable, optional
-        The least value of earlier runs: by name, digest of what is judged, path, and how many runs.
     """
     tables = list(tables)
     groups = [_groups(table, now, old, labels, list(failed)) for table in tables]
@@ -135,7 +125,7 @@ def judge_groups(
             f"two groups are called {quoted(twice)}; tell them apart by name, as in 'site {{site}}'"
         )
     sums = {
-        (place, number): [(group, _summed(rule, group, past)) for group in (*among, *together)]
+        (place, number): [(group, _summed(rule, group)) for group in (*among, *together)]
         for place, (table, among) in enumerate(zip(tables, groups, strict=True))
         for together in [_together(table, among)]
         for number, rule in enumerate(table.rules)
@@ -162,8 +152,9 @@ def judge_groups(
         for k, group in enumerate((*among, *_together(table, among))):
             column = [sums[place, number][k][1] for number in range(len(table.rules))]
             findings = [known.get(id(one), one.finding) if one else None for one in column]
-            outcome = combined_outcome(group.name, findings, table.rules, group.faults, group.notes)
-            outcomes.append(replace(outcome, judged=group.judged))
+            outcomes.append(
+                combined_outcome(group.name, findings, table.rules, group.faults, group.notes)
+            )
     return outcomes
 
 
@@ -278,7 +269,7 @@ class Summed:
         """Whether something is inferred: there are seeds, and the rule is about a change."""
         rule = self.finding.rule
         return self.group.runs > len(self.group.scenes) and not (
-            rule.absolute or rule.last or rule.path in OF_NEES
+            rule.absolute or rule.path in OF_NEES
         )
 
     def strata(self) -> list[Stratum]:
@@ -347,9 +338,7 @@ def _old(entry: Json, part: Part) -> float:
     return float(value_at(values, path) or 0.0)
 
 
-def _summed(
-    rule: Rule, group: Group, past: Callable[[str, str, str, int], float | None] | None
-) -> Summed | None:
+def _summed(rule: Rule, group: Group) -> Summed | None:
     """A value of all runs together; None if no run has it, or they cannot be compared."""
     runs = [one for scene in group.scenes for one in scene.now]
     classes: set[str | None] = {None, *(name for one in runs for name in one.classes)}
@@ -384,11 +373,7 @@ def _summed(
         proven=all(one.proven for one in found),
         unit=1.0 if tail.endswith("tgospa") else sum(one.unit for one in found),
     )
-    if rule.last:
-        best = past(f"group {group.name}", group.judged, rule.path, rule.last) if past else None
-        finding = judged_by_past(rule, now, best)
-    else:
-        finding = judge(rule, now, (base / old_steps) ** (1 / order))
+    finding = judge(rule, now, (base / old_steps) ** (1 / order))
     limit = finding.limit**order * steps
     return Summed(finding=finding, group=group, part=part, base=base, limit=limit, of_sum=of_sum)
 

@@ -1,7 +1,7 @@
 """What a gate found: one outcome for each pair, and what the user should know."""
 
 import math
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import field, replace
 from typing import Any, Self
 
@@ -31,7 +31,7 @@ from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
 from tgospa_eval.common.words import number
-from tgospa_eval.errors import ExitStatus, SolverError
+from tgospa_eval.errors import SolverError
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.saved import unlike
 from tgospa_eval.tracks.judged import incomparable
@@ -68,9 +68,7 @@ class PairOutcome:
     group : bool
         Whether it is one of several pairs, added up.
     values : mapping of str to Value
-        What rules can name, where it was evaluated; of a group what its rules name.
-    judged : str
-        Digest of what has to be the same where values of several runs are compared.
+        What rules can name, where it was evaluated.
     labels : mapping of str to str
         Of the pair.
     base : float, optional
@@ -91,7 +89,6 @@ class PairOutcome:
     warnings: tuple[Notice, ...] = ()
     group: bool = False
     values: Mapping[str, Value] = field(default_factory=dict)
-    judged: str = ""
     labels: Mapping[str, str] = field(default_factory=dict)
     base: float | None = None
     page: str = ""
@@ -134,10 +131,6 @@ class Report:
         The configuration file that set options.
     against : str
         The target branch by which was judged; blank without one.
-    weakened : tuple of str
-        Where the gate of this branch lets more pass than that of the target.
-    protect : bool
-        Whether that fails.
     tally : mapping of str to int
         Of an update, how many entries were updated, stayed, were removed.
     """
@@ -148,8 +141,6 @@ class Report:
     again: tuple[str, ...] = ()
     settings_file: SettingsFile | None = None
     against: str = ""
-    weakened: tuple[str, ...] = ()
-    protect: bool = False
     tally: Mapping[str, int] = field(default_factory=dict)
 
     def told(self, *warnings: Notice) -> list[str]:
@@ -159,15 +150,12 @@ class Report:
     @property
     def status(self) -> int:
         """Exit status."""
-        found = [outcome.status for outcome in self.outcomes]
-        return worst([*found, *([ExitStatus.WEAKENED] if self.protect and self.weakened else [])])
+        return worst(outcome.status for outcome in self.outcomes)
 
     @property
     def verdict(self) -> Verdict:
         """The verdict that decides the exit status."""
         status = self.status  # of all pairs: once
-        if status == ExitStatus.WEAKENED:
-            return Verdict.WEAKENED
         found = [one.verdict for one in self.outcomes if one.status == status]
         return Verdict.NOISE if Verdict.NOISE in found else found[0]
 
@@ -183,24 +171,18 @@ class Report:
         return sum(outcome.verdict is verdict for outcome in self.outcomes)
 
 
-Past = Callable[[str, int], float | None]
-"""The least value by its path of so many last runs."""
-
-
 def judged_outcome(
     pair: Pair,
     now: Measured,
     entry: Json | None,
     rules: Iterable[Rule],
     *,
-    past: Past | None = None,
     noisy: bool = False,
     **about: Any,
 ) -> PairOutcome:
     """Verdict, findings and notes of a result against its entry of the baseline.
 
-    Without an entry all rules are absolute limits. `past` has the best value of earlier runs, and
-    `noisy`: the pair is one of several runs with
+    Without an entry all rules are absolute limits. `noisy`: the pair is one of several runs with
     other seeds, of which one alone says nothing of an improvement. `about` has further fields.
     """
     apart = differences(entry, now) if entry else []
@@ -212,12 +194,11 @@ def judged_outcome(
         except SolverError as error:
             about["status"] = error.exit_status
             return PairOutcome.of(pair, Verdict.ERROR, str(error), **about)
-    findings = [_judged(rule, now, entry["values"] if entry else {}, past) for rule in rules]
+    findings = [_judged(rule, now, entry["values"] if entry else {}) for rule in rules]
     if noisy:
         findings = [replace(finding, noisy=True) for finding in findings]
     notes = _notes(findings, now, entry)
-    about |= {"values": now.values, "judged": now.digest}
-    about["base"] = entry["values"]["total"] if entry else None
+    about |= {"values": now.values, "base": entry["values"]["total"] if entry else None}
     return PairOutcome.of(pair, _worst(findings), *notes, findings=tuple(findings), **about)
 
 
@@ -245,9 +226,7 @@ def combined_outcome(
     better = [one.rule.path for one in found if one.improved]
     if better:
         notes.append(TIGHTER.format(", ".join(dict.fromkeys(better))))
-    values = {one.rule.path: one.now for one in found if one.verdict is not Verdict.INCOMPARABLE}
-    about = {"findings": tuple(found), "group": True, "values": values}
-    return PairOutcome.of(pair, _worst(found), *notes, **about)
+    return PairOutcome.of(pair, _worst(found), *notes, findings=tuple(found), group=True)
 
 
 TIGHTER = "baseline can be tightened: {} improved by more than the slack"
@@ -273,18 +252,8 @@ def updated_outcome(
     return PairOutcome.of(pair, Verdict.UPDATED, *notes, changes=changes, **about)
 
 
-def judged_by_past(rule: Rule, now: Value, best: float | None) -> Finding:
-    """What a rule against drift finds; it holds where there is no earlier run."""
-    if best is None:
-        return Finding(rule=rule, base=None, limit=math.nan, now=now, verdict=Verdict.PASS)
-    return judge(rule, now, best)
-
-
-def _judged(rule: Rule, now: Measured, old: Json, past: Past | None) -> Finding:
+def _judged(rule: Rule, now: Measured, old: Json) -> Finding:
     """What a rule finds; a class that is on one side only costs 0 on the other."""
-    if rule.last and rule.path in now.values:
-        best = past(rule.path, rule.last) if past else None
-        return judged_by_past(rule, now.values[rule.path], best)
     if rule.path in OF_NEES:
         found, base = now.values.get(rule.path), value_at(old, rule.path)
         if found is None or (base is None and not rule.absolute):

@@ -38,10 +38,7 @@ LEAST_SLACK = 1e-9
 NO_CHANGE = 1e-9
 """Relative change that is no improvement."""
 
-_RULE = (
-    r"(?P<path>.+):(?P<sign>[+-])\s*(?P<slack>[^%\s]+)\s*(?P<percent>%?)"
-    r"(?:\s+best-of-last\s+(?P<last>[1-9]\d{0,5}))?"
-)
+_RULE = r"(?P<path>.+):(?P<sign>[+-])\s*(?P<slack>[^%\s]+)\s*(?P<percent>%?)"
 _RANGE = r"(?P<path>.+):\s*(?P<least>[^:]*?)\s*\.\.\s*(?P<most>[^:]*)"
 
 
@@ -55,7 +52,6 @@ class Verdict(StrEnum):
     INCOMPARABLE = "not comparable"
     ERROR = "error"
     UPDATED = "updated"
-    WEAKENED = "weakened"
 
 
 STATUS = {
@@ -71,7 +67,6 @@ STATUS = {
 
 SEVERITY = (
     ExitStatus.REGRESSION,
-    ExitStatus.WEAKENED,
     ExitStatus.WRONG_INPUT,
     ExitStatus.WRONG_OPTION,
     ExitStatus.NOT_REACHED,
@@ -139,8 +134,6 @@ class Rule:
         Whether it is the least value that is allowed, not the largest.
     warns : bool
         Whether breaking it is a warning only.
-    last : int
-        Of how many last runs the best stands for the baseline; 0 for the baseline itself.
     """
 
     text: str
@@ -151,7 +144,6 @@ class Rule:
     absolute: bool = False
     least: bool = False
     warns: bool = False
-    last: int = 0
 
     def limit(self, base: float | None, unit: float) -> float:
         """The last value that keeps the rule, given that of the baseline."""
@@ -287,6 +279,11 @@ def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
     ConfigError
         The text has another form, or names a value that cannot be judged.
     """
+    if "best-of-last" in text:
+        raise ConfigError(
+            f"--{option} {quoted(text)}: best-of-last is gone: a rule such as total:+5% judges by "
+            "the baseline, which does not drift until it is renewed"
+        )
     found = re.fullmatch(_RULE, text.strip())
     slack = _not_negative(found["slack"]) if found else None
     if found is None or slack is None:
@@ -299,17 +296,13 @@ def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
     if path not in OF_NEES if less else path == OF_NEES[-1]:
         right = "is worse the larger it is: PATH:+N" if less else "is worse the less it is: PATH:-N"
         raise ConfigError(f"--{option} {quoted(text)}: {path} {right}")
-    if found["last"] and path in OF_NEES:
-        raise ConfigError(f"--{option} {quoted(text)}: best-of-last is for costs and counts")
     return Rule(
-        text=f"{path}:{found['sign']}{found['slack'].strip()}{found['percent']}"
-        + (f" best-of-last {found['last']}" if found["last"] else ""),
+        text=f"{path}:{found['sign']}{found['slack'].strip()}{found['percent']}",
         path=path,
         slack=slack / 100 if relative else slack,
         relative=relative,
         least=less,
         warns=option == "warn-on",
-        last=int(found["last"] or 0),
     )
 
 

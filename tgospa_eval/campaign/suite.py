@@ -8,6 +8,7 @@ from fnmatch import fnmatchcase
 from typing import TypeAlias
 
 from tgospa_eval.campaign.rules import Rule, parse_rules, split_rules
+from tgospa_eval.campaign.target import Target
 from tgospa_eval.common import config, patterns
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
@@ -50,6 +51,8 @@ class Pair:
         Why there are no such files: the pattern finds none.
     labels : dict of str to str
         What the fields of its patterns stand for.
+    is_new : bool
+        Whether the target that judges has no baseline to judge it by, or no truth.
     """
 
     name: str
@@ -59,6 +62,7 @@ class Pair:
     rules: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     fault: str = ""
     labels: Mapping[str, str] = field(default_factory=dict)
+    is_new: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +96,7 @@ class GroupTable:
 
 
 def load_suite(
-    path: str, known: Mapping[str, bool], content: bytes | None = None
+    path: str, known: Mapping[str, bool], target: Target | None = None
 ) -> tuple[list[Pair], list[GroupTable], str | None, list[str]]:
     """Pairs and groups of a suite, its baseline if it names one, notices of what is passed over.
 
@@ -104,15 +108,15 @@ def load_suite(
         The TOML file.
     known : mapping of str to bool
         Options that it may set, and whether each is a flag.
-    content : bytes, optional
-        What is in the file, if that was read elsewhere.
+    target : Target, optional
+        What has the file, and demands the pairs whose files it has.
 
     Raises
     ------
     ConfigError
         It cannot be read, has an unknown key, no pair, or two of one name.
     """
-    document = config.read_toml(path, content)
+    document = config.read_toml(path, None if target is None else target.demand(path))
     folder = os.path.dirname(path)
     _check(document, SUITE_KEYS, path)
     tables = _tables(document, "pair", path)
@@ -125,6 +129,8 @@ def load_suite(
     ]
     if not pairs:
         raise ConfigError(f"{path}: no pair to judge; add [[pair]] with truth and estimate")
+    if target is not None:
+        pairs += [pair for table in tables for pair in _lost(table, folder, target)]
     for number, table in enumerate(_tables(document, "limits", path), start=1):
         pairs = _limited(pairs, table, f"{path}, limits {number}")
     groups = _tables(document, "group", path)
@@ -273,6 +279,20 @@ def _pairs(
             rules=rules,
             labels=values,
         )
+
+
+def _lost(table: Table, folder: str, target: Target) -> Iterator[Pair]:
+    """Pairs by patterns, whose truths or trackers the target has and the working tree lacks."""
+    truth, estimate = str(table["truth"]), str(table["estimate"])
+    needed, given = ({*patterns.fields(text)} for text in (truth, estimate))
+    for path in target.missing if needed | given else ():
+        own = patterns.values_of(truth, folder, path)
+        # An estimate that has no field of its own is missed beside its truth.
+        other = patterns.values_of(estimate, folder, path) if given > needed else None
+        of_truth = os.path.join(folder, patterns.fill(truth, other)) if other else None
+        if own is not None or (of_truth and target.has(of_truth)):
+            fault = f"there is no such file, and {target.where} has it"
+            yield Pair(name=path, truth=truth, estimate=estimate, fault=fault)
 
 
 def _groups(files: Sequence[Mapping[str, str]], others: list[str]) -> list[dict[str, str]]:

@@ -2,8 +2,8 @@
 
 import os
 import shutil
-import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING
 import click
 
 from tgospa_eval.cli.shared.click_options import GATE_OPTIONS, format_option
-from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb
+from tgospa_eval.cli.shared.command import (
+    IGNORED,
+    PATH,
+    SOURCE,
+    TARGET,
+    Option,
+    Verb,
+    removed,
+)
 from tgospa_eval.cli.shared.streams import emit, interrupted, print_notice, print_raw
 from tgospa_eval.errors import ConfigError, TgospaError
 
@@ -25,15 +33,24 @@ if TYPE_CHECKING:
 TYPED = "tgospa_eval.typed"
 """Under this name the context keeps the arguments as they were typed."""
 
+AGAINST = "TGOSPA_EVAL_AGAINST"
+
 _gate = partial(Option, section="Gate")
 
 
 class Gate(Verb):
-    """Keeps its arguments, for commands that messages propose."""
+    """Keeps its arguments, for commands that messages propose, and the target that judges."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Keep them, then parse them."""
         ctx.meta[TYPED] = tuple(args)
+        with suppress(click.UsageError, ConfigError):  # which are raised again
+            typed, *_ = self.make_parser(ctx).parse_args([*args])
+            where = typed.get("against", os.environ.get(AGAINST))
+            if where:
+                from tgospa_eval.campaign.target import Target  # here: few gates have one
+
+                ctx.meta[TARGET], ctx.meta[IGNORED] = Target(where), []
         return super().parse_args(ctx, args)
 
 
@@ -48,20 +65,10 @@ class Gate(Verb):
         ),
         _gate(
             "--against TARGET",
-            "Judge by the suite, the baseline and the configuration of the target branch, a git "
-            "revision such as origin/main, or of a folder; and list where those of this branch let "
-            "more pass.",
-        ),
-        _gate(
-            "--protect",
-            "With --against, exit with 6 if this branch lets more pass.",
-        ),
-        _gate(
-            "--history FILE",
-            "Add a line with commit, time and values to this file, a line of JSON for each run; "
-            "tgospa-eval gate history FILE shows them. Rules such as 'total:+5% best-of-last 20' "
-            "judge by them.",
-            type=PATH,
+            "Judge the estimates of this branch by the suite, the baseline, the truths and the "
+            "configuration of the target branch, a git revision such as origin/main, or of a "
+            "folder; what this branch has of these, and the environment, count for nothing.",
+            envvar=AGAINST,
         ),
         _gate(
             "-o, --output DIR",
@@ -101,7 +108,7 @@ class Gate(Verb):
             "Write the proof of each value: to DIR/run, with --update-baseline to DIR/baseline.",
             type=PATH,
         ),
-        format_option("table", "json", "markdown", "bencher", "github-action-benchmark"),
+        format_option("table", "json", "markdown"),
     ],
 )
 @click.argument("truth", type=SOURCE, required=False)
@@ -127,11 +134,10 @@ def command(
       tgospa-eval gate truth.csv estimate.csv -c 10 -g 5 --max tgospa=50
       tgospa-eval gate --suite suite.toml --junit gate.xml
       tgospa-eval gate old_results new_results          two stores of a batch
-      tgospa-eval gate --suite suite.toml --against origin/main --protect
-      tgospa-eval gate history history.jsonl            values over time
+      tgospa-eval gate --suite suite.toml --against origin/main
 
     Exit status: 0 passed, 1 regression proven, 2 wrong option, baseline missing or
-    not comparable, 3 bad input file, 4 undecided, 6 weakened (--protect).
+    not comparable, 3 bad input file, 4 undecided.
     """
     from tgospa_eval.api.gate import GateOptions
     from tgospa_eval.api.options import Request
@@ -147,8 +153,10 @@ def command(
     }
     output, github = OutputOptions.of(options), bool(options["github"])
     if truth == "history" and estimate is not None and not os.path.lexists(truth):
-        _show_history(estimate, output)
-        return
+        raise click.UsageError(removed("gate history"), ctx)
+    if ctx.meta.get(IGNORED) and not output.quiet:
+        names = ", ".join(ctx.meta[IGNORED])
+        print_notice(f"{names}: ignored, {options['against']} judges")
     ctx.exit(_run(GateOptions.of(asked), truth, estimate, output, github=github))
 
 
@@ -226,31 +234,6 @@ def _run(
     return status
 
 
-def _show_history(path: str, output: "OutputOptions") -> None:
-    """Print the values over time.
-
-    Raises
-    ------
-    ConfigError
-        There is no such file, or it is no history.
-    """
-    from tgospa_eval.campaign.history import history_document, history_table, load_history
-    from tgospa_eval.results.records import json_text
-
-    points = load_history(path)
-    if not points:
-        raise ConfigError(
-            f"{path}: there is no run in it; tgospa-eval gate --history FILE adds one"
-        )
-    if output.format_ == "json":
-        emit(json_text(history_document(points)), "json")
-    elif output.format_ == "table":
-        can = "utf" in (sys.stdout.encoding or "").lower()
-        emit(history_table(points, "total", can))
-    else:
-        raise ConfigError(f"--format {output.format_}: a history is a table, or json")
-
-
 def _printed(report: "Report", format: str) -> str:
     """The report for stdout; a table in the columns that there are."""
     from tgospa_eval.campaign.gate_report import GATE_REPORTS, table
@@ -267,7 +250,6 @@ def _publish(gate: "GateOptions", report: "Report", *, github: bool) -> int:
     What cannot be written must not cost the report, nor hide a regression.
     """
     from tgospa_eval.campaign.gate_report import annotations, append_summary, junit
-    from tgospa_eval.campaign.history import append_history
     from tgospa_eval.reports.files import write_file
 
     status = 0
@@ -284,8 +266,6 @@ def _publish(gate: "GateOptions", report: "Report", *, github: bool) -> int:
         attempt(lambda: write_file(path, junit(report, gate.output), "--junit"))
     if gate.output is not None:
         attempt(lambda: _write_folder(gate, report))
-    if (history := gate.history) is not None:
-        attempt(lambda: append_history(history, report.outcomes))
     if github:
         for line in annotations(report):
             print_raw(line)

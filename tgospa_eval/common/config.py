@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -55,8 +55,22 @@ def settings_field(used: SettingsFile | None) -> dict[str, Any]:
     return {} if used is None else {"settings_file": dict(vars(used))}
 
 
+def read_here(path: str) -> bytes | None:
+    """The content of a file; None without one.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be read.
+    """
+    return read_bytes(path, ConfigError) if os.path.isfile(path) else None
+
+
 def load(
-    path: str | None, known: Mapping[str, bool], trusted: Collection[str]
+    path: str | None,
+    known: Mapping[str, bool],
+    trusted: Collection[str],
+    read: Callable[[str], bytes | None] = read_here,
 ) -> SettingsFile | None:
     """Read the settings.
 
@@ -69,6 +83,8 @@ def load(
         flag.
     trusted : collection of str
         Those that a file may set which was only found: somebody else may have written it.
+    read : callable
+        The content of a file by its path; None where there is none.
 
     Returns
     -------
@@ -82,11 +98,11 @@ def load(
     """
     named = path is not None
     if path is None:
-        path, table = _search()
+        path, table = _search(read)
         if path is None:
             return None
     else:
-        table = read_toml(path)
+        table = read_toml(path, read(path))
         if Path(path).name == "pyproject.toml":
             table = section(table) or {}
     if not isinstance(table, dict):
@@ -149,25 +165,18 @@ def _meant(name: str, known: Iterable[str]) -> str:
     return f"did you mean {near[0]}?" if near else f"known are {', '.join(sorted(known))}"
 
 
-def _search() -> tuple[str | None, object]:
-    if os.path.isfile(FILE):
-        return FILE, read_toml(FILE)
-    if _may_have_table("pyproject.toml"):
-        try:
-            table = section(read_toml("pyproject.toml"))
-        except ConfigError:
-            return None, {}  # somebody else's broken file is not ours to report
-        if table is not None:
-            return "pyproject.toml", table
-    return None, {}
-
-
-def _may_have_table(path: str) -> bool:
-    """Whether the name of our table is in the file: parsing costs a start some 15 ms."""
+def _search(read: Callable[[str], bytes | None]) -> tuple[str | None, object]:
+    content = read(FILE)
+    if content is not None:
+        return FILE, read_toml(FILE, content)
     try:
-        return os.path.isfile(path) and TOOL_TABLE.encode() in read_bytes(path, ConfigError)
+        content = read("pyproject.toml") or b""
+        # The name of our table alone: parsing costs a start some 15 ms.
+        found = TOOL_TABLE.encode() in content and read_toml("pyproject.toml", content)
     except ConfigError:
-        return False
+        return None, {}  # somebody else's broken file is not ours to report
+    table = section(found) if found else None
+    return (None, {}) if table is None else ("pyproject.toml", table)
 
 
 def section(document: Mapping[str, object]) -> object:

@@ -175,6 +175,13 @@ def _all(pattern: str, folder: str, inside: Inside) -> Iterator[tuple[str, dict[
             yield path, match.groupdict()
 
 
+def values_of(pattern: str, folder: str, path: str) -> dict[str, str] | None:
+    """What the fields of a pattern below a folder stand for in the path of a file, if it fits."""
+    file = os.path.relpath(os.path.join(folder, _split(pattern)[0]))
+    match = _shape(file, "+").fullmatch(_slashed(path))
+    return match.groupdict() if match and _dotted(file, path) is None else None
+
+
 def is_ambiguous(pattern: str, path: str) -> bool:
     """Whether the fields could stand for other things in the same path."""
     slashed = _slashed(path)

@@ -39,6 +39,37 @@ def test_of_a_revision(
     assert target.name(path) == f"main:{path}"
 
 
+def test_what_differs_from_a_revision(repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("same.csv", "other.csv", "gone.csv", "scene/a.csv", "é {run}.mat"):
+        path = Path("data", name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"of {name}\n")
+    git("add", ".")
+    git("commit", "-m", "second")
+    Path("data/same.csv").chmod(0o755)
+    for name in ("other.csv", "scene/a.csv", "é {run}.mat", "new.csv"):
+        Path("data", name).write_text("changed")
+    Path("data/gone.csv").unlink()
+    copy = repository.parent / f"{repository.name}-copy"
+    git("clone", ".", str(copy))
+    expected = {
+        "same.csv": (True, False),
+        "other.csv": (True, True),
+        "gone.csv": (True, True),
+        "scene": (True, True),
+        "é {run}.mat:Y{1}": (True, True),
+        "new.csv": (False, False),
+    }
+    for where, inside, data in (("main", ".", ""), ("main", "ci", "../"), (str(copy), ".", "")):
+        monkeypatch.chdir(repository / inside)
+        target = Target(where)
+        paths = {name: f"{data}data/{name}" for name in expected}
+        assert target.missing == [paths["gone.csv"]]
+        assert {
+            name: (target.has(path), target.has_another(path)) for name, path in paths.items()
+        } == expected
+
+
 def test_of_a_folder(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     other = tmp_path_factory.mktemp("other")
     (other / "ci").mkdir()

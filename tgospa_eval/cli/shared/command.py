@@ -3,6 +3,7 @@
 import os
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -17,6 +18,8 @@ from tgospa_eval.text import clipped, listed, visible
 
 if TYPE_CHECKING:
     from click.types import OptionHelpExtra
+
+    from tgospa_eval.campaign.target import Target
 
 PATH = click.Path(readable=False)
 
@@ -41,6 +44,25 @@ KEYS: dict[str, bool] = {}
 
 TRUSTED_KEYS: set[str] = set()
 """Those that a configuration file may set which was only found: what is evaluated."""
+
+TARGET = "tgospa_eval.target"
+"""Under this name the context keeps the target that judges: its configuration alone is read."""
+
+IGNORED = "tgospa_eval.ignored"
+"""Under this name the context keeps the variables that count for nothing then."""
+
+WITH_TARGET = ("against", "junit", "github", "quiet", "verbose", "jobs", "max-input", "memory")
+"""Options that the environment sets although a target judges: none changes a number."""
+
+REMOVED = {
+    "--protect": "--against TARGET judges by the suite, the baseline and the configuration of the "
+    "target, whatever this branch changes",
+    "--history": "keep the documents of --format json, one a run",
+    "gate history": "keep the documents of --format json, one a run",
+    "--format bencher": "--format json has all values",
+    "--format github-action-benchmark": "--format json has all values",
+}
+"""Options that are gone, and what to use instead."""
 
 PLAIN_NUMBERS = ((click.types.FloatParamType, float), (click.types.IntParamType, int))
 
@@ -79,8 +101,18 @@ class Option(click.Option):
         """Its name in a configuration file: the first long one."""
         return next(name for name in self.opts if name.startswith("--")).lstrip("-")
 
+    def resolve_envvar_value(self, ctx: click.Context) -> str | None:
+        """The value of its variable; none where a target judges."""
+        value = super().resolve_envvar_value(ctx)
+        if value is None or TARGET not in ctx.meta or self.key in WITH_TARGET:
+            return value
+        ctx.meta[IGNORED].append(f"TGOSPA_EVAL_{self.key.replace('-', '_').upper()}")
+        return None
+
     def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
         """The value; a number is a plain one, where click takes any that Python has."""
+        if (typed := f"--{self.key} {value}") in REMOVED:
+            raise click.UsageError(removed(typed), ctx)
         for kind, plain in PLAIN_NUMBERS if isinstance(value, str) else ():
             parse, right = PLAIN[plain]
             if isinstance(self.type, kind) and parse(value) is None:
@@ -130,7 +162,13 @@ def load_config(
         for item in ctx.command.params
         if isinstance(item, Option) and item is not parameter and item.envvar
     }
-    used = config.load(path, KEYS, TRUSTED_KEYS)
+    target: Target | None = ctx.meta.get(TARGET)
+    if target is None:
+        used = config.load(path, KEYS, TRUSTED_KEYS)
+    else:
+        read = target.read if path is None else target.demand
+        used = config.load(path, KEYS, TRUSTED_KEYS, read)
+        used = used and replace(used, path=target.name(used.path))
     ctx.meta[CONFIG] = used
     if used is None:
         return None
@@ -158,6 +196,11 @@ def tell_settings(ctx: click.Context) -> None:
     if not ctx.params["quiet"] or (used.options and not used.named):
         print_notice(str(used))
         ctx.meta[CONFIG] = None  # an error of an option says it no second time
+
+
+def removed(option: str) -> str:
+    """The message about an option that is gone."""
+    return f"{option} is gone: {REMOVED[option]}"
 
 
 def dashed(name: str) -> str:
@@ -296,6 +339,8 @@ class Verb(click.Command):
                 )
 
     def _no_option(self, text: str) -> str:
+        if text in REMOVED:
+            return removed(text)
         others = [verb for verb in VERBS if text in long_options(load(verb))]
         if others:
             return f"{text} is no option of {self.name}, but of {', '.join(others)}"
