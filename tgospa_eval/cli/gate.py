@@ -268,7 +268,7 @@ def _publish(gate: "GateOptions", report: "Report", *, github: bool) -> int:
     """
     from tgospa_eval.campaign.gate_report import annotations, append_summary, junit
     from tgospa_eval.campaign.history import append_history
-    from tgospa_eval.reports.files import write_file
+    from tgospa_eval.common.writing import write_file
 
     status = 0
 
