@@ -54,10 +54,6 @@ READERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("gate", "t.csv", "e.csv", "--baseline", "base.json", "--update-baseline"),
         ("gate", "old", "--baseline", "base.json"),
     ),
-    "h.jsonl": (
-        ("gate", "history", "h.jsonl"),
-        ("gate", "t.csv", "e.csv", "--baseline", "base.json", "--history", "h.jsonl"),
-    ),
     "study/runs.jsonl": (("compare", "--simulate", *SIZES, *OPTIONS, "-q", "-o", "study"),),
 }
 """The commands that read each document; of folders the tables in them."""
@@ -168,7 +164,6 @@ def documents(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copytree("s", "old")
         judged = ("gate", "t.csv", "e.csv", "--baseline", "base.json")
         call(*judged, *OPTIONS, "--update-baseline")
-        call(*judged, "--history", "h.jsonl")
         call("compare", "--simulate", *SIZES, *OPTIONS, "-q", "-o", "study")
     return folder
 

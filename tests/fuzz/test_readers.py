@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from checkout import SAMPLES
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from tgospa_eval.errors import TgospaError
@@ -257,6 +257,25 @@ def test_never_a_traceback(
     path = tmp_path / "any.txt"
     path.write_bytes(data.draw(contents(name, edited)))
     answers(path, options, role, None if guessed else "csv" if name == "quoted" else name)
+
+
+@settings(suppress_health_check=list(HealthCheck))
+@given(
+    at=st.integers(128, 600),
+    byte=st.sampled_from([0, 1, 5, 14, 127, 128, 255]),
+    role=st.sampled_from(ROLES),
+)
+@example(at=264, byte=0, role="truth")  # ends the process with SciPy 1.17, as do the next two
+@example(at=232, byte=5, role="truth")
+@example(at=233, byte=255, role="estimate")
+def test_sizes_and_types_of_a_mat_file(tmp_path: Path, at: int, byte: int, role: str) -> None:
+    """Bytes where SciPy's reader believes what it is told."""
+    data = bytearray(seed_of("mat"))
+    data[at] = byte
+    path = tmp_path / "a.mat"
+    path.write_bytes(data)
+    with suppress(TgospaError):
+        read(path, role=role)
 
 
 @settings(suppress_health_check=list(HealthCheck))

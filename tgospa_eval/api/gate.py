@@ -50,9 +50,10 @@ from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python
 from tgospa_eval.common.words import natural
+from tgospa_eval.common.writing import write_file
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.evaluation.sides import TrajectoriesLike
-from tgospa_eval.reports.files import PROOF, write_file, write_texts
+from tgospa_eval.reports.files import PROOF, write_texts
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import ACCURACY

@@ -30,6 +30,7 @@ from tgospa_eval.common.documents import (
 from tgospa_eval.common.files import named
 from tgospa_eval.common.manifest import STORE, STORE_SCHEMA
 from tgospa_eval.common.words import install
+from tgospa_eval.common.writing import take_lock, writing
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.loading import reason_of
 from tgospa_eval.results.contradictions import ADD_UP, AGREE, TINY
@@ -258,8 +259,8 @@ def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
 
     byte = (count * (count - 1) // 2 + number) % ALL_BYTES
     at, size = (0, ALL_BYTES) if count == 1 else (byte, 1)
-    if files.take_lock(opened(".lock"), shared=count > 1, at=at, size=size):
-        files.take_lock(opened(f".lock-{number}-of-{count}"))
+    if take_lock(opened(".lock"), shared=count > 1, at=at, size=size):
+        take_lock(opened(f".lock-{number}-of-{count}"))
 
 
 SCHEMA, SETTINGS_FILE = STORE_SCHEMA, STORE
@@ -311,11 +312,10 @@ class Store:
                         f"-o {self.folder}: is not empty, and no batch; name another folder"
                     )
                 # Several shards may begin at once: all write the same, and who is later looks.
-                beside = self.folder / f".{SETTINGS_FILE}-{uuid.uuid4().hex}"
-                beside.write_text(
-                    json.dumps(settings, indent=1, sort_keys=True) + "\n", encoding="utf-8"
-                )
-                os.replace(beside, path)
+                with writing(path, f"-o {self.folder}") as beside:
+                    beside.write_text(
+                        json.dumps(settings, indent=1, sort_keys=True) + "\n", encoding="utf-8"
+                    )
             (self.folder / PART_FOLDER).mkdir(exist_ok=True)
         old = self.settings()
         differing = [
@@ -407,14 +407,9 @@ class Store:
     def _write(self, folder: str, name: str, write: Callable[[Path], None]) -> None:
         """Write a part beside its place, and rename it."""
         path = self.folder / folder / name
-        with named(f"-o {self.folder}", ConfigError, "cannot be written"):
-            path.parent.mkdir(exist_ok=True)
-            beside = path.with_suffix(".new")
-            try:
-                write(beside)
-                os.replace(beside, path)
-            finally:
-                beside.unlink(missing_ok=True)
+        where = f"-o {self.folder}"
+        with named(where, ConfigError, "cannot be written"), writing(path, where) as beside:
+            write(beside)
 
     def steps(self, rows: "pd.DataFrame") -> "pd.DataFrame | None":
         """The steps of the jobs of these rows; None if none has any.

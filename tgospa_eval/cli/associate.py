@@ -113,8 +113,9 @@ def command(
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.cli.shared.writing import write_output
     from tgospa_eval.common.config import settings_field
+    from tgospa_eval.common.writing import write_file
     from tgospa_eval.plots.result_pictures import association_files
-    from tgospa_eval.reports.files import ASSOCIATION, check_file, probe_folder, write_file
+    from tgospa_eval.reports.files import ASSOCIATION, check_file, probe_folder
     from tgospa_eval.reports.rendering import csv_text
     from tgospa_eval.reports.sensors import association_text
     from tgospa_eval.results.records import json_text

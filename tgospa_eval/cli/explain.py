@@ -104,8 +104,9 @@ def command(
         raise click.UsageError(f"--{min(given & {'apply', 'force'})} is for the file of -o")
     from tgospa_eval.cli.evaluate.run import evaluate_files, explained
     from tgospa_eval.cli.shared.streams import emit, print_notice
+    from tgospa_eval.common.writing import write_file
     from tgospa_eval.formats.write import TABLES
-    from tgospa_eval.reports.files import check_file, write_file
+    from tgospa_eval.reports.files import check_file
     from tgospa_eval.reports.rendering import rendered
     from tgospa_eval.reports.result_text import explanation_document
     from tgospa_eval.results.explanation import Explanation

@@ -250,7 +250,7 @@ def _publish(gate: "GateOptions", report: "Report", *, github: bool) -> int:
     What cannot be written must not cost the report, nor hide a regression.
     """
     from tgospa_eval.campaign.gate_report import annotations, append_summary, junit
-    from tgospa_eval.reports.files import write_file
+    from tgospa_eval.common.writing import write_file
 
     status = 0
 

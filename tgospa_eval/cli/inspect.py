@@ -97,10 +97,10 @@ def _write_picture(
     path: str, kind: str, sides: "list[tuple[str, Trajectories]]", unit: str
 ) -> None:
     """Draw what was read."""
+    from tgospa_eval.common.writing import write_file
     from tgospa_eval.plots import written
     from tgospa_eval.plots.plane import plot_inspection  # matplotlib takes a second
     from tgospa_eval.plots.style import styled
-    from tgospa_eval.reports.files import write_file
 
     made = plot_inspection(sides, unit=unit)
     with styled():

@@ -67,8 +67,9 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
     from tgospa_eval.api.sensors import reduce_side, reducing
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.common.config import settings_field
+    from tgospa_eval.common.writing import write_file
     from tgospa_eval.formats.write import TABLES
-    from tgospa_eval.reports.files import check_file, write_file
+    from tgospa_eval.reports.files import check_file
     from tgospa_eval.reports.rendering import csv_text
     from tgospa_eval.reports.sensors import reduction_text
     from tgospa_eval.results.records import json_text, records

@@ -1,6 +1,5 @@
 """Files of users: errors of the system as one sentence."""
 
-import importlib
 import os
 import stat
 import sys
@@ -8,7 +7,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
-from typing import IO, Any, TextIO
+from typing import TextIO
 
 from tgospa_eval.errors import TgospaError
 
@@ -139,26 +138,3 @@ def is_missing(path: str) -> bool:
     except (OSError, ValueError):
         return False
     return False
-
-
-def take_lock(file: IO[Any], *, shared: bool = False, at: int = 0, size: int = 1) -> bool:
-    """Lock an open file, of Windows so many bytes from there on; whether it is that of POSIX.
-
-    The system gives the lock back when the process ends, however it does.
-
-    Raises
-    ------
-    BlockingIOError, PermissionError
-        Another process has it.
-    OSError
-        The file system has none.
-    """
-    try:
-        fcntl: Any = importlib.import_module("fcntl")
-    except ModuleNotFoundError:  # on Windows
-        windows: Any = importlib.import_module("msvcrt")
-        file.seek(at)
-        windows.locking(file.fileno(), windows.LK_NBLCK, size)
-        return False
-    fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-    return True

@@ -6,13 +6,13 @@ Without ``--force`` nothing else is replaced or removed.
 import hashlib
 import json
 import os
-import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
 from tgospa_eval.common.documents import COUNT, TEXT, Closed, checked, one_of
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.writing import FRESH, writing
 
 NAME = ".tgospa-eval.json"
 SCHEMA = "tgospa-eval/folder/1"
@@ -29,12 +29,6 @@ STORE, STORE_SCHEMA = "batch.json", "tgospa-eval/batch/2"
 
 OF_DATA = ("simulate", "proof")
 """Kinds of folders whose files are truths and estimates."""
-
-FRESH = ".tgospa-eval-new-"
-"""What names begin with that stand in a folder only while it is written; a process id follows."""
-
-OLD = 3600.0
-"""Seconds after which nobody writes any more."""
 
 
 @dataclass(frozen=True)
@@ -124,44 +118,6 @@ def others(path: Path) -> Iterator[Path]:
     return (item for item in path.iterdir() if not item.name.startswith(FRESH))
 
 
-def unique() -> str:
-    """A name that nobody else has, of what stands in a folder only while it is written."""
-    return f"{FRESH}{os.getpid()}-{os.urandom(4).hex()}"
-
-
-def is_left(path: Path) -> bool:
-    """Whether nobody is at work any more on what has a name of `_unique`."""
-    number = path.name.removeprefix(FRESH).partition("-")[0]
-    try:
-        if time.time() - path.stat().st_mtime > OLD:
-            return True
-        os.kill(int(number), 0)
-    except (ProcessLookupError, ValueError, OverflowError):
-        return True
-    except OSError:  # it is there, and somebody else's; or the path is gone
-        return False
-    return False
-
-
-@contextmanager
-def locked(path: Path) -> Iterator[bool]:
-    """Others that write this folder wait; yields whether they do, as not all systems can."""
-    try:
-        import fcntl
-    except ImportError:
-        yield False
-        return
-    at = os.open(path, os.O_RDONLY)
-    locked = False
-    try:
-        with suppress(OSError):  # of some network file systems
-            fcntl.flock(at, fcntl.LOCK_EX)
-            locked = True
-        yield locked
-    finally:
-        os.close(at)
-
-
 def replace_files(
     fresh: Path, path: Path, files: Collection[FileEntry], kind: str, document: str
 ) -> int:
@@ -174,9 +130,8 @@ def replace_files(
         (path / name).parent.mkdir(parents=True, exist_ok=True)
     old = read_manifest(path, kind) or ()
     stale = unchanged(path, old) - names
-    both = fresh / f"{NAME}-both"
-    both.write_text(text_of(kind, {*old, *files}), encoding="utf-8")
-    os.replace(both, path / NAME)
+    with writing(path / NAME) as both:
+        both.write_text(text_of(kind, {*old, *files}), encoding="utf-8")
     (path / document).unlink(missing_ok=True)
     for name in stale:
         (path / name).unlink()

@@ -74,7 +74,7 @@ class Local:
 
     def submit(self, function: Callable[..., object], *arguments: object) -> Future:
         """Have a function called."""
-        with self._told_when_dead(), _uninterrupted():
+        with self._told_when_dead(), uninterrupted():
             future: Future = self.pool.submit(function, *arguments)
             return future
 
@@ -106,7 +106,7 @@ def _begin_trackers() -> None:
 
 
 @contextmanager
-def _uninterrupted() -> Iterator[None]:
+def uninterrupted() -> Iterator[None]:
     """Ctrl-C waits; processes that begin meanwhile never get any: it is for the one who asked."""
     if not hasattr(signal, "pthread_sigmask"):  # on Windows
         yield
@@ -129,6 +129,12 @@ def _begin(share: int | None, parent: int) -> None:
     # Loky takes it for a leak when a worker has grown by 0.3 GB; large jobs do, and the limit is
     # ours to set. Where it has no such number, nothing happens.
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
+    limit_memory(share)
+    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+
+
+def limit_memory(share: int | None) -> None:
+    """Refuse this process more than so many bytes, where the system can."""
     if share is not None and sys.platform == "linux":
         import resource
 
@@ -137,7 +143,6 @@ def _begin(share: int | None, parent: int) -> None:
         if hard == resource.RLIM_INFINITY or share < hard:
             with suppress(ValueError, OSError):  # others may have set less meanwhile
                 resource.setrlimit(resource.RLIMIT_DATA, (share, hard))
-    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
 
 
 def _watch(parent: int) -> None:

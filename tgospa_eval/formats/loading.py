@@ -30,6 +30,9 @@ TABLE, TEXT = 6, 3
 """Bytes that reading takes for each byte of a table of doubles, and of a text. Measured at 10
 million rows: 4.2 (npz), 4.7 (Parquet) and 2.9 (CSV)."""
 
+MORE_MEMORY = "; if it is meant, allow more with --max-input GB, or any with 0"
+"""Ends messages about files for which there is no room."""
+
 MODEST = 1e8
 """Bytes that are there on any machine: to ask takes longer than to read a small file."""
 
@@ -71,8 +74,8 @@ def check_memory(path: str, size: float, file: int, limit: float | None, what: s
     if size > most * GIGABYTE:
         needed = size / GIGABYTE
         raise InputError(
-            f"{path}: {what}: reading it takes some {needed:.2g} GB, {kind} are {most:.2g} GB; if "
-            "it is meant, allow more with --max-input GB, or any with 0"
+            f"{path}: {what}: reading it takes some {needed:.2g} GB, {kind} are {most:.2g} GB"
+            f"{MORE_MEMORY}"
         )
 
 
@@ -132,8 +135,8 @@ def unpack(data: bytes, path: str, most: int = SETTINGS) -> bytes:
             size += len(piece)
             if size > most:
                 raise InputError(
-                    f"{path}: {len(data):,} bytes that unpack to more than {most / 1e9:.2g} GB; if "
-                    "it is meant, allow more with --max-input GB, or any with 0"
+                    f"{path}: {len(data):,} bytes that unpack to more than {most / 1e9:.2g} GB"
+                    f"{MORE_MEMORY}"
                 )
             pieces.append(piece)
     return b"".join(pieces)
@@ -245,11 +248,15 @@ def unpacked_file(path: str, max_input: float | None) -> bytes:
     data = load(path, most_bytes(max_input, path))
     if not is_packed(data):
         return data
-    most = sys.maxsize if max_input == 0 else (max_input or 0) * GIGABYTE
-    if max_input is None:
-        most = max(DEFAULT_GIGABYTES * GIGABYTE, UNPACKED * len(data))
-        most = min(most, available_memory() or most)
-    return unpack(data, path, int(most / TEXT))
+    return unpack(data, path, int(most_memory(len(data), max_input) / TEXT))
+
+
+def most_memory(file: int, limit: float | None) -> float:
+    """Bytes that reading may take of a file of so many, with a limit as of `check_memory`."""
+    if limit is not None:
+        return limit * GIGABYTE or sys.maxsize / 2
+    most = max(DEFAULT_GIGABYTES * GIGABYTE, UNPACKED * file)
+    return min(most, available_memory() or most)
 
 
 def check_parquet(kind: str = "Parquet", begin: str = "") -> None:

@@ -6,7 +6,7 @@ among these is a hole, in which the target is absent. A cell may have one in eac
 of a Monte Carlo study. Or arrays as of `formats.arrays`, in a structure or by themselves.
 """
 
-import math
+import io
 import os
 import re
 import struct
@@ -15,17 +15,30 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache, cached_property, partial
+from importlib.util import find_spec
+from math import prod
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import Ints
+from tgospa_eval.common.files import reason
 from tgospa_eval.common.words import counted, install, more
+from tgospa_eval.engines import helper
+from tgospa_eval.engines.engine import DiedError
+from tgospa_eval.engines.processes import limit_memory
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.formats.arrays import MATLAB, NAMES, array_rows, meant, sized
 from tgospa_eval.formats.guess import file_of
-from tgospa_eval.formats.loading import TABLE, check_memory, unreadable
+from tgospa_eval.formats.loading import (
+    GIGABYTE,
+    MORE_MEMORY,
+    TABLE,
+    check_memory,
+    most_memory,
+    unreadable,
+)
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import listed, quoted
@@ -42,29 +55,26 @@ Room = Callable[[int, str], None]
 
 
 # -------------------------------------------------------------------------------------------------
-# Version 5 (-v6, -v7), by the published description of the format: SciPy's reader ends the process
-# (segmentation fault) with one damaged file in fifty, and unpacks whatever a file claims.
+# Version 5 (-v6, -v7), by SciPy, which ends the process with one damaged file in fifty, and unpacks
+# whatever a file claims: what is compressed is unpacked here, as far as there is room.
 
 MAT_5 = b"MATLAB 5.0 MAT-file"
 """How files begin."""
 
 TEXT_HEADER = 128
-MATRIX, DEFLATED = 14, 15
-"""Types of elements: an array, and one that is compressed."""
+DEFLATED = 15
+"""Type of an element that is compressed."""
 
-NUMBER_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8", "i8", "u8")
-ELEMENT_TYPES = dict(zip((1, 2, 3, 4, 5, 6, 7, 9, 12, 13), NUMBER_TYPES, strict=True))
-"""Types of elements that hold numbers."""
+NUMERIC = (
+    "single",
+    "double",
+    "logical",
+    *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)),
+)
+"""Classes of arrays of numbers."""
 
-CELL_ARRAY, STRUCTURE = 1, 2
-NUMERIC = range(6, 16)
-"""Classes of arrays; those beyond are functions and objects."""
-
-COMPLEX = 0x800
-"""Flag of an array."""
-
-BEGIN_BYTES = 1 << 10
-"""Bytes of a variable that have its class and its name, which has 63 letters at most."""
+CELL_BYTES = 8
+"""Bytes that each element of a cell has at least."""
 
 INFLATED_BYTES = 1 << 24
 """Bytes that are unpacked at a time."""
@@ -72,25 +82,44 @@ INFLATED_BYTES = 1 << 24
 
 def _variables(data: bytes, room: Room) -> Variables:
     """The variables of a file; what is compressed is unpacked when it is needed."""
+    from scipy.io import whosmat
+
     room(len(data), "arrays")
     order = "<" if data[126:128] == b"IM" else ">"
-    at = TEXT_HEADER
+    header, at = data[:TEXT_HEADER], TEXT_HEADER
     found: Variables = {}
+    if len(data) < at:
+        raise ValueError("it ends early")
     while at < len(data):
-        kind, begin, end, after = _element(data, at, order)
-        if kind == DEFLATED:
-            packed, at = data[begin:end], end
-            whole = partial(_inflated, packed, room)
-            head = zlib.decompressobj().decompress(packed, BEGIN_BYTES)
-        else:
-            head, at = data[begin - 8 : end], after
-            whole = partial(bytes, head)
-        kind, _, sizes, name, _ = _header(head, 8, order)
-        is_array = kind in NUMERIC
-        is_read = is_array or kind in (CELL_ARRAY, STRUCTURE)
-        read = partial(_value, whole, 0, order) if is_read else lambda: None
-        found[name] = (sizes if is_array else ()), read
+        kind, size = struct.unpack_from(f"{order}2I", data, at)
+        element, at = data[at : at + 8 + size], at + 8 + size
+        if at > len(data):
+            raise ValueError("it ends early")
+        for name, sizes, class_ in whosmat(_file(header, element)):
+            is_array = class_ in NUMERIC
+            is_read = is_array or class_ == "cell" or (class_ == "struct" and prod(sizes) == 1)
+            cells = prod(sizes) if class_ == "cell" else 0
+            read = partial(_read, header, element, kind == DEFLATED, name, cells, room)
+            found[name] = (tuple(sizes) if is_array else ()), read if is_read else lambda: None
     return found
+
+
+def _read(
+    header: bytes, element: bytes, is_deflated: bool, name: str, cells: int, room: Room
+) -> Value:
+    """The variable of a file that has no other; SciPy makes as many cells as it claims to have."""
+    from scipy.io import loadmat
+
+    if is_deflated:
+        element = _inflated(element[8:], room)
+    if CELL_BYTES * cells > len(element):
+        raise ValueError("it ends early")
+    return _value(loadmat(_file(header, element), variable_names=[name]).get(name))
+
+
+def _file(header: bytes, element: bytes) -> Any:
+    """A file of one variable; what SciPy takes is not among its types."""
+    return io.BytesIO(header + element)
 
 
 def _inflated(data: bytes, room: Room) -> bytes:
@@ -103,72 +132,15 @@ def _inflated(data: bytes, room: Room) -> bytes:
     return bytes(found)
 
 
-def _element(data: bytes, at: int, order: str) -> tuple[int, int, int, int]:
-    """Type, begin and end of an element, and where the next one is.
-
-    ValueError if the data end before the element does.
-    """
-    (kind,) = struct.unpack_from(f"{order}I", data, at)
-    if kind >> 16:  # a small one: type, size and content in eight bytes
-        kind, begin, end, after = kind & 0xFFFF, at + 4, at + 4 + (kind >> 16), at + 8
-        early = not end <= after <= len(data)
-    else:
-        (size,) = struct.unpack_from(f"{order}I", data, at + 4)
-        begin, end, after = at + 8, at + 8 + size, at + 8 + size + -size % 8
-        early = end > len(data)
-    if early:
-        raise ValueError("it ends early")
-    return kind, begin, end, after
-
-
-def _header(data: bytes, at: int, order: str) -> tuple[int, bool, tuple[int, ...], str, int]:
-    """Class of an array, whether it is real, its sizes and name, and where its content begins."""
-    _, at, _, after = _element(data, at, order)
-    (flags,) = struct.unpack_from(f"{order}I", data, at)
-    kind = flags & 0xFF
-    if kind > NUMERIC[-1]:
-        return kind, False, (), "", after
-    _, at, end, after = _element(data, after, order)
-    sizes = struct.unpack_from(f"{order}{(end - at) // 4}i", data, at)
-    _, at, end, after = _element(data, after, order)
-    return kind, not flags & COMPLEX, sizes, data[at:end].decode("ascii", "replace"), after
-
-
-def _value(whole: Callable[[], bytes], at: int, order: str) -> Value:
-    """The array at a place of a variable; cells take their elements apart when they are needed."""
-    data = whole()
-    kind, at, end, _ = _element(data, at, order)
-    if kind != MATRIX:
-        raise ValueError(f"an element of type {kind}, not an array")
-    if at == end:
-        return np.zeros((0, 0))
-    kind, is_real, sizes, _, at = _header(data, at, order)
-    count = math.prod(sizes)
-    if kind == CELL_ARRAY:
-        places = []
-        for _ in range(count):
-            places.append(at)
-            at = _element(data, at, order)[3]
-        return [partial(_value, lambda: data, place, order) for place in places]
-    if kind == STRUCTURE and count == 1:
-        _, begin, _, at = _element(data, at, order)
-        (width,) = struct.unpack_from(f"{order}i", data, begin)
-        _, begin, end, at = _element(data, at, order)
-        if width < 1 or (end - begin) % width:
-            raise ValueError("names of fields of odd lengths")
-        fields: Structure = {}
-        for place in range(begin, end, width):
-            name = data[place : place + width].partition(b"\0")[0].decode("ascii", "replace")
-            fields[name] = _value(lambda: data, at, order)
-            at = _element(data, at, order)[3]
-        return fields
-    if kind not in NUMERIC or not is_real:
+def _value(item: Any) -> Value:
+    """What SciPy has read."""
+    if type(item) is not np.ndarray:  # sparse matrices, objects, functions
         return None
-    if not count:
-        return np.zeros(sizes)
-    kind, begin, end, _ = _element(data, at, order)
-    values = np.frombuffer(data[begin:end], f"{order}{ELEMENT_TYPES[kind]}")
-    return values.reshape(sizes, order="F")
+    if item.dtype.names is not None:
+        return {k: _value(item.flat[0][k]) for k in item.dtype.names} if item.size == 1 else None
+    if item.dtype.kind == "O":
+        return [partial(_value, element) for element in item.ravel(order="F")]
+    return item if item.dtype.kind in "iuf" else None
 
 
 # -------------------------------------------------------------------------------------------------
@@ -253,10 +225,11 @@ def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     ConfigError
         h5py is not installed, and the file needs it.
     """
-    with _sets(path, data, options.max_input) as sets:
-        name = sets.chosen(path, role)
-        sets.check_sides(options.beside, options.roles)
-        fields, about = sets.fields(name), list(sets.notices(path, name, role))
+    paths, files = options.beside, tuple(map(file_of, options.beside))
+    is_one = len(files) == 2 and len({*map(os.path.realpath, files)}) == 1 and {*paths} & {*files}
+    sides = tuple(zip(paths, files, options.roles, strict=True)) if is_one else ()
+    is_named = file_of(f"{path}:X") == path  # not where it comes by a pipe
+    name, fields, about = _in_helper(_choose, path, data, options.max_input, role, sides, is_named)
     rows = _rows(f"{path}, {name}", fields, options, len(data))
     return replace(rows, name=path, roles=replace(rows.roles, passed=(*rows.roles.passed, *about)))
 
@@ -269,7 +242,74 @@ def names_of_runs(path: str, data: bytes, limit: float | None) -> list[str]:
     InputError, ConfigError
         As of `read_mat`.
     """
-    with _sets(path, data, limit) as sets:
+    names: list[str] = _in_helper(_names, path, data, limit)
+    return names
+
+
+def _in_helper(work: Callable[..., Any], path: str, data: bytes, *more: object) -> Any:
+    """Work with the sets of trajectories of a file, which damage may end.
+
+    Raises
+    ------
+    InputError
+        It is no MAT file of these versions, damaged, or too large.
+    ConfigError
+        h5py is not installed, and the file needs it; or no process can be started.
+    """
+    if not data:
+        raise InputError(f"{path}: the file is empty; a set without objects has empty arrays")
+    if not data.startswith((MAT_5, MAT_73)):
+        raise InputError(f"{path}: no MAT file of version 5 or 7.3; save with -v7 in MATLAB")
+    if data.startswith(MAT_73) and find_spec("h5py") is None:
+        raise ConfigError(
+            f"{path}: MAT files of version 7.3 need the extra matlab: {install('matlab')}; or save "
+            "with -v7 in MATLAB"
+        )
+    try:
+        return helper.call(work, path, file_of(path), data, *more)
+    except DiedError as error:
+        why = f"it ended the process that read it ({error}): it is damaged, or memory is short"
+        raise InputError(f"{path}: no readable MAT file: {why}") from None
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: MAT files are read in a process of their own, and none can be started here "
+            f"({reason(error)}); save the tracks as CSV"
+        ) from None
+
+
+# -------------------------------------------------------------------------------------------------
+# What is done there.
+
+ITSELF = GIGABYTE / 4
+"""Bytes that the process may take for itself."""
+
+MOST_INFLATED = 1032
+"""Times its own size that what is compressed may have unpacked."""
+
+
+def _choose(
+    path: str,
+    file: str,
+    data: bytes,
+    limit: float | None,
+    role: str,
+    sides: tuple[tuple[str, str, str], ...],
+    is_named: bool,
+) -> tuple[str, Structure, list[str]]:
+    """The variable to read, its fields as far as they are arrays, and notices."""
+    with _sets(path, file, data, limit) as sets:
+        name = sets.chosen(path, file, role)
+        sets.check_sides(sides)
+        fields: Structure = {
+            field: value if isinstance(value, np.ndarray) else None
+            for field, value in sets.fields(name).items()
+        }
+        return name, fields, [*sets.notices(path, name, role, is_named=is_named)]
+
+
+def _names(path: str, file: str, data: bytes, limit: float | None) -> list[str]:
+    """The sets, each element of a cell by itself."""
+    with _sets(path, file, data, limit) as sets:
         return [
             run
             for name, count in sets.there.items()
@@ -278,32 +318,34 @@ def names_of_runs(path: str, data: bytes, limit: float | None) -> list[str]:
 
 
 @contextmanager
-def _sets(path: str, data: bytes, limit: float | None) -> "Iterator[_Sets]":
+def _sets(path: str, file: str, data: bytes, limit: float | None) -> "Iterator[_Sets]":
     """The sets of trajectories of a file, to be read while the context lasts.
 
     Raises
     ------
     InputError
-        It is no MAT file of these versions, damaged, or too large.
-    ConfigError
-        h5py is not installed, and the file needs it.
+        It is damaged, or too large.
     """
-    if not data:
-        raise InputError(f"{path}: the file is empty; a set without objects has empty arrays")
-    if not data.startswith((MAT_5, MAT_73)):
-        raise InputError(f"{path}: no MAT file of version 5 or 7.3; save with -v7 in MATLAB")
 
     def room(size: int, what: str) -> None:
         check_memory(path, TABLE * size, len(data), limit, f"{what} of {size:,} bytes")
 
+    most = most_memory(len(data), limit)
+    if data.startswith(MAT_5):  # SciPy makes room for whatever damaged data claim
+        most = min(most, TABLE * MOST_INFLATED * len(data))
+    limit_memory(int(most + ITSELF))
     try:
         if data.startswith(MAT_73):
             with _variables_of_hdf5(path, data, room) as found:
-                yield _Sets(file_of(path), found)
+                yield _Sets(file, found)
         else:
-            yield _Sets(file_of(path), _variables(data, room))
-    except (TgospaError, MemoryError):
+            yield _Sets(file, _variables(data, room))
+    except TgospaError:
         raise
+    except MemoryError:
+        raise InputError(
+            f"{path}: reading it takes more than {most / GIGABYTE:.2g} GB{MORE_MEMORY}"
+        ) from None
     except Exception as error:  # damaged files end in errors of many kinds
         raise unreadable(path, "MAT", error) from None
 
@@ -382,7 +424,7 @@ class _Sets:
             raise InputError(f"{self.file}: {name} is {NO_SET}")
         return value
 
-    def chosen(self, path: str, role: str) -> str:
+    def chosen(self, path: str, file: str, role: str) -> str:
         """What to read, ``X`` or ``Y{3}``: what the path names, else what is usual for the role.
 
         Raises
@@ -390,7 +432,7 @@ class _Sets:
         InputError
             There is none of this name, or there are several and none is usual.
         """
-        asked = path[len(self.file) + 1 :]
+        asked = path[len(file) + 1 :]
         if not asked:
             if not self.there:
                 inside = f"in it: {self._all()}" if self.found else "nothing else is in it"
@@ -424,19 +466,18 @@ class _Sets:
             raise InputError(f"{path}: {name} has {counted(count, 'run')}, {span}")
         return _run(name, int(place or 1))
 
-    def check_sides(self, paths: tuple[str, ...], roles: tuple[str, ...]) -> None:
-        """Whether both sides are one set of this file, though not both are named.
+    def check_sides(self, sides: tuple[tuple[str, str, str], ...]) -> None:
+        """Whether both sides, their paths, files and roles, are one set, though not both are named.
 
         Raises
         ------
         InputError
             They are.
         """
-        files = [file_of(path) for path in paths]
-        if len(files) != 2 or len({*map(os.path.realpath, files)}) > 1 or not {*paths} & {*files}:
+        if not sides:
             return
         try:
-            name, other = map(self.chosen, paths, roles)
+            name, other = (self.chosen(*side) for side in sides)
         except InputError:
             return  # which is said when that side is read
         if name == other:
@@ -446,7 +487,7 @@ class _Sets:
                 f"{listed(self.found)}; name both, {self.file}:{name} {self.file}:{others[0]}"
             )
 
-    def notices(self, path: str, name: str, role: str) -> Iterator[str]:
+    def notices(self, path: str, name: str, role: str, *, is_named: bool) -> Iterator[str]:
         """What is not read, where nobody said what to read."""
         usual = VARIABLES[role]
         if name in self.arrays:
@@ -458,7 +499,6 @@ class _Sets:
             return
         if len(self.there) > 1:
             other = next(run for run in self._firsts() if run != name)
-            is_named = file_of(f"{path}:{other}") == path  # not where it comes by a pipe
             way = f"; {path}:{other} reads another" if is_named else ""
             yield f"variable {name} of {self._listed()}{way}"
         elif usual in self.found and usual not in self.there:

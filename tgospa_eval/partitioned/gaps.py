@@ -13,6 +13,7 @@ from typing import cast
 
 import numpy as np
 
+from tgospa_eval.common.writing import writing_folder
 from tgospa_eval.partitioned.steps import (
     BlockPiece,
     Resampled,
@@ -21,7 +22,7 @@ from tgospa_eval.partitioned.steps import (
     outermost,
     save_states,
 )
-from tgospa_eval.partitioned.tasks import Run, Task, writing_folder
+from tgospa_eval.partitioned.tasks import Run, Task
 from tgospa_eval.tracks.trajectories import Trajectories
 
 HELD = ("last", "before"), ("first", "after")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import Ints, Mask
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.writing import writing_folder
 from tgospa_eval.distances import Effort, Pairs
 from tgospa_eval.evaluation.axis import Axis, Sides
 from tgospa_eval.evaluation.localisation import parts_of_distances
@@ -18,7 +19,6 @@ from tgospa_eval.evaluation.prepare import Fitted, NearPairs, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.shards import ENTRY, marks_of
 from tgospa_eval.partitioned.steps import BlockPiece, Resampled
-from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Arrays, Json

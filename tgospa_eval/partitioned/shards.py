@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.partitioned.tasks import writing_folder
+from tgospa_eval.common.writing import writing_folder
 from tgospa_eval.problem.certificate import prove, unpaired_prices
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.metric_family import Parameters, ignore_states

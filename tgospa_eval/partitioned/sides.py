@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import Floats, Ints, freeze, in_batches
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.writing import writing_folder
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.assemble import (
     CENTRES,
@@ -45,7 +46,7 @@ from tgospa_eval.partitioned.input.runs import (
     write_runs,
 )
 from tgospa_eval.partitioned.input.tables import FilePiece, open_table, read_head, size_of
-from tgospa_eval.partitioned.tasks import Run, Task, writing_folder
+from tgospa_eval.partitioned.tasks import Run, Task
 from tgospa_eval.text import listed
 from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories

@@ -17,13 +17,13 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Ints, stretches
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.writing import writing
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import Axis, Sides, on_axis, periods_of
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.input.runs import merged_names
 from tgospa_eval.partitioned.sides import PartsSide
-from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.tracks.alignment import Alignment, Times, align
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of

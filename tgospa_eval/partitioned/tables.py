@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Ints, Mask, stretches
 from tgospa_eval.common.files import named
 from tgospa_eval.common.words import install
+from tgospa_eval.common.writing import writing, writing_folder
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.partitioned.scan import BESIDE, Scanned
 from tgospa_eval.partitioned.shards import ASSIGNED_PAIR, IGNORED_TRUTH, SWITCHED
-from tgospa_eval.partitioned.tasks import Run, Task, run_tasks, writing, writing_folder
+from tgospa_eval.partitioned.tasks import Run, Task, run_tasks
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.readout import AssignedPairs, PerTrack
 from tgospa_eval.results.consistency import NEES, NeesSums, mean_columns, nees_sums

@@ -1,6 +1,5 @@
 """Tasks that write one output each, are skipped where it is there, and go on after a kill."""
 
-import errno
 import os
 import shutil
 import tempfile
@@ -12,10 +11,7 @@ from pathlib import Path
 
 from tgospa_eval.engines.engine import spread
 from tgospa_eval.engines.processes import PersistentPool
-from tgospa_eval.errors import ConfigError, SolverError
-
-UNFINISHED = ".unfinished"
-"""Ends the names of outputs that are being written."""
+from tgospa_eval.errors import SolverError
 
 REMOVED = ".removed-"
 """Begins the names of folders with what is being removed."""
@@ -85,45 +81,6 @@ def run_tasks(
 
 
 @contextmanager
-def writing(output: str) -> Iterator[Path]:
-    """Where to write an output, a file or a folder, that has its name once it is whole.
-
-    Raises
-    ------
-    ConfigError
-        The disk is full.
-    """
-    target = Path(output)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    # Another process may work on the same after a network was silent for long.
-    beside = target.with_name(f"{target.name}.{os.getpid()}{UNFINISHED}")
-    try:
-        yield beside
-        try:
-            os.replace(beside, target)
-        except OSError:
-            if not target.is_dir():  # else another process has finished the same folder meanwhile
-                raise
-    except OSError as error:
-        # NumPy has no number of the system for it, and counts what it could not write.
-        if error.errno == errno.ENOSPC or (error.errno is None and "requested" in str(error)):
-            raise ConfigError(
-                f"{target.parent}: cannot be written: no space left on the disk"
-            ) from None
-        raise
-    finally:
-        _remove(beside)
-
-
-@contextmanager
-def writing_folder(output: str) -> Iterator[Path]:
-    """As `writing`, of a folder, which is made."""
-    with writing(output) as folder:
-        folder.mkdir()
-        yield folder
-
-
-@contextmanager
 def removing(work: Path, but: str = "") -> Iterator[None]:
     """Remove the folders in a folder of work, but for one of this name.
 
@@ -137,15 +94,8 @@ def removing(work: Path, but: str = "") -> Iterator[None]:
     """
     aside = Path(tempfile.mkdtemp(prefix=REMOVED, dir=work))
     for path in work.iterdir():
-        if path.is_dir() and path.name != but and not path.name.startswith("."):
+        if path.is_dir() and path.name != but and not path.name.startswith(REMOVED):
             os.replace(path, aside / path.name)
     yield
     for path in work.glob(f"{REMOVED}*"):
         shutil.rmtree(path, ignore_errors=True)
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path, ignore_errors=True)
-    else:
-        path.unlink(missing_ok=True)

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TypeAlias
 
 from tgospa_eval.common import manifest
-from tgospa_eval.common.files import named, patience
+from tgospa_eval.common.files import named
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.manifest import unique
 from tgospa_eval.common.words import counted
+from tgospa_eval.common.writing import FRESH, is_left, turn, unique, writing
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.rendering import csv_text
 from tgospa_eval.results.partitioned import PartitionedResult
@@ -185,12 +185,12 @@ def probe_folder(
         if path.is_symlink():
             path.stat()  # links that go in a circle, which this refuses
         there = next(above for above in (path, *path.parents) if above.exists())
-        probe = there / manifest.unique()
+        probe = there / unique()
         probe.mkdir(mode=0o700)
         with suppress(FileNotFoundError):
             probe.rmdir()
         if kind is not None and there == path and not force:
-            with manifest.locked(path):
+            with turn(path):
                 _check_names(path, kind, (*kind.names, *also), f"{option} {folder}")
 
 
@@ -215,13 +215,13 @@ def write_texts(
         As for `check_folder`, or the folder cannot be written, or only over files of others.
     """
     check_folder(folder, kind, force=force, option=option)
-    with named(f"{option} {folder}", ConfigError, "cannot be written"):
+    where = f"{option} {folder}"
+    with named(where, ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
-        removed, files = 0, None if path.exists() else _write_new(texts, path, kind)
+        removed, files = 0, None if path.exists() else _write_new(texts, path, kind, where)
         if files is None:  # it is there, perhaps since a moment ago
             check_folder(folder, kind, force=force, option=option)
-            where = None if force else f"{option} {folder}"
-            removed, files = _write_over(texts, path, kind, where)
+            removed, files = _write_over(texts, path, kind, None if force else where)
     names = [entry.name for entry in files]
     pictures = sum(name.endswith(PICTURES) for name in names)
     counts = {"file": len(names) - pictures, "picture": pictures}
@@ -297,24 +297,16 @@ def _write_all(texts: Files, folder: Path, kind: Kind | None) -> Collection[mani
 
 
 def _write_new(
-    texts: Files, path: Path, kind: Kind | None
+    texts: Files, path: Path, kind: Kind | None, where: str
 ) -> Collection[manifest.FileEntry] | None:
     """Write a folder beside, then rename it; None if another one has come up meanwhile."""
-    import shutil  # here: it brings compression
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(manifest.unique())
     try:
-        files = _write_all(texts, beside, kind)
-        try:
-            os.rename(beside, path)
-        except OSError:
-            if not path.is_dir():
-                raise
-            return None
-        return files
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        with writing(path, where) as beside:
+            return _write_all(texts, beside, kind)
+    except OSError:
+        if not path.is_dir():
+            raise
+        return None
 
 
 def _write_over(
@@ -326,11 +318,11 @@ def _write_over(
     """
     import shutil
 
-    with manifest.locked(path) as locked:
-        for left in path.glob(f"{manifest.FRESH}*") if locked else ():
-            if manifest.is_left(left):
+    with turn(path) as is_locked:
+        for left in path.glob(f"{FRESH}*") if is_locked else ():
+            if is_left(left):
                 shutil.rmtree(left, ignore_errors=True)
-        fresh = path / manifest.unique()
+        fresh = path / unique()
         try:
             files = _write_all(texts, fresh, kind)
             names = [entry.name for entry in files]
@@ -431,35 +423,3 @@ def check_file(
     if endings and ending not in endings:
         raise ConfigError(f"{option} {path}: must end in {', '.join(endings)}")
     return ending
-
-
-def write_file(path: str, data: str | bytes, option: str) -> None:
-    """Write a file beside first, then rename it; `option` is for messages.
-
-    Raises
-    ------
-    ConfigError
-        The path is empty, is a folder, or the system refuses to write it.
-    """
-    if not path:
-        raise ConfigError(f"{option} is empty; name a file")
-    content = data.encode() if isinstance(data, str) else data
-    with named(f"{option} {path}", ConfigError, "cannot be written"):
-        target = Path(os.path.realpath(path))  # what a link points to is replaced, not the link
-        beside = target.with_name(unique())
-        if target.is_dir():
-            raise ConfigError(f"{option} {path}: is a folder; name a file")
-        if target.exists() and not target.is_file():  # a device or a pipe: nothing to rename over
-            with patience(path, "a reader of"):
-                target.write_bytes(content)
-            return
-        target.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            # Not by tempfile, whose files nobody else may read: CI has many users.
-            with beside.open("xb") as file:
-                file.write(content)
-            if target.exists():
-                beside.chmod(target.stat().st_mode & 0o7777)
-            os.replace(beside, target)
-        finally:
-            beside.unlink(missing_ok=True)

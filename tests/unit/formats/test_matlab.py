@@ -3,6 +3,7 @@
 import gzip
 import io
 import json
+import os
 import shutil
 import struct
 import sys
@@ -17,6 +18,8 @@ from checkout import SAMPLES
 from scipy.io import savemat
 
 from tgospa_eval import evaluate, read_trajectories
+from tgospa_eval.engines import helper
+from tgospa_eval.engines.engine import DiedError
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ReadOptions, read, runs_inside
 
@@ -136,7 +139,7 @@ def test_damaged_files_and_what_small_ones_unpack_to(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     for content, message in (
         (b"", "the file is empty"),
-        (b"MATLAB 5.0 MAT-file", "no structure"),
+        (b"MATLAB 5.0 MAT-file", "it ends early"),
         (RUN.read_bytes()[:1000], "it ends early"),
         (TRUTH_73.read_bytes()[:1000], "no readable MAT file"),
         (b"PAR1", "no MAT file of version 5 or 7.3"),
@@ -166,6 +169,48 @@ def test_an_array_that_claims_more_than_it_has(tmp_path: Path) -> None:
     inner = zlib.compress(data[128 : 128 + 8])  # compressed, and cut
     path.write_bytes(data[:128] + struct.pack("<II", 15, len(inner)) + inner)
     with pytest.raises(InputError, match="no readable MAT file"):
+        read(path)
+
+
+def test_a_file_that_ends_the_process_that_reads_it(run: Run, tmp_path: Path) -> None:
+    # One byte of a size, with which SciPy 1.17 reads what is not there.
+    data = bytearray(RUN.read_bytes())
+    data[264] = 0
+    path = tmp_path / "a.mat"
+    path.write_bytes(data)
+    answer = run("a.mat", str(RUN), "-c", "10")
+    assert (answer.status, answer.out) == (3, "")
+    assert "a.mat: no readable MAT file" in answer.err
+    with pytest.raises(InputError, match="no readable MAT file"):
+        read(path)
+    assert read(RUN).rows == 48
+
+
+def test_the_process_that_reads(monkeypatch: pytest.MonkeyPatch) -> None:
+    def dies(*arguments: object) -> None:
+        raise DiedError("status 1")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(helper, "call", dies)
+        with pytest.raises(InputError, match=r"ended the process that read it \(status 1\): it is"):
+            read(RUN)
+    with pytest.raises(DiedError):
+        helper.call(os._exit, 0)
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "executable", "/none")
+        with pytest.raises(ConfigError, match=r"none can be started here \(No such .*as CSV$"):
+            read(RUN)
+    assert read(RUN).rows == 48
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="no limit of memory")
+def test_no_room_for_what_is_only_claimed(tmp_path: Path) -> None:
+    # A text without a letter, which SciPy fills with as many blanks as it claims to have.
+    path = saved(tmp_path / "a.mat", BOTH | {"note": np.array([""])})
+    data = path.read_bytes()
+    at = data.index(struct.pack("<4i", 4, 0, 5, 8)) + 16
+    path.write_bytes(data[:at] + struct.pack("<2i", 2**30, 1) + data[at + 8 :])
+    with pytest.raises(InputError, match=r"reading it takes more than .* allow more with --max-in"):
         read(path)
 
 

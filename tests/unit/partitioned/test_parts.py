@@ -9,6 +9,7 @@ from held_sides import plan
 
 import tgospa_eval as tg
 from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.common.writing import FRESH, writing
 from tgospa_eval.engines.processes import PersistentPool, Processes
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.partitioned import components, run, tasks
@@ -138,7 +139,7 @@ def test_processes_and_interruptions_change_nothing(
             interrupted += 1
     assert interrupted > 3
     same(alone, again)
-    assert not list(tmp_path.rglob(f"*{tasks.UNFINISHED}"))
+    assert not list(tmp_path.rglob(f"{FRESH}*"))
 
 
 def kill(output: str) -> None:
@@ -163,7 +164,7 @@ def fill(beside: Path) -> None:
 def test_a_full_disk_is_named(tmp_path: Path) -> None:
     with (
         pytest.raises(ConfigError, match="cannot be written: no space left on the disk"),
-        tasks.writing(str(tmp_path / "out" / "block")) as beside,
+        writing(str(tmp_path / "out" / "block")) as beside,
     ):
         fill(beside)
     assert not list((tmp_path / "out").iterdir())

@@ -24,6 +24,7 @@ from tgospa_eval.common.documents import checked
 from tgospa_eval.common.files import named
 from tgospa_eval.common.machine import cores
 from tgospa_eval.common.progress import Progress
+from tgospa_eval.common.writing import writing
 from tgospa_eval.engines.processes import engine_of
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.partitioned.evaluate import evaluate_partitioned
@@ -207,9 +208,8 @@ def _begin(work: Path, identity: Mapping[str, object], output: OutputOptions) ->
                 f"{where}: there is a folder {WORK_FOLDER} in it that is not of this program, and "
                 "would be; name another folder"
             )
-        beside = log.with_name(f".{log.name}")
-        beside.write_text(json.dumps(identity, indent=1, sort_keys=True) + "\n", "utf-8")
-        os.replace(beside, log)
+        with writing(log, where) as beside:
+            beside.write_text(json.dumps(identity, indent=1, sort_keys=True) + "\n", "utf-8")
 
 
 def _empty(work: Path) -> None:

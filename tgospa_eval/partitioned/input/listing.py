@@ -17,10 +17,11 @@ from tgospa_eval.common.documents import TEXT, checked
 from tgospa_eval.common.files import CHUNK, STDIN, named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
+from tgospa_eval.common.writing import writing
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.guess import GUESSED_FROM, guess, is_table_folder
 from tgospa_eval.formats.loading import is_packed, plain_name
-from tgospa_eval.partitioned.tasks import Run, removing, writing
+from tgospa_eval.partitioned.tasks import Run, removing
 from tgospa_eval.text import listed
 
 PARQUET_ENDINGS, CSV_ENDINGS = (".parquet", ".pq"), (".csv", ".tsv")

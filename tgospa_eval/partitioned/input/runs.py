@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Ints, in_batches
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
+from tgospa_eval.common.writing import writing_folder
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import attributes_of
 from tgospa_eval.formats.columns.headers import Roles
@@ -28,7 +29,6 @@ from tgospa_eval.formats.rows import Numbered, Rows, number_ids
 from tgospa_eval.formats.times import EXACT_BELOW, Times
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.partitioned.input.tables import FilePiece
-from tgospa_eval.partitioned.tasks import writing_folder
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.attributes import Values, checked
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray
