@@ -79,17 +79,22 @@ def of_rows(
         if kind is None:
             has = listed(given) or "nothing"
             raise InputError(f"{place}: has {has}; a region has {NEEDED}")
-        of_column = {key: f"{place}, column {quoted(key)}" for key in given}
         if kind == POLYGON:
             corners = [corner.split() for corner in given[kind].strip(" ;").split(";")]
             if any(len(corner) != 2 for corner in corners):
                 raise InputError(
-                    f"{of_column[kind]}: {quoted(given[kind])}; write its corners as x y; x y; x y"
+                    f"{place}, column {quoted(kind)}: {quoted(given[kind])}; write its corners as "
+                    "x y; x y; x y"
                 )
-            numbers = [_numbers(corner, decimal, of_column[kind]) for corner in corners]
+            columns, texts = [kind] * 2 * len(corners), [text for pair in corners for text in pair]
         else:
-            numbers = [_numbers([given[k]], decimal, of_column[k])[0] for k in SHAPES[kind]]
-        shapes.append(Shape(kind=kind, rings=(np.array(numbers),), where=place))
+            columns, texts = list(SHAPES[kind]), [given[key] for key in SHAPES[kind]]
+        for key, text in zip(columns, texts, strict=True):
+            if not is_number(text, decimal):
+                raise InputError(f"{place}, column {quoted(key)}: not a number: {quoted(text)}")
+        numbers = floats(texts, decimal)
+        ring = numbers.reshape(-1, 2) if kind == POLYGON else numbers
+        shapes.append(Shape(kind=kind, rings=(ring,), where=place))
     of_time = f", column {quoted(time)}"
     return _regions(shapes, moments, lambda row: f"{places[1 + row]}{of_time}", decimal, name)
 
@@ -144,13 +149,6 @@ def _plain(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError
     return float(value)
-
-
-def _numbers(texts: Sequence[str], decimal: str, where: str) -> Floats:
-    for text in texts:
-        if not is_number(text, decimal):
-            raise InputError(f"{where}: not a number: {quoted(text)}")
-    return floats(texts, decimal)
 
 
 def _regions(
