@@ -5,7 +5,9 @@ two ways, which must give the same reading or the same message. The same few cas
 new ones by ``make fuzz``.
 """
 
+import io
 import tracemalloc
+import zipfile
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -301,6 +303,42 @@ def test_never_a_traceback_by_a_frame(
     with suppress(pa.ArrowException):  # what cannot be written
         pq.write_table(pa.table(columns), path)
         answers(path, options, "truth", None)
+
+
+SIZES = st.sampled_from([0, 1, 2, 3, 10**9, 2**31, 10**18, 2**63, 10**30, -1])
+TYPES = st.sampled_from(["<f8", ">f4", "<i8", "|b1", "<U3", "<c16", "<M8[ns]", "|O", "|V0", "<f16"])
+
+
+@settings(suppress_health_check=list(HealthCheck))
+@given(
+    shapes=st.lists(st.lists(SIZES, max_size=4).map(tuple), min_size=1, max_size=3),
+    types=st.lists(TYPES, min_size=3, max_size=3),
+    names=st.permutations(["x.npy", "t.npy", "id.npy", "P.npy", "a.txt", "x", "weight.npy"]),
+    rest=st.binary(max_size=64),
+    options=OPTIONS,
+)
+def test_never_a_traceback_by_a_header(
+    tmp_path: Path,
+    shapes: list[tuple[int, ...]],
+    types: list[str],
+    names: list[str],
+    rest: bytes,
+    options: ReadOptions,
+) -> None:
+    """Headers of arrays of any shape and type, before few bytes; alone, and in zip files."""
+    arrays = []
+    for shape, kind in zip(shapes, types, strict=False):
+        buffer = io.BytesIO()
+        about = {"descr": kind, "fortran_order": len(shapes) > 1, "shape": shape}
+        np.lib.format.write_array_header_1_0(buffer, about)
+        arrays.append(buffer.getvalue() + rest)
+    path = tmp_path / "a.npy"
+    path.write_bytes(arrays[0])
+    answers(path, options, "truth", None)
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        for name, content in zip(names, arrays, strict=False):
+            archive.writestr(name, content)
+    answers(tmp_path / "a.npz", options, "truth", None)
 
 
 @pytest.mark.parametrize("name", ["motchallenge", "kitti"])

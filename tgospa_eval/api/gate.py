@@ -76,9 +76,6 @@ RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
 
 ACCURACY_KEYS = tuple(name.replace("_", "-") for name in ACCURACY)
 
-JUDGED_COLUMNS = ("parameters", "judged.truth_sha256", "normalised.tgospa")
-"""Columns without which rows cannot be judged."""
-
 Evaluated = tuple[Measured, Mapping[str, object], Mapping[str, Any]]
 """What came out of a pair, the options that made it, and more for its outcome."""
 
@@ -716,15 +713,13 @@ def _store_rows(folder: str) -> dict[str, Row]:
     Raises
     ------
     InputError
-        It cannot be read, has no rows, or is one of an older version.
+        It cannot be read, or has no rows.
     """
     store = Store(folder)
     store.settings()
     table = store.rows()
     if not len(table):
         raise InputError(f"{folder}: no job of this batch is done")
-    if (table["status"] != "failed").any() and not all(name in table for name in JUDGED_COLUMNS):
-        raise InputError(f"{folder}: was made by an older version; make it anew with batch")
     rows: dict[str, Row] = {}
     for values in table.to_dict("records"):
         name = job_name(values)

@@ -26,6 +26,10 @@ from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.trajectories import as_doubles, column_names
 
 AXES = 3
+
+LARGEST_ARRAY = 2**63
+"""Bytes that NumPy does not number, those of axes beside one of size 0 included."""
+
 NAMES = {
     "x": ("x", "xState", "states"),
     "P": ("P", "covariance"),
@@ -87,10 +91,10 @@ def _array(path: str, data: bytes) -> Array:
     if kind.hasobject or size != there or min(shape, default=1) < 0:
         what = "Python objects" if kind.hasobject else f"{there:,} bytes where {size:,} should be"
         raise InputError(f"{path}: no readable npy file: {what}")
-    values = np.frombuffer(data, kind, offset=stream.tell())
     try:
+        values = np.frombuffer(data, kind, offset=stream.tell())
         return values.reshape(shape, order="F" if in_columns else "C")
-    except ValueError as error:  # an axis beside one of size 0 may be of any size
+    except ValueError as error:  # a type of no bytes, or an axis of any size beside one of 0
         raise unreadable(path, "npy", error) from None
 
 
@@ -167,7 +171,8 @@ def array_rows(
     if not size:
         raise InputError(f"{path}: {told[what]}: no coordinates")
     first = int(axes is MATLAB)
-    there = np.ones(shape, bool) if there is None else there
+    if there is None:  # an axis beside one of size 0 may be of any size
+        there = np.ones(shape if tables[what].size else (0, 0), bool)
     step, track = at = np.nonzero(there)
     each = tables[what].shape[2] if what == "particles" else 1
     if file is not None:
@@ -304,6 +309,8 @@ def _sorted(path: str, arrays: Variables) -> tuple[dict[str, tuple[str, Array]],
         found["x"] = deep[0], arrays[deep[0]]
         others.remove(deep[0])
     for kind, (name, array) in found.items():
+        if 8 * prod(max(size, 1) for size in array.shape) >= LARGEST_ARRAY:
+            raise InputError(f"{path}: {sized(name, array.shape)}: no memory holds such axes")
         if kind in NUMPY and array.dtype.kind not in "iuf":
             raise InputError(f"{path}: {name} of type {array.dtype}; it must be of real numbers")
         if kind not in NUMPY and max(array.shape, default=1) != array.size:
@@ -428,6 +435,8 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     columns: dict[str, Any] = {}
     for name, array in arrays.items():
         if name == "x" and array.ndim == 2:
+            size = 8 * TABLE * array.shape[1]
+            check_memory(path, size, len(data), options.max_input, sized(name, array.shape))
             columns |= dict(zip(column_names(array.shape[1]), array.T, strict=True))
         else:
             columns[name] = array

@@ -90,10 +90,10 @@ SQUARE = np.zeros((2, 2, 2))
 HUGE = npy(SQUARE).replace(b"(2, 2, 2)", b"(2, 2,99)")
 
 
-def header(*shape: int) -> bytes:
+def header(*shape: int, kind: str = "<f8") -> bytes:
     """An npy file without a number."""
     buffer = io.BytesIO()
-    about = {"descr": "<f8", "fortran_order": False, "shape": shape}
+    about = {"descr": kind, "fortran_order": False, "shape": shape}
     np.lib.format.write_array_header_1_0(buffer, about)
     return buffer.getvalue()
 
@@ -123,7 +123,10 @@ def zipped(name: str, content: bytes) -> bytes:
         ("a.npy", npy(SQUARE[:, :, :0]), "states 2 x 2 x 0: no coordinates"),
         ("a.npy", npy(SQUARE + np.inf), 'trajectory 0, step 0, column "x": infinite'),
         ("a.npy", header(10**18, 0, 2), "no readable npy file: array is too big"),
+        ("a.npy", header(10**9, 0, 2 * 10**9, kind="|b1"), "0 x 2000000000: no memory holds such"),
+        ("a.npy", header(3, kind="|V0"), "no readable npy file: itemsize cannot be zero"),
         ("a.npy", header(0, 2, 10**11), "states 0 x 2 x 100000000000: reading it takes some"),
+        ("a.npz", zipped("x.npy", header(0, 10**11)), "x 0 x 100000000000: reading it takes some"),
         ("a.npz", zipped("x.npy", b"no array"), 'no readable npz file: "x" in it is no array'),
         ("a.npz", zipped("xl/sheet1.xml", b"<x/>"), '"xl/sheet1.xml" in it is no array; .* as CSV'),
         ("a.npz", npz(a=SQUARE, b=SQUARE), "a 2 x 2 x 2, b 2 x 2 x 2: which are the states"),
@@ -145,9 +148,10 @@ def test_what_is_wrong(write: Write, name: str, data: bytes, message: str) -> No
         read(path)
 
 
-@pytest.mark.parametrize("shape", [(10**11, 0, 2), (0, 10**11, 2)])
-def test_steps_without_objects_take_no_room(write: Write, shape: tuple[int, ...]) -> None:
-    assert read(write("a.npy", header(*shape))).rows == 0
+@pytest.mark.parametrize("shape", [(10**11, 0, 2), (0, 10**11, 2), (10**6, 10**6, 0, 2)])
+def test_what_is_empty_takes_no_room(write: Write, shape: tuple[int, ...]) -> None:
+    name = "x" if len(shape) == 3 else "particles"
+    assert read(write("a.npz", zipped(f"{name}.npy", header(*shape)))).rows == 0
 
 
 def test_room(write: Write) -> None:
