@@ -217,14 +217,16 @@ def test_scenes_in_which_nothing_of_a_side_is_judged(invoke: Invoke, write: Writ
     write("t.csv", "id,t,x,ignored\n2,0,0,1\n2,1,0,1\n1,2,0,1\n2,2,2,1\n")
     write("e.csv", "id,t,x\n3,0,1\n0,1,1\n2,2,2\n")
     write("u.csv", "id,t,x,excused\n3,0,1,1\n0,1,1,1\n2,2,2,1\n")
-    metric = ("-c", "10", "-p", "3", "-g", "0.1", "--ignore", "marked", "--columns", "x")
+    metric = ("-c", "10", "-p", "3", "-g", "0.1", "--columns", "x")
     for truth, estimate, rho, ignored, excused in (
         ("t.csv", "e.csv", "0.5", 4, 0),
         ("t.csv", "e.csv", "0.2", 4, 0),
         ("e.csv", "u.csv", "0.3", 0, 3),
         ("t.csv", "u.csv", "0.9", 4, 3),
     ):
-        answer = invoke(truth, estimate, *metric, "--rho", rho, "-o", "r", "--proof", "-q")
+        rules = ["marked"] * (truth == "t.csv") + ["marked-estimates"] * (estimate == "u.csv")
+        asked = (*metric, "--ignore", ",".join(rules), "--rho", rho)
+        answer = invoke(truth, estimate, *asked, "-o", "r", "--proof", "-q")
         assert answer.status == 0, answer.err
         answer = invoke("verify", "r", truth, estimate)
         assert answer.status == 0, answer.err

@@ -136,6 +136,20 @@ def test_fractional_scene_is_exact() -> None:
     assert result.total == pytest.approx(tgospa_lp(truth, estimate, 5.0, 2, 2.0), rel=1e-8)
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(("size", "shift"), [(10, 1.0), (12, 0.5)])
+def test_switches_that_cost_nearly_nothing_where_much_ties(
+    seed: int, size: int, shift: float
+) -> None:
+    """On a line, with p = 1, many assignments of a step tie; switches alone decide, for 1e-6."""
+    rng = np.random.default_rng(seed)
+    truth, estimate = (rng.normal(mean, 1, (size, size, 1)) for mean in (0, shift))
+    result = evaluate(truth, estimate, 300.0, 1, 1e-5)
+    assert result.certified
+    assert result.total == pytest.approx(tgospa_lp(truth, estimate, 300.0, 1, 1e-5), rel=1e-12)
+    assert result.solver["iterations"] < 500  # of simplex and sweeps; 1,000 if from afar
+
+
 @pytest.mark.parametrize("name", SOLVERS)
 @pytest.mark.parametrize("distance", ["euclidean", "manhattan", "chebyshev"])
 def test_distances(name: str, distance: str) -> None:

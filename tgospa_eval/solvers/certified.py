@@ -92,9 +92,10 @@ class Certified(BatchSolver):
         left = places_of(ascent.open)
         too_far = ascent.open & batch.quickly
         ascent.keep(ascent.open & ~too_far)
+        unit = 1.0 if batch.warm_start else _try_steps(ascent)
         if near and len(batch.weights) >= TIME_WINDOWS.least:  # before sweeps of all states
             programmes.run(PROGRAMMES.early, most=PROGRAMMES.early_states)
-        iterations = _sweep(ascent, programmes, batch, near=near)
+        iterations = _sweep(ascent, programmes, batch, near=near, unit=unit)
         if near:
             programmes.run(PROGRAMMES.resumed, most=PROGRAMMES.early_states)
         if programmes.crowd:
@@ -113,12 +114,25 @@ class Certified(BatchSolver):
         )
 
 
-def _sweep(ascent: Ascent, programmes: Programmes, batch: BlockBatch, *, near: bool) -> int:
+def _try_steps(ascent: Ascent) -> float:
+    """Solve all steps apart if switches cost nearly nothing; the unit of what then is open."""
+    price = float(ascent.switch_price.max())
+    if not ascent.open.any() or price >= ASCENT.stages[-1][0]:
+        return 1.0
+    ascent.try_steps()
+    ascent.keep(ascent.wide())
+    near = ascent.open_gap < PROGRAMMES.nearly * ascent.open_cost
+    return ASCENT.free * price if near else 1.0
+
+
+def _sweep(
+    ascent: Ascent, programmes: Programmes, batch: BlockBatch, *, near: bool, unit: float
+) -> int:
     """Stages from hot to cold, small programmes between the cold ones; the number of sweeps.
 
-    `near` to the best prices, the stages begin there.
+    `near` to the best prices, or up to changes of a `unit` below 1, the stages begin there.
     """
-    if near:
+    if near or unit < 1:
         ascent.soft[:] = ascent.prices
     half = 0.5 * min(float(ascent.switch_price.max()), 1.0)
     large = len(batch.weights) > WINDOWS.large
@@ -134,11 +148,12 @@ def _sweep(ascent: Ascent, programmes: Programmes, batch: BlockBatch, *, near: b
             skip = False
             continue
         epsilon = stage[0]
-        sweeps += _stage(ascent, stage, min(10 * epsilon, 1.3) + half, batch.limit.late)
+        reach = unit * min(10 * epsilon, 1.3) + half
+        sweeps += _stage(ascent, (unit * epsilon, stage[1]), reach, batch.limit.late)
         ascent.keep(ascent.wide())
         if batch.limit.progress.watched:
             programmes.report_progress()
-        skip = ascent.open_gap < ASCENT.skip * ascent.open_cost and epsilon > skip_above
+        skip = ascent.open_gap < unit * ASCENT.skip * ascent.open_cost and epsilon > skip_above
         if epsilon <= CROWDS.coldest and len(batch.weights) > CROWDS.size:
             programmes.crowd |= ascent.undecidedness > CROWDS.undecided
         if programmes.crowd:

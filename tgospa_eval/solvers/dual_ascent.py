@@ -18,6 +18,7 @@ from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import REGRET, sum_by, sum_parts
 from tgospa_eval.problem.states import States, connected_components
 from tgospa_eval.solvers.block_costs import price_cap, unassigned_costs
+from tgospa_eval.solvers.trivial import assign_steps
 from tgospa_eval.solvers.tuning import ASCENT
 
 LINKS_EACH, FEWEST_LINKS, LEAST_THRESHOLD = 8, 100_000, 1e-3
@@ -164,6 +165,13 @@ class Ascent:
     def try_weights(self, weights: Floats) -> None:
         """Take the feasible assignment in the open blocks where it gains more."""
         self.brackets.try_weights(weights)
+
+    def try_steps(self) -> None:
+        """Take prices and assignment that are best if switches are free, where they are better."""
+        weights, prices = np.zeros(len(self.weights)), np.zeros(len(self.prices))
+        assign_steps(self.states, self.open, weights, prices)
+        self.try_prices(prices)
+        self.try_weights(weights)
 
     def stage(
         self,

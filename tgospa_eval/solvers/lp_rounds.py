@@ -132,13 +132,15 @@ class Programmes:
         Of HiGHS, and of all that is done here.
     crowd : bool
         Whether the simplex method would take too long.
+    unit : float
+        Of costs and reaches, in c^p: less than 1 where the brackets are narrow.
     """
 
     def __init__(self, ascent: Ascent, batch: BlockBatch) -> None:
         self.ascent, self.batch = ascent, batch
         self.tried = batch.wanted | batch.quickly
         self.tempted = np.zeros(len(ascent.states.begin), bool)
-        self.interior, self.crowd = False, False
+        self.interior, self.crowd, self.unit = False, False, 1.0
         self.iterations, self.seconds = 0, 0.0
 
     def report_progress(self) -> None:
@@ -252,8 +254,13 @@ class Programmes:
         return bool(np.bincount(component).max(initial=0) > PROGRAMMES.crowd)
 
     def _near(self, reach: float) -> Mask:
-        """States that a programme may have to decide, (S,)."""
-        self.ascent.mark(self.ascent.prices, reach)
+        """States that a programme may have to decide, (S,); sets the unit of its costs.
+
+        Paths that lose many times the gap can hardly have weight: reach shrinks with it.
+        """
+        _, power = np.frexp(PROGRAMMES.sure * self.ascent.open_gap)
+        self.unit = 1.0 if np.isinf(reach) else min(1.0, float(np.ldexp(1.0, power)))
+        self.ascent.mark(self.ascent.prices, self.unit * reach)
         return self.ascent.near(self.tempted)
 
     def _solve_undecided(self, near: Mask, reach: float, most: int | None) -> bool:
@@ -294,7 +301,7 @@ class Programmes:
         self.report_progress()
         wide = ascent.wide()
         size = sum(len(free) for free, _, _ in solved)
-        if wide.any() and ascent.gap[wide].sum() <= PROGRAMMES.tolerance * size:
+        if wide.any() and ascent.gap[wide].sum() <= PROGRAMMES.tolerance * self.unit * size:
             with suppress(StoppedError):
                 self._propose(self._apart(lambda: self._refined(solved), size))
                 self.report_progress()
@@ -319,7 +326,7 @@ class Programmes:
                 start = shares[free]
                 return solve_interior(states, own, *given, switch_price, left, start, exact=exact)
             return solve_restricted_lp(
-                states, own, *given, switch_price, left, interior=self.interior
+                states, own, *given, switch_price, left, unit=self.unit, interior=self.interior
             )
 
         found = self._apart(solve, len(free))

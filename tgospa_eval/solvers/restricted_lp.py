@@ -24,9 +24,8 @@ Long = NDArray[np.longdouble]
 class Programme:
     """Maximise reward x over 0 <= x <= upper with A x <= full.
 
-    The columns of A are the free states, a rise for each transition, and for each constraint with a
-    price what it leaves idle: there A x = full. Its rows are the capacities of the rows, those of
-    the columns, and the transitions.
+    The columns of A are the free states and a rise for each transition. Its rows are the capacities
+    of the rows, those of the columns, and the transitions.
 
     Parameters
     ----------
@@ -43,12 +42,12 @@ class Programme:
     rows, columns : CapacityRows
     before : (k,) float array
         The prices of the slots of the columns, as they were.
-    idle : (I,) int array
-        Rows of A that hold with equality.
     reward : float array
     row, column, entry : (nnz,) arrays
         A; nothing appears twice.
     full, upper : float arrays
+    unit : float
+        Costs that matter: HiGHS gets costs, and returns duals, in this unit.
     """
 
     states: States
@@ -61,19 +60,19 @@ class Programme:
     rows: CapacityRows
     columns: CapacityRows
     before: Floats
-    idle: Ints
     reward: Floats
     row: Ints
     column: Ints
     entry: Floats
     full: Floats
     upper: Floats
+    unit: float
 
     @cached_property
-    def parts(self) -> tuple[slice, slice, slice]:
-        """Columns of A: states, rises, idle."""
-        a, b, c = np.cumsum([len(self.free), len(self.to), len(self.idle)]).tolist()
-        return slice(0, a), slice(a, b), slice(b, c)
+    def parts(self) -> tuple[slice, slice]:
+        """Columns of A: states, rises."""
+        size = len(self.free)
+        return slice(0, size), slice(size, size + len(self.to))
 
     @cached_property
     def constraints(self) -> tuple[slice, slice, slice]:
@@ -82,25 +81,33 @@ class Programme:
         return slice(0, a), slice(a, a + b), slice(a + b, len(self.full))
 
     @cached_property
+    def potentials(self) -> Floats:
+        """Duals >= 0 of all constraints that fit the prices; see `_potentials`."""
+        return _potentials(self)
+
+    @cached_property
     def anchor(self) -> Floats:
-        """The prices as duals <= 0 of the constraints, 0 of those that have none."""
+        """Duals <= 0 of all constraints, of which HiGHS finds the change.
+
+        The prices, the values of the rows at these, and half of what a change of weight may cost.
+        """
         dual = np.zeros(len(self.full))
-        dual[self.constraints[1]] = -self.columns.price
+        rows, columns, transitions = self.constraints
+        dual[columns] = -self.columns.price
+        if kernels:
+            dual[rows] = -self.potentials[rows]
+        dual[transitions] = -self.paid
         return dual
 
     @cached_property
-    def least(self) -> Floats:
-        """Lower bounds of A x: `full` where there is an idle column."""
-        least = np.full(len(self.full), -np.inf)
-        least[self.idle] = self.full[self.idle]
-        return least
+    def idle(self) -> Ints:
+        """Constraints of which the model of HiGHS has the slack as a column, with a cost."""
+        return np.flatnonzero(self.anchor)
 
     @cached_property
     def spare(self) -> Ints:
-        """Rows of A without an idle column."""
-        spare = np.ones(len(self.full), bool)
-        spare[self.idle] = False
-        return np.flatnonzero(spare)
+        """The other constraints."""
+        return np.flatnonzero(self.anchor == 0)
 
     def reduced(self, dual: Floats) -> Floats:
         """Reduced costs of the minimisation of -reward x at duals <= 0 of the constraints."""
@@ -139,7 +146,12 @@ class Programme:
 
 
 def make_programme(
-    states: States, free: Ints, weights: Floats, prices: Floats, switch_price: Floats
+    states: States,
+    free: Ints,
+    weights: Floats,
+    prices: Floats,
+    switch_price: Floats,
+    unit: float = 1.0,
 ) -> Programme:
     """The programme of the free states, in order, the others held at their weights.
 
@@ -155,20 +167,14 @@ def make_programme(
     del held
 
     nr, nc, na = len(rows.room), len(columns.room), len(paid)
-    idle = nr + np.flatnonzero(columns.price)
     rise = nr + nc + np.arange(na)
-    row = np.concatenate((rows.constraint, nr + columns.constraint, rise, rise[two], rise, idle))
-    rises, slacks = size + np.arange(na), size + na + np.arange(len(idle))
-    column = np.concatenate((rows.state, columns.state, to, source[two], rises, slacks))
+    row = np.concatenate((rows.constraint, nr + columns.constraint, rise, rise[two], rise))
+    rises = size + np.arange(na)
+    column = np.concatenate((rows.state, columns.state, to, source[two], rises))
     entry = np.ones(len(row))
-    begin = len(rows.constraint) + len(columns.constraint) + na
-    entry[begin : begin + two.sum() + na] = -1.0
+    entry[len(rows.constraint) + len(columns.constraint) + na :] = -1.0
     reward = np.concatenate(
-        (
-            states.gains(free) + transition_reward.astype(np.float64),
-            -2.0 * paid,
-            np.zeros(len(idle)),
-        )
+        (states.gains(free) + transition_reward.astype(np.float64), -2.0 * paid)
     )
     upper = np.full(len(reward), np.inf)
     bare = np.ones(size, bool)
@@ -185,13 +191,13 @@ def make_programme(
         rows=rows,
         columns=columns,
         before=prices[columns.slot],
-        idle=idle,
         reward=reward,
         row=row,
         column=column,
         entry=entry,
         full=np.concatenate((rows.room, columns.room, constant)),
         upper=upper,
+        unit=unit,
     )
 
 
@@ -262,10 +268,11 @@ def suggest(p: Programme) -> tuple[Mask, Mask] | None:
     """
     if not kernels or len(p.free) < LEAST_STATES:
         return None
-    dual = _potentials(p)
-    rows = dual <= BASIC
+    dual, zero = p.potentials, BASIC * p.unit
+    rows = dual <= zero
     rows[p.constraints[1]] = True
-    return np.abs(p.reduced(-dual)) <= BASIC, rows
+    columns = np.abs(p.reduced(-dual)) <= zero
+    return np.append(columns, dual[p.idle] <= zero), rows
 
 
 def _potentials(p: Programme) -> Floats:
@@ -404,6 +411,7 @@ def solve_restricted_lp(
     switch_price: Floats,
     seconds: float | None,
     *,
+    unit: float = 1.0,
     interior: bool = False,
 ) -> Proposal:
     """Weights and prices that are best for the free states, the others held at their weights.
@@ -411,7 +419,7 @@ def solve_restricted_lp(
     `free` comes in order. With `interior` the simplex method is not tried first where a programme
     is large: one like it took too long.
     """
-    p = make_programme(states, free, weights, prices, switch_price)
+    p = make_programme(states, free, weights, prices, switch_price, unit)
     highs, finished, iterations, dense = _solve(p, interior, seconds)
     answer = highs.getSolution()
     if not (answer.value_valid and answer.dual_valid):
@@ -422,7 +430,7 @@ def solve_restricted_lp(
             iterations=0,
             finished=False,
         )
-    dual = np.asarray(answer.row_dual) + p.anchor
+    dual = np.asarray(answer.row_dual) * p.unit + p.anchor
     long = np.minimum(dual, 0.0).astype(np.longdouble)
     return Proposal(
         weights=_snapped(p, np.asarray(answer.col_value)),
@@ -475,8 +483,7 @@ def solve_interior(
         rises=np.arange(p.constraints[2].start, ends[0]),
         paid=-p.reward[p.parts[1]],
     )
-    potentials = _potentials(p)
-    near = np.append(potentials, np.maximum(-p.reduced(-potentials)[bare], 0.0))
+    near = np.append(p.potentials, np.maximum(-p.reduced(-p.potentials)[bare], 0.0))
 
     stiff = np.full(ends[1], SOFT)
     stiff[p.constraints[1]] = 1.0
@@ -500,18 +507,20 @@ def refine(found: Proposal, seconds: float | None) -> Proposal:
         return found
     p, dual, basis = found.vertex
     dual = dual + p.offset
-    spare = p.spare
-    free = np.append(np.isinf(p.upper), np.ones(len(spare), bool))
+    free = np.append(np.isinf(p.upper), np.ones(len(dual), bool))
     columns, rows = _basic(basis)
-    basic = np.append(columns, rows[spare])
-    rows[spare] = False
+    size = len(p.reward)
+    slack = rows.copy()
+    slack[p.idle] = columns[size:]
+    basic = np.append(columns[:size], slack)
+    rows[p.spare] = False
     deadline = None if seconds is None else time.monotonic() + seconds
-    highs = _highs(_model(p, slacks=True))
+    highs = _highs(_model(p, np.arange(len(dual))))
     highs.setBasis(_basis(basic, rows))
     _set_room(highs, p, ROOMIER)
     iterations, solved = found.iterations, False
     for _ in range(REFINEMENTS):
-        cost = np.append(p.reduced_long(dual), (p.offset - dual)[spare])
+        cost = np.append(p.reduced_long(dual), p.offset - dual)
         wrong = float(np.where(basic, np.abs(cost), np.where(free, -cost, 0.0)).max(initial=0.0))
         if solved and wrong <= DUAL_VIOLATION:
             break
@@ -578,25 +587,22 @@ def _snapped(p: Programme, values: Floats) -> Floats:
     return snapped
 
 
-def _model(p: Programme, *, slacks: bool = False) -> highspy.HighsLp:
-    """The programme as HiGHS takes it: minimise the reduced costs at the prices.
+def _model(p: Programme, slack: Ints) -> highspy.HighsLp:
+    """The programme as HiGHS takes it: minimise the reduced costs at `anchor`.
 
-    Its duals say by how much prices move. With columns for all slacks if asked.
+    Its duals say by how much those move. The slacks of some constraints are columns.
     """
-    row, column, entry, upper = p.row, p.column, p.entry, p.upper
-    cost, least = p.reduced(p.anchor), p.least
-    if slacks:
-        spare = p.spare
-        row = np.append(row, spare)
-        column = np.append(column, len(upper) + np.arange(len(spare)))
-        entry = np.append(entry, np.ones(len(spare)))
-        cost = np.append(cost, np.zeros(len(spare)))
-        upper = np.append(upper, np.full(len(spare), np.inf))
-        least = p.full
+    row = np.append(p.row, slack)
+    column = np.append(p.column, len(p.upper) + np.arange(len(slack)))
+    entry = np.append(p.entry, np.ones(len(slack)))
+    cost = np.append(p.reduced(p.anchor), -p.anchor[slack])
+    upper = np.append(p.upper, np.full(len(slack), np.inf))
+    least = np.full(len(p.full), -np.inf)
+    least[slack] = p.full[slack]
     order = np.argsort(column, kind="stable")
     lp = highspy.HighsLp()
     lp.num_col_, lp.num_row_ = len(cost), len(p.full)
-    lp.col_cost_ = cost.astype(np.float64)
+    lp.col_cost_ = cost.astype(np.float64) / p.unit
     lp.col_lower_ = np.zeros(len(cost))
     lp.col_upper_ = upper
     lp.row_lower_ = least
@@ -645,7 +651,7 @@ def _solve(
     deadline = None if seconds is None else time.monotonic() + seconds
     large = len(p.full) >= LARGE_LP
     interior &= large
-    model = _model(p)
+    model = _model(p, p.idle)
     simplex, iterations = _highs(model), 0
     if not interior:
         start = suggest(p)
@@ -656,6 +662,7 @@ def _solve(
             return simplex, finished, iterations, False
     highs = _highs(model)
     highs.setOptionValue("solver", "ipm")
+    highs.setOptionValue("presolve", "on")  # else it ends short of tolerances where much ties
     finished, done = _run(highs, deadline)
     iterations += done
     if finished or _over(deadline):
@@ -679,7 +686,7 @@ def _portions(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
         work += iterations * _density(highs, rows)
         if work > WORK_EACH * rows:
             return finished, done
-        portion = rows // 8
+        portion = done  # HiGHS begins each anew, and where much ties never ends in short ones
 
 
 def _density(highs: highspy.Highs, rows: int) -> float:

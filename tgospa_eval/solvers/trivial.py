@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats, Ints, concatenated, places_of
+from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated, places_of
 from tgospa_eval.problem.paths import best_values, turns
 from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.states import States, connected_components
@@ -114,12 +114,11 @@ def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:
     """
     price = states.problem.switch_price
     if not price if isinstance(price, float) else not price.any():
-        _assign_steps(states, np.flatnonzero(states.entry >= 0), weights, prices)
-        _hold(states, weights)
+        assign_steps(states, np.ones(len(states.block_begin), bool), weights, prices)
         return np.zeros(0, np.int64)
     one_step = states.block_begin == states.block_end
     if one_step.any():
-        _assign_steps(states, np.flatnonzero(states.states_of(one_step)), weights, prices)
+        assign_steps(states, one_step, weights, prices)
     return places_of(~one_step)
 
 
@@ -148,6 +147,13 @@ def solve_rows(
         np.copyto(weights, best, where=states.states_of(mine))
     open_ones: Ints = left[~done[left]]
     return open_ones
+
+
+def assign_steps(states: States, blocks: Mask, weights: Floats, prices: Floats) -> None:
+    """Write weights (S,) and prices (K,) of some blocks that are best if switches are free."""
+    chosen = np.flatnonzero(states.states_of(blocks) & (states.entry >= 0))
+    _assign_steps(states, chosen, weights, prices)
+    _hold(states, weights)
 
 
 def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats) -> None:

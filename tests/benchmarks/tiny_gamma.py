@@ -1,0 +1,92 @@
+"""``python tests/benchmarks/tiny_gamma.py``: tiny switch penalties and p = 1 beside plain HiGHS.
+
+Seconds of the processor for random scenes, by `certified` and by the linear programme of the
+definition, with the defaults of SciPy: presolve, and tolerances of 1e-7 of c^p.
+"""
+
+import time
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.optimize import linprog
+
+from tgospa_eval import Certified, evaluate
+
+Floats = NDArray[np.float64]
+
+
+def scene(seed: int) -> tuple[Floats, Floats, float, float]:
+    """Truths, estimates, cutoff and switch penalty: everybody near everybody, most on a line."""
+    rng = np.random.default_rng(seed)
+    m, n, steps = rng.integers(2, 26, 3)
+    if rng.random() < 0.5:
+        n = m + rng.integers(-1, 2)
+    dimension = rng.choice([1, 1, 1, 2])
+    shift = rng.choice([0.0, 0.0, rng.uniform(0, 2)])  # far: nearly all assignments tie
+    truth, estimate = (rng.normal(x, 1, (steps, k, dimension)) for x, k in ((0, m), (shift, n)))
+    if rng.random() < 0.3:  # ties
+        truth, estimate = np.round(4 * truth) / 4, np.round(4 * estimate) / 4
+    return truth, estimate, 10.0 ** rng.uniform(0.3, 3), 10.0 ** rng.uniform(-9, -4)
+
+
+def programme(
+    truth: Floats, estimate: Floats, c: float, gamma: float
+) -> tuple[Floats, sparse.csr_array, sparse.csr_array]:
+    """Costs, capacities and transitions: gains of pairs, and a rise and a fall for each change."""
+    distance = np.linalg.norm(truth[:, :, None] - estimate[:, None], axis=3)
+    gain = 1.0 - np.minimum(distance / c, 1.0)
+    steps, m, n = gain.shape
+    pair = np.arange(gain.size).reshape(gain.shape)
+    slots = [group for step in pair for group in (*step, *step.T)]
+    row = np.repeat(np.arange(len(slots)), [len(slot) for slot in slots])
+    changes = (steps - 1) * m * n
+    size = gain.size + 2 * changes
+    capacities = sparse.csr_array(
+        (np.ones(len(row)), (row, np.concatenate(slots))), shape=(len(slots), size)
+    )
+    one = sparse.eye_array(changes)
+    before, after = (
+        sparse.csr_array((np.ones(changes), (np.arange(changes), at.ravel())), (changes, gain.size))
+        for at in (pair[:-1], pair[1:])
+    )
+    transitions = sparse.hstack((after - before, -one, one), "csr")
+    return np.append(-gain, np.full(2 * changes, 0.5 * gamma / c)), capacities, transitions
+
+
+@click.command(help=__doc__)
+@click.option("--scenes", default=200)
+@click.option("--first", default=0)
+def main(scenes: int, first: int) -> None:
+    """Print a line for each scene, and the ratios of all."""
+    ratios = []
+    for seed in range(first, first + scenes):
+        truth, estimate, c, gamma = scene(seed)
+        begin = time.process_time()
+        result = evaluate(truth, estimate, c, 1, gamma, solver=Certified(jobs=1))
+        own = time.process_time() - begin
+        costs, capacities, transitions = programme(truth, estimate, c, gamma)
+        full, still = np.ones(capacities.shape[0]), np.zeros(transitions.shape[0])
+        begin = time.process_time()
+        answer = linprog(
+            costs, A_ub=capacities, b_ub=full, A_eq=transitions, b_eq=still, method="highs"
+        )
+        plain = time.process_time() - begin
+        steps, m, n = *truth.shape[:2], estimate.shape[1]
+        total = c * (answer.fun + 0.5 * steps * (m + n))
+        ratios.append(own / plain)
+        click.echo(
+            f"{seed:4}  {m:2} x {n:2} x {steps:2}, {truth.shape[2]} d, c {c:8.3g}, "
+            f"gamma {gamma:7.1e}  {own:7.3f} s, HiGHS {plain:7.3f} s, ratio {ratios[-1]:6.2f}  "
+            f"{'exact' if result.certified else 'OPEN'}, that off by {total / result.total - 1:.0e}"
+        )
+    low, middle, high = np.quantile(ratios, [0.1, 0.5, 0.9])
+    click.echo(
+        f"ratio: {low:.2f}, {middle:.2f}, {high:.2f} (10, 50, 90 %), at most {max(ratios):.2f}; "
+        f"{sum(ratio > 5 for ratio in ratios)} of {scenes} above 5"
+    )
+
+
+if __name__ == "__main__":
+    main()
