@@ -148,12 +148,15 @@ def inside(
     seen = side.state[:, axes], earth
     there = seen if regions.origin is None else (on_earth(side.state, regions.origin), True)
     most, total = np.zeros((2, len(side.step)))
+    rings = np.array([s.rings[0] if s.kind == BOX else np.zeros(4) for s in regions.shapes])
     around: list[tuple[Ints, Ints]] = []  # rows and shapes that may have something in common
     for step, shapes in _placed(regions, side, tolerance, name).items():
         for rows, shape in _candidates(regions, shapes, side, step, spread=boxes):
             points, places = there if regions.shapes[shape[0]].kind in (CAP, GEOJSON) else seen
             if boxes:
-                share = _shares(regions, shape, side.state[rows])
+                of_box = regions.shapes[shape[0]].kind == BOX
+                several = rings[shape] if of_box else regions.shapes[shape[0]]
+                share = _shares(several, side.state[rows])
             else:
                 held = _holds(regions.shapes[shape[0]], points[rows, :2], earth=places)
                 share = held.astype(np.float64)
@@ -254,19 +257,15 @@ def _placed(
     return {where: np.array(numbers) for where, numbers in placed.items()}
 
 
-def _shares(regions: Regions, which: Ints, state: Floats) -> Floats:
-    """Share of the area of each of some boxes (N, 4) that is in its region, of those `which` (N,).
-
-    All regions are boxes, or it is one.
-    """
+def _shares(region: Shape | Floats, state: Floats) -> Floats:
+    """Share of the area of boxes (N, 4) that is in a region, or each in a box of its own (N, 4)."""
     begin, end = state[:, :2], state[:, :2] + state[:, 2:]
     area = (end - begin).prod(axis=1)
-    if regions.shapes[which[0]].kind == BOX:
-        box = np.array([regions.shapes[k].rings[0] for k in which.tolist()])
-        edges = np.minimum(end, box[:, :2] + box[:, 2:]) - np.maximum(begin, box[:, :2])
-        shared = np.maximum(edges, 0.0).prod(axis=1)
+    if isinstance(region, Shape):
+        shared = _shared([region], state)
     else:
-        shared = _shared([regions.shapes[which[0]]], state)
+        edges = np.minimum(end, region[:, :2] + region[:, 2:]) - np.maximum(begin, region[:, :2])
+        shared = np.maximum(edges, 0.0).prod(axis=1)
     share: Floats = np.divide(shared, area, out=np.zeros(len(area)), where=area > 0)
     return share
 
