@@ -96,7 +96,7 @@ class Programme:
         dual[columns] = -self.columns.price
         if kernels:
             dual[rows] = -self.potentials[rows]
-        dual[transitions] = -self.paid
+            dual[transitions] = -self.paid
         return dual
 
     @cached_property
