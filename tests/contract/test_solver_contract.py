@@ -65,7 +65,7 @@ def test_small_referee(sides: tuple[np.ndarray, np.ndarray], p: float, gamma: fl
 CUTOFFS = st.sampled_from([2.0, 5.0, 50.0])
 
 
-@settings(max_examples=15)
+@settings(max_examples=settings.default.max_examples * 3 // 4)
 @given(sides=few_among_many(longest=60), p=ORDERS, gamma=SWITCH, c=CUTOFFS)
 def test_few_among_many(
     sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, c: float
