@@ -14,7 +14,13 @@ from tgospa_eval.results.result import Result
 STAMPS = np.arange(-40, 80) / 4
 """All stamps that a scene, or a repair of it, may have."""
 
-NOTHING = ("no step is left", "no row is left", "weights of steps are 0", "no row of either")
+NOTHING = (
+    "no step is left",
+    "no multiple of it",
+    "no row is left",
+    "weights of steps are 0",
+    "no row of either",
+)
 """What is said where nothing is left to evaluate."""
 
 

@@ -39,6 +39,7 @@ REDUCTIONS = (
 )
 
 FITTING = "leave it out, or evaluate a part that fits into memory as one file"
+RESAMPLE_FIRST = "resample first: write both sides at common times, and give these"
 
 
 @dataclass(frozen=True)
@@ -280,7 +281,7 @@ class Request(Values):
         "Bring the estimate, or the truth, to the times of the other file: states on the straight "
         "line between two of a track, at most --max-gap apart. Never done unless asked for.",
         choices=INTERPOLATED,
-        parts="bring both to a common clock by --resample, or leave it out",
+        parts=RESAMPLE_FIRST,
     )
     max_gap: str | None = _files(
         "--max-gap DT[,DT]",
@@ -292,6 +293,7 @@ class Request(Values):
         "A common clock: both files are interpolated at every multiple of S (3s, 200ms, 2min; "
         "without unit where times are numbers), from the truth's first time to its last, each "
         "within its --max-gap. The way to compare trackers whose times differ.",
+        parts=RESAMPLE_FIRST,
     )
     steps: str | None = _files(
         "--steps FIRST:LAST[:EVERY]",

@@ -14,7 +14,6 @@ from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Status, Stopwatch
-from tgospa_eval.common.words import counted
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.engines.engine import Engine
 from tgospa_eval.engines.processes import PersistentPool, Processes
@@ -29,9 +28,9 @@ from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.input.listing import changed_file, stored
 from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, rows_together, scan_parts
-from tgospa_eval.partitioned.scan import Scanned, fitted_ranges
+from tgospa_eval.partitioned.scan import Scanned, fitted
 from tgospa_eval.partitioned.sides import PartsSide, open_side
-from tgospa_eval.partitioned.steps import BlockPlan, across_gaps, clock_of, find_steps
+from tgospa_eval.partitioned.steps import BlockPlan, clock_of, find_steps
 from tgospa_eval.partitioned.tables import write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
 from tgospa_eval.problem.metric_family import check_underflow
@@ -188,7 +187,7 @@ def evaluate_partitioned(
             result = _result(
                 known, axis, grid, cut, found, blocks, stopwatch, work, run, assignments=kept
             )
-            for notice in _notices(known, axis, grid, cut, found, read, blocks):
+            for notice in _notices(known, axis, grid, cut, blocks):
                 stopwatch.notify(str(notice))
     return replace(
         result,
@@ -292,7 +291,7 @@ def _result(
             role: input_record(
                 one.record,
                 digest_of_sums(one.trajectories.columns, one.sums),
-                {rule: 0 if cut.resampled else one.off},
+                {rule: one.off},
             )
             for role, one in zip(ROLES, known, strict=True)
         },
@@ -331,8 +330,6 @@ def _notices(
     axis: Axis,
     grid: Alignment,
     cut: BlockPlan,
-    found: Evaluated,
-    read: list[list[Json]],
     blocks: Sequence[Scanned],
 ) -> Iterator[Notice]:
     """What the user should know of the two sides."""
@@ -340,35 +337,7 @@ def _notices(
     for side, one in zip(cut.sides, known, strict=True):
         for text in side.said(one.left_out):
             yield Notice(text=f"{side.path}: {text}")
-    made, off = axis.made, (known[0].off, known[1].off)
-    if cut.resampled:
-        off = (0, 0)
-        truth = [block[0] for block in read]
-        across = sum(block["across"] for block in truth), 0
-        made = tuple(
-            (
-                name,
-                replace(
-                    old,
-                    between=int(states.sum()) - one.at_steps - wide,
-                    own=one.at_steps,
-                    unused=one.off,
-                ),
-            )
-            for (name, old), one, states, wide in zip(
-                made, known, found.objects, across, strict=True
-            )
-        )
-        tracks = len(set().union(*(block["ids"] for block in truth)))
-        gaps = known[0].taken - tracks - sum(block["narrow"] for block in truth)
-        if gaps:
-            long = f"the truth has {counted(gaps, 'gap')} longer than {matching.gaps[0]:.15g}: "
-            yield Notice(
-                text=f"{long}--ignore truth-gaps, what is within c of the line across is free"
-                if across_gaps(cut.request)
-                else f"{long}what the estimate reports in them is false (its cost is not worked "
-                "out of data in parts)"
-            )
+    off = known[0].off, known[1].off
     if any(off) and matching.steps is None:
         yield Notice(text=alignment_notices(replace(grid, left_out=off), matching)[-1])
     if cut.request.ignoring is not None:
@@ -378,7 +347,7 @@ def _notices(
         for text in cut.request.ignoring.told(ignored=ignored, excused=excused):
             yield Notice(text=text)
     check_left(matching, sum(one.at_steps for one in known), off)
-    yield from axis_notices(replace(axis, made=made, left_out=off), matching)
+    yield from axis_notices(replace(axis, left_out=off), matching)
 
 
 LOOKED_AT = 50_000
@@ -403,10 +372,7 @@ def look(cut: BlockPlan, grid: Alignment) -> list[Notice]:
     piece = cut.piece(first, last + 1)
     truth, estimate = (stretch.read().trajectories for stretch in piece.stretches)
     if request.time_matching.decided:
-        complete = piece.complete((truth, estimate))
-        ranges = fitted_ranges(piece, (truth, estimate), complete, request, names, LOOKED_AT)
-        first, sides, _ = next(ranges)
-        last = first + len(sides.alignment.truth.times) - 1
+        sides, _ = fitted(piece, (truth, estimate), request, names)
     else:  # of their own stamps what is wrong with clocks is seen
         sides = fit(truth, estimate, request, names)
     found = diagnose(sides, request)

@@ -24,7 +24,6 @@ from tgospa_eval.partitioned.components import (
     make_shards,
     number_tracks,
 )
-from tgospa_eval.partitioned.gaps import with_states_beyond
 from tgospa_eval.partitioned.scan import BESIDE, READ, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import (
     IGNORED_TRUTH,
@@ -33,7 +32,7 @@ from tgospa_eval.partitioned.shards import (
     solve_shard,
     sort_entries,
 )
-from tgospa_eval.partitioned.steps import BlockPlan, across_gaps
+from tgospa_eval.partitioned.steps import BlockPlan
 from tgospa_eval.partitioned.tables import found_in, looked_up, sums_beside
 from tgospa_eval.partitioned.tasks import Task, run_tasks
 from tgospa_eval.problem.certificate import lower_cost, upper_cost
@@ -397,24 +396,18 @@ def scan_parts(
     TgospaError
         Something is wrong with the data, or a process died.
     """
-    most = rows_together(memory)
     with stages.stopwatch.span("distances"):
-        pieces = cut.pieces(most)
-        if cut.resampled and across_gaps(cut.request):
-            crossing = partial(stages.run, "looking across gaps")
-            pieces = iter(with_states_beyond([*pieces], work / "gaps", crossing))
         tasks: dict[str, Task] = {
             str(work / SCANNED / f"{number:08d}"): partial(
-                scan, piece=piece, request=cut.request, names=cut.names, most=most
+                scan, piece=piece, request=cut.request, names=cut.names
             )
-            for number, piece in enumerate(pieces)
+            for number, piece in enumerate(cut.pieces(rows_together(memory)))
         }
         stages.run("searching near pairs", tasks)
     with stages.stopwatch.span("solve/preparation"):
         folders = [*map(Path, tasks)]
         read = [json.loads((folder / READ).read_text(encoding="utf-8")) for folder in folders]
-        ranges = (path for folder in folders for path in sorted(folder.iterdir()) if path.is_dir())
-        return read, [Scanned.load(folder) for folder in ranges]
+        return read, [Scanned.load(folder) for folder in folders]
 
 
 def evaluate_parts(

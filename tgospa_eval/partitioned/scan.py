@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,11 +18,10 @@ from tgospa_eval.evaluation.localisation import parts_of_distances
 from tgospa_eval.evaluation.prepare import Fitted, NearPairs, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.shards import ENTRY, marks_of
-from tgospa_eval.partitioned.steps import BlockPiece, Resampled
+from tgospa_eval.partitioned.steps import BlockPiece
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Arrays, Json
-from tgospa_eval.tracks.ignored import AWAY
 from tgospa_eval.tracks.judged import row_sums
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -30,26 +29,15 @@ PAIR = np.dtype([("truth", "<i4"), ("estimate", "<i4"), ("entries", "<i8")])
 """Tracks that come near each other, by their numbers in a block, and at how many steps."""
 
 
-def fitted_ranges(
-    piece: BlockPiece,
-    sides: Sides,
-    complete: Sides,
-    request: EvaluationRequest,
-    names: tuple[str, str],
-    most: int,
-) -> Iterator[tuple[int, Fitted, tuple[int, int]]]:
-    """Both sides of a block, as read and complete, on its steps in ranges of about so many states.
-
-    Of each range the number of its first step, the sides, and how many of their states were read.
-    """
-    for steps in piece.ranges(complete, most):
-        times = piece.times[steps]
-        truth, estimate = (
-            stretch.at(side, times) for stretch, side in zip(piece.stretches, complete, strict=True)
-        )
-        axis = Axis(sides=(truth[0], estimate[0]), horizon=truth[0])
-        fitted = fit(*sides, request, names, lambda _, axis=axis: axis)  # type: ignore[misc]
-        yield piece.low + steps.start, fitted, (truth[1], estimate[1])
+def fitted(
+    piece: BlockPiece, sides: Sides, request: EvaluationRequest, names: tuple[str, str]
+) -> tuple[Fitted, tuple[int, int]]:
+    """Both sides of a block on its steps, and how many of their rows are there."""
+    truth, estimate = (
+        stretch.at(side, piece.times) for stretch, side in zip(piece.stretches, sides, strict=True)
+    )
+    axis = Axis(sides=(truth[0], estimate[0]), horizon=truth[0])
+    return fit(*sides, request, names, lambda _: axis), (truth[1], estimate[1])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,22 +118,20 @@ READ = "read.json"
 
 
 def scan(
-    output: str, piece: BlockPiece, request: EvaluationRequest, names: tuple[str, str], most: int
+    output: str, piece: BlockPiece, request: EvaluationRequest, names: tuple[str, str]
 ) -> None:
     """Read a block and write what it has.
 
     Parameters
     ----------
     output : str
-        The folder that is written: `READ`, and a folder for each range of its steps.
+        The folder that is written: `READ`, and what `Scanned` has.
     piece : BlockPiece
         Which steps, and what is read of truth and estimate.
     request : EvaluationRequest
         What is asked.
     names : pair of str
         The sides, for messages.
-    most : int
-        States that are worked on together, about.
 
     Raises
     ------
@@ -154,15 +140,9 @@ def scan(
     """
     readings = [stretch.read() for stretch in piece.stretches]
     sides = readings[0].trajectories, readings[1].trajectories
-    complete = piece.complete(sides)
-    own, across = np.zeros(2, np.int64), 0
+    on_steps, own = fitted(piece, sides, request, names)
     with writing_folder(output) as folder:
-        for number, (low, fitted, unchanged) in enumerate(
-            fitted_ranges(piece, sides, complete, request, names, most)
-        ):
-            own += unchanged
-            across += int(np.count_nonzero(fitted.alignment.truth.attributes.get(AWAY, ())))
-            _write_range(folder / f"{number:05d}", low, fitted, request)
+        _write_block(folder, piece.low, on_steps, request)
         known: list[Json] = [
             {
                 "left_out": reading.left_out,
@@ -170,16 +150,12 @@ def scan(
                 "at_steps": count,
                 "warnings": [vars(notice) for notice in reading.warnings],
             }
-            for reading, count in zip(readings, own.tolist(), strict=True)
+            for reading, count in zip(readings, own, strict=True)
         ]
-        truth = piece.stretches[0]
-        if isinstance(truth, Resampled):
-            known[0] |= {"narrow": truth.narrow(complete[0]), "ids": sides[0].ids.tolist()}
-            known[0]["across"] = across
         (folder / READ).write_text(json.dumps(known), encoding="utf-8")
 
 
-def _write_range(folder: Path, low: int, fitted: Fitted, request: EvaluationRequest) -> None:
+def _write_block(folder: Path, low: int, fitted: Fitted, request: EvaluationRequest) -> None:
     """Write the near pairs of some steps, the first of this number, and what `Scanned` has."""
     near, problem, beside = _problem(fitted, request)
     aligned, kinds = (fitted.alignment.truth, fitted.alignment.estimate), fitted.distance.kinds
@@ -207,7 +183,6 @@ def _write_range(folder: Path, low: int, fitted: Fitted, request: EvaluationRequ
         found[f"{role}_rows"] = np.bincount(side.track, minlength=len(side.ids))
         found[f"{role}_unjudged"] = np.bincount(side.step[mask], minlength=len(side.times))
         found[f"{role}_unjudged_rows"] = np.bincount(side.track[mask], minlength=len(side.ids))
-    folder.mkdir()
     np.save(folder / "entries.npy", entry)
     if beside:
         np.savez(folder / BESIDE, **beside)  # type: ignore[arg-type]
