@@ -15,6 +15,9 @@ import numpy as np
 import pytest
 import yaml
 
+import tgospa_eval
+from tgospa_eval.campaign.gate_report import GATE_REPORTS
+
 Invoke = Callable[..., Any]
 
 STEPS = 20
@@ -134,6 +137,44 @@ def test_an_equal_tracker_passes_and_nothing_can_be_tightened(gate: Invoke) -> N
     assert "tightened" not in answer.out
     runs(-0.2, 4)
     assert "baseline can be tightened" in gate().out
+
+
+def without_seconds(report: Any) -> Any:
+    """A report of JSON without times and the command that accepts it."""
+    if isinstance(report, dict):
+        kept = report.keys() - {"seconds", "update"}
+        return {key: without_seconds(report[key]) for key in kept}
+    return [*map(without_seconds, report)] if isinstance(report, list) else report
+
+
+def test_python_judges_a_suite(gate: Invoke) -> None:
+    runs(0.14, 2)
+    answer = gate("--format", "json")
+    judged = tgospa_eval.gate(suite="suite.toml")
+    assert not judged
+    assert judged.result is None
+    text = GATE_REPORTS["json"](judged.report)
+    assert without_seconds(json.loads(text)) == without_seconds(json.loads(answer.out))
+    table = judged.findings
+    assert set(table[table.verdict == "fail"].pair) >= {"all", "slow"}
+    assert any("inferred of the tracker" in note for note in judged.notes)
+    assert tgospa_eval.gate(suite="suite.toml", fail_on="total:+90%", group="scene")
+    renewed = tgospa_eval.gate(suite="suite.toml", update_baseline=True, only="slow/*")
+    assert renewed.report.tally == {"updated": 5, "unchanged": 10, "removed": 0}
+    with pytest.raises(tgospa_eval.ConfigError, match="group is for suites"):
+        tgospa_eval.gate("a.csv", "b.csv", "c.json", group="scene")
+    with pytest.raises(TypeError, match="takes truth, estimate and baseline; or suite"):
+        tgospa_eval.gate("a.csv", suite="suite.toml")
+
+
+def test_processes_find_what_one_finds(gate: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("out/slow/2.csv").unlink()
+    write("out/fast/3.csv", "id,t,x,y\na,1,2\n")
+    alone = gate("--format", "json", "--jobs", "1")
+    monkeypatch.setattr(tgospa_eval.api.gate, "PATIENCE", 0.0)
+    several = gate("--format", "json", "--jobs", "2")
+    assert (several.status, several.err) == (alone.status, alone.err)
+    assert without_seconds(json.loads(several.out)) == without_seconds(json.loads(alone.out))
 
 
 def test_other_seeds_are_no_proof(gate: Invoke) -> None:

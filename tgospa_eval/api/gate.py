@@ -12,9 +12,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.evaluate import evaluate
+from tgospa_eval.api.evaluate import evaluate, evaluate_sides, read_sides
 from tgospa_eval.api.keywords import KEYWORDS, with_options
-from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, Request, Values, typed
+from tgospa_eval.api.notices import about_run
+from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, SETTINGS, Request, Values, typed
+from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.campaign.baseline import (
     Baseline,
     Measured,
@@ -48,10 +50,13 @@ from tgospa_eval.campaign.suite import (
 from tgospa_eval.campaign.target import Target
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, in_python
+from tgospa_eval.common.notices import Notice, in_python, warn_user
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import natural
 from tgospa_eval.common.writing import write_file
-from tgospa_eval.errors import ConfigError, InputError, TgospaError
+from tgospa_eval.engines.engine import spread
+from tgospa_eval.engines.processes import Processes
+from tgospa_eval.errors import ConfigError, InputError, SolverError, TgospaError
 from tgospa_eval.evaluation.sides import TrajectoriesLike
 from tgospa_eval.reports.files import PROOF, write_texts
 from tgospa_eval.results.consistency import NEES
@@ -76,13 +81,21 @@ RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
 
 ACCURACY_KEYS = tuple(name.replace("_", "-") for name in ACCURACY)
 
-Evaluated = tuple[Measured, Mapping[str, object], Mapping[str, Any]]
-"""What came out of a pair, the options that made it, and more for its outcome."""
+PATIENCE = 2.0
+"""Seconds of work before processes are started, which takes about as long."""
 
-EvaluatePair = Callable[[str, str, Request, Callable[[str], None]], tuple[Summary, bool]]
-"""Of two files."""
+SHOWN = 10.0
+"""Seconds between two lines of progress."""
 
-Evaluate = Callable[[Pair, Json | None], Evaluated]
+Evaluated = tuple[Measured | TgospaError, Mapping[str, object], Mapping[str, Any]]
+"""Values of a pair or what is wrong with it, the options that made them, more for its outcome."""
+
+Evaluate = Callable[[Sequence[Pair], Baseline], Iterator[Evaluated]]
+"""Answers of pairs, in their order; a baseline may have options of them."""
+
+Work = Callable[[], Summary]
+Run = Callable[[Work, Stopwatch], Summary]
+"""Runs the work of one pair; the command line shows how far it is, and lets Ctrl-C stop it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,6 +136,7 @@ class GateOptions(Values):
     junit: str | None = None
     proof: str | None = None
     quiet: bool = False
+    verbose: bool = False
     config: SettingsFile | None = None
 
     def given(self, *sources: str) -> dict[str, object]:
@@ -222,8 +236,8 @@ def judge_all(
     gate: GateOptions,
     truth: str | None,
     estimate: str | None,
-    evaluate_pair: EvaluatePair,
     notify: Callable[[str], None],
+    run: Run = lambda work, _: work(),
 ) -> Report:
     """Judge a pair of files, the pairs of a suite or the jobs of a store; or make the baseline.
 
@@ -235,11 +249,10 @@ def judge_all(
         What to judge by.
     truth, estimate : str, optional
         Two files; or the store that is judged, with another one in front that is the baseline.
-    evaluate_pair : callable
-        Evaluates two files, and hands lines for the user on: the result, and whether the accuracy
-        that was asked for is reached.
     notify : callable
         Gets lines for the user.
+    run : callable, optional
+        Runs the work of a pair in this process; by default it is called.
 
     Raises
     ------
@@ -264,11 +277,15 @@ def judge_all(
             for name, row in table.items()
         ]
 
-        def evaluated(pair: Pair, _: Json | None) -> Evaluated:
-            row = table[pair.name]
-            warnings = tuple(Notice(**record) for record in json.loads(row["warnings"]))
-            about = {"seconds": float(row["seconds"]), "warnings": warnings}
-            return measured_row(row), _row_options(row, settings, path or ""), about
+        def evaluated(pairs: Sequence[Pair], _: Baseline) -> Iterator[Evaluated]:
+            for row in (table[pair.name] for pair in pairs):
+                warnings = tuple(Notice(**record) for record in json.loads(row["warnings"]))
+                about = {"seconds": float(row["seconds"]), "warnings": warnings}
+                used = _row_options(row, settings, path or "")
+                try:
+                    yield measured_row(row), used, about
+                except TgospaError as error:
+                    yield error, used, about
 
         old = load_baseline(path) if path else None
         return _report(gate, pairs, [], path or "", old, evaluated, folder)
@@ -292,7 +309,7 @@ def judge_all(
         groups,
         path,
         old,
-        lambda pair, entry: _evaluated(gate, pair, entry, path, groups, evaluate_pair, notify),
+        lambda pairs, old: _evaluated(gate, pairs, old, path, groups, notify, run),
         "the suite",
     )
 
@@ -417,42 +434,43 @@ def _judged(
     labels = {name: entry.get("labels", {}) for name, entry in old.items()}
     labels |= {pair.name: pair.labels for pair in pairs}
     results: dict[str, Measured] = {}
-    outcomes = []
+    outcomes: dict[str, PairOutcome] = {}
+    chosen: list[Pair] = []
+    tables = {
+        pair.name: [table for table in groups if table.has(pair.labels) and not pair.is_new]
+        for pair in pairs
+    }
     for pair in pairs:
-        entry, begin = old.get(pair.name), time.monotonic()
-        tables = [table for table in groups if table.has(pair.labels) and not pair.is_new]
         if pair.fault:
-            outcomes.append(PairOutcome.of(pair, Verdict.ERROR, pair.fault))
-            continue
-        if path and entry is None and not pair.is_new and not (tables and baseline):
-            outcomes.append(PairOutcome.of(pair, Verdict.INCOMPARABLE, missing))
-            continue
-        try:
-            now, _, about = evaluated(pair, entry)
-        except TgospaError as error:
-            about = {"status": error.exit_status, "seconds": time.monotonic() - begin}
-            outcomes.append(PairOutcome.of(pair, Verdict.ERROR, str(error), **about))
-            continue
-        about = {"seconds": time.monotonic() - begin, **about}
-        if not pair.is_new:
+            outcomes[pair.name] = PairOutcome.of(pair, Verdict.ERROR, pair.fault)
+        elif not path or pair.name in old or pair.is_new or (tables[pair.name] and baseline):
+            chosen.append(pair)
+        else:
+            outcomes[pair.name] = PairOutcome.of(pair, Verdict.INCOMPARABLE, missing)
+    for pair, (now, _, about) in zip(chosen, evaluated(chosen, old), strict=True):
+        entry = old.get(pair.name)
+        if isinstance(now, TgospaError):
+            about = {"status": now.exit_status, **about}
+            outcome = PairOutcome.of(pair, Verdict.ERROR, str(now), **about)
+        elif path and entry is None and not pair.is_new:
+            outcome = PairOutcome.of(pair, Verdict.PASS, IN_GROUP, values=now.values, **about)
+        else:
+            noisy = any(table.seed in pair.labels for table in tables[pair.name])
+            outcome = judged_outcome(pair, now, entry, rules[pair.name], noisy=noisy, **about)
+            notes = (*outcome.notes, *([NEW] if pair.is_new else []))
+            outcome = replace(outcome, notes=notes)
+        if isinstance(now, Measured) and not pair.is_new:
             results[pair.name] = now
-        if path and entry is None and not pair.is_new:
-            about |= {"values": now.values}
-            outcomes.append(PairOutcome.of(pair, Verdict.PASS, IN_GROUP, **about))
-            continue
-        noisy = any(table.seed in pair.labels for table in tables)
-        judged = judged_outcome(pair, now, entry, rules[pair.name], noisy=noisy, **about)
-        notes = (*judged.notes, *([NEW] if pair.is_new else []))
-        outcomes.append(replace(judged, notes=notes))
-    if len(pairs) > MAX_PAGES:
-        outcomes = [replace(one, page="") if not one.status else one for one in outcomes]
+        hidden = len(pairs) > MAX_PAGES and not outcome.status
+        outcomes[pair.name] = replace(outcome, page="") if hidden else outcome
+    judged = [outcomes[pair.name] for pair in pairs]
     if baseline is not None:
-        failed = [one.name for one in outcomes if one.verdict is Verdict.ERROR]
-        outcomes = [*judge_groups(groups, results, old, labels, failed), *outcomes]
+        failed = [one.name for one in judged if one.verdict is Verdict.ERROR]
+        judged = [*judge_groups(groups, results, old, labels, failed), *judged]
     named = {name for name in old if any(table.has(labels[name]) for table in groups)}
     named |= {pair.name for pair in pairs}
     note = f"in the baseline and not in {whence}; --update-baseline --prune removes it"
-    return outcomes + leftover(old, named, Verdict.INCOMPARABLE, note)
+    return judged + leftover(old, named, Verdict.INCOMPARABLE, note)
 
 
 MAX_PAGES = 200
@@ -484,14 +502,14 @@ def _updated(
     if not chosen and not any(map(gate.chosen, old)):
         raise ConfigError(f"--only {' --only '.join(gate.only)}: no pair is called so")
     new, outcomes = dict(old), []
-    for pair in chosen:
-        before, begin = old.get(pair.name), time.monotonic()
+    for pair, (now, options, about) in zip(chosen, evaluated(chosen, old), strict=True):
+        before = old.get(pair.name)
         try:
-            now, options, about = evaluated(pair, before)
+            if isinstance(now, TgospaError):
+                raise now
             new[pair.name] = make_entry(now, options, pair.labels)
         except TgospaError as error:
             raise type(error)(f"{gate.prefix(pair)}{error}") from None
-        about = {"seconds": time.monotonic() - begin, **about}
         outcomes.append(updated_outcome(pair, before, new[pair.name], now, **about))
     names = {pair.name for pair in pairs}
     gone = [name for name in old if name not in names and gate.chosen(name)]
@@ -595,47 +613,179 @@ def _pairs(
     return pairs, groups, baseline
 
 
+@dataclass(frozen=True, kw_only=True)
+class PairTask:
+    """A pair of files with everything that a worker needs.
+
+    Parameters
+    ----------
+    pair : Pair
+        The files.
+    options : Request
+        Options of the evaluation.
+    proof : str, optional
+        Folder to which the proof is written.
+    page : bool
+        Whether a page is made.
+    quiet, verbose : bool
+        Which lines there are for the user.
+    """
+
+    pair: Pair
+    options: Request
+    proof: str | None
+    page: bool
+    quiet: bool
+    verbose: bool
+
+
+Answer = tuple[str, Measured | TgospaError, bool, Mapping[str, Any], Sequence[str]]
+"""Name of the pair, its values, whether the accuracy is reached, more for the outcome, lines."""
+
+
+def evaluate_pair(
+    task: PairTask, run: Run = lambda work, _: work(), say: Callable[[str], None] | None = None
+) -> Answer:
+    """The answer of a pair; `say` gets lines for the user at once, else the answer has them."""
+    begin, lines = time.monotonic(), list[str]()
+    say = say or lines.append
+
+    def notify(notice: Notice) -> None:
+        if notice.code or not task.quiet:
+            say(str(notice))
+
+    now: Measured | TgospaError
+    about: dict[str, Any] = {}
+    finished, files = False, (task.pair.truth, task.pair.estimate)
+    try:
+        settings, stopwatch = make_settings(task.options), Stopwatch()
+        if not task.quiet:
+            stopwatch.notify = say
+
+        def work() -> Summary:
+            sides = read_sides(settings, *files, stopwatch, notify)
+            return evaluate_sides(settings, sides, stopwatch, notify)
+
+        result = run(work, stopwatch)
+        for text in about_run(result, settings, stopwatch, verbose=task.verbose):
+            say(text)
+        now, finished, about["warnings"] = measured(result), result.finished, result.warnings
+        if task.proof is not None:
+            from tgospa_eval.reports.proofs import proof_files  # here: few ask for proofs
+
+            texts = proof_files(result, task.options.given)
+            write_texts(texts, task.proof, PROOF, force=False, option="--proof")
+        if task.page:
+            from tgospa_eval.reports.html import page  # here: for folders only
+
+            about["page"] = page(result, files)
+    except TgospaError as error:
+        now = error
+    return task.pair.name, now, finished, about | {"seconds": time.monotonic() - begin}, lines
+
+
+def lost_pair(task: PairTask) -> Answer:
+    """The answer of a pair whose process died, also when nothing else was worked on."""
+    return task.pair.name, SolverError("its process died"), False, {}, ()
+
+
 def _evaluated(
     gate: GateOptions,
-    pair: Pair,
-    entry: Json | None,
+    pairs: Sequence[Pair],
+    old: Baseline,
     path: str,
     groups: Sequence[GroupTable],
-    evaluate_pair: EvaluatePair,
     notify: Callable[[str], None],
-) -> Evaluated:
-    """A pair of files, read and evaluated."""
-    given, prefix = gate.resolve(pair, entry, path), gate.prefix(pair)
+    run: Run,
+) -> Iterator[Evaluated]:
+    """Pairs of files, read and evaluated, by processes where that takes long."""
+    given: dict[str, dict[str, object]] = {}
+    tasks: list[PairTask] = []
+    waiting: dict[str, Answer] = {}
+    for pair in pairs:
+        try:
+            given[pair.name] = gate.resolve(pair, old.get(pair.name), path)
+            tasks.append(_task(gate, pair, given[pair.name], groups))
+        except TgospaError as error:
+            waiting[pair.name] = pair.name, error, False, {}, ()
+    answers = _answers(gate, tasks, notify, run)
+    keys = {name: key for key, name in NAMES.items()}
+    for pair in pairs:
+        while pair.name not in waiting:
+            answer = next(answers)
+            waiting[answer[0]] = answer
+        _, now, finished, about, lines = waiting.pop(pair.name)
+        for text in lines:
+            notify(gate.prefix(pair) + text)
+        if isinstance(now, TgospaError):
+            yield now, {}, about
+            continue
+        # Settings of a solver that did not reach its accuracy are left out: a later run would
+        # inherit them.
+        recorded = {
+            keys[name]: value
+            for name, value in given[pair.name].items()
+            if keys[name] not in WITHOUT_EFFECT and value not in (None, ())
+            if finished or keys[name] not in ACCURACY_KEYS
+        }
+        used = {key: now.parameters[name] for key, name in CHOSEN_BY_DATA.items()}
+        yield now, _portable(recorded | used, path), about
+
+
+CHOSEN_BY_DATA = {"cutoff": "cutoff", "switch-penalty": "switch_penalty"}
+"""Options that a baseline has in any case, by their names; and parameters."""
+
+
+def _task(
+    gate: GateOptions,
+    pair: Pair,
+    given: Mapping[str, object],
+    groups: Sequence[GroupTable],
+) -> PairTask:
+    """The task of a pair with these options."""
     rules = [*gate.rules(pair, default=False), *(rule for table in groups for rule in table.rules)]
     nees = {"with_": NEES} if any(rule.path in OF_NEES for rule in rules) else {}
-    options = Request.of({**given, **nees})
-    result, finished = evaluate_pair(
-        pair.truth, pair.estimate, options, lambda text: notify(prefix + text)
-    )
-    # Settings of a solver that did not reach its accuracy are left out: a later run would inherit
-    # them.
-    keys = {name: key for key, name in NAMES.items()}
-    recorded = {
-        keys[name]: value
-        for name, value in given.items()
-        if keys[name] not in WITHOUT_EFFECT and value not in (None, ())
-        if finished or keys[name] not in ACCURACY_KEYS
-    }
-    used = result.proof.parameters
-    recorded |= {"cutoff": used.cutoff, "switch-penalty": used.switch_penalty}
+    folder = None
     if gate.proof is not None:
-        from tgospa_eval.reports.proofs import folder_name, proof_files
+        from tgospa_eval.reports.proofs import folder_name  # here: few ask for proofs
 
         of = "baseline" if gate.update_baseline else "run"
         folder = os.path.join(gate.proof, of, *([folder_name(pair.name)] if gate.suite else []))
-        files = proof_files(result, options.given)
-        write_texts(files, folder, PROOF, force=False, option="--proof")
-    about: dict[str, Any] = {"warnings": result.warnings}
-    if gate.output is not None:
-        from tgospa_eval.reports.html import page  # here: for folders only
+    return PairTask(
+        pair=pair,
+        options=Request.of({**given, **nees}),
+        proof=folder,
+        page=gate.output is not None,
+        quiet=gate.quiet,
+        verbose=gate.verbose,
+    )
 
-        about["page"] = page(result, (pair.truth, pair.estimate))
-    return measured(result), _portable(recorded, path), about
+
+def _answers(
+    gate: GateOptions,
+    tasks: Sequence[PairTask],
+    notify: Callable[[str], None],
+    run: Run,
+) -> Iterator[Answer]:
+    """Answers as they are ready: of this process at first, and of several if that takes long."""
+    begin = shown = time.monotonic()
+    done = 0
+    for task in tasks:
+        if done and len(tasks) - done > 1 and time.monotonic() - begin > PATIENCE:
+            break
+        prefix = gate.prefix(task.pair)
+        yield evaluate_pair(task, run, lambda text, prefix=prefix: notify(prefix + text))  # type: ignore[misc]
+        done += 1
+    rest = [replace(task, options=replace(task.options, jobs=1)) for task in tasks[done:]]
+    engine = Processes(tasks[0].options.jobs if tasks else None)
+    for answer in spread(evaluate_pair, rest, lost_pair, engine) if rest else ():
+        yield answer
+        done += 1
+        now = time.monotonic()
+        if not gate.quiet and now - shown > SHOWN:
+            left = (now - begin) / done * (len(tasks) - done)
+            shown = now
+            notify(f"{done} of {len(tasks)} pairs, about {left:.0f} s left")
 
 
 def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:
@@ -768,12 +918,12 @@ class GateResult:
     ----------
     report : Report
         Verdict, findings and notes.
-    result : Result
-        What was judged.
+    result : Result, optional
+        The evaluation that was judged; of a suite there are many, and none is kept.
     """
 
     report: Report
-    result: "Result"
+    result: "Result | None" = None
 
     @property
     def verdict(self) -> str:
@@ -788,15 +938,20 @@ class GateResult:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know: reasons, remedies."""
-        return self.report.outcomes[0].notes
+        return tuple(note for outcome in self.report.outcomes for note in outcome.notes)
 
     @cached_property
     def findings(self) -> "pd.DataFrame":
-        """A row for each rule: value, limit, verdict."""
+        """A row for each rule: value, limit, verdict; of a suite of each pair and group."""
         import pandas as pd  # here: slow to import
 
-        found = pd.DataFrame([finding_record(one) for one in self.report.outcomes[0].findings])
-        return found.rename(columns={"lower": "lower_bound", "upper": "upper_bound"})
+        records = [
+            {**({} if self.result else {"pair": outcome.name}), **finding_record(finding)}
+            for outcome in self.report.outcomes
+            for finding in outcome.findings
+        ]
+        table = pd.DataFrame(records)
+        return table.rename(columns={"lower": "lower_bound", "upper": "upper_bound"})
 
     def __bool__(self) -> bool:
         return self.passed
@@ -809,14 +964,21 @@ class GateResult:
 
 @with_options()
 def gate(
-    truth: "TrajectoriesLike",
-    estimate: "TrajectoriesLike",
-    baseline: "str | os.PathLike[str]",
+    truth: "TrajectoriesLike | None" = None,
+    estimate: "TrajectoriesLike | None" = None,
+    baseline: "str | os.PathLike[str] | None" = None,
     *,
+    suite: "str | os.PathLike[str] | None" = None,
+    against: str | None = None,
     fail_on: str | Iterable[str] = (),
     warn_on: str | Iterable[str] = (),
     limits: Mapping[str, float] | None = None,
+    group: str | None = None,
+    confidence: float | None = None,
+    seed_label: str | None = None,
     update_baseline: bool = False,
+    only: str | Iterable[str] = (),
+    prune: bool = False,
     **options: Any,
 ) -> GateResult:
     """Judge an estimate against a baseline, as ``tgospa-eval gate`` does.
@@ -828,18 +990,34 @@ def gate(
     ----------
     truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
         As for `evaluate`.
-    baseline : str or path
-        The JSON file that an update makes; the command reads and makes the same.
+    baseline : str or path, optional
+        The JSON file that an update makes; the command reads and makes the same. A suite may name
+        its own.
+    suite : str or path, optional
+        TOML file that lists several pairs of files, instead of `truth` and `estimate`.
+    against : str, optional
+        Git revision or folder whose suite, baseline, truths and configuration judge.
     fail_on : str or iterable of str
         Rules, ``"total:+2%"`` or ``"nees:1.5..2.5"``; ``"total:+0.001%"`` by default.
     warn_on : str or iterable of str
         Rules that only warn.
     limits : mapping of str to float, optional
         Largest values that do not depend on the baseline: ``{"tgospa": 50.0}``.
+    group : str, optional
+        Labels of a suite by which pairs are added up, and the sums judged: ``"scenario"``.
+    confidence : float, optional
+        Of conclusions from runs with other seeds; 0.95 by default.
+    seed_label : str, optional
+        Label in which the runs of one scene differ; ``"seed"`` by default.
     update_baseline : bool
         Whether to make the baseline, or to replace it, instead.
+    only : str or iterable of str
+        Patterns of the pairs of a suite whose entries an update renews.
+    prune : bool
+        Whether an update removes entries of pairs that the suite no longer has.
 
-    What is not given is that of the baseline, and else as for `evaluate`.
+    An option that is not given is that of the baseline or the suite, and else as for `evaluate`.
+    Options of a suite are texts and numbers: no records, matrices or tables.
 
     Returns
     -------
@@ -849,20 +1027,37 @@ def gate(
     Raises
     ------
     ConfigError, InputError
-        As for `evaluate`; a rule is wrong, or the baseline cannot be read.
+        As for `evaluate`; a rule is wrong, or the baseline or the suite cannot be read.
+    TypeError
+        Neither two sides and a baseline nor a suite are given.
     """
-    path = os.fspath(baseline)
-    old = load(path)
-    if old and ONLY_PAIR not in old:
-        raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name another")
-    pair = Pair(name=ONLY_PAIR, truth=_called(truth, "truth"), estimate=_called(estimate, ""))
     judge_by = GateOptions(
-        baseline=path,
+        suite=None if suite is None else os.fspath(suite),
+        baseline=None if baseline is None else os.fspath(baseline),
+        against=against,
         update_baseline=update_baseline,
         fail_on=tuple(_texts(fail_on)),
         warn_on=tuple(_texts(warn_on)),
         maximum=tuple(f"{name}={value!r}" for name, value in (limits or {}).items()),
+        group=group,
+        confidence=confidence,
+        seed_label=seed_label,
+        only=(only,) if isinstance(only, str) else tuple(only),
+        prune=prune,
+        quiet=True,
     )
+    if suite is not None and truth is None and estimate is None:
+        return _gate_of_suite(judge_by, options)
+    if truth is None or estimate is None or baseline is None or suite is not None:
+        raise TypeError("gate() takes truth, estimate and baseline; or suite")
+    for name in ("against", "group", "confidence", "seed_label", "only", "prune"):
+        if getattr(judge_by, name) not in (None, (), False):
+            raise ConfigError(f"--{name.replace('_', '-')} is for suites")
+    path = str(judge_by.baseline)
+    old = load(path)
+    if old and ONLY_PAIR not in old:
+        raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name another")
+    pair = Pair(name=ONLY_PAIR, truth=_called(truth, "truth"), estimate=_called(estimate, ""))
     judge_by.rules(pair)  # wrong ones before any work
     kept = old[ONLY_PAIR]["options"] if old else {}
     inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
@@ -877,10 +1072,32 @@ def gate(
     }
     now = measured(result)
     about = {"warnings": result.warnings, "seconds": 0.0}
-    report = _report(judge_by, [pair], [], path, old, lambda *_: (now, recorded, about), "")
-    (outcome,) = report.outcomes
-    outcome = replace(outcome, notes=tuple(in_python(note, reads=False) for note in outcome.notes))
-    return GateResult(report=replace(report, outcomes=(outcome,)), result=result)
+    report = _report(judge_by, [pair], [], path, old, lambda *_: iter([(now, recorded, about)]), "")
+    return GateResult(report=_in_python(report), result=result)
+
+
+def _gate_of_suite(judge_by: GateOptions, options: Mapping[str, Any]) -> GateResult:
+    """Judge a suite by options that are texts and numbers, as those of a batch."""
+    given = {name: value for name, value in options.items() if value is not None}
+    values = typed({SETTINGS[name].key: value for name, value in given.items()}, "gate")
+    named = ("baseline", "suite", *RULE_PARAMETERS.values())
+    chosen = {name for name in named if getattr(judge_by, name)}
+    sources = dict.fromkeys(NAMES.values(), "default")
+    sources |= dict.fromkeys({*chosen, *given}, "commandline")
+    judge_by = replace(judge_by, evaluation=Request.of(values), sources=sources)
+    warnings: list[str] = []
+    report = judge_all(judge_by, None, None, warnings.append)
+    warn_user([Notice(text=in_python(text)) for text in warnings])
+    return GateResult(report=_in_python(report))
+
+
+def _in_python(report: Report) -> Report:
+    """A report whose notes name options as keywords."""
+    outcomes = (
+        replace(one, notes=tuple(in_python(note, reads=False) for note in one.notes))
+        for one in report.outcomes
+    )
+    return replace(report, outcomes=tuple(outcomes))
 
 
 def _texts(given: str | Iterable[str]) -> list[str]:

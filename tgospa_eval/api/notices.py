@@ -1,10 +1,15 @@
-"""What the user should know of files and of the choice of options, before anything is solved."""
+"""What the user should know of files, of the choice of options, and of how a solver ended."""
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from tgospa_eval.api.distance import USUAL, notices
 from tgospa_eval.api.options import Request
+from tgospa_eval.api.resolve import Settings
 from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.common.words import counted
 from tgospa_eval.evaluation.diagnosis import (
     alignment_notices,
     axis_notices,
@@ -15,7 +20,11 @@ from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.results.summary import Summary
 from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
+
+NARROWEST = 1e-12
+"""Relative gap below which the outward rounding of the bounds may keep them apart."""
 
 
 def slow_notice() -> Iterator[Notice]:
@@ -97,3 +106,50 @@ def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
             if name in used
         )
         yield f"default {shown}; choose with {' and '.join(f'--{name}' for name in used)}"
+
+
+def about_run(
+    result: Summary, settings: Settings, stopwatch: Stopwatch, *, verbose: bool
+) -> Iterator[str]:
+    """How it went, if that is asked for, and where the accuracy is not reached."""
+    if verbose:
+        yield from _progress(result, stopwatch)
+    if not result.finished:
+        yield from _not_reached(result, settings)
+
+
+def _not_reached(result: Summary, settings: Settings) -> Iterator[str]:
+    """Where the accuracy that was asked for is not reached."""
+    if result.certified:
+        asked = ((result.traced, "step", " of the curve"), (result.slid, "window", ""))
+        for found, what, of in asked:
+            missed = 0 if found is None else int(np.count_nonzero(~found.met(result.gap)))
+            if missed:
+                where = f"{counted(missed, what)}{of}"
+                yield f"accuracy not reached at {where}, asked was {result.gap:g}"
+        return
+    asked_gap = f", asked was {result.gap:g}" if settings.evaluation.solver.proves else ""
+    narrowest = ""
+    if result.gap < NARROWEST:
+        narrowest = f": bounds are rounded outward, ask for no less than {NARROWEST:g}"
+    yield (
+        f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
+        f"{result.relative_gap:.2g}{asked_gap}{narrowest}"
+    )
+
+
+def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
+    """Times of the stages, and how the solver came near."""
+    for name, seconds in stopwatch.spans.items():
+        yield f"{name:<20} {seconds:9.3f} s"
+    if stopwatch.work:
+        yield (
+            f"{'one state':<20} {stopwatch.nanoseconds:9.1f} ns in half a sweep, of "
+            f"{stopwatch.work} done"
+        )
+    for check in result.solver["history"]:
+        yield (
+            f"sweep {check['sweep']:5d}  epsilon {check['epsilon']:<7g} "
+            f"violation {check['violation']:.1e}  total {check['lower']:.9g} to "
+            f"{check['upper']:.9g}"
+        )

@@ -25,9 +25,9 @@ from tgospa_eval.errors import ConfigError, TgospaError
 
 if TYPE_CHECKING:
     from tgospa_eval.api.gate import GateOptions
-    from tgospa_eval.api.options import Request
     from tgospa_eval.campaign.outcome import Report
     from tgospa_eval.cli.shared.click_options import OutputOptions
+    from tgospa_eval.common.progress import Stopwatch
     from tgospa_eval.results.summary import Summary
 
 TYPED = "tgospa_eval.typed"
@@ -180,25 +180,20 @@ def _run(
     from tgospa_eval.campaign.gate_report import GATE_REPORTS
     from tgospa_eval.campaign.outcome import PairOutcome, Report
     from tgospa_eval.campaign.rules import Verdict, worst
-    from tgospa_eval.cli.shared.click_options import OutputOptions
+    from tgospa_eval.cli.shared.progress import run
     from tgospa_eval.reports.files import GATE, probe_folder
 
-    def evaluated(
-        truth: str, estimate: str, options: "Request", tell: Callable[[str], None]
-    ) -> "tuple[Summary, bool]":
-        from tgospa_eval.cli.evaluate.run import evaluate_files  # here: stores do without
-
-        shown = OutputOptions(quiet=output.quiet, verbose=output.verbose)
-        result, finished = evaluate_files(truth, estimate, options, shown, tell)
+    def run_shown(work: "Callable[[], Summary]", stopwatch: "Stopwatch") -> "Summary":
+        result = run(work, stopwatch, show=not output.quiet)
         if interrupted():
-            tell(f"{result.claim}, {result.proven}; nothing is judged")
+            print_notice(f"{result.claim}, {result.proven}; nothing is judged")
             raise KeyboardInterrupt
-        return result, finished
+        return result
 
     if gate.output is not None:
         probe_folder(gate.output, GATE, force=gate.force)
     try:
-        report = judge_all(gate, truth, estimate, evaluated, print_notice)
+        report = judge_all(gate, truth, estimate, print_notice, run_shown)
     except TgospaError as error:
         failed = PairOutcome(
             name="gate",

@@ -10,12 +10,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.notices import about_defaults
+from tgospa_eval.api.notices import about_defaults, about_run
 from tgospa_eval.api.options import DEFAULTS, FITTING, OF_CLOUDS, SETTINGS, Request, is_coverage
 from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.campaign.store import locked
 from tgospa_eval.cli.evaluate.in_parts import memory_of
-from tgospa_eval.cli.evaluate.run import about_run, show
+from tgospa_eval.cli.evaluate.run import show
 from tgospa_eval.cli.shared.click_options import OutputOptions
 from tgospa_eval.cli.shared.progress import bracket, new_stopwatch, shown
 from tgospa_eval.cli.shared.streams import interrupted, notifier, print_notice

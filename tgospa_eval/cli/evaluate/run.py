@@ -1,20 +1,18 @@
 """From the values of the options to a result, and the result to stdout and files."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from tgospa_eval.api.evaluate import evaluate_sides, read_sides
+from tgospa_eval.api.notices import about_run
 from tgospa_eval.api.options import Request
-from tgospa_eval.api.resolve import Settings, make_settings
+from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.cli.shared.click_options import OutputOptions
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import emit, notifier, on_terminal, print_notice, shielded
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.results.result import Result
@@ -22,9 +20,6 @@ from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     from tgospa_eval.results.explanation import Explanation
-
-NARROWEST = 1e-12
-"""Relative gap below which the outward rounding of the bounds may keep them apart."""
 
 
 def evaluate_files(
@@ -76,53 +71,6 @@ def evaluate_files(
     for text in about_run(result, settings, stopwatch, verbose=output.verbose):
         output_line(text)
     return result, result.finished
-
-
-def about_run(
-    result: Summary, settings: Settings, stopwatch: Stopwatch, *, verbose: bool
-) -> Iterator[str]:
-    """How it went, if that is asked for, and where the accuracy is not reached."""
-    if verbose:
-        yield from _progress(result, stopwatch)
-    if not result.finished:
-        yield from _not_reached(result, settings)
-
-
-def _not_reached(result: Summary, settings: Settings) -> Iterator[str]:
-    """Where the accuracy that was asked for is not reached."""
-    if result.certified:
-        asked = ((result.traced, "step", " of the curve"), (result.slid, "window", ""))
-        for found, what, of in asked:
-            missed = 0 if found is None else int(np.count_nonzero(~found.met(result.gap)))
-            if missed:
-                where = f"{counted(missed, what)}{of}"
-                yield f"accuracy not reached at {where}, asked was {result.gap:g}"
-        return
-    asked_gap = f", asked was {result.gap:g}" if settings.evaluation.solver.proves else ""
-    narrowest = ""
-    if result.gap < NARROWEST:
-        narrowest = f": bounds are rounded outward, ask for no less than {NARROWEST:g}"
-    yield (
-        f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
-        f"{result.relative_gap:.2g}{asked_gap}{narrowest}"
-    )
-
-
-def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
-    """Times of the stages, and how the solver came near."""
-    for name, seconds in stopwatch.spans.items():
-        yield f"{name:<20} {seconds:9.3f} s"
-    if stopwatch.work:
-        yield (
-            f"{'one state':<20} {stopwatch.nanoseconds:9.1f} ns in half a sweep, of "
-            f"{stopwatch.work} done"
-        )
-    for check in result.solver["history"]:
-        yield (
-            f"sweep {check['sweep']:5d}  epsilon {check['epsilon']:<7g} "
-            f"violation {check['violation']:.1e}  total {check['lower']:.9g} to "
-            f"{check['upper']:.9g}"
-        )
 
 
 # -------------------------------------------------------------------------------------------------
