@@ -156,7 +156,7 @@ def test_python_judges_a_suite(gate: Invoke) -> None:
     text = GATE_REPORTS["json"](judged.report)
     assert without_seconds(json.loads(text)) == without_seconds(json.loads(answer.out))
     table = judged.findings
-    assert set(table[table.verdict == "fail"].pair) >= {"all", "slow"}
+    assert set(table[table.verdict == "fail"].pair) == {"all", "all of {scene}"}
     assert any("inferred of the tracker" in note for note in judged.notes)
     assert tgospa_eval.gate(suite="suite.toml", fail_on="total:+90%", group="scene")
     renewed = tgospa_eval.gate(suite="suite.toml", update_baseline=True, only="slow/*")

@@ -1072,7 +1072,15 @@ def gate(
     }
     now = measured(result)
     about = {"warnings": result.warnings, "seconds": 0.0}
-    report = _report(judge_by, [pair], [], path, old, lambda *_: iter([(now, recorded, about)]), "")
+    report = _report(
+        judge_by,
+        [pair],
+        [],
+        path,
+        old,
+        lambda pairs, _: ((now, recorded, about) for _ in pairs),
+        "",
+    )
     return GateResult(report=_in_python(report), result=result)
 
 
