@@ -1,10 +1,7 @@
 """``gate``: an estimate, a suite or the store of a batch, judged by a baseline."""
 
-import glob
 import json
 import os
-import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from fnmatch import fnmatchcase
@@ -12,12 +9,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.evaluate import evaluate, evaluate_sides, read_sides
+from tgospa_eval.api.evaluate import evaluate
+from tgospa_eval.api.gate_pairs import Answer, PairTask, Run, answers_of
 from tgospa_eval.api.keywords import KEYWORDS, with_options
-from tgospa_eval.api.notices import about_run
 from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, SETTINGS, Request, Values, typed
-from tgospa_eval.api.resolve import make_settings
-from tgospa_eval.campaign.baseline import (
+from tgospa_eval.campaign.gate.accept import accepting_options, without_option
+from tgospa_eval.campaign.gate.baseline import (
     Baseline,
     Measured,
     dump,
@@ -27,19 +24,17 @@ from tgospa_eval.campaign.baseline import (
     measured_row,
     parse,
 )
-from tgospa_eval.campaign.gate_report import GATE_REPORTS, finding_record
-from tgospa_eval.campaign.groups import judge_groups
-from tgospa_eval.campaign.outcome import (
+from tgospa_eval.campaign.gate.groups import judge_groups
+from tgospa_eval.campaign.gate.outcome import (
     PairOutcome,
     Report,
     judged_outcome,
     leftover,
     updated_outcome,
 )
-from tgospa_eval.campaign.row import Row, job_name, labels_of
-from tgospa_eval.campaign.rules import OF_NEES, Rule, Verdict, parse_rules, split_rules
-from tgospa_eval.campaign.store import SETTINGS_FILE, Store
-from tgospa_eval.campaign.suite import (
+from tgospa_eval.campaign.gate.report import GATE_REPORTS, finding_record
+from tgospa_eval.campaign.gate.rules import OF_NEES, Rule, Verdict, parse_rules, split_rules
+from tgospa_eval.campaign.gate.suite import (
     ONLY_PAIR,
     SEED,
     GroupTable,
@@ -47,22 +42,18 @@ from tgospa_eval.campaign.suite import (
     load_suite,
     make_group,
 )
-from tgospa_eval.campaign.target import Target
+from tgospa_eval.campaign.gate.target import Target
+from tgospa_eval.campaign.row import Row, job_name, labels_of
+from tgospa_eval.campaign.store import SETTINGS_FILE, Store
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python, warn_user
-from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.common.words import natural
 from tgospa_eval.common.writing import write_file
-from tgospa_eval.engines.engine import spread
-from tgospa_eval.engines.processes import Processes
-from tgospa_eval.errors import ConfigError, InputError, SolverError, TgospaError
+from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.evaluation.sides import TrajectoriesLike
-from tgospa_eval.reports.files import PROOF, write_texts
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import ACCURACY
-from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import clipped, quoted
 
 if TYPE_CHECKING:
@@ -81,21 +72,11 @@ RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
 
 ACCURACY_KEYS = tuple(name.replace("_", "-") for name in ACCURACY)
 
-PATIENCE = 2.0
-"""Seconds of work before processes are started, which takes about as long."""
-
-SHOWN = 10.0
-"""Seconds between two lines of progress."""
-
 Evaluated = tuple[Measured | TgospaError, Mapping[str, object], Mapping[str, Any]]
 """Values of a pair or what is wrong with it, the options that made them, more for its outcome."""
 
 Evaluate = Callable[[Sequence[Pair], Baseline], Iterator[Evaluated]]
 """Answers of pairs, in their order; a baseline may have options of them."""
-
-Work = Callable[[], Summary]
-Run = Callable[[Work, Stopwatch], Summary]
-"""Runs the work of one pair; the command line shows how far it is, and lets Ctrl-C stop it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -405,9 +386,9 @@ def _report(
     outcomes = _judged(pairs, groups, path, old, rules, evaluated, whence)
     again: tuple[str, ...] = ()
     if gate.typed and path and not is_store(path):
-        command = _without(gate.typed, "--against")
+        command = without_option(gate.typed, "--against")
         at = command.index("--") if "--" in command else len(command)
-        accepted = _accepted(outcomes, groups, pairs, old or {})
+        accepted = accepting_options(outcomes, groups, pairs, old or {})
         if accepted:
             again = ("tgospa-eval", "gate", *command[:at], *accepted, *command[at:])
     return Report(
@@ -524,70 +505,6 @@ def _updated(
     return Report(baseline=path, outcomes=tuple(outcomes), version=__version__, tally=tally)
 
 
-def _without(arguments: Sequence[str], option: str) -> list[str]:
-    """Arguments without an option that has a value."""
-    kept = [text for text in arguments if not text.startswith(f"{option}=")]
-    if option in kept:
-        at = kept.index(option)
-        del kept[at : at + 2]
-    return kept
-
-
-def _accepted(
-    outcomes: Iterable[PairOutcome],
-    groups: Sequence[GroupTable],
-    pairs: Sequence[Pair],
-    old: Baseline,
-) -> list[str]:
-    """The options that accept what failed or may be tightened, and nothing else."""
-    there = {pair.name: pair for pair in pairs}
-    labels = {name: entry.get("labels", {}) for name, entry in old.items()}
-    labels |= {name: pair.labels for name, pair in there.items()}
-
-    def meant(bad: Iterable[PairOutcome]) -> set[str]:
-        names = set[str]()
-        for one in bad:
-            if not one.group:
-                names.add(one.name)
-                continue
-            lost = one.verdict is Verdict.INCOMPARABLE
-            names |= {
-                name
-                for name, own in labels.items()
-                if any(one.name in (t.group_of(own), f"all of {t.name}") for t in groups)
-                if not lost or (name in there) != (name in old)
-            }
-        return names
-
-    names = meant(
-        one
-        for one in outcomes
-        if one.verdict is Verdict.INCOMPARABLE
-        or any(found.verdict is Verdict.FAIL for found in one.findings)
-    )
-    if not names and not any(one.status for one in outcomes):
-        names = meant(one for one in outcomes if any(found.improved for found in one.findings))
-    if not names:
-        return []
-    some = [] if names >= there.keys() else _patterns(names, {*there, *old})
-    chosen = [text for pattern in some for text in ("--only", pattern)]
-    return ["--update-baseline", *(["--prune"] if names - there.keys() else []), *chosen]
-
-
-def _patterns(names: set[str], everything: set[str]) -> list[str]:
-    """Patterns that match these names and none of the others: `slow/*` where all of it is meant."""
-    all_of, meant_of = (
-        Counter(name.partition("/")[0] for name in some if "/" in name)
-        for some in (everything, names)
-    )
-    found = dict[str, None]()  # in order, each once
-    for name in sorted(names, key=natural):
-        head, slash, _ = name.partition("/")
-        whole = slash and 1 < all_of[head] == meant_of[head]
-        found[f"{glob.escape(head)}/*" if whole else glob.escape(name)] = None
-    return [*found]
-
-
 def _pairs(
     gate: GateOptions,
     truth: str | None,
@@ -613,82 +530,6 @@ def _pairs(
     return pairs, groups, baseline
 
 
-@dataclass(frozen=True, kw_only=True)
-class PairTask:
-    """A pair of files with everything that a worker needs.
-
-    Parameters
-    ----------
-    pair : Pair
-        The files.
-    options : Request
-        Options of the evaluation.
-    proof : str, optional
-        Folder to which the proof is written.
-    page : bool
-        Whether a page is made.
-    quiet, verbose : bool
-        Which lines there are for the user.
-    """
-
-    pair: Pair
-    options: Request
-    proof: str | None
-    page: bool
-    quiet: bool
-    verbose: bool
-
-
-Answer = tuple[str, Measured | TgospaError, bool, Mapping[str, Any], Sequence[str]]
-"""Name of the pair, its values, whether the accuracy is reached, more for the outcome, lines."""
-
-
-def evaluate_pair(
-    task: PairTask, run: Run = lambda work, _: work(), say: Callable[[str], None] | None = None
-) -> Answer:
-    """The answer of a pair; `say` gets lines for the user at once, else the answer has them."""
-    begin, lines = time.monotonic(), list[str]()
-    say = say or lines.append
-
-    def notify(notice: Notice) -> None:
-        if notice.code or not task.quiet:
-            say(str(notice))
-
-    now: Measured | TgospaError
-    about: dict[str, Any] = {}
-    finished, files = False, (task.pair.truth, task.pair.estimate)
-    try:
-        settings, stopwatch = make_settings(task.options), Stopwatch()
-        if not task.quiet:
-            stopwatch.notify = say
-
-        def work() -> Summary:
-            sides = read_sides(settings, *files, stopwatch, notify)
-            return evaluate_sides(settings, sides, stopwatch, notify)
-
-        result = run(work, stopwatch)
-        for text in about_run(result, settings, stopwatch, verbose=task.verbose):
-            say(text)
-        now, finished, about["warnings"] = measured(result), result.finished, result.warnings
-        if task.proof is not None:
-            from tgospa_eval.reports.proofs import proof_files  # here: few ask for proofs
-
-            texts = proof_files(result, task.options.given)
-            write_texts(texts, task.proof, PROOF, force=False, option="--proof")
-        if task.page:
-            from tgospa_eval.reports.html import page  # here: for folders only
-
-            about["page"] = page(result, files)
-    except TgospaError as error:
-        now = error
-    return task.pair.name, now, finished, about | {"seconds": time.monotonic() - begin}, lines
-
-
-def lost_pair(task: PairTask) -> Answer:
-    """The answer of a pair whose process died, also when nothing else was worked on."""
-    return task.pair.name, SolverError("its process died"), False, {}, ()
-
-
 def _evaluated(
     gate: GateOptions,
     pairs: Sequence[Pair],
@@ -708,7 +549,7 @@ def _evaluated(
             tasks.append(_task(gate, pair, given[pair.name], groups))
         except TgospaError as error:
             waiting[pair.name] = pair.name, error, False, {}, ()
-    answers = _answers(gate, tasks, notify, run)
+    answers = answers_of(tasks, notify, run)
     keys = {name: key for key, name in NAMES.items()}
     for pair in pairs:
         while pair.name not in waiting:
@@ -756,36 +597,10 @@ def _task(
         options=Request.of({**given, **nees}),
         proof=folder,
         page=gate.output is not None,
+        prefix=gate.prefix(pair),
         quiet=gate.quiet,
         verbose=gate.verbose,
     )
-
-
-def _answers(
-    gate: GateOptions,
-    tasks: Sequence[PairTask],
-    notify: Callable[[str], None],
-    run: Run,
-) -> Iterator[Answer]:
-    """Answers as they are ready: of this process at first, and of several if that takes long."""
-    begin = shown = time.monotonic()
-    done = 0
-    for task in tasks:
-        if done and len(tasks) - done > 1 and time.monotonic() - begin > PATIENCE:
-            break
-        prefix = gate.prefix(task.pair)
-        yield evaluate_pair(task, run, lambda text, prefix=prefix: notify(prefix + text))  # type: ignore[misc]
-        done += 1
-    rest = [replace(task, options=replace(task.options, jobs=1)) for task in tasks[done:]]
-    engine = Processes(tasks[0].options.jobs if tasks else None)
-    for answer in spread(evaluate_pair, rest, lost_pair, engine) if rest else ():
-        yield answer
-        done += 1
-        now = time.monotonic()
-        if not gate.quiet and now - shown > SHOWN:
-            left = (now - begin) / done * (len(tasks) - done)
-            shown = now
-            notify(f"{done} of {len(tasks)} pairs, about {left:.0f} s left")
 
 
 def _portable(options: Mapping[str, object], path: str) -> dict[str, object]:

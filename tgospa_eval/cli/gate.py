@@ -25,7 +25,7 @@ from tgospa_eval.errors import ConfigError, TgospaError
 
 if TYPE_CHECKING:
     from tgospa_eval.api.gate import GateOptions
-    from tgospa_eval.campaign.outcome import Report
+    from tgospa_eval.campaign.gate.outcome import Report
     from tgospa_eval.cli.shared.click_options import OutputOptions
     from tgospa_eval.common.progress import Stopwatch
     from tgospa_eval.results.summary import Summary
@@ -48,7 +48,7 @@ class Gate(Verb):
             typed, *_ = self.make_parser(ctx).parse_args([*args])
             where = typed.get("against", os.environ.get(AGAINST))
             if where:
-                from tgospa_eval.campaign.target import Target  # here: few gates have one
+                from tgospa_eval.campaign.gate.target import Target  # here: few gates have one
 
                 ctx.meta[TARGET], ctx.meta[IGNORED] = Target(where), []
         return super().parse_args(ctx, args)
@@ -177,9 +177,9 @@ def _run(
     """
     from tgospa_eval._version import __version__
     from tgospa_eval.api.gate import OverInputError, is_store, judge_all
-    from tgospa_eval.campaign.gate_report import GATE_REPORTS
-    from tgospa_eval.campaign.outcome import PairOutcome, Report
-    from tgospa_eval.campaign.rules import Verdict, worst
+    from tgospa_eval.campaign.gate.outcome import PairOutcome, Report
+    from tgospa_eval.campaign.gate.report import GATE_REPORTS
+    from tgospa_eval.campaign.gate.rules import Verdict, worst
     from tgospa_eval.cli.shared.progress import run
     from tgospa_eval.reports.files import GATE, probe_folder
 
@@ -231,7 +231,7 @@ def _run(
 
 def _printed(report: "Report", format: str) -> str:
     """The report for stdout; a table in the columns that there are."""
-    from tgospa_eval.campaign.gate_report import GATE_REPORTS, table
+    from tgospa_eval.campaign.gate.report import GATE_REPORTS, table
     from tgospa_eval.reports.rendering import WIDTH
 
     if format != "table":
@@ -244,7 +244,7 @@ def _publish(gate: "GateOptions", report: "Report", *, github: bool) -> int:
 
     What cannot be written must not cost the report, nor hide a regression.
     """
-    from tgospa_eval.campaign.gate_report import annotations, append_summary, junit
+    from tgospa_eval.campaign.gate.report import annotations, append_summary, junit
     from tgospa_eval.common.writing import write_file
 
     status = 0
@@ -276,8 +276,8 @@ def _write_folder(gate: "GateOptions", report: "Report") -> None:
     ConfigError
         It cannot be written.
     """
-    from tgospa_eval.campaign.gate_page import gate_files  # here: for folders only
-    from tgospa_eval.campaign.suite import SEED
+    from tgospa_eval.campaign.gate.page import gate_files  # here: for folders only
+    from tgospa_eval.campaign.gate.suite import SEED
     from tgospa_eval.reports.files import GATE, write_texts
 
     assert gate.output is not None

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tgospa_eval.campaign.gate_report import (
+from tgospa_eval.campaign.gate.outcome import PairOutcome, Report
+from tgospa_eval.campaign.gate.report import (
     SUMMARY,
     annotations,
     append_summary,
@@ -20,8 +21,7 @@ from tgospa_eval.campaign.gate_report import (
     summary,
     table,
 )
-from tgospa_eval.campaign.outcome import PairOutcome, Report
-from tgospa_eval.campaign.rules import STATUS, Value, Verdict, judge, parse_rule
+from tgospa_eval.campaign.gate.rules import STATUS, Value, Verdict, judge, parse_rule
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import visible
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tgospa_eval.campaign.rules import (
+from tgospa_eval.campaign.gate.rules import (
     DEFAULT,
     SEVERITY,
     STATUS,

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import takewhile
 from textwrap import TextWrapper
 
-from tgospa_eval.campaign.outcome import PairOutcome, Report, texts
-from tgospa_eval.campaign.rules import Finding, Inference, Verdict
-from tgospa_eval.campaign.suite import ONLY_PAIR
+from tgospa_eval.campaign.gate.outcome import PairOutcome, Report, texts
+from tgospa_eval.campaign.gate.rules import Finding, Inference, Verdict
+from tgospa_eval.campaign.gate.suite import ONLY_PAIR
 from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.files import is_missing, named, patience
 from tgospa_eval.common.words import counted, number

@@ -7,8 +7,8 @@ from dataclasses import field, replace
 from fnmatch import fnmatchcase
 from typing import TypeAlias
 
-from tgospa_eval.campaign.rules import Rule, parse_rules, split_rules
-from tgospa_eval.campaign.target import Target
+from tgospa_eval.campaign.gate.rules import Rule, parse_rules, split_rules
+from tgospa_eval.campaign.gate.target import Target
 from tgospa_eval.common import config, patterns
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError

@@ -5,7 +5,8 @@ Words and numbers from a template, without a script; the page loads nothing.
 
 from urllib.parse import quote
 
-from tgospa_eval.campaign.gate_report import (
+from tgospa_eval.campaign.gate.outcome import PairOutcome, Report
+from tgospa_eval.campaign.gate.report import (
     PAGE,
     accept_title,
     change,
@@ -17,9 +18,8 @@ from tgospa_eval.campaign.gate_report import (
     rows_of,
     title,
 )
-from tgospa_eval.campaign.outcome import PairOutcome, Report
-from tgospa_eval.campaign.rules import Verdict
-from tgospa_eval.campaign.suite import SEED
+from tgospa_eval.campaign.gate.rules import Verdict
+from tgospa_eval.campaign.gate.suite import SEED
 from tgospa_eval.common.words import natural
 from tgospa_eval.reports.html import environment, inlined, page_colours
 from tgospa_eval.results.records import Json

@@ -14,10 +14,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from tgospa_eval.campaign.baseline import Baseline, Measured, differences, nees_values, value_at
-from tgospa_eval.campaign.outcome import PairOutcome, combined_outcome
-from tgospa_eval.campaign.permutation import Stratum, fewest, noticeable, p_value
-from tgospa_eval.campaign.rules import (
+from tgospa_eval.campaign.gate.baseline import (
+    Baseline,
+    Measured,
+    differences,
+    nees_values,
+    value_at,
+)
+from tgospa_eval.campaign.gate.outcome import PairOutcome, combined_outcome
+from tgospa_eval.campaign.gate.permutation import Stratum, fewest, noticeable, p_value
+from tgospa_eval.campaign.gate.rules import (
     OF_NEES,
     Finding,
     Inference,
@@ -27,8 +33,8 @@ from tgospa_eval.campaign.rules import (
     judge,
     meanings,
 )
+from tgospa_eval.campaign.gate.suite import GroupTable
 from tgospa_eval.campaign.statistics import holm
-from tgospa_eval.campaign.suite import GroupTable
 from tgospa_eval.common import patterns
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural

@@ -5,14 +5,14 @@ from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import field, replace
 from typing import Any, Self
 
-from tgospa_eval.campaign.baseline import (
+from tgospa_eval.campaign.gate.baseline import (
     Baseline,
     Measured,
     check_equal,
     differences,
     value_at,
 )
-from tgospa_eval.campaign.rules import (
+from tgospa_eval.campaign.gate.rules import (
     BY_CLASS,
     JUDGED,
     OF_NEES,
@@ -26,7 +26,7 @@ from tgospa_eval.campaign.rules import (
     meanings,
     worst,
 )
-from tgospa_eval.campaign.suite import Pair
+from tgospa_eval.campaign.gate.suite import Pair
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told

@@ -1,0 +1,1 @@
+"""Rows judged by a baseline: rules, suites, groups of seeds, reports."""
