@@ -1,6 +1,7 @@
 """`evaluate` of folders of tables, and of files beyond the memory that it may take."""
 
 import csv
+import gc
 import json
 import os
 import re
@@ -19,9 +20,11 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
+from tgospa_eval import evaluate
+from tgospa_eval.api import in_parts
 from tgospa_eval.api.options import Request
 from tgospa_eval.campaign.store import locked
-from tgospa_eval.cli.evaluate import in_parts, partitioned
+from tgospa_eval.cli.evaluate import partitioned
 from tgospa_eval.cli.evaluate.partitioned import work_folder
 from tgospa_eval.cli.shared.click_options import OutputOptions, Size
 from tgospa_eval.errors import ConfigError, SolverError
@@ -87,6 +90,14 @@ def test_folders_are_evaluated_as_the_file_that_they_are_parts_of(
     assert [row["t"] for row in csv.DictReader(answer.out.splitlines())] == [
         str(step["t"]) for step in plain["per_step"]
     ]
+    result = evaluate(*folders, 100, 2, 50, memory="200MB", jobs=1)
+    assert (result.total, result.lower_bound) == (document["total"], document["lower_bound"])
+    assert result.to_json() and len(result.frame("assignments")) == tables["assignments"].num_rows
+    kept = result.tables.folder
+    assert Path(kept).is_dir()
+    del result
+    gc.collect()
+    assert not Path(kept).exists()
     printed = invoke(*folders, *METRIC, "-q").out.split("\n\n")
     same = invoke(*files, *METRIC, "-q").out.split("\n\n")
     assert printed[:-1] == same[:-1]  # but for the seconds
@@ -269,12 +280,18 @@ def test_what_needs_all_data_is_refused_by_name(
         answer = invoke(*folders, *METRIC, *options)
         assert (answer.status, answer.out) == (2, ""), options
         assert f"{options[0]} " in answer.err
-        assert "has no place where data are read in parts, as " in answer.err
+        assert "is not supported for data in parts (" in answer.err
         assert len(answer.err.splitlines()) == 1
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "switches.parquet").touch()
     assert "mine: is not empty" in invoke(*folders, "-o", "mine").err
+    with pytest.raises(ConfigError, match=r"^curve is not supported for data in parts"):
+        evaluate(*folders, curve=True)
+    with pytest.raises(ConfigError, match="4 apples' is no size"):
+        evaluate(*folders, memory="4 apples")
     files = str(recording / "truth.parquet"), str(recording / "estimate.parquet")
+    with pytest.raises(ConfigError, match="scheduler is for data in parts"):
+        evaluate(*files, scheduler="tcp://x:1")
     assert "--scheduler is for data" in invoke(*files, "--scheduler", "tcp://x:1").err
 
 
@@ -402,14 +419,14 @@ def test_interrupted_work_is_kept_and_gone_on_with(
     options = Request(cutoff=100.0, switch_penalty=50.0, jobs=1, memory=10**9)
     folder = tmp_path / "out"
     output = OutputOptions(output=str(folder), format_="json")
-    solve = partitioned.evaluate_partitioned
+    solve = partitioned.evaluate_in_parts
 
-    def broken_off(*arguments: Any, work: Path, **more: Any) -> None:
-        solve(*arguments, work=work, **more)
-        shutil.rmtree(work / "tables")
+    def broken_off(*arguments: Any, **more: Any) -> None:
+        solve(*arguments, **more)
+        shutil.rmtree(folder / "work" / "tables")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(partitioned, "evaluate_partitioned", broken_off)
+    monkeypatch.setattr(partitioned, "evaluate_in_parts", broken_off)
     with pytest.raises(KeyboardInterrupt):
         partitioned.evaluate_parts(paths, options, output, "so")
     said = capsys.readouterr().err
@@ -417,7 +434,7 @@ def test_interrupted_work_is_kept_and_gone_on_with(
     assert "proven so far: " in said
     assert " <= TGOSPA <= " in said
     assert [path.name for path in folder.iterdir()] == ["work"]
-    monkeypatch.setattr(partitioned, "evaluate_partitioned", solve)
+    monkeypatch.setattr(partitioned, "evaluate_in_parts", solve)
     other = Request(cutoff=90.0, switch_penalty=50.0, jobs=1, memory=10**9)
     with pytest.raises(
         Exception, match=r"cutoff was 100.0, is 90.0; name another folder, or --force"

@@ -1,15 +1,23 @@
 """One evaluation: read, align, fit, diagnose, solve, report, each once, whoever asks."""
 
+import os
+import shutil
+import tempfile
+import weakref
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from tgospa_eval.api.in_parts import check_parts, evaluate_in_parts, parts_in_words
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.notices import about, pair_notices, slow_notice
 from tgospa_eval.api.resolve import Settings, called, make_settings
 from tgospa_eval.common.frozen import dataclass, replace
 from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.common.words import parsed_size
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import evaluate_fitted
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -166,6 +174,8 @@ def evaluate(
     switch_penalty: float | None = None,
     *,
     mapping: "Components | None" = None,
+    memory: "float | str | None" = None,
+    scheduler: str | None = None,
     **options: Any,
 ) -> "Result":
     """TGOSPA between two sets of trajectories, with proven bounds.
@@ -189,11 +199,18 @@ def evaluate(
     mapping : sequence of int, or pair of such, optional
         Of tracks with state vectors the components to compare: ``(0, 2)`` for x and y of
         ``(x, vx, y, vy)``; a pair where truth and estimate have theirs in other places.
+    memory : str or float, optional
+        Memory that the evaluation may take, ``"4GB"``, or a number of GB; half of the machine's by
+        default. Where both sides are paths, folders of Parquet or CSV files, and files that would
+        take more, are read and evaluated in parts, by as many processes as `jobs` says.
+    scheduler : str, optional
+        For data in parts: address of a Dask cluster, whose workers take the place of processes.
 
     Returns
     -------
     Result
-        Value, bracket, decomposition, tables; with ``by="class"`` the sum of such, `ByClass`.
+        Value, bracket, decomposition, tables; with ``by="class"`` the sum of such, `ByClass`; of
+        data in parts `PartitionedResult`, whose tables are files that go with it.
 
     Warns
     -----
@@ -211,9 +228,30 @@ def evaluate(
         There is no such keyword.
     """
     given = {"cutoff": cutoff, "order": order, "switch_penalty": switch_penalty, **options}
-    settings = make_settings(requested(given))
-    stopwatch = Stopwatch()
-    sides = read_sides(settings, truth, estimate, stopwatch, mapping=mapping)
-    result = evaluate_sides(settings, sides, stopwatch)
+    limit = None if memory is None else parsed_size(memory)
+    request = requested({**given, "memory": limit, "scheduler": scheduler})
+    settings, stopwatch = make_settings(request), Stopwatch()
+    result: Summary
+    why = None
+    if is_path(truth) and is_path(estimate):
+        paths = os.fspath(truth), os.fspath(estimate)
+        why = parts_in_words(paths, request)
+    if why is not None:
+        check_parts(request, why)
+        folder = tempfile.mkdtemp(prefix="tgospa-eval-")
+        try:
+            in_parts = evaluate_in_parts(
+                paths, request, settings, Path(folder), stopwatch, kept=True
+            )
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
+        weakref.finalize(in_parts.tables, shutil.rmtree, folder, ignore_errors=True)
+        result = in_parts
+    elif scheduler is not None:
+        raise ConfigError("scheduler is for data in parts: folders of tables")
+    else:
+        sides = read_sides(settings, truth, estimate, stopwatch, mapping=mapping)
+        result = evaluate_sides(settings, sides, stopwatch)
     warn_user(result.warnings)
     return cast("Result", result)

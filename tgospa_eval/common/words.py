@@ -5,6 +5,8 @@ import re
 import sys
 from collections.abc import Mapping
 
+from tgospa_eval.errors import ConfigError
+
 THOUSANDS = 1e9
 """Up to here a number is written out."""
 
@@ -24,6 +26,33 @@ def parsed(text: str) -> float | None:
 def parsed_whole(text: str) -> int | None:
     """The same of whole numbers."""
     return int(text) if re.fullmatch(PLAIN_WHOLE, text.strip()) else None
+
+
+BYTES_OF = {"": 10**9, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
+BYTES_OF |= {"KIB": 2**10, "MIB": 2**20, "GIB": 2**30, "TIB": 2**40}
+
+MIN_MEMORY = 100 * 10**6
+"""Bytes with which a process can work at all."""
+
+
+def parsed_size(value: object) -> int:
+    """Bytes of a size as people write it: 4GB, 500MB, 1.5GiB; a number alone is of GB.
+
+    Raises
+    ------
+    ConfigError
+        It is no size, or no size of a memory.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ConfigError(f"{value!r} is no size; write 4GB or 500MB")
+    parts = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*([A-Za-z]*)\s*", str(value))
+    unit = BYTES_OF.get(parts[2].upper()) if parts else None
+    if parts is None or unit is None:
+        raise ConfigError(f"{str(value)!r} is no size; write 4GB or 500MB, a number alone is of GB")
+    size = float(parts[1]) * unit
+    if not MIN_MEMORY <= size < 2**50:
+        raise ConfigError(f"{value} is less than 100MB, or more than there is")
+    return int(size)
 
 
 def shortest(value: float, noise: float) -> float:

@@ -2,7 +2,7 @@
 
 import click
 
-from tgospa_eval.api.options import Request
+from tgospa_eval.api.options import FITTING, Request
 from tgospa_eval.cli.shared.click_options import (
     EVALUATION,
     IN_PARTS_OPTIONS,
@@ -98,14 +98,20 @@ def command(
     chosen, output = Request.of(options), OutputOptions.of(options)
     given = typed_options(ctx)
     _check(chosen, output, given, sweep=bool(sweep))
-    from tgospa_eval.cli.evaluate.in_parts import parts_in_words
+    from tgospa_eval.api.in_parts import check_parts, parts_in_words
     from tgospa_eval.cli.evaluate.run import evaluate_files, show
 
     why = parts_in_words((truth, estimate), chosen)
     if why is not None:
-        from tgospa_eval.cli.evaluate.partitioned import check_parts, evaluate_parts
+        from tgospa_eval.cli.evaluate.partitioned import evaluate_parts
 
-        check_parts(chosen, output, why, sweep=bool(sweep))
+        others = {
+            "proof": output.proof and FITTING,
+            "geojson": output.geojson and FITTING,
+            "plane": output.plane and "leave it out: there is no picture of trajectories",
+            "sweep": sweep and "evaluate for one value after the other",
+        }
+        check_parts(chosen, why, ((name, text) for name, text in others.items() if text))
         finished = evaluate_parts((truth, estimate), chosen, output, why)
         ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
     if chosen.scheduler is not None:

@@ -10,11 +10,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from tgospa_eval._version import __version__
+from tgospa_eval.api.in_parts import evaluate_in_parts, jobs_of, memory_of
 from tgospa_eval.api.notices import about_defaults, about_run
-from tgospa_eval.api.options import DEFAULTS, FITTING, OF_CLOUDS, SETTINGS, Request, is_coverage
+from tgospa_eval.api.options import Request
 from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.campaign.store import locked
-from tgospa_eval.cli.evaluate.in_parts import memory_of
 from tgospa_eval.cli.evaluate.run import show
 from tgospa_eval.cli.shared.click_options import OutputOptions
 from tgospa_eval.cli.shared.progress import bracket, new_stopwatch, shown
@@ -22,62 +22,17 @@ from tgospa_eval.cli.shared.streams import interrupted, notifier, print_notice
 from tgospa_eval.cli.shared.writing import probed_folder
 from tgospa_eval.common.documents import checked
 from tgospa_eval.common.files import named
-from tgospa_eval.common.machine import cores
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.common.writing import writing
-from tgospa_eval.engines.processes import engine_of
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.partitioned.evaluate import evaluate_partitioned
 from tgospa_eval.partitioned.input.listing import state_of, stored
 from tgospa_eval.partitioned.run import SCANNED, MemoryTooSmallError
 from tgospa_eval.partitioned.tasks import removing
 from tgospa_eval.reports.files import WORK_FOLDER, WORK_LOG
-from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.partitioned import IN_PARTS, STORED_TABLES, name_of
 
 TABLE_FILES = (*map(name_of, STORED_TABLES[:-1]), f"{IN_PARTS}/part-00000.parquet")
 """Names in the folder of -o that must not be of others."""
-
-UNKNOWN_MEMORY = 2 * 10**9
-"""Bytes that are taken where the system does not say how much there is."""
-
-
-def check_parts(options: Request, output: OutputOptions, why: str, *, sweep: bool) -> None:
-    """See that nothing is asked for that needs all data in memory.
-
-    Parameters
-    ----------
-    options, output : Request, OutputOptions
-        What is asked for.
-    why : str
-        Why the data are read in parts.
-    sweep : bool
-        Whether several values of a parameter are asked for.
-
-    Raises
-    ------
-    ConfigError
-        Something is.
-    """
-    asked = [
-        (about.key, about.parts)
-        for name, about in SETTINGS.items()
-        if about.parts and getattr(options, name) not in (DEFAULTS[name], NEES)
-    ]
-    if output.proof:
-        asked.append(("proof", FITTING))
-    if is_coverage(options.region):
-        asked.append(("region", "name ranges of columns, x=-50:50"))
-    if output.geojson:
-        asked.append(("geojson", FITTING))
-    if output.plane is not None:
-        asked.append(("plane", "leave it out: there is no picture of trajectories"))
-    if sweep:
-        asked.append(("sweep", "evaluate for one value after the other"))
-    if options.distance in OF_CLOUDS:
-        asked.append((f"distance {options.distance}", "compare means, by another --distance"))
-    for name, advice in asked[:1]:
-        raise ConfigError(f"--{name} has no place where data are read in parts, as {why}: {advice}")
 
 
 def evaluate_parts(
@@ -107,30 +62,19 @@ def evaluate_parts(
         print_notice(f"{why}: it is read in parts")
         for text in about_defaults(options, boxes=False):
             print_notice(text)
-    jobs = 1 if options.scheduler else options.jobs or cores()
-    spread = bool(options.scheduler) or jobs > 1
     identity = identity_of(paths, options)
     if settings.evaluation.ignoring is not None:
         identity |= settings.evaluation.ignoring.recorded  # the content of a file of regions
     with work_folder(output, identity) as work:
         try:
             with shown(stopwatch, show=not output.quiet):
-                result = evaluate_partitioned(
-                    paths,
-                    settings.each,
-                    settings.request,
-                    work=work,
-                    memory=memory_of(options.memory) or UNKNOWN_MEMORY,
-                    jobs=jobs,
-                    engine=engine_of(options.scheduler, jobs) if spread else None,
-                    kept=output.output is not None,
-                    stopwatch=stopwatch,
-                    check=settings.check,
+                result = evaluate_in_parts(
+                    paths, options, settings, work, stopwatch, kept=output.output is not None
                 )
         except KeyboardInterrupt:
             print_notice(_interrupted(stopwatch.progress, output))
             raise
-        result = replace(result, calibration=settings.similarity, settings_file=output.config)
+        result = replace(result, settings_file=output.config)
         notify = notifier(quiet=output.quiet)
         for notice in result.warnings:
             notify(notice)
@@ -285,5 +229,5 @@ def identity_of(paths: tuple[str, str], options: Request) -> dict[str, object]:
         "data": sha.hexdigest(),
         "version": __version__,
         "memory": memory_of(options.memory),
-        "jobs": None if options.scheduler else options.jobs or cores(),
+        "jobs": None if options.scheduler else jobs_of(options),
     }

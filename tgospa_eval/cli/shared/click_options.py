@@ -1,6 +1,5 @@
 """The options of verbs, for click: those of `api.options.Request`, and those of the output."""
 
-import re
 from collections.abc import Container
 from functools import partial
 from types import UnionType
@@ -12,18 +11,14 @@ from tgospa_eval.api.options import DEFAULTS, SETTINGS, TYPES, Setting, Values
 from tgospa_eval.cli.shared.command import PATH, Option, load_config, option
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import parsed_size
+from tgospa_eval.errors import ConfigError
 
 REPORT_FORMATS = ("table", "json", "csv", "markdown", "latex")
 
 _output = partial(option, section="Output")
 _gate = partial(option, section="Gate")
 _general = partial(option, section="General")
-
-BYTES_OF = {"": 10**9, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
-BYTES_OF |= {"KIB": 2**10, "MIB": 2**20, "GIB": 2**30, "TIB": 2**40}
-
-LEAST_MEMORY = 100 * 10**6
-"""Bytes with which a process can work at all."""
 
 
 class Size(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4
@@ -33,20 +28,10 @@ class Size(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
         """The bytes."""
-        if isinstance(value, bool) or not isinstance(value, int | float | str):
-            self.fail(f"{value!r} is no size; write 4GB or 500MB", param, ctx)
-        found = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*([A-Za-z]*)\s*", str(value))
-        unit = BYTES_OF.get(found[2].upper()) if found else None
-        if found is None or unit is None:
-            self.fail(
-                f"{str(value)!r} is no size; write 4GB or 500MB, a number alone is of GB",
-                param,
-                ctx,
-            )
-        size = float(found[1]) * unit
-        if not LEAST_MEMORY <= size < 2**60:
-            self.fail(f"{value} is less than 100MB, or more than there is", param, ctx)
-        return int(size)
+        try:
+            return parsed_size(value)
+        except ConfigError as error:
+            self.fail(str(error), param, ctx)
 
 
 def _made(name: str, about: Setting) -> Option:

@@ -1,21 +1,33 @@
-"""Which paths are data that are read in parts: folders of tables, and files beyond the memory."""
+"""Data in parts: which paths are such, what is not supported for them, and their evaluation.
+
+Folders of tables are, and files that would take more than the memory.
+"""
 
 import csv
 import itertools
 import os
 import re
-from collections.abc import Sequence
-from typing import TypeAlias
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
-from tgospa_eval.api.options import Request
+from tgospa_eval.api.options import DEFAULTS, OF_CLOUDS, SETTINGS, Request, is_coverage
+from tgospa_eval.api.resolve import Settings
 from tgospa_eval.common.files import STDIN
-from tgospa_eval.common.machine import machine_memory
-from tgospa_eval.errors import InputError
+from tgospa_eval.common.machine import cores, machine_memory
+from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.engines.processes import engine_of
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns.headers import Headers
 from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.guess import ENDINGS, is_table_folder
 from tgospa_eval.formats.loading import TABLE, TEXT
 from tgospa_eval.formats.times import parse_times
+from tgospa_eval.results.consistency import NEES
+
+if TYPE_CHECKING:
+    from tgospa_eval.results.partitioned import PartitionedResult
 
 FITS_ANYWHERE = 10**6
 """Bytes of files that fit anywhere."""
@@ -25,6 +37,9 @@ COLUMNS_READ = 6
 
 TIP = 1 << 16
 """Bytes at the begin and the end of a file that tell its header and times."""
+
+UNKNOWN_MEMORY = 2 * 10**9
+"""Bytes that are taken where the system does not say how much there is."""
 
 Moment: TypeAlias = tuple[str, float]
 """A time and of which clock."""
@@ -60,6 +75,90 @@ def parts_in_words(paths: tuple[str, str], options: Request) -> str | None:
                 f"{memory / 1e9:.3g} GB (--memory)"
             )
     return None
+
+
+def check_parts(options: Request, why: str, others: Iterable[tuple[str, str]] = ()) -> None:
+    """Refuse options that need all data in memory.
+
+    Parameters
+    ----------
+    options : Request
+        The options.
+    why : str
+        Why the data are read in parts.
+    others : iterable of pair of str
+        Further options that do, and what to do instead.
+
+    Raises
+    ------
+    ConfigError
+        There is one.
+    """
+    requested = [
+        (about.key, about.parts)
+        for name, about in SETTINGS.items()
+        if about.parts and getattr(options, name) not in (DEFAULTS[name], NEES)
+    ]
+    requested += others
+    if is_coverage(options.region):
+        requested.append(("region", "name ranges of columns, x=-50:50"))
+    if options.distance in OF_CLOUDS:
+        requested.append((f"distance {options.distance}", "compare means, by another --distance"))
+    for name, advice in requested[:1]:
+        raise ConfigError(f"--{name} is not supported for data in parts ({why}); {advice}")
+
+
+def jobs_of(options: Request) -> int:
+    """Processes of this machine that share the memory."""
+    return 1 if options.scheduler else options.jobs or cores()
+
+
+def evaluate_in_parts(
+    paths: tuple[str, str],
+    options: Request,
+    settings: Settings,
+    work: Path,
+    stopwatch: Stopwatch,
+    *,
+    kept: bool,
+) -> "PartitionedResult":
+    """Evaluate data in parts.
+
+    Parameters
+    ----------
+    paths : pair of str
+        Truth and estimate.
+    options, settings : Request, Settings
+        The options, checked by `check_parts`, and what is made of them.
+    work : Path
+        Folder for intermediate data and the tables of the result.
+    stopwatch : Stopwatch
+        Running clock.
+    kept : bool
+        Whether the folder outlives the run: only then is there a table of assigned pairs.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with options or data.
+    """
+    from tgospa_eval.partitioned.evaluate import evaluate_partitioned  # here: few need it
+
+    jobs = jobs_of(options)
+    spread = bool(options.scheduler) or jobs > 1
+    result = evaluate_partitioned(
+        paths,
+        settings.each,
+        settings.request,
+        work=work,
+        memory=memory_of(options.memory) or UNKNOWN_MEMORY,
+        jobs=jobs,
+        engine=engine_of(options.scheduler, jobs) if spread else None,
+        kept=kept,
+        stopwatch=stopwatch,
+        check=settings.check,
+    )
+    return replace(result, calibration=settings.similarity)
 
 
 def is_recording(folder: str, columns: str) -> bool:
