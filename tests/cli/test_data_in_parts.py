@@ -92,7 +92,8 @@ def test_folders_are_evaluated_as_the_file_that_they_are_parts_of(
     ]
     result = evaluate(*folders, 100, 2, 50, memory="200MB", jobs=1)
     assert (result.total, result.lower_bound) == (document["total"], document["lower_bound"])
-    assert result.to_json() and len(result.frame("assignments")) == tables["assignments"].num_rows
+    assert result.to_json()
+    assert len(result.frame("assignments")) == tables["assignments"].num_rows
     kept = result.tables.folder
     assert Path(kept).is_dir()
     del result
