@@ -40,11 +40,12 @@ from tgospa_eval.evaluation.sides import (
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.headers import columns_of_each
 from tgospa_eval.formats.options import parse_moments, parse_steps
-from tgospa_eval.formats.reading import check_classes
+from tgospa_eval.formats.reading import by_place, check_classes
 from tgospa_eval.formats.rows import NOT_CONSIDERED
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.numbers import Calibration
 from tgospa_eval.solvers import Solver, solver_class
+from tgospa_eval.text import listed
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.existence import EXISTENCE
@@ -56,6 +57,12 @@ if TYPE_CHECKING:
     from tgospa_eval.evaluation.slicing import SliceBy
     from tgospa_eval.formats.clocks import TimeForm
     from tgospa_eval.tracks.places import Frames
+
+
+def raise_all(faults: Sequence[TgospaError]) -> None:
+    """Raise several errors as one, each line once; nothing where there is none."""
+    if faults:
+        raise type(faults[0])(*dict.fromkeys(line for fault in faults for line in fault.args))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -193,8 +200,13 @@ class Settings:
                 sides.append(found)
             except (InputError, ConfigError) as error:
                 faults.append(error)
-        if faults:
-            raise type(faults[0])(*dict.fromkeys(line for fault in faults for line in fault.args))
+        hidden = {name for one in sides if one is not None for name in one.hidden}
+        for k, one in enumerate(sides if hidden and not faults else ()):
+            if one is not None and hidden > {*one.hidden}:
+                options = replace(self.each[k], hidden=tuple(sorted(hidden)))
+                more = paths, roles, components[k], names[k], options
+                sides[k] = self._by_other_place(one, given[k], k, roles[k], *more)
+        raise_all(faults)
         if known is not None and is_path(given[0]) and sides[0]:
             known.clear()
             known[names[0]] = sides[0]
@@ -228,17 +240,19 @@ class Settings:
         roles: tuple[str, ...] = ROLES,
         components: "Sequence[int] | None" = None,
         name: str | None = None,
+        options: ReadOptions | None = None,
     ) -> Reading:
         """One side, the first or second.
 
-        `paths` are all that are read together, in their roles; `name` is for messages.
+        `paths` are all that are read together, in their roles; `name` is for messages; `options`
+        take the place of those of the side.
 
         Raises
         ------
         InputError
             The side cannot be read, or has a row that is wrong.
         """
-        options, name = self.each[side], name or role
+        options, name = options or self.each[side], name or role
         if isinstance(given, Reading):
             return given
         if is_path(given):
@@ -250,7 +264,9 @@ class Settings:
         if frame is not None:
             from tgospa_eval.formats.frames import from_frame  # here: pandas
 
-            return replace(from_frame(frame, options, name=name), format="")
+            return by_place(
+                lambda options: replace(from_frame(frame, options, name=name), format=""), options
+            )
         if self._has_rows(given, side):
             from tgospa_eval.formats.assemble import assemble
 
@@ -264,6 +280,17 @@ class Settings:
                 "its rows and columns before"
             )
         return of_object(given, name, self.evaluation, components)
+
+    def _by_other_place(
+        self, reading: Reading, given: "TrajectoriesLike | Reading", *more: Any
+    ) -> Reading:
+        """A side read again, by the place that the other side has; as it is where it has none."""
+        with suppress(InputError, ConfigError):
+            again = self.read_side(given, *more)
+            if again.taken or not reading.taken:
+                text = f"{listed(again.trajectories.columns)} are compared, as of the other side"
+                return replace(again, notices=(text, *again.notices))
+        return reading
 
     def _has_rows(self, given: object, side: int) -> bool:
         """Whether options of reading are followed row by row."""

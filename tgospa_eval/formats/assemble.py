@@ -10,6 +10,7 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask, places_of
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
+from tgospa_eval.formats.columns.headers import parse_columns
 from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.options import ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import Reading
@@ -59,7 +60,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     if factors is not None:
         state = scaled(state, factors, rows.name)
     choice = _Choice(len(state))
-    choice.warnings += rows.warnings
+    choice.warnings += (*rows.warnings, *roles.doubts)
     moments, step, labels = _grid(rows, options, choice)  # first: parts do not read other times
     for rule, (apart, sentence) in rows.apart.items():
         if rule not in options.kept:
@@ -133,8 +134,32 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         headers=roles.called,
         centres=roles.centres,
         pixels=roles.centres and roles.fixed,
+        idle=_idle(rows, options),
         regions=_regions(rows, state) if options.regions else None,
     )
+
+
+UNKNOWN = (-1.0, 0.0)
+"""What programs write in each column of a place that they do not know."""
+
+
+def _idle(rows: Rows, options: ReadOptions) -> tuple[str, ...]:
+    """Headers of the states that are not known in any row, unless the user named them.
+
+    They are blank or the same in all rows: what programs write there, or the place of several
+    objects.
+    """
+    columns = dict.fromkeys(column for mix in rows.roles.state for column, _ in mix)
+    if not len(rows.numbers) or not rows.roles.headers or parse_columns(options.columns)[1]:
+        return ()
+    numbers = rows.numbers[:, [rows.roles.numbers.index(column) for column in columns]]
+    first = numbers[0]
+    same = (numbers[-1] == first) | (first != first)  # quick: most are not
+    if not same.all() or not ((numbers == first) | (numbers != numbers)).all():
+        return ()
+    is_unknown = any((first == value).all() for value in UNKNOWN[: len(numbers)])
+    is_unknown |= bool((first != first).all()) or len(rows.ids[0]) > 1
+    return tuple(rows.roles.headers[column] for column in columns) if is_unknown else ()
 
 
 def _regions(rows: Rows, state: Floats) -> Regions | None:
@@ -281,7 +306,9 @@ def _check_states(
         of_column = f", column {quoted(column)}" if column else ""
         text = f"{of_column}: {fault}{more(len(at)) if remedy else ''}{remedy}"
         if options.on_invalid == "error" or not droppable:
-            way = "; --on-invalid drop leaves such rows out" if droppable else ""
+            left = (choice.mask & ~wrong).any()
+            way = "; --on-invalid drop leaves such rows out" if droppable and left else ""
+            way = way if left else f"{remedy and ','} and no other row is right"
             raise InputError(f"{rows.where(int(at[0]))}{text}{way}")
         place = rows.where(int(at[0])).removeprefix(f"{rows.name}, ")  # which begins every notice
         choice.keep(~wrong, "invalid", f"{RULES_SAID['invalid']}: {place}{text}")

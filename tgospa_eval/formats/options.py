@@ -237,6 +237,9 @@ class ReadOptions:
     shared : tuple of str
         Names in `columns`, or ``"class"``, that were given for several files: where one lacks the
         header, it is read by the usual names, and without a filter by class.
+    hidden : tuple of str
+        Headers that are no part of a state unless they are mapped: those of a place that is not
+        known in any row.
     beside : tuple of str
         Paths of the files of the same evaluation: one may have what another needs.
     roles : tuple of str
@@ -274,6 +277,7 @@ class ReadOptions:
     conversion: Conversion = field(default_factory=Conversion)
     max_input: float | None = None
     shared: tuple[str, ...] = ()
+    hidden: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()
     roles: tuple[str, ...] = ROLES
     option: str = "columns"

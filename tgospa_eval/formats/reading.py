@@ -1,7 +1,8 @@
 """What a file gave: its trajectories, and what the user should know about how they were read."""
 
-from collections.abc import Sequence
-from dataclasses import field
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,9 @@ import numpy as np
 from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python, warn_user
-from tgospa_eval.errors import ConfigError, NothingLeftError
+from tgospa_eval.errors import ConfigError, InputError, NothingLeftError
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
-from tgospa_eval.text import quoted
+from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.regions import Regions
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -48,6 +49,10 @@ class Reading:
         The states are centres of boxes.
     pixels : bool
         They are in an image, by the rules of the format.
+    idle : tuple of str
+        Headers of the states, where these are the same in all rows: of a place that is not known.
+    hidden : tuple of str
+        Headers of such a place, where another one was read.
     regions : Regions, optional
         Boxes of the file that are no objects but regions in which nothing is judged, if
         `ReadOptions.regions` asks for them.
@@ -66,6 +71,8 @@ class Reading:
     headers: dict[str, str] = field(default_factory=dict)
     centres: bool = False
     pixels: bool = False
+    idle: tuple[str, ...] = ()
+    hidden: tuple[str, ...] = ()
     regions: Regions | None = None
 
     @property
@@ -96,6 +103,34 @@ class Reading:
         else:
             rows = np.flatnonzero(self.klass == self.classes.index(name))
         return whole.chosen(rows)
+
+
+def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) -> Reading:
+    """Read a side by these options, and by another place where the first is not known in any row.
+
+    Parameters
+    ----------
+    read_by : callable
+        Reads the side.
+    options : ReadOptions
+        The options.
+    """
+    reading = read_by(options)
+    if not reading.idle or options.hidden:
+        return reading
+    fault = f"{listed(reading.idle)}: the same in all rows"
+    with suppress(InputError, ConfigError):
+        other = read_by(replace(options, hidden=reading.idle))
+        if other.taken and not other.idle:
+            place = "centres of boxes" if other.centres else listed(other.trajectories.columns)
+            text = f"{fault}, no known place: {place} are compared"
+            return replace(other, hidden=reading.idle, notices=(text, *other.notices))
+    warning = Notice(
+        code="no-place",
+        text=f"{fault}, as of a place that is not known",
+        remedy="name the columns of places, --columns x=HEADER,y=HEADER",
+    )
+    return replace(reading, warnings=(*reading.warnings, warning))
 
 
 def check_classes(

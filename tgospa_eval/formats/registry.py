@@ -11,7 +11,7 @@ from importlib import import_module
 from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.options import ROLES, ReadOptions, one_of
-from tgospa_eval.formats.reading import Reading
+from tgospa_eval.formats.reading import Reading, by_place
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -83,9 +83,17 @@ def read(
         check_memory(name, TEXT * size, size, options.max_input, f"{size:,} bytes of text")
     module, function = FORMATS[chosen]
     reader = getattr(import_module(module), function)
-    rows = reader(name, data, options, role, given=format is not None)
+    held = [data]  # given up before rows are assembled, and read again where that is needed
     del data
-    reading: Reading = assemble(rows, options, chosen)
+
+    def read_by(options: ReadOptions) -> Reading:
+        content = held.pop() if held else unpacked_file(file, options.max_input)
+        rows = reader(name, content, options, role, given=format is not None)
+        del content
+        made: Reading = assemble(rows, options, chosen)
+        return made
+
+    reading = by_place(read_by, options)
     if format is None and chosen != "csv":
         notice = f"read as {chosen}, by its name and content; --{role}-format to say otherwise"
         reading = replace(reading, notices=(notice, *reading.notices))

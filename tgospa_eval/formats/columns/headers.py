@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import field
 from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING
@@ -10,6 +11,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.options import ReadOptions
@@ -113,9 +115,12 @@ FIRST_ALIASES = {
 
 COORDINATE = (
     "{0} pos_{0} {0}_pos position_{0} {0}_position {0}_coord coord_{0} {0}_coordinate "
-    "coordinate_{0} utm_{0} {0}_utm center_{0} {0}_center centre_{0} {0}_centre"
+    "coordinate_{0} utm_{0} {0}_utm center_{0} {0}_center centre_{0} {0}_centre c{0} {0}c"
 )
 """Aliases of each coordinate."""
+
+EDGE = "{0}{1} bb_{0}{1} bbox_{0}{1} box_{0}{1}"
+"""Aliases of edges of boxes by two corners."""
 
 HEADER_ALIASES = {
     name: tuple(aliases.split())
@@ -124,8 +129,8 @@ HEADER_ALIASES = {
         "object_uuid "
         "track_no track_num track_number target_number track_name target_name track_token "
         "instance_id instance_token entity_id agent_id vehicle_id person_id pedestrian_id actor_id "
-        "tracker_id player_id ship_id taxi_id individual_id individual_local_identifier particle "
-        "mmsi icao24",
+        "tracker_id tracking_id player_id ship_id taxi_id individual_id "
+        "individual_local_identifier particle mmsi icao24",
         "t": f"{' '.join(FIRST_ALIASES['t'])} ts stamp datetime utc utc_time time_utc timestep "
         "frame_id frame_idx frame_index frame_no frame_num frame_number base_date_time",
         "x": COORDINATE.format("x") + " easting utm_easting",
@@ -134,12 +139,12 @@ HEADER_ALIASES = {
         "lat": "lat latitude gps_lat gps_latitude pos_lat location_lat",
         "lon": "lon lng long longitude gps_lon gps_lng gps_longitude pos_lon location_lon "
         "location_long",
-        "left": "left bb_left bbox_left x_min",
-        "top": "top bb_top bbox_top y_min",
-        "width": "width bb_width bbox_width",
-        "height": "height bb_height bbox_height",
-        "right": "right bb_right bbox_right x_max",
-        "bottom": "bottom bb_bottom bbox_bottom y_max",
+        "left": f"left bb_left bbox_left x_min {EDGE.format('x', 1)}",
+        "top": f"top bb_top bbox_top y_min {EDGE.format('y', 1)}",
+        "width": "width bb_width bbox_width box_width w bb_w bbox_w box_w",
+        "height": "height bb_height bbox_height box_height h bb_h bbox_h box_h",
+        "right": f"right bb_right bbox_right x_max {EDGE.format('x', 2)}",
+        "bottom": f"bottom bb_bottom bbox_bottom y_max {EDGE.format('y', 2)}",
         "weight": " ".join(FIRST_ALIASES["weight"]),
     }.items()
 }
@@ -195,15 +200,23 @@ class Headers:
         How the user names them, see `formats.columns.headers.ask`.
     where : str
         Begins every message.
+    hidden : sequence of str
+        Headers that are taken where they are mapped alone.
     """
 
     def __init__(
-        self, names: Sequence[str], mapped: dict[str, str], option: str, where: str
+        self,
+        names: Sequence[str],
+        mapped: dict[str, str],
+        option: str,
+        where: str,
+        hidden: Sequence[str] = (),
     ) -> None:
         self.names, self.mapped, self.option, self.where = names, mapped, option, where
         self.exact = {name: k for k, name in enumerate(names)}
         self.folded: dict[str, list[int]] = {}
         self.keyed: dict[str, list[tuple[int, str]]] = {}
+        self.hidden = {k for k, name in enumerate(names) if name in hidden}
         for k, name in enumerate(names):
             self.folded.setdefault(name.casefold(), []).append(k)
             for key, unit in _keys(name):
@@ -226,11 +239,18 @@ class Headers:
         """
         if name in self.mapped:
             return self.spelt(self.mapped[name], name)
+        taken = self.taken
         for alias in (name,) if plainly else FIRST_ALIASES.get(name, (name,)):
             found = self.spelt(alias, name)
-            if found is not None:
+            if found is not None and found not in taken:
                 return found
         return None if plainly else self._only(self._places(name), name)
+
+    @property
+    def taken(self) -> set[int]:
+        """Positions that are something else: mapped to other columns, or hidden."""
+        mapped = {self.spelt(header, name) for name, header in self.mapped.items()}
+        return self.hidden | {k for k in mapped if k is not None}
 
     def passed_over(self, name: str, unused: Sequence[str]) -> Iterator[str]:
         """A notice if unused headers may be a column as well as the one taken by an alias."""
@@ -254,7 +274,8 @@ class Headers:
             for k, unit in self.keyed.get(key, ())
             if not unit or unit in units
         )
-        return list(dict.fromkeys(places))
+        taken = self.taken
+        return [k for k in dict.fromkeys(places) if k not in taken]
 
     def _only(self, places: list[int], name: str) -> int | None:
         if len(places) > 1:
@@ -436,6 +457,8 @@ class Roles:
     missing : dict of str to str
         Of the columns that another file may have: those that this one lacks, and the message if
         every file does.
+    doubts : tuple of Notice
+        Warnings about roles that may be others.
     """
 
     id: int
@@ -458,6 +481,7 @@ class Roles:
     second: int | None = None
     form: "TimeForm | None" = None
     missing: dict[str, str] = field(default_factory=dict)
+    doubts: tuple[Notice, ...] = ()
 
     @cached_property
     def numbers(self) -> tuple[int, ...]:
@@ -565,14 +589,15 @@ def find_roles(
     _check_names(names, where)
     mapped, wanted = parse_columns(options.columns)
     if options.boxes:
-        other = next((name for name in wanted if name not in BOX), None)
+        # x and y are centres of boxes; those that one file names are asked of both.
+        other = next((name for name in wanted if name not in (*BOX, "x", "y")), None)
         if other is not None:
             raise ConfigError(
                 f"columns: {quoted(other)} is no part of a box; for boxes map left, top, width, "
-                "height"
+                "height, or the centre: x, y, width, height"
             )
         wanted = BOX
-    headers = Headers(names, mapped, options.option, where)
+    headers = Headers(names, mapped, options.option, where, options.hidden)
     second = _second_of_times(headers)
     missing = without_maps(headers, options)
     mixes = _Mixes(headers)
@@ -582,7 +607,7 @@ def find_roles(
         if stamp:
             raise InputError(f"{where}: {stamp}")
     time = headers.find("t")
-    wanted = wanted or mixes.default_states()
+    named, wanted = bool(wanted), wanted or mixes.default_states()
     found = {name: mixes.of(name, wanted) for name in wanted}
     state = tuple(mix for mix in found.values() if mix is not None)
     if identity is None or time is None or not wanted or len(state) < len(wanted):
@@ -598,6 +623,9 @@ def find_roles(
         each = (find_spread(naming, headers.find, where) for naming in namings)
         spread = next(filter(None, each), None)
     weight = None if options.boxes else headers.find(WEIGHT)
+    is_width = weight is not None and names[weight].casefold() == "w"
+    if is_width and headers.find("height") is not None:
+        weight = None  # of a box
     centres = not options.boxes and any(len(mix) > 1 for mix in state)
     sizes = (mixes.box["width"], mixes.box["height"]) if centres or options.boxes else ()
     used = {identity, time, second, klass}
@@ -630,6 +658,7 @@ def find_roles(
         second=second,
         form=options.form,
         missing=missing,
+        doubts=() if named or options.boxes else tuple(mixes.doubts),
     )
 
 
@@ -652,12 +681,41 @@ class _Mixes:
     def __init__(self, headers: Headers) -> None:
         self.headers = headers
         self.plainly = partial(headers.find, plainly=True)
-        self.plain_box = _box(self.plainly)
+        self.plain_box = _box(self.plainly, self._centre)
 
     @cached_property
     def box(self) -> dict[str, Mix]:
         """The box also by aliases: only where it is needed, as these may be doubtful."""
-        return self.plain_box or _box(self.headers.find)
+        return self.plain_box or _box(self.headers.find, self._centre)
+
+    def _centre(self, axis: str) -> int | None:
+        """Column of the centre of boxes, mapped or named so: x alone may be a corner."""
+        column = self.headers.find(axis)
+        known = axis in self.headers.mapped or (
+            column is not None and CENTRE.search(self.headers.names[column])
+        )
+        return column if known else None
+
+    @property
+    def doubts(self) -> Iterator[Notice]:
+        """A warning if x and y may be a corner of boxes as well as their centre."""
+        place = [self.plainly(name) for name in ("x", "y")]
+        if None in place or not {"x", "y"}.isdisjoint(self.headers.mapped):
+            return
+        with suppress(InputError):  # of headers that nobody needs
+            size = [self.headers.find(name) for name in ("width", "height")]
+            if None in size or self.box:
+                return
+            names = [self.headers.names[k] for k in (*place, *size) if k is not None]
+            corner = [f"{name}={header}" for name, header in zip(BOX, names, strict=True)]
+            centre = [f"{n}={h}" for n, h in zip(("x", "y", *BOX[2:]), names, strict=True)]
+            yield Notice(
+                code="corner-or-centre",
+                text=f"{listed(names[:2])} beside {listed(names[2:])} may be the corner or the "
+                "centre of boxes, and are compared as they are",
+                remedy=f"{ask(self.headers.option, corner)} if they are the corner, "
+                f"{ask(self.headers.option, centre)} if the centre",
+            )
 
     def of(self, name: str, states: Sequence[str]) -> Mix | None:
         """A quantity, beside these states: in space x is a place, not the centre of a box."""
@@ -689,7 +747,8 @@ class _Mixes:
                 return ("lat", "lon")
             if self.plain_box if find is self.plainly else self.box:
                 return ("x", "y")
-        return ()
+        is_known = all(self.headers.spelt(f"loc_{name}", name) is not None for name in "xyz")
+        return ("x", "y", "z") if is_known and self.headers.hidden else ()
 
 
 def _class_column(
@@ -732,7 +791,13 @@ def _namings(
     yield wanted
 
 
-def _box(find: Callable[[str], int | None]) -> dict[str, Mix]:
+CENTRE = re.compile(r"^c.?[xy]\b|^[xy].?c\b|cent", re.IGNORECASE)
+"""In headers of the centres of boxes."""
+
+
+def _box(
+    find: Callable[[str], int | None], centre_of: Callable[[str], int | None]
+) -> dict[str, Mix]:
     """Edges, sizes and centre of boxes, as far as there are columns for them."""
     box: dict[str, Mix] = {}
     for axis, begin, size, end in (
@@ -744,7 +809,13 @@ def _box(find: Callable[[str], int | None]) -> dict[str, Mix]:
             box |= {axis: ((first, 1.0), (extent, 0.5)), size: ((extent, 1.0),)}
         elif first is not None and last is not None:
             box |= {axis: ((first, 0.5), (last, 0.5)), size: ((last, 1.0), (first, -1.0))}
-    return box if len(box) == 4 else {}
+        elif first is None and extent is not None and (centre := centre_of(axis)) is not None:
+            box |= {
+                axis: ((centre, 1.0),),
+                begin: ((centre, 1.0), (extent, -0.5)),
+                size: ((extent, 1.0),),
+            }
+    return box if len(box) >= 4 else {}
 
 
 def _check_names(names: list[str], where: str) -> None:

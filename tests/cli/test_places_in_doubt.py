@@ -1,0 +1,141 @@
+"""Which columns of a file are places, where several may be: as people's files have them."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from tgospa_eval import TgospaWarning, evaluate
+
+Invoke = Callable[..., Any]
+Rows = Iterable[Iterable[object]]
+
+
+def write(name: str, header: str, rows: Rows, mark: str = ",") -> None:
+    lines = [header, *(mark.join(map(str, row)) for row in rows)]
+    Path(name).write_text("\n".join(filter(None, lines)) + "\n", encoding="utf-8")
+
+
+def boxes(shift: tuple[float, float] = (0, 0), size: tuple[float, float] = (20, 40)) -> Rows:
+    """Two objects 800 px apart, six frames."""
+    for frame in range(6):
+        for name, left in ((1, 100), (2, 900)):
+            yield frame, name, left + 5 * frame + shift[0], 50 + shift[1], *size
+
+
+def value(answer: Any) -> float:
+    assert answer.status == 0, answer.err
+    return float(answer.out.split()[2].rstrip(",").replace(",", ""))
+
+
+@pytest.mark.parametrize("unknown", [-1, 0, ""])
+@pytest.mark.parametrize("columns", [("x", "y", "z"), ("pos_x", "pos_y")])
+def test_a_place_that_no_row_knows_is_not_taken(
+    invoke: Invoke, unknown: object, columns: tuple[str, ...]
+) -> None:
+    header = f"frame,id,bb_left,bb_top,bb_width,bb_height,conf,{','.join(columns)}"
+    for name, shift in (("gt.csv", (0, 0)), ("res.csv", (6, 8))):
+        rows = [(*row, 1, *[unknown] * len(columns)) for row in boxes(shift)]
+        write(name, header, rows)
+    answer = invoke("gt.csv", "res.csv", "-c", "50", "-g", "10")
+    assert value(answer) == pytest.approx((12 * 100) ** 0.5, rel=1e-5)
+    assert "the same in all rows, no known place: centres of boxes are compared" in answer.err
+    tables = [pd.read_csv(name) for name in ("gt.csv", "res.csv")]
+    assert evaluate(*tables, cutoff=50, switch_penalty=10).total == pytest.approx(1200)
+
+
+def kitti(*, image: bool, place: bool = True, shift: float = 0.0) -> Rows:
+    for frame in range(6):
+        for name, x in ((1, 2.0), (2, 12.0)):
+            edges = (10 * x, 50, 10 * x + 20, 90) if image else (-1, -1, -1, -1)
+            where = (x + 0.1 * frame + 0.3 * shift, 1.7, 20 + 0.4 * shift)
+            own = where if place else (-1000, -1000, -1000)
+            yield frame, name, "Pedestrian", 0, 0, -10, *edges, 1.8, 0.6, 0.8, *own, 0.1
+
+
+@pytest.mark.parametrize("image", [True, False])
+def test_both_sides_are_compared_by_a_place_that_both_know(invoke: Invoke, image: bool) -> None:
+    write("truth.txt", "", kitti(image=image), " ")
+    write("est.txt", "", kitti(image=False, shift=1.0), " ")
+    for pair in (("truth.txt", "est.txt"), ("est.txt", "truth.txt")):
+        answer = invoke(*pair, "-c", "2", "-g", "1")
+        assert value(answer) == pytest.approx((12 * 0.25) ** 0.5, rel=1e-5)
+        assert "no known place: x, y, z are compared" in answer.err
+        assert ("x, y, z are compared, as of the other side" in answer.err) == image
+    answer = invoke("truth.txt", "est.txt", "--distance", "iou")
+    assert answer.status == 3
+    assert "0 is no width of a box" in answer.err
+    assert "and no other row is right" in answer.err
+    assert "drop" not in answer.err
+
+
+def test_a_place_that_stands_still_is_one(invoke: Invoke) -> None:
+    """A single object that does not move, without another place, is no doubt."""
+    write("a.csv", "id,t,x,y", [(1, t, 3, 4) for t in range(5)])
+    answer = invoke("a.csv", "a.csv", "-c", "1", "-g", "1")
+    assert value(answer) == 0
+    assert "warning" not in answer.err
+    write("b.csv", "id,t,x,y", [(k, t, -1, -1) for t in range(5) for k in (1, 2)])
+    answer = invoke("b.csv", "b.csv", "-c", "1", "-g", "1")
+    assert "warning: b.csv: x, y: the same in all rows, as of a place that is not known" in (
+        answer.err
+    )
+
+
+def test_a_mapping_goes_before_headers(invoke: Invoke) -> None:
+    write("gt.csv", "frame,id,left,top,width,height", boxes())
+    write("res.csv", "frame,id,x,y,w,h", boxes((3, 4)))
+    doubtful = invoke("gt.csv", "res.csv", "-c", "50", "-g", "10")
+    assert "x, y beside w, h may be the corner or the centre of boxes" in doubtful.err
+    corner = "left=x,top=y,width=w,height=h"
+    assert f"--estimate-columns {corner} if they are the corner" in doubtful.err
+    answer = invoke("gt.csv", "res.csv", "-c", "50", "-g", "10", "--estimate-columns", corner)
+    assert value(answer) == pytest.approx((12 * 25) ** 0.5, rel=1e-5)
+    assert "beside w, h" not in answer.err
+    truth, table = pd.read_csv("gt.csv"), pd.read_csv("res.csv")
+    names = dict(item.split("=")[::-1] for item in corner.split(","))
+    given: dict[str, Any] = {"cutoff": 50, "switch_penalty": 10}
+    assert evaluate(truth, table.rename(columns=names), **given).total == pytest.approx(300)
+    chosen = tuple(corner.split(","))
+    assert evaluate(truth, table, **given, estimate_columns=chosen).total == pytest.approx(300)
+    with pytest.warns(TgospaWarning, match="corner or the centre"):
+        evaluate(truth, table, **given)
+
+
+def test_boxes_by_centre_and_size_or_by_two_corners(invoke: Invoke) -> None:
+    write("gt.csv", "frame,id,left,top,width,height", boxes())
+    centres = [(f, k, x + w / 2, y + h / 2, w, h) for f, k, x, y, w, h in boxes((3, 4))]
+    corners = [(f, k, x, y, x + w, y + h) for f, k, x, y, w, h in boxes((3, 4))]
+    for name, header, rows in (
+        ("centre.csv", "frame,id,cx,cy,w,h", centres),
+        ("named.csv", "frame,id,x,y,w,h", centres),
+        ("corners.csv", "frame,id,x1,y1,x2,y2", corners),
+        ("minmax.csv", "frame,id,bbox_x1,bbox_y1,bbox_x2,bbox_y2", corners),
+    ):
+        write(name, header, rows)
+        options = ["--estimate-columns", "x=x,y=y,width=w,height=h"] if name == "named.csv" else []
+        answer = invoke("gt.csv", name, "-c", "50", "-g", "10", *options)
+        assert value(answer) == pytest.approx((12 * 25) ** 0.5, rel=1e-5), name
+        overlap = 17 * 36 / (2 * 800 - 17 * 36)
+        answer = invoke("gt.csv", name, "--distance", "iou", "-c", "1", "-g", "1", *options)
+        assert value(answer) == pytest.approx((12 * (1 - overlap) ** 2) ** 0.5, rel=1e-5), name
+    answer = invoke("gt.csv", "named.csv", "--distance", "iou")
+    assert answer.status == 3
+    assert "no column for left" in answer.err
+    wrong = [(f, k, x2, y2, x1, y1) for f, k, x1, y1, x2, y2 in corners]
+    write("wrong.csv", "frame,id,x1,y1,x2,y2", wrong)
+    assert "-20 is no width of a box" in invoke("gt.csv", "wrong.csv").err
+
+
+def test_ids_of_tracks_and_centres_go_before_names_and_corners(invoke: Invoke) -> None:
+    header = "frame_number,x1,y1,x2,y2,cx,cy,instance_name,tracking_id"
+    for name, shift in (("gt.csv", (0, 0)), ("res.csv", (3, 4))):
+        rows = [
+            (f, x, y, x + w, y + h, x + w / 2, y + h / 2, "mouse", k if shift[0] == 0 else 3 - k)
+            for f, k, x, y, w, h in boxes(shift)
+        ]
+        write(name, header, rows)
+    answer = invoke("gt.csv", "res.csv", "-c", "20", "-g", "5")
+    assert value(answer) == pytest.approx((12 * 25) ** 0.5, rel=1e-5)
