@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tgospa_eval._version import __version__
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.options import DEFAULTS, FITTING, OF_CLOUDS, SETTINGS, Request, is_coverage
+from tgospa_eval.api.options import DEFAULTS, FITTING, SETTINGS, Request, is_coverage
 from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.campaign.store import locked
 from tgospa_eval.cli.evaluate.in_parts import memory_of
@@ -27,6 +27,7 @@ from tgospa_eval.common.progress import Progress
 from tgospa_eval.common.writing import writing
 from tgospa_eval.engines.processes import engine_of
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.partitioned.evaluate import evaluate_partitioned
 from tgospa_eval.partitioned.input.listing import state_of, stored
 from tgospa_eval.partitioned.run import SCANNED, MemoryTooSmallError
@@ -74,7 +75,7 @@ def check_parts(options: Request, output: OutputOptions, why: str, *, sweep: boo
         asked.append(("plane", "leave it out: there is no picture of trajectories"))
     if sweep:
         asked.append(("sweep", "evaluate for one value after the other"))
-    if options.distance in OF_CLOUDS:
+    if options.distance is not None and "cloud" in as_distance(options.distance).kinds:
         asked.append((f"distance {options.distance}", "compare means, by another --distance"))
     for name, advice in asked[:1]:
         raise ConfigError(f"--{name} has no place where data are read in parts, as {why}: {advice}")
