@@ -6,7 +6,7 @@ The public names are imported when they are used, so that ``tgospa-eval --help``
 from typing import TYPE_CHECKING
 
 from tgospa_eval._version import __version__ as __version__
-from tgospa_eval.common.members import lazy
+from tgospa_eval.common.registry import lazy
 
 if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.api.batch import batch as batch

@@ -19,10 +19,10 @@ from tgospa_eval.solvers import SOLVERS, solver_class
 @pytest.mark.parametrize(
     ("listed", "members"),
     [
-        (DISTANCES.own, DISTANCES),
+        (DISTANCES.own, DISTANCES.own),
         (options.SOLVERS, SOLVERS),
         (click_options.REPORT_FORMATS, REPORTS),
-        (FORMATS.own, FORMATS),
+        (FORMATS.own, FORMATS.own),
     ],
 )
 def test_members_are_offered_and_documented(

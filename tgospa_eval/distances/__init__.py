@@ -6,7 +6,7 @@ it. Which there are by name, and how to add one, is in `distances.registry`.
 
 from typing import TYPE_CHECKING
 
-from tgospa_eval.common.members import lazy
+from tgospa_eval.common.registry import lazy
 from tgospa_eval.distances.registry import DISTANCES
 
 if TYPE_CHECKING:  # with `as`, which makes a name public

@@ -5,7 +5,7 @@ Imports nothing heavy. How to add one: docs/architecture.md, from outside docs/r
 
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.common.members import Members
+from tgospa_eval.common.registry import Registry
 
 if TYPE_CHECKING:
     from tgospa_eval.distances.base import Distance
@@ -23,7 +23,7 @@ def _distance(name: str, value: Any) -> "Distance":
     return record
 
 
-DISTANCES: "Members[Distance]" = Members(
+DISTANCES: "Registry[Distance]" = Registry(
     "distance",
     "tgospa_eval.distances",
     {

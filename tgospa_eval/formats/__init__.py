@@ -5,7 +5,7 @@ The public names are imported when they are used: the command line needs the nam
 
 from typing import TYPE_CHECKING
 
-from tgospa_eval.common.members import lazy
+from tgospa_eval.common.registry import lazy
 from tgospa_eval.formats.registry import FORMATS
 
 if TYPE_CHECKING:  # with `as`, which makes a name public

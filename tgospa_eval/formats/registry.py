@@ -6,7 +6,7 @@ Imports nothing heavy. How to add one: docs/architecture.md, from outside docs/r
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.common.members import Members
+from tgospa_eval.common.registry import Registry
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,7 +23,7 @@ def _reader(name: str, value: Any) -> "Reader":  # noqa: ARG001
     return reader
 
 
-FORMATS: "Members[Reader]" = Members(
+FORMATS: "Registry[Reader]" = Registry(
     "format",
     "tgospa_eval.formats",
     {

@@ -1,4 +1,4 @@
-"""Members of a kind by name: ours, and those that other packages declare as entry points.
+"""Registry of a kind by name: ours, and those that other packages declare as entry points.
 
 Imports nothing heavy: the command line needs the names for its help.
 """
@@ -30,8 +30,8 @@ class EntryPoint(NamedTuple):
         return f"the package {self.package} (entry point {self.name} = {self.place})"
 
 
-class Members(Mapping[str, T], Generic[T]):
-    """Members by name, imported when they are asked for.
+class Registry(Mapping[str, T], Generic[T]):
+    """Registry by name, imported when they are asked for.
 
     Parameters
     ----------
