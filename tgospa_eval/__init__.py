@@ -3,9 +3,10 @@
 The public names are imported when they are used, so that ``tgospa-eval --help`` stays quick.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tgospa_eval._version import __version__ as __version__
+from tgospa_eval.common.registry import lazy
 
 if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.api.batch import batch as batch
@@ -61,14 +62,7 @@ _HOME = {
 __all__ = sorted([*_HOME, "__version__"])
 
 
-def __getattr__(name: str) -> Any:
-    from importlib import import_module
-
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
+__getattr__ = lazy(__name__, _HOME)
 
 
 def __dir__() -> list[str]:

@@ -57,7 +57,7 @@ def inspect(
         document["both"] = both = compare(sides, request)
         found = [notice for notice in diagnose(sides, request) if notice.code]
         warnings += found
-        if both["nearest"] is not None and (explained(found) or distance.name == "iou"):
+        if both["nearest"] is not None and (explained(found) or distance.largest < np.inf):
             both["nearest"]["suggested"] = None  # the distances are not those of errors
     document["warnings"] = [notice.record() for notice in warnings]
     return document

@@ -386,11 +386,9 @@ def test_a_small_evaluation_imports_little(
 
 def test_option_choices_are_the_members() -> None:
     # Spelled out in the options, because importing the members would make --help slow.
-    from tgospa_eval.distances import DISTANCES
     from tgospa_eval.reports import REPORTS
     from tgospa_eval.solvers import SOLVERS
 
-    assert tuple(DISTANCES) == options.DISTANCES
     assert tuple(SOLVERS) == options.SOLVERS
     assert tuple(REPORTS) == click_options.REPORT_FORMATS
 

@@ -109,6 +109,14 @@ def test_the_page_of_the_architecture_has_the_folders() -> None:
     assert sorted(listed) == sorted("tgospa_eval/" if name == "." else f"{name}/" for name in there)
 
 
+def test_both_pages_name_the_same_file_to_read_first() -> None:
+    first = [
+        re.findall(r"Read `([^`]+)` first", page.read_text("utf-8"))
+        for page in (ROOT / "CONTRIBUTING.md", DOCS / "architecture.md")
+    ]
+    assert first[0] == first[1] == ["tgospa_eval/api/evaluate.py"]
+
+
 def test_the_page_of_the_architecture_has_the_layers() -> None:
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]
     layers = contracts["contracts"][0]["layers"]

@@ -1,10 +1,10 @@
 """From the options to a base distance."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.api.options import OF_CLOUDS, Request
+from tgospa_eval.api.options import DEFAULTS, Request
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import replace
 from tgospa_eval.common.notices import Notice
@@ -28,6 +28,18 @@ REDUCTION_NAMES = ("reduce_method", "directions", "iterations", "restarts", "pol
 CLOUD_OPTIONS = ("cloud_order", "inner", "inner_cov", "reduce", *REDUCTION_NAMES, "no_gating")
 
 ITERATED = ("sliced", "recursive", "atl", "kmeans")
+WHOSE = {
+    "periodic": "the norms and gaussian-wasserstein",
+    "scale": "the norms, mahalanobis, gaussian-wasserstein and distances of clouds",
+    "fix_cov": "gaussian-wasserstein and NEES",
+    "missing_cov": "gaussian-wasserstein and NEES",
+    "mixed": "gaussian-wasserstein",
+    "covariance": "mahalanobis",
+    "vertical_weight": "geodesic",
+    **dict.fromkeys(CLOUD_OPTIONS, "distances of clouds"),
+}
+"""Which of ours have an option, for messages; `Distance.options` decides."""
+
 USED_BY = {
     "directions": ITERATED[:2],
     "iterations": ITERATED,
@@ -36,14 +48,6 @@ USED_BY = {
     "seed": (*ITERATED, "systematic", "stratified", "multinomial"),
 }
 """Methods that an option of the reduction is for."""
-
-
-def given_particles(options: Request) -> Iterator[str]:
-    """Options of clouds that were given, as they are spelt."""
-    for name in CLOUD_OPTIONS:
-        value = getattr(options, name)
-        if value is not None and (not isinstance(value, int) or value):
-            yield _spelt(name)
 
 
 def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) -> "Reduction | None":
@@ -75,8 +79,8 @@ def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) ->
     return Reduction(size=size, method=method, **given)
 
 
-def cloud_distance(options: Request) -> "CloudWasserstein":
-    """The distance that the options ask for.
+def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWasserstein":
+    """A distance of clouds with the settings that the options ask for.
 
     Raises
     ------
@@ -85,7 +89,7 @@ def cloud_distance(options: Request) -> "CloudWasserstein":
     InputError
         The file of a covariance is missing or wrong.
     """
-    from tgospa_eval.distances import CloudWasserstein, PairCloudWasserstein, SlicedWasserstein
+    from tgospa_eval.distances import PairCloudWasserstein
     from tgospa_eval.formats.text.small import read_matrix
 
     inner = options.inner or "euclidean"
@@ -98,9 +102,7 @@ def cloud_distance(options: Request) -> "CloudWasserstein":
         matrix = path
     elif path not in ("global", "pair"):
         matrix = read_matrix(path, options.decimal)
-    named = as_distance(options.distance or OF_CLOUDS[0])
-    sliced = named if isinstance(named, SlicedWasserstein) else None
-    shared = ("directions", "seed") if sliced else ()
+    shared = tuple(name for name in ("directions", "seed") if hasattr(named, name))
     settings: dict[str, Any] = {
         "order": options.cloud_order or 2,
         "reduction": reduction(options, options.reduce, shared),
@@ -108,17 +110,16 @@ def cloud_distance(options: Request) -> "CloudWasserstein":
         **{name: value for name in shared if (value := getattr(options, name)) is not None},
     }
     pair = isinstance(path, str) and path == "pair"
-    if pair or (pairwise and inner == "mahalanobis" and path is None and not sliced):
-        if not pairwise or sliced:
+    plain = named.name == PairCloudWasserstein.name
+    if pair or (pairwise and inner == "mahalanobis" and path is None and plain):
+        if not pairwise or not plain:
             raise ConfigError(
                 "--inner-cov pair makes no metric, and is for associate with cloud-wasserstein; "
                 "take global or a file"
             )
         return PairCloudWasserstein(**settings)
     try:
-        if sliced:
-            return replace(sliced, inner=inner, covariance=matrix, **settings)
-        return CloudWasserstein(inner=inner, covariance=matrix, **settings)
+        return replace(named, inner=inner, covariance=matrix, **settings)
     except ConfigError as error:
         if not isinstance(path, str):
             raise
@@ -129,8 +130,10 @@ def _spelt(name: str) -> str:
     return name.replace("_", "-")
 
 
-USUAL = "euclidean"
-"""The distance if none is chosen."""
+def _is_given(value: object, default: object) -> bool:
+    """Whether somebody chose it; arrays cannot be compared."""
+    plain = value is None or isinstance(value, int | str | Sequence | Mapping)
+    return not plain or (bool(value) and value != default)
 
 
 class DistanceOptions:
@@ -153,54 +156,39 @@ class DistanceOptions:
 
     def __init__(self, options: Request, *, nees: bool = False) -> None:
         self.chosen = options.distance is not None
-        self.named = as_distance(USUAL if options.distance is None else options.distance)
+        self.named = as_distance(options.distance)
         self.is_record = self.chosen and not isinstance(options.distance, str)
         self.period = numbers_by_name("periodic", options.periodic, 2 * math.pi)
         self.scale = numbers_by_name("scale", options.scale)
         self.path = options.covariance
         self.mixed = options.mixed
         self.boxes = self.named.columns == BOX
-        # By name: to ask for the type would import the members that are not used.
-        of_matrix = self.named.name == "mahalanobis" and not self.is_record
-        of_pairs = of_matrix and self.path is None and options.pairwise
-        moments = self.named.name == "gaussian-wasserstein" and not self.is_record
-        of_gaussians = moments or of_pairs or nees
-        of_norms = (isinstance(self.named, Norm) and not self.is_record) or moments
-        of_heights = self.named.name == "geodesic" and not self.is_record
-        zero = options.missing_cov != "error"
-        of_clouds = self.named.name in OF_CLOUDS and not self.is_record
-        for name, given, allowed, whose in (
-            ("periodic", self.period, of_norms, "the norms and gaussian-wasserstein"),
-            (
-                "scale",
-                self.scale,
-                of_norms or of_matrix or of_clouds,
-                "the norms, mahalanobis, gaussian-wasserstein and distances of clouds",
-            ),
-            ("fix-cov", options.fix_cov, of_gaussians, "gaussian-wasserstein and NEES"),
-            ("missing-cov", zero, of_gaussians, "gaussian-wasserstein and NEES"),
-            ("mixed", self.mixed != "error", moments, "gaussian-wasserstein"),
-            ("covariance", self.path is not None, of_matrix, "mahalanobis"),
-            ("vertical-weight", options.vertical_weight is not None, of_heights, "geodesic"),
-            *((name, True, of_clouds, "distances of clouds") for name in given_particles(options)),
-        ):
-            if given and not allowed:
-                other = "a record with settings of its own" if self.is_record else self.named.name
-                raise ConfigError(f"--{name} is for {whose}, not for {other}")
-        if of_matrix and not of_pairs:
-            if self.path is None:
-                raise ConfigError("--distance mahalanobis needs --covariance FILE")
-            self.named = _mahalanobis(self.path, options.decimal)
+        allowed = () if self.is_record else self.named.options
+        of_matrix = "covariance" in allowed
+        of_pairs = self.named.name == "mahalanobis" and of_matrix
+        of_pairs &= self.path is None and options.pairwise
         if of_pairs:
             from tgospa_eval.distances.mahalanobis import PairMahalanobis
 
             self.named = PairMahalanobis()
+            allowed = (*self.named.options, "covariance")
+        if nees:
+            allowed += ("fix_cov", "missing_cov")
+        for name, whose in WHOSE.items():
+            if name not in allowed and _is_given(getattr(options, name), DEFAULTS[name]):
+                other = "a record with settings of its own" if self.is_record else self.named.name
+                raise ConfigError(f"--{_spelt(name)} is for {whose}, not for {other}")
+        if of_matrix and not of_pairs:
+            if self.path is None:
+                raise ConfigError(f"--distance {self.named.name} needs --covariance FILE")
+            self.named = _with_covariance(self.named, self.path, options.decimal)
         if options.vertical_weight is not None:
             self.named = _with(self.named, vertical_weight=options.vertical_weight)
-        if moments:
+        if "mixed" in allowed:
             self.named = _with(self.named, mixed=self.mixed)
-        if of_clouds:
-            self.named = cloud_distance(options)
+        if "cloud_order" in allowed:
+            of_clouds: Any = self.named
+            self.named = cloud_distance(options, of_clouds)
 
     @property
     def needed(self) -> tuple[str, ...] | None:
@@ -259,12 +247,12 @@ def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list
                 remedy=f"--distance {'geodesic' if mixed else 'haversine'} gives metres",
             )
         )
-    if distance.name == "iou" and cutoff > 1:
+    if cutoff > distance.largest:
         found.append(
             Notice(
-                text=f"cutoff {cutoff:g} is above 1, the largest distance of boxes: all pairs of a "
-                "step count as near, also those that share nothing; time and memory grow with all "
-                "pairs"
+                text=f"cutoff {cutoff:g} is above {distance.largest:g}, the largest distance of "
+                f"{distance.name}: all pairs of a step count as near, also those that share "
+                "nothing; time and memory grow with all pairs"
             )
         )
     return found
@@ -273,19 +261,18 @@ def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list
 def _with(distance: Distance, **settings: object) -> Distance:
     """The same distance with other settings, which are those of its type."""
     record: Any = distance
-    changed: Distance = replace(record, **settings)
+    changed: Distance = replace(record, **settings) if settings else record
     return changed
 
 
-def _mahalanobis(given: "str | ArrayLike", decimal: str) -> Distance:
-    from tgospa_eval.distances.mahalanobis import Mahalanobis
+def _with_covariance(distance: Distance, given: "str | ArrayLike", decimal: str) -> Distance:
     from tgospa_eval.formats.text.small import read_matrix
 
     if not isinstance(given, str):
-        return Mahalanobis(covariance=given)
+        return _with(distance, covariance=given)
     matrix = read_matrix(given, decimal)
     try:
-        return Mahalanobis(covariance=matrix)
+        return _with(distance, covariance=matrix)
     except ConfigError as error:
         raise InputError(f"{given}: {error}") from None
 

@@ -12,13 +12,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from tgospa_eval.api.options import DEFAULTS, OF_CLOUDS, SETTINGS, Request, is_coverage
+from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request, is_coverage
 from tgospa_eval.api.resolve import Settings
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.machine import cores, machine_memory
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.engines.processes import engine_of
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats.columns.headers import Headers
 from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.guess import ENDINGS, is_table_folder
@@ -102,7 +103,7 @@ def check_parts(options: Request, why: str, others: Iterable[tuple[str, str]] = 
     requested += others
     if is_coverage(options.region):
         requested.append(("region", "name ranges of columns, x=-50:50"))
-    if options.distance in OF_CLOUDS:
+    if options.distance is not None and "cloud" in as_distance(options.distance).kinds:
         requested.append((f"distance {options.distance}", "compare means, by another --distance"))
     for name, advice in requested[:1]:
         raise ConfigError(f"--{name} is not supported for data in parts ({why}); {advice}")

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from tgospa_eval.api.distance import USUAL, notices
+from tgospa_eval.api.distance import notices
 from tgospa_eval.api.options import Request
 from tgospa_eval.api.resolve import Settings
 from tgospa_eval.common.notices import Notice
@@ -18,6 +18,7 @@ from tgospa_eval.evaluation.diagnosis import (
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained, unit_notices
 from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats import Reading
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.results.summary import Summary
@@ -92,12 +93,10 @@ def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
 
 def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
     """What nobody chose, once for all jobs, in the words that a single evaluation has for it."""
-    from tgospa_eval.distances import DISTANCES  # here: the command line does without
-
     if boxes and options.distance in (None, "euclidean") and not options.columns:
         yield "boxes are compared by their centres (x, y); overlap: --distance iou"
     given = {"cutoff": options.cutoff, "switch-penalty": options.switch_penalty}
-    values = zip(given, DISTANCES[options.distance or USUAL].defaults, strict=True)
+    values = zip(given, as_distance(options.distance).defaults, strict=True)
     used = {name: value for name, value in values if given[name] is None}
     if used:
         shown = " and ".join(

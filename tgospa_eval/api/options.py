@@ -4,30 +4,23 @@ Imports nothing heavy: the command line needs it for its help.
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from typing import Any, Self, get_args
 
 from tgospa_eval.common import config
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import parsed, parsed_whole
+from tgospa_eval.distances.registry import DISTANCES
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.formats.registry import FORMATS
 from tgospa_eval.text import quoted
 
 # Spelled out here, because importing the members costs numpy; tests hold them together.
-DISTANCES = (
-    *("euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "geodesic", "iou"),
-    *("gaussian-wasserstein", "cloud-wasserstein", "sliced-wasserstein", "max-sliced-wasserstein"),
-)
-OF_CLOUDS = DISTANCES[-3:]
 SOLVERS = ("certified", "exact", "sinkhorn")
 EXISTENCES = ("ignore", "use")
 GRIDS = ("union", "truth", "estimate", "common")
 INTERPOLATED = ("estimate", "truth")
-FILE_FORMATS = (
-    *("csv", "parquet", "feather", "motchallenge", "visdrone", "kitti", "npz", "npy", "mat"),
-    *("nuscenes", "argoverse"),
-)
 PREPROCESS = tuple(
     f"{name}{how}"
     for name in ("motchallenge", "kitti", "visdrone", "uadetrac")
@@ -54,8 +47,8 @@ class Setting:
         As the help shows the option: ``-c, --cutoff C``; without a metavar it is a flag.
     help : str
         What it does.
-    choices : tuple of str
-        Its values, if they are few.
+    choices : collection of str
+        Its values, if they are few; or members, which other packages may add to.
     kind : str
         Of the text: ``"path"``, or ``"size"`` of memory; blank for any.
     least, most : int, optional
@@ -79,7 +72,7 @@ class Setting:
     section: str
     declaration: str
     help: str
-    choices: tuple[str, ...] = ()
+    choices: Collection[str] = ()
     kind: str = ""
     least: int | None = None
     most: int | None = None
@@ -227,13 +220,13 @@ class Request(Values):
         "--truth-format FORMAT",
         "Format of TRUTH: csv, parquet, feather, motchallenge, visdrone, kitti, npz, npy, mat, "
         "nuscenes or argoverse.",
-        choices=FILE_FORMATS,
+        choices=FORMATS,
         shown="found from name and content",
     )
     estimate_format: str | None = _files(
         "--estimate-format FORMAT",
         "Format of ESTIMATE, one of the same.",
-        choices=FILE_FORMATS,
+        choices=FORMATS,
         shown="found from name and content",
     )
     time_tolerance: str = _files(

@@ -135,7 +135,7 @@ class Recorder:
         ConfigError, InputError
             As for `tgospa_eval.evaluate`.
         """
-        columns = as_distance(options.get("distance", "euclidean")).columns
+        columns = as_distance(options.get("distance")).columns
         truth, estimate = (self._trajectories(name, columns) for name in ROLES)
         return evaluate(truth, estimate, **options)
 

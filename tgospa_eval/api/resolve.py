@@ -12,7 +12,6 @@ from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request, is_coverage
 from tgospa_eval.api.places import check_places
 from tgospa_eval.common.frozen import dataclass, replace
 from tgospa_eval.distances.checks import check_columns, check_states
-from tgospa_eval.distances.registry import ON_EARTH
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError, TgospaError
 from tgospa_eval.evaluation.axis import check_left
 from tgospa_eval.evaluation.prepare import Fitted, fit
@@ -518,7 +517,7 @@ def _settings(options: Request) -> Settings:
             "--time and --region are in the units of the truth: choose the distance by its name"
         )
     frames = _frames(options)
-    if frames is not None and frames.begin and measure.named.name in ON_EARTH:
+    if frames is not None and frames.begin and measure.named.on_earth:
         raise ConfigError(
             f"--distance {measure.named.name} compares places on the Earth, and --origin brings "
             "both sides to local metres: leave --distance out"

@@ -132,7 +132,7 @@ def warm_up(solvers: Iterable[Solver]) -> None:
             import tgospa_eval.solvers.restricted_lp  # noqa: F401  HiGHS, which small scenes do without
         request = EvaluationRequest(
             parameters=Parameters(cutoff=1.0, order=1.0, switch_penalty=0.3),
-            distance=DISTANCES["euclidean"],
+            distance=DISTANCES.ours("euclidean"),
             solver=solver,
         )
         with suppress(Exception):  # what fails here fails again where it is recorded

@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.options import FILE_FORMATS, NOT_OF_SENSORS, SETTINGS, Request
+from tgospa_eval.api.options import NOT_OF_SENSORS, SETTINGS, Request
 from tgospa_eval.cli.shared.click_options import (
     EVALUATION,
     OutputOptions,
     chosen_options,
     format_option,
+    one_of,
 )
 from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, option
 from tgospa_eval.errors import InputError
+from tgospa_eval.formats.registry import FORMATS
 
 if TYPE_CHECKING:
     from tgospa_eval.api.resolve import Settings
@@ -36,7 +38,7 @@ _files = partial(
     option,
     section="Files",
     trusted=True,
-    type=click.Choice(FILE_FORMATS),
+    type=one_of(FORMATS),
     show_default="found from name and content",
 )
 _output = partial(Option, section="Output")
@@ -57,7 +59,7 @@ _output = partial(Option, section="Output")
             SENSOR_OPTIONS,
             _files(
                 "--a-format FORMAT",
-                f"Format of A: {', '.join(FILE_FORMATS[:-1])} or {FILE_FORMATS[-1]}.",
+                SETTINGS["truth_format"].help.replace("TRUTH", "A"),
                 name="truth_format",
             ),
             _files("--b-format FORMAT", "Format of B, one of the same.", name="estimate_format"),

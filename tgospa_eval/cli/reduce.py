@@ -5,15 +5,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.options import FILE_FORMATS, Request
+from tgospa_eval.api.options import SETTINGS, Request
 from tgospa_eval.cli.associate import read_states, run_with_effort
 from tgospa_eval.cli.shared.click_options import (
     REDUCTION,
     OutputOptions,
     chosen_options,
     format_option,
+    one_of,
 )
 from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, option
+from tgospa_eval.formats.registry import FORMATS
 
 if TYPE_CHECKING:
     from tgospa_eval.distances import Effort
@@ -37,11 +39,11 @@ if TYPE_CHECKING:
             *REDUCTION,
             option(
                 "--in-format FORMAT",
-                "Format of IN: csv, parquet or npz.",
+                SETTINGS["truth_format"].help.replace("TRUTH", "IN"),
                 name="truth_format",
                 section="Files",
                 trusted=True,
-                type=click.Choice(FILE_FORMATS),
+                type=one_of(FORMATS),
                 show_default="found from name and content",
             ),
             Option("--force", "Write over OUT if it exists.", section="Output"),

@@ -6,11 +6,13 @@ it. Which there are by name, and how to add one, is in `distances.registry`.
 
 from typing import TYPE_CHECKING
 
-from tgospa_eval.distances.base import Distance, Effort, Pairs
-from tgospa_eval.distances.pair_search import near_pairs
+from tgospa_eval.common.registry import lazy
 from tgospa_eval.distances.registry import DISTANCES
 
 if TYPE_CHECKING:  # with `as`, which makes a name public
+    from tgospa_eval.distances.base import Distance as Distance
+    from tgospa_eval.distances.base import Effort as Effort
+    from tgospa_eval.distances.base import Pairs as Pairs
     from tgospa_eval.distances.boxes import IoU as IoU
     from tgospa_eval.distances.clouds.distance import CloudWasserstein as CloudWasserstein
     from tgospa_eval.distances.clouds.distance import PairCloudWasserstein as PairCloudWasserstein
@@ -27,11 +29,14 @@ if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.distances.geodesic import Geodesic as Geodesic
     from tgospa_eval.distances.mahalanobis import Mahalanobis as Mahalanobis
     from tgospa_eval.distances.mahalanobis import PairMahalanobis as PairMahalanobis
+    from tgospa_eval.distances.pair_search import near_pairs as near_pairs
     from tgospa_eval.distances.sphere import Haversine as Haversine
     from tgospa_eval.distances.vector import Norm as Norm
 
 _HOME = {
     "CloudWasserstein": "clouds.distance",
+    "Distance": "base",
+    "Effort": "base",
     "GaussianWasserstein": "gaussian",
     "Geodesic": "geodesic",
     "Haversine": "sphere",
@@ -40,11 +45,13 @@ _HOME = {
     "Norm": "vector",
     "PairCloudWasserstein": "clouds.distance",
     "PairMahalanobis": "mahalanobis",
+    "Pairs": "base",
     "Reduction": "clouds.reduction",
     "SlicedWasserstein": "clouds.sliced",
     "cloud_wasserstein": "clouds.transport",
     "cross_covariance": "clouds.transport",
     "gaussian_wasserstein": "gaussian",
+    "near_pairs": "pair_search",
     "reduce_cloud": "clouds.reduction",
     "resample_cloud": "clouds.transport",
     "restrict_cloud": "clouds.transport",
@@ -52,14 +59,6 @@ _HOME = {
 }
 
 
-def __getattr__(name: str) -> object:
-    from importlib import import_module
+__getattr__ = lazy(__name__, _HOME)
 
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-__all__ = ["DISTANCES", "Distance", "Effort", "Pairs", "near_pairs", *_HOME]
+__all__ = ["DISTANCES", *_HOME]

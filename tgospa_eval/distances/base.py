@@ -91,6 +91,10 @@ class Distance(ABC):
         their points is at most 1, if every coordinate is measured in the larger of their reaches.
     columns : tuple of str, optional
         State columns that it needs, in order; None if any will do.
+    options : tuple of str
+        Options that change its settings, as fields of `api.options.Request`.
+    on_earth : bool
+        It is in metres, between latitudes and longitudes in degrees.
     defaults : tuple of float
         Cutoff and switch penalty, if the user names none.
     largest : float
@@ -105,6 +109,8 @@ class Distance(ABC):
     scale: Sequence[float] | None = None
     period: Sequence[float] | None = None
     columns: ClassVar[tuple[str, ...] | None] = None
+    options: ClassVar[tuple[str, ...]] = ()
+    on_earth: ClassVar[bool] = False
     defaults: ClassVar[tuple[float, float]] = (10.0, 2.0)
     largest: ClassVar[float] = float("inf")
     limits: ClassVar[dict[str, tuple[float, float, str]]] = {}

@@ -58,6 +58,7 @@ class GaussianWasserstein(Distance):
     period: Sequence[float] | None = None
     mixed: str = "error"
     name = "gaussian-wasserstein"
+    options = ("scale", "periodic", "fix_cov", "missing_cov", "mixed")
 
     def __post_init__(self) -> None:
         if self.mixed not in MIXED:

@@ -47,6 +47,8 @@ class Geodesic(Distance):
 
     name = "geodesic"
     columns = PLACES
+    options = ("vertical_weight",)
+    on_earth = True
     limits: ClassVar[dict[str, tuple[float, float, str]]] = Haversine.limits
 
     def __post_init__(self) -> None:

@@ -58,6 +58,7 @@ class Mahalanobis(Distance):
     covariance: ArrayLike | None = None
     scale: Sequence[float] | None = None
     name = "mahalanobis"
+    options = ("scale", "covariance")
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "scale", positive_numbers("scale", self.scale))
@@ -164,6 +165,7 @@ class PairMahalanobis(Distance):
 
     scale: Sequence[float] | None = None
     name = "mahalanobis"
+    options = ("scale", "fix_cov", "missing_cov")
 
     @property
     def kinds(self) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from tgospa_eval.common.arrays import Floats, Ints, concatenated, index_type
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.distances.base import Distance, Effort, Pairs, Sides
+from tgospa_eval.distances.registry import DISTANCES
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -332,7 +333,6 @@ def near_pairs(
     return prepared_pairs(sides, cutoff, distance, effort)
 
 
-@np.errstate(over="ignore", invalid="ignore")
 def prepared_pairs(
     sides: Sides, cutoff: float, distance: Distance, effort: Effort, *, margin: float = 0.0
 ) -> Pairs:
@@ -340,6 +340,13 @@ def prepared_pairs(
 
     With a `margin` also pairs that are no more than that beyond the cutoff.
     """
+    with DISTANCES.blamed(distance.name), np.errstate(over="ignore", invalid="ignore"):
+        return _prepared_pairs(sides, cutoff, distance, effort, margin)
+
+
+def _prepared_pairs(
+    sides: Sides, cutoff: float, distance: Distance, effort: Effort, margin: float
+) -> Pairs:
     truth, estimate = sides
     cutoff = max(cutoff, min(cutoff + margin, distance.largest))
     horizon = distance.horizon(sides, cutoff)

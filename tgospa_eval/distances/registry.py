@@ -1,51 +1,44 @@
-"""The base distances by name.
+"""The base distances by name: ours, and those of other packages.
 
-A new one is a file here with a record that derives from `distances.base.Distance`, a line in
-`DISTANCES`, its name in the options and a line in docs/reference/cli.md.
+Imports nothing heavy. How to add one: docs/architecture.md, from outside docs/reference/extend.md.
 """
 
-from collections.abc import Iterator, Mapping
-from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.distances.base import Distance
+from tgospa_eval.common.registry import Registry
 
-
-class _Members(Mapping[str, Distance]):
-    """Records by name, made when they are asked for."""
-
-    def __init__(self, members: dict[str, tuple[str, dict[str, str | float]]]) -> None:
-        self._members = members
-
-    def __getitem__(self, name: str) -> Distance:
-        place, settings = self._members[name]
-        module, _, record = place.rpartition(".")
-        make = getattr(import_module(f"tgospa_eval.distances.{module}"), record)
-        found: Distance = make(**settings)
-        return found
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._members)
-
-    def __len__(self) -> int:
-        return len(self._members)
+if TYPE_CHECKING:
+    from tgospa_eval.distances.base import Distance
 
 
-DISTANCES: Mapping[str, Distance] = _Members(
+def _distance(name: str, value: Any) -> "Distance":
+    """A record, or one of a class with the default settings."""
+    from tgospa_eval.distances.base import Distance  # here: imports numpy
+
+    record = value() if isinstance(value, type) else value
+    if not isinstance(record, Distance):
+        raise TypeError(f"it is {type(record).__name__}, not a Distance")
+    if record.name != name:
+        raise ValueError(f"its record has the name {record.name!r}, which must be the same")
+    return record
+
+
+DISTANCES: "Registry[Distance]" = Registry(
+    "distance",
+    "tgospa_eval.distances",
     {
-        "euclidean": ("vector.Norm", {"name": "euclidean", "power": 2.0}),
-        "manhattan": ("vector.Norm", {"name": "manhattan", "power": 1.0}),
-        "chebyshev": ("vector.Norm", {"name": "chebyshev", "power": float("inf")}),
-        "mahalanobis": ("mahalanobis.Mahalanobis", {}),
-        "haversine": ("sphere.Haversine", {}),
-        "geodesic": ("geodesic.Geodesic", {}),
-        "iou": ("boxes.IoU", {}),
-        "gaussian-wasserstein": ("gaussian.GaussianWasserstein", {}),
-        "cloud-wasserstein": ("clouds.distance.CloudWasserstein", {}),
-        "sliced-wasserstein": ("clouds.sliced.SlicedWasserstein", {}),
-        "max-sliced-wasserstein": ("clouds.sliced.SlicedWasserstein", {"maximum": True}),
-    }
+        "euclidean": "tgospa_eval.distances.vector:EUCLIDEAN",
+        "manhattan": "tgospa_eval.distances.vector:MANHATTAN",
+        "chebyshev": "tgospa_eval.distances.vector:CHEBYSHEV",
+        "mahalanobis": "tgospa_eval.distances.mahalanobis:Mahalanobis",
+        "haversine": "tgospa_eval.distances.sphere:Haversine",
+        "geodesic": "tgospa_eval.distances.geodesic:Geodesic",
+        "iou": "tgospa_eval.distances.boxes:IoU",
+        "gaussian-wasserstein": "tgospa_eval.distances.gaussian:GaussianWasserstein",
+        "cloud-wasserstein": "tgospa_eval.distances.clouds.distance:CloudWasserstein",
+        "sliced-wasserstein": "tgospa_eval.distances.clouds.sliced:SlicedWasserstein",
+        "max-sliced-wasserstein": "tgospa_eval.distances.clouds.sliced:MAX_SLICED",
+    },
+    _distance,
 )
 """Base distances by name; Mahalanobis without its covariance."""
-
-ON_EARTH = ("haversine", "geodesic")
-"""Those of latitudes and longitudes in degrees; they are in metres."""

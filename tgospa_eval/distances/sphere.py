@@ -26,6 +26,7 @@ class Haversine(Distance):
 
     name = "haversine"
     columns = PLACES
+    on_earth = True
     limits: ClassVar[dict[str, tuple[float, float, str]]] = {
         "lat": (-90.0, 90.0, "from -90 to 90 degrees"),
         "lon": (-360.0, 360.0, "from -360 to 360 degrees"),

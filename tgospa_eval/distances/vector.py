@@ -50,6 +50,7 @@ class Norm(Distance):
     power: float
     scale: Sequence[float] | None = None
     period: Sequence[float] | None = None
+    options = ("scale", "periodic")
 
     def __post_init__(self) -> None:
         if self.power not in (1.0, 2.0, np.inf):
@@ -193,3 +194,8 @@ def positive_numbers(
                 f"{name} is {number:g}: must be > 0, from {SMALLEST_SCALE:g} to {LARGEST_SCALE:g}"
             )
     return numbers
+
+
+EUCLIDEAN = Norm(name="euclidean", power=2.0)
+MANHATTAN = Norm(name="manhattan", power=1.0)
+CHEBYSHEV = Norm(name="chebyshev", power=np.inf)

@@ -10,7 +10,6 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.pair_search import prepared_pairs
-from tgospa_eval.distances.registry import ON_EARTH
 from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, comparable
@@ -80,7 +79,7 @@ class Axis:
 def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]:
     """Periods of the state columns that wrap around."""
     periods = dict(distance.settings(columns).get("periodic", {}))
-    if distance.name in ON_EARTH:
+    if distance.on_earth:
         periods["lon"] = TURN
     return periods
 

@@ -134,7 +134,8 @@ def other_metrics(
         The assignment that says which estimates follow ignored truths.
     """
     cutoff = prepared.parameters.cutoff
-    zero = 1.0 if prepared.distance.name == IOU else 2 * cutoff
+    largest = prepared.distance.largest
+    zero = largest if largest < np.inf else 2 * cutoff
     asked = [name for name in names if name in METRIC_FIELDS]
     found = {}
     with effort.stopwatch.span("other_metrics"):

@@ -414,13 +414,11 @@ def as_solver(solver: str | Solver) -> Solver:
     return solver
 
 
-def as_distance(distance: str | Distance) -> Distance:
-    """A record of settings, of a name that with the default ones."""
+def as_distance(distance: str | Distance | None) -> Distance:
+    """A record of settings, of a name that with the default ones; euclidean if none is chosen."""
     if isinstance(distance, Distance):
         return distance
-    if not isinstance(distance, str) or distance not in DISTANCES:
-        raise ConfigError(f"no distance {quoted(distance)}; there are {', '.join(DISTANCES)}")
-    return DISTANCES[distance]
+    return DISTANCES.ours("euclidean") if distance is None else DISTANCES.chosen(distance)
 
 
 # -------------------------------------------------------------------------------------------------

@@ -1,15 +1,30 @@
-"""FILES -> Trajectories: readers by name, how to read, and what was read."""
+"""FILES -> Trajectories: readers by name, how to read, and what was read.
 
-from tgospa_eval.formats.options import ROLES, ReadOptions
-from tgospa_eval.formats.reading import Reading
-from tgospa_eval.formats.registry import FORMATS, read, read_trajectories, runs_inside
+The public names are imported when they are used: the command line needs the names of formats alone.
+"""
 
-__all__ = [
-    "FORMATS",
-    "ROLES",
-    "ReadOptions",
-    "Reading",
-    "read",
-    "read_trajectories",
-    "runs_inside",
-]
+from typing import TYPE_CHECKING
+
+from tgospa_eval.common.registry import lazy
+from tgospa_eval.formats.registry import FORMATS
+
+if TYPE_CHECKING:  # with `as`, which makes a name public
+    from tgospa_eval.formats.files import read as read
+    from tgospa_eval.formats.files import read_trajectories as read_trajectories
+    from tgospa_eval.formats.files import runs_inside as runs_inside
+    from tgospa_eval.formats.options import ROLES as ROLES
+    from tgospa_eval.formats.options import ReadOptions as ReadOptions
+    from tgospa_eval.formats.reading import Reading as Reading
+
+_HOME = {
+    "ROLES": "options",
+    "ReadOptions": "options",
+    "Reading": "reading",
+    "read": "files",
+    "read_trajectories": "files",
+    "runs_inside": "files",
+}
+
+__getattr__ = lazy(__name__, _HOME)
+
+__all__ = ["FORMATS", *_HOME]

@@ -124,6 +124,22 @@ def frame_rows(
     )
 
 
+def table_rows(table: object, options: ReadOptions, name: str) -> Rows:
+    """The rows of what the reader of another package returned.
+
+    Raises
+    ------
+    TypeError
+        It is no DataFrame.
+    InputError
+        As of `from_frame`.
+    """
+    if not isinstance(table, pd.DataFrame):
+        raise TypeError(f"it returned {type(table).__name__}, not a DataFrame")
+    roles = find_roles(list(map(str, table.columns)), options, name)
+    return frame_rows(table, roles, name, options.decimal)
+
+
 @contextmanager
 def _placed(column: pd.Series, where: Callable[[int], str]) -> Iterator[None]:
     """What is wrong with a row, and a timestamp that pandas cannot write out, with their place."""

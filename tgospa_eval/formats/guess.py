@@ -8,6 +8,7 @@ from itertools import takewhile
 from tgospa_eval.common.patterns import WITH_VARIABLES
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.loading import plain_name
+from tgospa_eval.formats.registry import FORMATS
 
 ENDINGS = {
     ".csv": "csv",
@@ -75,17 +76,21 @@ def files_at(path: str) -> list[str]:
 def guess(path: str, data: bytes) -> str:
     """A key of `formats.FORMATS`; what looks like nothing else is a CSV table.
 
+    The name of a format of another package is that of its files: run.trk is read as trk.
     A MOTChallenge line has 6 to 10 numbers, and no header; VisDrone has 10 as well, of which the
     last three are classes and grades of visibility in all lines. A KITTI line has 17 fields, or
     18 with a score, separated by blanks, of which the third is the type.
     """
+    suffix = re.search(r"\.[^./\\]*$", plain_name(path))
+    ending = suffix[0] if suffix else ""
+    if ending not in ENDINGS and ending[1:] in FORMATS.outside:
+        return ending[1:]
     for magic, format in MAGIC.items():
         if data.startswith(magic):
             named = all(name in data[:SCHEMA_BYTES] for name in ARGOVERSE)
             return "argoverse" if format == "feather" and named else format
-    suffix = re.search(r"\.[^./\\]*$", plain_name(path))
-    if suffix and suffix[0] in ENDINGS:
-        return ENDINGS[suffix[0]]
+    if ending in ENDINGS:
+        return ENDINGS[ending]
     head = data[:GUESSED_FROM].decode("utf-8-sig", "replace").lstrip()
     if re.match(RESULTS, head) or (head[:1] == "[" and is_table_folder(os.path.dirname(path))):
         return "nuscenes"

@@ -79,6 +79,12 @@ def check_memory(path: str, size: float, file: int, limit: float | None, what: s
         )
 
 
+def check_text_memory(path: str, data: bytes, limit: float | None) -> None:
+    """As `check_memory`, for the fields of a text."""
+    size = len(data)
+    check_memory(path, TEXT * size, size, limit, f"{size:,} bytes of text")
+
+
 def most_bytes(limit: float | None, path: str) -> int:
     """Bytes that a file itself may have; what is available matters to the largest alone."""
     if limit == 0:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, in_both, number, plain, shortest
-from tgospa_eval.distances.registry import ON_EARTH
+from tgospa_eval.distances.registry import DISTANCES
 from tgospa_eval.reports.rendering import WIDTH, Table, clip, text_lines, wrap
 from tgospa_eval.results.records import Json, Time
 from tgospa_eval.text import ending
@@ -125,7 +125,8 @@ def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterato
     if nearest is None:
         yield "no step has both a truth and an estimate: no distances"
         return
-    unit = parameters["unit"] or ("m" if parameters["distance"] in ON_EARTH else "")
+    distance = DISTANCES.get(str(parameters["distance"]))
+    unit = parameters["unit"] or ("m" if distance is not None and distance.on_earth else "")
     truths = counted(nearest["truths"], "truth")
     yield ""
     yield f"distance from a truth to the nearest estimate of its step, {truths}"

@@ -22,7 +22,6 @@ from tgospa_eval.distances.sphere import RADIUS
 from tgospa_eval.errors import ConfigError, InputError, real_number
 from tgospa_eval.problem.gospa import assign_pairs
 from tgospa_eval.results.records import Columns
-from tgospa_eval.text import quoted
 from tgospa_eval.tracks.covariances import pack
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -107,12 +106,12 @@ class Association:
         Means z apart, with z' G^-1 z >= 1, are not associated: G_ij is c^2 C_ij / (s_i s_j) with
         the scales s and the covariance C, without one the unit matrix. Where each pair has its own
         C it is that of the partner, of a state without one that with its equal; of places on
-        the Earth G holds nearby. None of boxes.
+        the Earth G holds nearby. None of distances without scales, as of boxes.
         """
         side, distance, size = self.first, self.distance, len(self.first.columns)
         settings = distance.settings(side.columns)
         given = settings.get("covariance", settings.get("inner_cov", np.eye(size)))
-        if distance.name == "iou":
+        if not distance.on_earth and "scale" not in distance.options:
             return None
         if isinstance(given, str):  # of each pair
             own, other = (np.zeros((len(s.step) + 1, size * (size + 1) // 2)) for s in self.sides)
@@ -122,7 +121,7 @@ class Association:
             partner = np.where(alone, own[:-1], other[self.partners[0]])
             return np.asarray(self.cutoff**2 * (own[:-1] + partner) / 2)
         scale = np.ones((len(side.step), size)) * (distance.scale or 1.0)
-        if distance.name in ("haversine", "geodesic"):
+        if distance.on_earth:
             scale[:, :2] *= np.radians(RADIUS)
             scale[:, 1] *= np.cos(np.radians(side.state[:, 0]))
             scale[:, 2:] = getattr(distance, "vertical_weight", 1.0)
@@ -295,11 +294,7 @@ def associate(
 def _fitting(first: Trajectories, second: Trajectories, distance: str | Distance) -> Distance:
     """The distance of the states of both sides, which must fit each other."""
     if isinstance(distance, str):
-        if distance not in DISTANCES:
-            raise ConfigError(
-                f"distance is {quoted(distance)}: must be one of {', '.join(DISTANCES)}"
-            )
-        distance = DISTANCES[distance]
+        distance = DISTANCES.chosen(distance)
     names = ("first", "second")
     check_columns(first, second, names)
     check_states(first, second, distance, names)
@@ -318,6 +313,6 @@ def _means_apart(
         scale=distance.scale,
         period=distance.period,
     )
-    if distance.columns is not None:  # degrees, and edges of boxes: no norm
+    if "scale" not in distance.options:  # degrees, and edges of boxes: no norm
         means = distance
     return means(first.state[pairs.truth_row], second.state[pairs.estimate_row])

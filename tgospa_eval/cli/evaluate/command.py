@@ -1,5 +1,7 @@
 """``tgospa-eval [evaluate] TRUTH ESTIMATE``: one evaluation, printed and optionally written."""
 
+from collections.abc import Iterator
+
 import click
 
 from tgospa_eval.api.options import FITTING, Request
@@ -146,10 +148,8 @@ def _check(chosen: Request, output: OutputOptions, typed: set[str], *, sweep: bo
             raise click.UsageError(
                 f"--{name} is for {'one evaluation' if sweep else 'the folder of -o'}"
             )
-    if "proof" in typed and chosen.existence == "use":
-        raise click.UsageError("--proof has no place for --existence use: leave one of them out")
-    if "proof" in typed and chosen.step_weights is not None:
-        raise click.UsageError("--proof has no place for --step-weights: leave one of them out")
+    for option in _without_proof(chosen) if "proof" in typed else ():
+        raise click.UsageError(f"--proof has no place for {option}: leave one of them out")
     if chosen.slices and sweep:
         raise click.UsageError("--slice is for one evaluation, not for --sweep")
     if chosen.with_ is not None and sweep:
@@ -166,3 +166,14 @@ def _not_explained(*, by_class: bool, sweep: bool) -> str:
     if by_class:
         return "--explain takes all rows together, not --by class; choose one class by --class NAME"
     return "--explain: what --preprocess leaves out depends on the repair; leave one of them out"
+
+
+def _without_proof(chosen: Request) -> Iterator[str]:
+    from tgospa_eval.proof.verify_tgospa import EXTRAS  # lazy: few write proofs
+
+    if chosen.existence == "use":
+        yield "--existence use"
+    if chosen.step_weights is not None:
+        yield "--step-weights"
+    if chosen.distance not in (None, *EXTRAS):
+        yield f"--distance {chosen.distance}"

@@ -1,6 +1,6 @@
 """The options of verbs, for click: those of `api.options.Request`, and those of the output."""
 
-from collections.abc import Container
+from collections.abc import Collection, Container
 from functools import partial
 from types import UnionType
 from typing import Any, get_args
@@ -34,6 +34,13 @@ class Size(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.
             self.fail(str(error), param, ctx)
 
 
+def one_of(members: Collection[str]) -> Any:
+    """The type of an option that takes a member, also of those that other packages add."""
+    kind: Any = click.Choice(())
+    kind.choices = members  # click makes a tuple of them
+    return kind
+
+
 def _made(name: str, about: Setting) -> Option:
     """The option of a field."""
     kind, default = TYPES[name], DEFAULTS[name]
@@ -42,7 +49,7 @@ def _made(name: str, about: Setting) -> Option:
     if name != about.key.replace("-", "_"):
         given["name"] = name
     if about.choices:
-        given["type"] = click.Choice(about.choices)
+        given["type"] = one_of(about.choices)
     elif about.kind:
         given["type"] = {"path": PATH, "size": Size()}[about.kind]
     elif base is int:

@@ -14,6 +14,7 @@ from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.verbs import CONFIG, VERBS, load
 from tgospa_eval.common import config
 from tgospa_eval.common.files import STDIN
+from tgospa_eval.common.registry import Registry
 from tgospa_eval.text import clipped, listed, visible
 
 if TYPE_CHECKING:
@@ -121,6 +122,12 @@ class Option(click.Option):
 
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
         """Names and text; a default in words needs no parentheses of its own."""
+        names: Any = getattr(self.type, "choices", ())
+        if isinstance(names, Registry) and self.help is not None:
+            listed_names = re.findall(r"[\w-]+", self.help)
+            others = [name for name in names if name not in listed_names]
+            if 0 < len(others) < len(names):
+                self.help += f" Also {', '.join(others)}."
         record = super().get_help_record(ctx)
         if record is None or not isinstance(self.show_default, str):
             return record

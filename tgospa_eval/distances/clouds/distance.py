@@ -35,7 +35,7 @@ from tgospa_eval.distances.clouds.transport import (
 )
 from tgospa_eval.distances.gaussian import bures
 from tgospa_eval.distances.mahalanobis import Mahalanobis, cholesky
-from tgospa_eval.distances.vector import Norm
+from tgospa_eval.distances.vector import EUCLIDEAN, Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks import covariances
@@ -73,11 +73,11 @@ class CloudPairs(Distance):
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
         """Distance of the means."""
-        return _EUCLIDEAN.between(components)
+        return EUCLIDEAN.between(components)
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
         """Of the means."""
-        return _EUCLIDEAN.reach(cutoff, axes)
+        return EUCLIDEAN.reach(cutoff, axes)
 
     def horizon(self, sides: Sides, cutoff: float) -> float:
         """The cutoff and what rounding of the means may add."""
@@ -174,9 +174,6 @@ class OwnCovariance(CloudPairs):
                 value[k] = distance(pair[0], pair[1], self.order)
         near = np.flatnonzero(value < cutoff)
         return Pairs(truth_row=i[near], estimate_row=j[near], distance=value[near])
-
-
-_EUCLIDEAN = Norm(name="euclidean", power=2.0)
 
 
 def _moments(clouds: Clouds) -> tuple[Floats, Floats]:
@@ -324,6 +321,10 @@ class CloudWasserstein(Distance):
     scale: Sequence[float] | None = None
     gating: bool = True
     name = "cloud-wasserstein"
+    options = (
+        *("scale", "cloud_order", "inner", "inner_cov", "no_gating", "reduce", "reduce_method"),
+        *("directions", "iterations", "restarts", "polish", "seed"),
+    )
 
     def __post_init__(self) -> None:
         check_order(self.order)

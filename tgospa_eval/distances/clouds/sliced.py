@@ -185,3 +185,6 @@ class SlicedWasserstein(CloudWasserstein):
             Always.
         """
         raise ConfigError(f"no derivative is known of the distance {self.name}")
+
+
+MAX_SLICED = SlicedWasserstein(maximum=True)

@@ -14,7 +14,6 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, plain
-from tgospa_eval.distances.registry import ON_EARTH
 from tgospa_eval.evaluation.diagnosis.costs import (
     FEWEST_TRACKS,
     FIRST_STEPS,
@@ -166,7 +165,7 @@ def _lines(sample: Sample) -> Iterator[Floats]:
     """
     truth, estimate, distance = sample.truth, sample.estimate, sample.distance
     columns, cutoff = estimate.columns, sample.parameters.cutoff
-    if distance.name in ON_EARTH:
+    if distance.on_earth:
         from tgospa_eval.distances.sphere import RADIUS  # here: most distances are others
 
         chosen, degrees = [0, 1], np.degrees(cutoff / RADIUS)

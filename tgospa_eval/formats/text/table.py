@@ -35,6 +35,7 @@ from tgospa_eval.formats.columns.headers import BOX, Roles, find_roles
 from tgospa_eval.formats.fields import Coded, attribute_of, is_number
 from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.guess import split as split_line
+from tgospa_eval.formats.loading import check_text_memory
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import AS_REGIONS, NOT_CONSIDERED, Rows, numbered
 from tgospa_eval.formats.text.lines import (
@@ -74,6 +75,7 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
     InputError
         See `formats.read`.
     """
+    check_text_memory(path, data, options.max_input)
     check_text(data, path)
     text, whole = beginning(data, path)
     names, roles, delimiter, first, start = header_of(text, path, options)
@@ -347,6 +349,7 @@ def _read(
     InputError
         The text is wrong.
     """
+    check_text_memory(path, data, options.max_input)
     blank = given and not data.strip()
     if not blank:
         check_text(data, path)

@@ -822,7 +822,7 @@ def test_associate_checks_what_it_is_given() -> None:
     ):
         with pytest.raises(InputError, match=message):
             associate(points, second, cutoff=1.0, distance=distance)
-    with pytest.raises(ConfigError, match='distance is "nearest"'):
+    with pytest.raises(ConfigError, match='no distance "nearest"'):
         associate(points, points, cutoff=1.0, distance="nearest")
     with pytest.raises(InputError, match="in different orders"):
         evaluate(points, Trajectories.from_array(states, ("y", "x")), 1.0)

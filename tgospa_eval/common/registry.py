@@ -1,0 +1,168 @@
+"""Registry of a kind by name: ours, and those that other packages declare as entry points.
+
+Imports nothing heavy: the command line needs the names for its help.
+"""
+
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import cache
+from importlib import import_module
+from operator import attrgetter
+from typing import Any, Generic, NamedTuple, TypeVar
+
+from tgospa_eval.errors import ConfigError, TgospaError
+from tgospa_eval.text import quoted
+
+T = TypeVar("T")
+
+
+class EntryPoint(NamedTuple):
+    """A line of the ``entry_points.txt`` of an installed package."""
+
+    package: str
+    group: str
+    name: str
+    place: str
+
+    def __str__(self) -> str:
+        return f"the package {self.package} (entry point {self.name} = {self.place})"
+
+
+class Registry(Mapping[str, T], Generic[T]):
+    """Registry by name, imported when they are asked for.
+
+    Parameters
+    ----------
+    kind : str
+        The kind of the members, for messages.
+    group : str
+        Entry points of other packages.
+    own : dict of str to str
+        Ours, in the same form: ``"module:attribute"``.
+    make : callable
+        The member of a name and an attribute.
+    """
+
+    def __init__(
+        self, kind: str, group: str, own: dict[str, str], make: Callable[[str, Any], T]
+    ) -> None:
+        self.kind, self.group, self.own, self._make = kind, group, own, make
+
+    @property
+    def outside(self) -> dict[str, list[EntryPoint]]:
+        """Those of other packages by name; several of one name are in doubt."""
+        members: dict[str, list[EntryPoint]] = {}
+        for point in _entry_points(tuple(sys.path)):
+            if point.group == self.group:
+                members.setdefault(point.name, []).append(point)
+        return members
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.own | self.outside)
+
+    def __len__(self) -> int:
+        return len(self.own | self.outside)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.own or name in self.outside
+
+    def __getitem__(self, name: str) -> T:
+        points = self.outside.get(name, [])
+        owners = ["tgospa-eval"] * (name in self.own) + list(map(str, points))
+        if len(owners) > 1:
+            raise ConfigError(
+                f"the {self.kind} {quoted(name)} is of {' and of '.join(owners)}: rename the entry "
+                "point, or uninstall a package"
+            )
+        if not points:
+            return self.ours(name)
+        with self.blamed(name):
+            return self._load(name, points[0].place)
+
+    def ours(self, name: str) -> T:
+        """A member of this package, whatever others declare; for what nobody named."""
+        return self._load(name, self.own[name])
+
+    def chosen(self, name: object) -> T:
+        """The member that a user names.
+
+        Raises
+        ------
+        ConfigError
+            There is none of this name, or several, or its package does not work.
+        """
+        if not isinstance(name, str) or name not in self:
+            raise ConfigError(f"no {self.kind} {quoted(name)}; there are {', '.join(self)}")
+        return self[name]
+
+    @contextmanager
+    def blamed(
+        self, name: str, error: type[TgospaError] = ConfigError, where: str = ""
+    ) -> Iterator[None]:
+        """Whatever a member of another package raises, as an error that names the package."""
+        try:
+            yield
+        except (TgospaError, MemoryError):
+            raise
+        except (Exception, SystemExit) as fault:
+            if name in self.own or name not in self.outside:
+                raise
+            raise error(
+                f"{where}the {self.kind} {quoted(name)} of {self.outside[name][0]} does not work: "
+                f"{type(fault).__name__}: {fault}"
+            ) from fault
+
+    def _load(self, name: str, place: str) -> T:
+        module, _, attribute = place.partition(":")
+        value: Any = import_module(module)
+        return self._make(name, attrgetter(attribute)(value) if attribute else value)
+
+
+def lazy(package: str, home: Mapping[str, str]) -> Callable[[str], Any]:
+    """The ``__getattr__`` of a package whose names are imported from their modules when used."""
+
+    def get(name: str) -> Any:
+        if name not in home:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        value = getattr(import_module(f"{package}.{home[name]}"), name)
+        setattr(sys.modules[package], name, value)
+        return value
+
+    return get
+
+
+@cache
+def _entry_points(folders: tuple[str, ...]) -> tuple[EntryPoint, ...]:
+    """Entry points of all packages that are installed in folders of the search path.
+
+    Without importlib.metadata, which takes a third of the time of ``--help``.
+    """
+    packages: dict[str, list[EntryPoint]] = {}
+    for folder in folders:
+        with suppress(OSError):
+            for item in sorted(os.listdir(folder or ".")):
+                if item.endswith((".dist-info", ".egg-info")):
+                    package = item.rpartition(".")[0].partition("-")[0].replace("_", "-")
+                    if package not in packages:  # the first one is imported
+                        file = os.path.join(folder, item, "entry_points.txt")
+                        packages[package] = list(_declared(package, file))
+    return tuple(point for points in packages.values() for point in points)
+
+
+def _declared(package: str, path: str) -> Iterator[EntryPoint]:
+    try:
+        with open(path, "rb") as file:
+            text = file.read()
+    except OSError:
+        return
+    if b"[tgospa_eval." not in text:
+        return
+    group = ""
+    for line in text.decode("utf-8", "replace").splitlines():
+        name, mark, place = (part.strip() for part in line.partition("="))
+        if name.startswith("["):
+            group = name.strip("[]")
+        elif mark and name[:1] not in "#;":
+            yield EntryPoint(package, group, name, place.partition("[")[0].rstrip())
