@@ -719,7 +719,8 @@ def _each(
         (options.sides[0], _list(options.truth_columns), _list(options.truth_class)),
         (options.sides[1], _list(options.estimate_columns), _list(options.estimate_class)),
     )
-    columns_of = columns_of_each(_list(options.columns), *(columns for _, columns, _ in own))
+    shared_columns = _list(options.columns)
+    columns_of = columns_of_each(shared_columns, *(columns for _, columns, _ in own))
     needs = (
         (measure.needed, measure.needed)
         if frames is None
@@ -729,12 +730,13 @@ def _each(
         replace(
             reading,
             columns=measure.columns(columns, needed),
+            placed=(names if "t" in (names or ()) else shared_columns) or (),
             classes=classes or reading.classes,
             shared=shared if classes else (*shared, "class"),
             option=f"--{side}-columns",
             form=_form(options, role),
         )
-        for (side, _, classes), (columns, shared), needed, role in zip(
+        for (side, names, classes), (columns, shared), needed, role in zip(
             own, columns_of, needs, ROLES, strict=True
         )
     )

@@ -1,5 +1,6 @@
 """The format of a file, by its name and its first line."""
 
+import math
 import os
 import re
 from collections.abc import Iterable
@@ -104,7 +105,10 @@ def guess(path: str, data: bytes) -> str:
         return "csv"  # whose header is a comment
     if 6 <= len(fields) <= 10 and all(map(is_number, fields)):
         whole = lines if len(data) <= GUESSED_FROM else lines[:-1] or lines
-        return "visdrone" if _is_visdrone(filter(str.strip, whole)) else "motchallenge"
+        whole = [line for line in whole if line.strip()]
+        if _is_visdrone(whole):
+            return "visdrone"
+        return "motchallenge" if _is_motchallenge(whole) else "csv"
     words = line.split()
     if len(words) in (17, 18) and not is_number(words[2]):
         return "kitti"
@@ -131,6 +135,38 @@ def _is_visdrone(lines: Iterable[str]) -> bool:
     )
 
 
+LEAST_BOX = 2.0
+"""Pixels of the sides of a box; of less are speeds and sizes in metres."""
+
+
+def _is_motchallenge(lines: Iterable[str]) -> bool:
+    """Whether lines may be of boxes in an image, with whole frames and ids, flags and classes.
+
+    What is wrong with single lines is found by the reader: most of the lines count.
+    """
+    rows = [
+        [float(field) for field in row] for row in map(split, lines) if all(map(is_number, row))
+    ]
+    if any(len(row) < MOT_SHORTEST for row in rows):
+        return True  # whose reader says what is wrong
+    whole = sum(row[0] == int(row[0]) and row[1] == int(row[1]) for row in rows if _finite(row))
+    sized = sum(min(map(abs, row[4:6])) >= LEAST_BOX or row[4:6] == [-1, -1] for row in rows)
+    flagged = sum(
+        len(row) not in (8, 9)
+        or (row[6] <= 1 and row[7] == int(row[7]) and all(-1 <= one <= 1 for one in row[8:]))
+        for row in rows
+        if _finite(row)
+    )
+    return 2 * min(whole, sized, flagged) > len(rows)
+
+
+MOT_SHORTEST = 6
+
+
+def _finite(row: Iterable[float]) -> bool:
+    return all(map(math.isfinite, row))
+
+
 COMMENTS = ("#", "%", "//")
 
 
@@ -153,7 +189,4 @@ def foreign(line: str) -> str:
         return ""
     if line.count("|") > 1:
         return "columns separated by vertical bars; write commas instead"
-    words = line.split()
-    if len(words) > 2 and all(map(is_number, words)):
-        return "columns separated by blanks, without a header; begin with a line: id t x y"
     return ""

@@ -237,6 +237,8 @@ class ReadOptions:
     shared : tuple of str
         Names in `columns`, or ``"class"``, that were given for several files: where one lacks the
         header, it is read by the usual names, and without a filter by class.
+    placed : tuple of str
+        Names of the columns of a table without a header, in order, where they were given.
     hidden : tuple of str
         Headers that are no part of a state unless they are mapped: those of a place that is not
         known in any row.
@@ -277,6 +279,7 @@ class ReadOptions:
     conversion: Conversion = field(default_factory=Conversion)
     max_input: float | None = None
     shared: tuple[str, ...] = ()
+    placed: tuple[str, ...] = ()
     hidden: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()
     roles: tuple[str, ...] = ROLES

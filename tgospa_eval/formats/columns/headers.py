@@ -12,6 +12,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.options import ReadOptions
@@ -76,6 +77,8 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
     wanted: dict[str, None] = {}  # in order, and quick to look in
     for item in columns or ():
         name, equals, header = (part.strip() for part in item.partition("="))
+        if name in SKIPPED and not equals:
+            continue
         if not name or (equals and not header):
             raise ConfigError(f"columns: {quoted(item)} is neither a name nor name=header")
         if name in wanted or name in mapped:
@@ -586,7 +589,7 @@ def find_roles(
         The columns asked for cannot be understood.
     """
     names = [name.strip() for name in header]
-    _check_names(names, where)
+    _check_names(names, where, options.option)
     mapped, wanted = parse_columns(options.columns)
     if options.boxes:
         # x and y are centres of boxes; those that one file names are asked of both.
@@ -818,13 +821,50 @@ def _box(
     return box if len(box) >= 4 else {}
 
 
-def _check_names(names: list[str], where: str) -> None:
-    """Whether these are the headers of columns that are distinct."""
-    if 2 * sum(map(is_number, names)) > len(names):
+def are_numbers(fields: Sequence[str]) -> bool:
+    """Whether most of the fields are numbers, as of a row and not of a header."""
+    return 2 * sum(map(is_number, fields)) > len(fields)
+
+
+def without_header(fields: Sequence[str], option: str, where: str) -> str:
+    """Message about a table that begins with numbers."""
+    return (
+        f"{where}: {counted(len(fields), 'number')} where the header should be "
+        f"({listed([*map(str.strip, fields)])}); name the columns in their order with "
+        f"{option or 'columns'}, of t, id, x, y, z or left, top, width, height, and - for others, or "
+        "name the format (--truth-format, --estimate-format)"
+    )
+
+
+def placed_names(columns: Sequence[str] | None, count: int, where: str) -> list[str] | None:
+    """Names of so many columns of a table without a header, if ids and times are among them.
+
+    Raises
+    ------
+    InputError
+        There are more names than columns.
+    """
+    names = [item.strip() for item in columns or () if "=" not in item]
+    if "t" not in names or not count:
+        return None
+    if len(names) > count:
         raise InputError(
-            f"{where}: numbers where the header should be; begin with id,t,x,y, or name the format "
-            "(--truth-format, --estimate-format)"
+            f"{where}: {counted(count, 'column')}, and --columns names {len(names)}; name no more"
         )
+    shown = [name if name not in SKIPPED else "" for name in names]
+    return [
+        name or f"column {k}" for k, name in enumerate([*shown, *[""] * (count - len(names))], 1)
+    ]
+
+
+SKIPPED = ("-", "_")
+"""Names of columns that are nothing."""
+
+
+def _check_names(names: list[str], where: str, option: str) -> None:
+    """Whether these are the headers of columns that are distinct."""
+    if are_numbers(names):
+        raise InputError(without_header(names, option, where))
     seen: set[str] = set()
     for k, name in enumerate(names, start=1):
         if not name:

@@ -31,7 +31,14 @@ import numpy as np
 
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import BOX, Roles, find_roles
+from tgospa_eval.formats.columns.headers import (
+    BOX,
+    Roles,
+    are_numbers,
+    find_roles,
+    placed_names,
+    without_header,
+)
 from tgospa_eval.formats.fields import Coded, attribute_of, is_number
 from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.guess import split as split_line
@@ -118,12 +125,20 @@ def header_of(text: str, path: str, options: ReadOptions) -> tuple[list[str], Ro
         after = text[start : stop if stop >= 0 else None].replace('"', "")
         by_blanks = header_by_blanks(line, after)
         delimiter = BLANKS if by_blanks else _delimiter(line, options.decimal)
+        fields = by_blanks or line.split(delimiter)
+        placed = options.placed or options.columns
+        if are_numbers(fields) and (names := placed_names(placed, len(fields), where)):
+            mapped = tuple(item for item in placed or () if "=" in item)
+            roles = find_roles(names, replace(options, columns=mapped or None), where)
+            return names, roles, delimiter, number, found.start()
         try:
             names = [name.strip() for name in by_blanks or next(split_rows([line], delimiter))]
             roles = find_roles(names, options, where)
         except (InputError, csv.Error) as error:
             # What the line looks like, if it is not a header with other names.
             why = foreign(line) or f"{error}; it must be the header, id,t,x,y"  # a field too long
+            if are_numbers(fields) and not foreign(line):
+                why = without_header(fields, options.option, "").removeprefix(": ")
             is_named = isinstance(error, InputError) and not foreign(line)
             fault = fault or (error if is_named else InputError(f"{where}: {why}"))
             if not line.lstrip().startswith(COMMENTS):
