@@ -1,6 +1,7 @@
 """Rows of a file to Trajectories: what is left out, duplicates, order."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -10,11 +11,11 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask, places_of
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import parse_columns
+from tgospa_eval.formats.columns.headers import ask, parse_columns
 from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.options import ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import Reading
-from tgospa_eval.formats.rows import AS_REGIONS, Rows
+from tgospa_eval.formats.rows import AS_REGIONS, Rows, named_ids
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.attributes import ROW, Values
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
@@ -71,6 +72,9 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         choice.keep((state[:, :2] != AIS_UNKNOWN).any(axis=1), "no place")
     _keep_classes(rows, options, choice)
     track_ids, track = rows.ids
+    if options.by_class and rows.classes is not None:
+        rows = _ids_of_classes(rows, step, choice.mask)
+        track_ids, track = rows.ids
     key = step.astype(np.int64) * max(len(track_ids), 1) + track
     particles = None
     if roles.weight is not None:
@@ -87,9 +91,10 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         clouds, taken, ordered = particles.clouds(rows, state, taken, ordered)
         choice.notices += particles.notices(clouds, compared=options.clouds)
     else:
-        drop = _repeats(rows, key, taken, ordered, options.on_duplicate, format, choice)
+        drop = _repeats(rows, key, taken, ordered, options, format, choice)
         if drop is not None:
             taken, ordered = np.delete(taken, drop), np.delete(ordered, drop)
+    choice.warnings += _about_ids(rows, taken, options)
     # From the sorted keys: cheaper than gathering two columns from all over the table.
     step, track = np.divmod(ordered, max(len(track_ids), 1))
     used, track = _renumbered(track, len(track_ids))
@@ -137,6 +142,63 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         idle=_idle(rows, options),
         regions=_regions(rows, state) if options.regions else None,
     )
+
+
+def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
+    """Rows whose ids have the class behind them, where several classes have an id at one step."""
+    assert rows.classes is not None
+    (names, number), (classes, klass) = rows.ids, rows.classes
+    taken = np.flatnonzero(mask)
+    track = step[taken].astype(np.int64) * max(len(names), 1) + number[taken]
+    pair = track * max(len(classes), 1) + klass[taken]
+    if len(np.unique(track)) == len(np.unique(pair)):
+        return rows
+    both = named_ids([Coded(names.tolist(), number), Coded(classes.tolist(), klass)])
+    return replace(rows, ids=both)
+
+
+NO_TRACK = "-1"
+"""What trackers write as the id of a row that belongs to no track."""
+
+
+def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice]:
+    """Warnings about ids that are none, are those of rows, or are numbered anew in some column."""
+    names, number = rows.ids
+    whole, roles, count = rows.whole, rows.roles, np.bincount(number[taken], minlength=len(names))
+    where = options.option.replace("columns", "where")
+    # Of blocks of a side each would have another number.
+    rows_of = [f" of {counted(rows, 'row')}" if whole else "" for rows in count.tolist()]
+    for k in np.flatnonzero((names == NO_TRACK) & (count > 0)) if len(names) > 1 else ():
+        header = roles.headers[roles.id] if roles.headers else "id"
+        yield Notice(
+            code="no-track",
+            text=f"id {NO_TRACK}{rows_of[k]} is taken for one track; many programs write it where "
+            "a row belongs to no track",
+            remedy=f"{where} '{header} != {NO_TRACK}' leaves such rows out",
+        )
+    used = count[count > 0]
+    if not whole:
+        return
+    if roles.other_ids and len(used) > 2 and (used == 1).all():
+        yield Notice(
+            code="ids-of-rows",
+            text=f"no id of {quoted(roles.headers[roles.id])} has a second row: these are no "
+            "tracks",
+            remedy=f"{ask(options.option, [f'id={roles.other_ids[0]}'])} reads others",
+        )
+    if roles.group is not None and roles.group in rows.attributes:
+        values = rows.attributes[roles.group][taken]
+        _, code = np.unique(values.astype(np.str_), return_inverse=True)
+        pairs = np.unique(number[taken] * (int(code.max(initial=0)) + 1) + code)
+        several = len(pairs) - len(used)
+        if several > 0:
+            group, own = roles.headers[roles.group], roles.headers[roles.id]
+            yield Notice(
+                code="ids-begin-anew",
+                text=f"ids of {quoted(own)} are the same for several of {quoted(group)}, and each "
+                "is taken for one track",
+                remedy=f"{ask(options.option, [f'id={group}+{own}'])} if they are numbered anew",
+            )
 
 
 UNKNOWN = (-1.0, 0.0)
@@ -333,22 +395,32 @@ def _check_states(
 
 
 def _repeats(
-    rows: Rows, key: Ints, taken: Ints, ordered: Ints, which: str, format: str, choice: _Choice
+    rows: Rows,
+    key: Ints,
+    taken: Ints,
+    ordered: Ints,
+    options: ReadOptions,
+    format: str,
+    choice: _Choice,
 ) -> Ints | None:
     """Places in `taken`, sorted by key, of rows that repeat an (id, t) and are left out.
 
     Raises
     ------
     InputError
-        There are some, or every id is -1, and `which` is ``"error"``.
+        There are some, or every id is -1, and the options do not say which is taken.
     """
+    which = options.on_duplicate
     again = places_of(ordered[1:] == ordered[:-1])
     if not len(again):
         if which == "error" and len(taken) > 1 and [*rows.ids[0][:2]] == ["-1"]:
             raise InputError(only_detections(rows.name))
         return None
     if which == "error":
-        raise InputError(refusal(taken, again, key, rows, format))
+        for name in ("id", "t"):  # which may be why
+            if name in rows.roles.missing:
+                raise InputError(rows.roles.missing[name])
+        raise InputError(refusal(taken, again, key, rows, format, options.option))
     if 2 * len(again) > len(taken):
         choice.warnings.append(
             Notice(
@@ -466,7 +538,9 @@ def only_detections(name: str) -> str:
     return f"{name}: {DETECTIONS_ALONE}; give a single track another id"
 
 
-def refusal(taken: Ints, again: Ints, key: Ints, rows: Rows, format: str) -> str:
+def refusal(
+    taken: Ints, again: Ints, key: Ints, rows: Rows, format: str, option: str = "--columns"
+) -> str:
     """Message for the repeated row that comes first in the file.
 
     Parameters
@@ -479,6 +553,8 @@ def refusal(taken: Ints, again: Ints, key: Ints, rows: Rows, format: str) -> str
         Of all rows, by id and time.
     rows, format
         The file, and how it was read.
+    option : str
+        How the user names columns.
     """
     second = taken[again + 1]
     k = int(np.argmin(second))
@@ -492,6 +568,15 @@ def refusal(taken: Ints, again: Ints, key: Ints, rows: Rows, format: str) -> str
     cause = _cause(taken, again, rows)
     if cause:
         return message + cause
+    if roles.group is not None and roles.group in rows.attributes:
+        group, own = roles.headers[roles.group], roles.headers[roles.id]
+        several = rows.attributes[roles.group][[first, row]].astype(np.str_)
+        if several[0] != several[1]:
+            return (
+                f"{message}ids are numbered anew in each {quoted(group)}: "
+                f"{ask(option, [f'id={group}+{own}'])} makes one scene of all, "
+                f"{ask(option, [f'class={group}'])} with --by class a sum of each by itself"
+            )
     remedy = "--on-duplicate first or last"
     if format == "frame":
         remedy = f"drop_duplicates({[roles.headers[roles.id], roles.headers[roles.time]]!r})"

@@ -20,7 +20,14 @@ from tgospa_eval.formats.columns.headers import Roles, find_roles
 from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
-from tgospa_eval.formats.rows import Rows, blanks, numbered
+from tgospa_eval.formats.rows import (
+    NAME_OBJECTS,
+    Rows,
+    blanks,
+    named_ids,
+    numbered,
+    without_ids,
+)
 from tgospa_eval.formats.text.lines import numbers
 from tgospa_eval.formats.times import RowError, TimeError, Times, coded_times, read_times
 from tgospa_eval.text import quoted
@@ -103,13 +110,13 @@ def frame_rows(
             states[:, k], weight_fault = np.nan, str(error)  # it may be something else
     with _placed(frame.iloc[:, roles.time], where):
         times = _formed_times(frame, roles, name, decimal)
-    ids = numbered(named(roles.id, "an id"))
+    ids = named_ids([named(column, "an id") for column in (roles.id, *roles.more_ids)])
     blank = blanks(ids)
-    if len(blank):
+    if len(blank) and not roles.drop_blank_ids:
         header = frame.columns[roles.id]
         raise InputError(
             f"{where(int(blank[0]))}, column {quoted(header)}: blank id{more(len(blank))}; "
-            "name the object"
+            f"{NAME_OBJECTS}"
         )
     return Rows(
         name=name,
@@ -121,6 +128,7 @@ def frame_rows(
         classes=None if roles.klass is None else numbered(named(roles.klass, "a class")),
         attributes={column: attribute(column) for column in roles.texts},
         weight_fault=weight_fault,
+        apart=without_ids(ids),
     )
 
 

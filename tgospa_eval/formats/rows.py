@@ -123,6 +123,37 @@ def numbered(column: Coded, name: Callable[[str], str] = str.strip) -> Numbered:
     return table, number[column.code]
 
 
+NAME_OBJECTS = "name the object, or --on-invalid drop leaves such rows out"
+"""What to do about a blank id."""
+
+
+def named_ids(columns: Sequence[Coded], name: Callable[[str], str] = str.strip) -> Numbered:
+    """Ids of one column or of several, whose texts are joined; blank where one of them is."""
+    whole = columns[0]
+    for column in columns[1:]:
+        distinct, code = np.unique(
+            np.stack([whole.code, column.code]).astype(np.int64), axis=1, return_inverse=True
+        )
+        texts = [
+            "/".join(parts) if all(parts) else ""
+            for parts in (
+                (name(whole.distinct[a]), name(column.distinct[b])) for a, b in distinct.T.tolist()
+            )
+        ]
+        whole = Coded(texts, code.reshape(-1))
+    return numbered(whole, name)
+
+
+def without_ids(ids: Numbered) -> dict[str, tuple[Mask, str]]:
+    """Rows without an id set apart, as `Rows.apart` has them."""
+    blank = blanks(ids)
+    if not len(blank):
+        return {}
+    apart = np.zeros(len(ids[1]), bool)
+    apart[blank] = True
+    return {"no id": (apart, "without an id left out, by --on-invalid drop")}
+
+
 def blanks(column: Numbered) -> Ints:
     """Rows without a name."""
     table, number = column

@@ -348,7 +348,10 @@ def test_two_parts_of_a_stamp(write: Write, header: str, remedy: str) -> None:
         ("id,t,x\n // b,1,2\na,1,2\n", "line 2: a comment, not a row"),
         ('id,t,x\na,1,2\n" %b",1,2\n', "line 3: a comment, not a row"),
         ("| id | t | x |\n|---|---|---|\n", "line 1: columns separated by vertical bars"),
-        ("0 1 2 3\n", "line 1: 4 numbers where the header should be (0, 1, 2, 3); name the columns in their order"),
+        (
+            "0 1 2 3\n",
+            "line 1: 4 numbers where the header should be (0, 1, 2, 3)",
+        ),
         ("id t x\na 1\n", "line 2: 2 fields, the header has 3"),
         ("id t x\n#a 1 2\nb 1 2\n", "line 2: a comment, not a row, or an id"),
         ("id|t|x\na|1|2\n", "line 1: columns separated by vertical bars"),
@@ -923,7 +926,10 @@ def test_options_that_mean_nothing(option: dict[str, str]) -> None:
             id="no time column",
         ),
         pytest.param(
-            "1,2,3.5,4\n1,3,4,5\n", ", line 1: ", ("4 numbers", "in their order"), id="header of numbers"
+            "1,2,3.5,4\n1,3,4,5\n",
+            ", line 1: ",
+            ("4 numbers", "in their order"),
+            id="header of numbers",
         ),
     ],
 )

@@ -270,7 +270,11 @@ def test_invalid_rows_in_every_verb(write: Write, invoke: Run, tmp_path: Path) -
         (KITTI.replace("140", "oops"), None, [', line 2, column "right": ', '"oops"']),
         (MOT + "1,7,1,1,1,1,1,-1,-1,-1\n", None, [", line 4: ", "line 1", "--on-duplicate"]),
         ("1,-1,2,3,4,5,0.3\n1,-1,2,3,4,5,1\n", None, [", line 1: ", "-1", "detections"]),
-        ("1,1,2,3,4,5\n", "csv", [", line 1: 6 numbers", "columns in their order", "--truth-format"]),
+        (
+            "1,1,2,3,4,5\n",
+            "csv",
+            [", line 1: 6 numbers", "columns in their order", "--truth-format"],
+        ),
         (b"\x00\x01", "motchallenge", ["binary"]),
         (b"PAR1 and no more", None, ["no readable Parquet file"]),
         (b"", "parquet", ["empty"]),

@@ -55,10 +55,12 @@ def columns_of_each(
     """
     maps, wanted = parse_columns(shared)
     found = [parse_columns(items) for items in own]
-    named = wanted or next((states for _, states in found if states), ())
+    placed = ["t" in (items or ()) for items in own]  # of a table without a header, its own
+    each = zip(found, placed, strict=True)
+    named = wanted or next((states for (_, states), alone in each if states and not alone), ())
     answer = []
     for mapped, states in found:
-        chosen = named if set(states) <= set(named) else states
+        chosen = named if named and set(states) <= set(named) else states
         headers = maps | mapped
         # Names of states in order, the others in front.
         names = [*(name for name in headers if name not in chosen), *chosen]
@@ -247,7 +249,7 @@ class Headers:
             found = self.spelt(alias, name)
             if found is not None and found not in taken:
                 return found
-        return None if plainly else self._only(self._places(name), name)
+        return None if plainly else self._only(self.places(name), name)
 
     @property
     def taken(self) -> set[int]:
@@ -260,7 +262,7 @@ class Headers:
         if name in self.mapped or self.spelt(name, name) is not None:
             return
         found = self.find(name)
-        others = [self.names[k] for k in self._places(name) if k != found]
+        others = [self.names[k] for k in self.places(name) if k != found]
         others = [header for header in others if header in unused]
         if found is not None and others:
             passed = " or ".join(map(quoted, others))
@@ -268,7 +270,7 @@ class Headers:
             taken = quoted(self.names[found])
             yield f"{name} is read from {taken}, not from {passed}; {remedy} reads that"
 
-    def _places(self, name: str) -> list[int]:
+    def places(self, name: str) -> list[int]:
         """Positions of all headers that may be a column, the most usual first."""
         units = UNITS.get(name, ())
         places = (
@@ -462,6 +464,14 @@ class Roles:
         every file does.
     doubts : tuple of Notice
         Warnings about roles that may be others.
+    more_ids : tuple of int
+        Columns whose texts are part of the ids.
+    other_ids : tuple of str
+        Headers without use that may be ids.
+    group : int, optional
+        Column without use of recordings or clusters, in which ids may be numbered anew.
+    drop_blank_ids : bool
+        Whether rows without an id are left out, or wrong.
     """
 
     id: int
@@ -485,6 +495,10 @@ class Roles:
     form: "TimeForm | None" = None
     missing: dict[str, str] = field(default_factory=dict)
     doubts: tuple[Notice, ...] = ()
+    more_ids: tuple[int, ...] = ()
+    other_ids: tuple[str, ...] = ()
+    group: int | None = None
+    drop_blank_ids: bool = False
 
     @cached_property
     def numbers(self) -> tuple[int, ...]:
@@ -499,7 +513,8 @@ class Roles:
     def texts(self) -> tuple[int, ...]:
         """Columns of attributes that are nothing else, and are read as texts."""
         others = {self.id, self.time, self.second, self.klass, *self.numbers}
-        return tuple(sorted(set(self.attributes.values()) - others))
+        group = () if self.group is None else (self.group,)
+        return tuple(sorted({*self.attributes.values(), *self.more_ids, *group} - others))
 
     @property
     def called(self) -> dict[str, str]:
@@ -602,6 +617,7 @@ def find_roles(
         wanted = BOX
     headers = Headers(names, mapped, options.option, where, options.hidden)
     second = _second_of_times(headers)
+    more_ids = _more_ids(headers)
     missing = without_maps(headers, options)
     mixes = _Mixes(headers)
     identity = headers.find("id")
@@ -631,7 +647,7 @@ def find_roles(
         weight = None  # of a box
     centres = not options.boxes and any(len(mix) > 1 for mix in state)
     sizes = (mixes.box["width"], mixes.box["height"]) if centres or options.boxes else ()
-    used = {identity, time, second, klass}
+    used = {identity, time, second, klass, *more_ids}
     used |= {column for mix in (*state, *region.values(), *sizes) for column, _ in mix}
     if weight in used:
         weight = None
@@ -661,8 +677,36 @@ def find_roles(
         second=second,
         form=options.form,
         missing=missing,
+        more_ids=more_ids,
+        other_ids=tuple(headers.names[k] for k in headers.places("id") if k not in used),
+        group=next(
+            (k for k in range(len(names)) if k not in used and GROUP.fullmatch(names[k])), None
+        ),
+        drop_blank_ids=options.on_invalid == "drop",
         doubts=() if named or options.boxes else tuple(mixes.doubts),
     )
+
+
+GROUP = re.compile(
+    r"cid|(cluster|video|clip|seq|sequence|camera|cam|recording|session)(_?(id|no|name|key))?",
+    re.IGNORECASE,
+)
+"""Headers of what ids may be numbered anew in."""
+
+
+def _more_ids(headers: Headers) -> tuple[int, ...]:
+    """The columns behind the first of ids that are mapped as ``id=CLUSTER+TRACK``."""
+    whole = headers.mapped.get("id", "")
+    parts = [part.strip() for part in whole.split("+")]
+    if len(parts) < 2 or headers.spelt(whole, "id") is not None:
+        return ()
+    places = [headers.spelt(part, "id") for part in parts]
+    known = [place for place in places if place is not None]
+    if len(known) < len(parts):
+        headers.mapped["id"] = parts[places.index(None)]  # which is said of it
+        return ()
+    headers.mapped["id"] = parts[0]
+    return tuple(known[1:])
 
 
 def _second_of_times(headers: Headers) -> int | None:
@@ -831,8 +875,8 @@ def without_header(fields: Sequence[str], option: str, where: str) -> str:
     return (
         f"{where}: {counted(len(fields), 'number')} where the header should be "
         f"({listed([*map(str.strip, fields)])}); name the columns in their order with "
-        f"{option or 'columns'}, of t, id, x, y, z or left, top, width, height, and - for others, or "
-        "name the format (--truth-format, --estimate-format)"
+        f"{option or 'columns'}, of t, id, x, y, z or left, top, width, height, and - for others, "
+        "or name the format (--truth-format, --estimate-format)"
     )
 
 

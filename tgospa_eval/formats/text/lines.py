@@ -23,7 +23,14 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.fields import Coded, attribute_of, floats, is_number
 from tgospa_eval.formats.guess import COMMENTS
-from tgospa_eval.formats.rows import Rows, blanks, numbered
+from tgospa_eval.formats.rows import (
+    NAME_OBJECTS,
+    Rows,
+    blanks,
+    named_ids,
+    numbered,
+    without_ids,
+)
 from tgospa_eval.formats.times import TimeError, read_times, remedy_for
 from tgospa_eval.text import quoted
 
@@ -416,11 +423,11 @@ def convert(
     coded, lines = fields.coded, fields.lines
     problems: list[str] = []
     of_weights: list[str] = []  # a column of this name may be something else
-    ids = numbered(coded[roles.id], name_id)
+    ids = named_ids([coded[column] for column in (roles.id, *roles.more_ids)], name_id)
     blank = blanks(ids)
-    if len(blank):
+    if len(blank) and not roles.drop_blank_ids:
         place = f"{where(int(blank[0]))}, column {quoted(names[roles.id])}"
-        problems.append(f"{place}: blank id{more(len(blank))}; name the object")
+        problems.append(f"{place}: blank id{more(len(blank))}; {NAME_OBJECTS}")
     for column, row, message in fields.mistakes:
         wrong = of_weights if column == roles.weight else problems
         wrong.append(f"{where(row)}, column {quoted(names[column])}: {message}")
@@ -441,6 +448,7 @@ def convert(
         classes=None if roles.klass is None else numbered(coded[roles.klass]),
         attributes={column: attribute_of(coded[column], decimal) for column in roles.texts},
         weight_fault="\n".join(of_weights) or None,
+        apart=without_ids(ids),
     )
 
 

@@ -1,0 +1,146 @@
+"""Ids and columns without headers, as people's files have them."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tgospa_eval import TgospaWarning, evaluate
+
+Invoke = Callable[..., Any]
+METRIC = ("-c", "20", "-g", "5")
+
+
+def total(answer: Any) -> float:
+    assert answer.status == 0, answer.err
+    return float(answer.out.split()[2].rstrip(",").replace(",", "")) ** 2
+
+
+def write(name: str, lines: list[str]) -> str:
+    Path(name).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return name
+
+
+def clusters(*, apart: bool) -> list[str]:
+    """Two clusters with a track 1 each, at other times or at the same."""
+    rows = ["Nr,CID,TID,x,y,frame"]
+    for cluster in (1, 2):
+        for k in range(4):
+            frame = k + (4 * cluster if apart else 0)
+            rows.append(f"{len(rows)},{cluster},1,{50 * cluster + k},10,{frame}")
+    return rows
+
+
+def test_ids_that_are_numbered_anew(invoke: Invoke) -> None:
+    truth = write("truth.csv", clusters(apart=True))
+    rows = [
+        f"{a},{t},{float(x) + 0.5},{y}" for _, a, _, x, y, t in map(_split, clusters(apart=1)[1:])
+    ]
+    linked = write("linked.csv", ["id,t,x,y", *rows])
+    answer = invoke(truth, linked, *METRIC)
+    assert 'ids of "TID" are the same for several of "CID"' in answer.err
+    remedy = ("--truth-columns", "id=CID+TID")
+    assert " ".join(remedy) in answer.err
+    assert total(invoke(truth, linked, *METRIC, *remedy)) == pytest.approx(8 * 0.25, rel=1e-4)
+    with pytest.warns(TgospaWarning, match="numbered anew"):
+        evaluate(pd.read_csv(truth), linked, cutoff=20, switch_penalty=5)
+    table = evaluate(
+        pd.read_csv(truth), linked, cutoff=20, switch_penalty=5, truth_columns=("id=CID+TID",)
+    ).frame("per_truth")
+    assert sorted(table["id"]) == ["1/1", "2/1"]
+    at_once = write("at_once.csv", clusters(apart=False))
+    answer = invoke(at_once, at_once, *METRIC)
+    assert answer.status == 3
+    assert 'ids are numbered anew in each "CID": --truth-columns id=CID+TID makes' in answer.err
+    assert total(invoke(at_once, at_once, *METRIC, "--columns", "id=CID+TID")) == 0
+    answer = invoke(at_once, at_once, *METRIC, "--columns", "class=CID", "--by", "class")
+    assert total(answer) == 0
+    assert "2 truths" in answer.out
+    answer = invoke(at_once, at_once, *METRIC, "--columns", "id=CID+TRK")
+    assert 'no header "TRK" for id' in answer.err
+    assert "--truth-columns id=CID+HEADER" in answer.err
+    pd.read_csv(truth).to_parquet("truth.parquet")
+    of_parquet = total(invoke("truth.parquet", linked, *METRIC, *remedy))
+    assert of_parquet == pytest.approx(8 * 0.25, rel=1e-4)
+
+
+def _split(line: str) -> list[str]:
+    return line.split(",")
+
+
+@pytest.mark.parametrize("none", ["-1", ""])
+def test_rows_of_no_track(invoke: Invoke, none: str) -> None:
+    truth = write(
+        "truth.csv", ["id,t,x,y", *(f"{k},{t},{9 * k},{t}" for t in range(6) for k in (1, 2))]
+    )
+    rows = [f"{k if t or k == 1 else none},{t},{9 * k},{t}" for t in range(6) for k in (1, 2)]
+    estimate = write("estimate.csv", ["track,t,x,y", *rows])
+    answer = invoke(truth, estimate, *METRIC)
+    if none:
+        assert "id -1 of 1 row is taken for one track" in answer.err
+        assert total(answer) == pytest.approx(25, rel=1e-4)  # a switch
+        return
+    assert (answer.status, "blank id; name the object, or --on-invalid drop" in answer.err) == (
+        3,
+        True,
+    )
+    answer = invoke(truth, estimate, *METRIC, "--on-invalid", "drop")
+    assert "1 row without an id left out, by --on-invalid drop" in answer.err
+    assert total(answer) == pytest.approx(200, rel=1e-4)
+    table = pd.read_csv(estimate)
+    given = {"cutoff": 20, "switch_penalty": 5, "on_invalid": "drop"}
+    assert evaluate(truth, table, **given).total == pytest.approx(200, rel=1e-4)
+
+
+def test_ids_of_rows(invoke: Invoke) -> None:
+    rows = [f"{10 * t + k},{k},{t},{9 * k},{t}" for t in range(6) for k in (1, 2)]
+    truth = write("truth.csv", ["id,t,x,y", *(row.split(",", 1)[1] for row in rows)])
+    spots = write("spots.csv", ["ID,TRACK_ID,FRAME,POSITION_X,POSITION_Y", *rows])
+    answer = invoke(truth, spots, *METRIC)
+    assert 'no id of "ID" has a second row' in answer.err
+    remedy = ("--estimate-columns", "id=TRACK_ID")
+    assert " ".join(remedy) in answer.err
+    assert total(invoke(truth, spots, *METRIC, *remedy)) == 0
+
+
+NUMBERS = {
+    "obsmat": ("{t}e0 {k}e0 {x} 0 {y} 1.5 0 0.1", "t,id,x,-,y"),
+    "speeds": ("{t} {k} {x} {y} 1.5 0.1", "t,id,x,y"),
+    "four": ("{t}.0\t{k}.0\t{x}\t{y}", "t,id,x,y"),
+    "commas": ("{k},{t},{x},{y},0.7,0.7", "id,t,x,y"),
+    "city": ("1 {k} {t} {x} {y} 50 40 -1 -1", "camera,id,t,left,top,width,height"),
+}
+
+
+@pytest.mark.parametrize("shape", NUMBERS)
+def test_columns_without_headers_are_named_by_place(invoke: Invoke, shape: str) -> None:
+    line, names = NUMBERS[shape]
+    truth, estimate = (
+        write(
+            name,
+            [line.format(t=t, k=k, x=9 * k + shift, y=t + shift) for t in range(6) for k in (1, 2)],
+        )
+        for name, shift in (("truth.txt", 0), ("estimate.txt", 0.5))
+    )
+    answer = invoke(truth, estimate, *METRIC)
+    assert answer.status == 3, answer.out
+    assert "numbers where the header should be" in answer.err
+    assert "name the columns in their order with --truth-columns" in answer.err
+    answer = invoke(truth, estimate, *METRIC, "--columns", names)
+    assert total(answer) == pytest.approx(12 * 0.5, rel=1e-4)
+    assert np.isclose(
+        evaluate(truth, estimate, 20, 2, 5, columns=tuple(names.split(","))).total, 12 * 0.5
+    )
+    with_header = write("header.csv", ["id,t,x,y", "1,0,9,0"])
+    assert invoke(with_header, estimate, *METRIC, "--estimate-columns", names).status == 0
+
+
+def test_boxes_without_headers_stay_motchallenge(invoke: Invoke) -> None:
+    for k, tail in enumerate(("", ",1", ",0.9,-1,-1,-1", ",1,1,0.5", ",31.7")):
+        lines = [f"{t},{k},{9 * k},{t},50.5,40{tail}" for t in range(1, 4) for k in (1, 2)]
+        answer = invoke(write(f"{k}.txt", lines), f"{k}.txt", *METRIC)
+        assert "read as motchallenge" in answer.err
+        assert total(answer) == 0
