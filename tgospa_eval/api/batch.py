@@ -40,7 +40,7 @@ from tgospa_eval.campaign.store import (
     Store,
     locked,
 )
-from tgospa_eval.campaign.sums import check_labels, tabulated
+from tgospa_eval.campaign.sums import check_labels, data_warnings, tabulated
 from tgospa_eval.common import patterns
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
@@ -125,6 +125,11 @@ class Batch:
     def rows(self) -> "pd.DataFrame":
         """A row for each job, with its labels, value, bounds and parts."""
         return self.tables.rows
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What looks wrong with the data of jobs, a line a kind, and with the order."""
+        return tuple(text for text in self.notices if text.startswith("warning: "))
 
     @property
     def groups(self) -> "pd.DataFrame":
@@ -230,6 +235,7 @@ def batch(
             write_texts(batch_files(done.store, done.tables, target), target, BATCH, force=force)
         except ConfigError as error:  # the rows are stored in any case
             told.append(f"the page is not written: {error}")
+    told += (text.removeprefix("warning: ") for text in done.warnings)
     warn_user([Notice(text=in_python(text)) for text in told])
     return replace(done, faults=tuple(map(in_python, done.faults)))
 
@@ -600,6 +606,7 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
     # Without --by nobody asked what there is to compare.
     used = store.settings().get("settings_file")
     notes = (
+        *data_warnings(rows),
         *(note for note in tables.notes if asked or note.startswith("warning: ")),
         *told,
         *([str(SettingsFile(**used))] if used else ()),

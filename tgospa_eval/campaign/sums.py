@@ -7,7 +7,7 @@ the bounds.
 """
 
 import json
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.campaign.grouping import (
@@ -18,9 +18,10 @@ from tgospa_eval.campaign.grouping import (
     with_parameters,
 )
 from tgospa_eval.campaign.ranking import rankings
-from tgospa_eval.campaign.row import LABEL, STORED_SLICES, covariances_of
+from tgospa_eval.campaign.row import LABEL, STORED_SLICES, covariances_of, job_name
 from tgospa_eval.campaign.statistics import confidence
-from tgospa_eval.common.words import natural
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted, natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.states import connected_components
 from tgospa_eval.reports.batch import BatchTables, Ranking
@@ -241,6 +242,22 @@ def _expected(
     parts = connected_components(numbers.to_numpy(), len(counts) + pairs, size)
     alike = np.bincount(parts[len(counts) :], minlength=size)[parts[: len(counts)]]
     return np.maximum(alike, counts)
+
+
+def data_warnings(rows: "pd.DataFrame") -> Iterator[str]:
+    """What looks wrong with the data of jobs: a line a kind, with how many jobs and the first."""
+    if "warnings" not in rows:
+        return
+    told: dict[str, list[tuple[str, Notice]]] = {}
+    having = rows[rows["warnings"].notna()]
+    for row in having[having["warnings"] != "[]"].to_dict("records"):
+        notices = {record["code"]: Notice(**record) for record in json.loads(row["warnings"])[::-1]}
+        for code, notice in notices.items():
+            told.setdefault(code, []).append((job_name(row), notice))
+    for jobs in told.values():
+        name, notice = jobs[0]
+        others = f" and {len(jobs) - 1:,} more of {counted(len(having), 'job')}"
+        yield f"warning: {name}{others if len(jobs) > 1 else ''}: {notice.sentence}"
 
 
 def sliced_groups(having: "pd.DataFrame", numbers: "pd.Series[int]") -> dict[int, list[Slicing]]:

@@ -125,6 +125,8 @@ def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) ->
             place = "centres of boxes" if other.centres else listed(other.trajectories.columns)
             text = f"{fault}, no known place: {place} are compared"
             return replace(other, hidden=reading.idle, notices=(text, *other.notices))
+    if not (reading.trajectories.state == -1).all():  # as some scenes are
+        return reading
     warning = Notice(
         code="no-place",
         text=f"{fault}, as of a place that is not known",

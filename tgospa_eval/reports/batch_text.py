@@ -279,6 +279,7 @@ def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
     per_step = [bracket(item, "per_step") for item in entries]
     yield Table(
         head=(ranking.label, *ranking.parameters, "proven place", "combined", "per step"),
+        align="l" * (1 + len(of)) + "rrr",
         rows=[
             (
                 item["name"],
@@ -305,6 +306,7 @@ def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
                 *ranking.parameters,
                 *("difference", INTERVAL, "p (Holm)", "statistical place"),
             ),
+            align="l" * (1 + len(of)) + "rrrr",
             rows=[
                 (best, *of, "", "", "", places[best]),
                 *(

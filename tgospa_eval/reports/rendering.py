@@ -346,7 +346,8 @@ def _fitted(table: Table) -> list[str]:
     """Columns as wide as they need.
 
     The first gives way if a line is too long, as far as its texts remain different; what has no
-    place even then goes on below, with the first column again. A table with widths has its own.
+    place even then goes on below, with the first columns again: all of text that tell rows apart,
+    where they leave half of the line. A table with widths has its own.
     """
     if table.widths or table.wrapped:
         return text_lines(table)
@@ -354,10 +355,24 @@ def _fitted(table: Table) -> list[str]:
     widths = _widths(rows)
     first = _first_width([row[0] for row in rows], sum(widths[1:]) + 2 * (len(widths) - 1))
     lines: list[str] = []
-    for columns in _that_fit(widths, WIDTH - len(INDENT) - first):
-        head, *found = [[_short(row[0], first), *(row[k] for k in columns)] for row in rows]
+    room = WIDTH - len(INDENT) - first
+    labels = range(1, len(table.sides) - len(table.sides.lstrip("l")))
+    taken = sum(2 + widths[k] for k in labels)
+    groups = _that_fit(widths, room)
+    if labels and len(groups) > 1 and first + taken <= WIDTH // 2:
+        others = [widths[0], *widths[labels.stop :]]
+        groups = [
+            [*labels, *(k + labels.stop - 1 for k in group)]
+            for group in _that_fit(others, room - taken)
+        ]
+    for columns in groups:
+        apart = {k: "  " if table.sides[k] == "l" else "" for k in columns}
+        head, *found = [
+            [_short(row[0], first), *(apart[k] + row[k] for k in columns)] for row in rows
+        ]
         wide = (first, *(widths[k] + 2 for k in columns))
-        lines += ["", *text_lines(Table(head=head, rows=found, widths=wide))]
+        align = "".join(table.sides[k] for k in (0, *columns)) if table.align else ""
+        lines += ["", *text_lines(Table(head=head, rows=found, widths=wide, align=align))]
     return lines[1:]
 
 
