@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from tgospa_eval import TgospaWarning, evaluate
+from tgospa_eval import TgospaWarning, batch, evaluate
 
 Invoke = Callable[..., Any]
 Rows = Iterable[Iterable[object]]
@@ -139,3 +139,37 @@ def test_ids_of_tracks_and_centres_go_before_names_and_corners(invoke: Invoke) -
         write(name, header, rows)
     answer = invoke("gt.csv", "res.csv", "-c", "20", "-g", "5")
     assert value(answer) == pytest.approx((12 * 25) ** 0.5, rel=1e-5)
+
+
+def test_a_batch_says_what_evaluate_warns_of(invoke: Invoke) -> None:
+    rows = [(1, t, 5 * t, 0) for t in range(40)]
+    write("truth.csv", "id,t,x,y", rows)
+    for tracker, shift in (("late", 1), ("same", 0)):
+        Path(tracker).mkdir()
+        for run in (1, 2):
+            write(f"{tracker}/{run}.csv", "id,t,x,y", [(1, t + shift, x, y) for _, t, x, y in rows])
+    patterns = ("--truth", "truth.csv", "--estimate", "{tracker}/{run}.csv")
+    answer = invoke("batch", *patterns, "-c", "20", "-g", "1", "--by", "tracker", "-o", "done")
+    text = " ".join(answer.out.split())
+    assert "warning: late/1 and 1 more of 4 jobs: the clock of the estimate seems" in text
+    assert "warning: same/1 and 1 more of 4 jobs: the estimate has the very states" in text
+    assert "the clock of the estimate" in Path("done/report.html").read_text(encoding="utf-8")
+    with pytest.warns(TgospaWarning, match="late/1 and 1 more"):
+        done = batch(truth="truth.csv", estimate="{tracker}/{run}.csv", output="again", cutoff=20.0)
+    assert len(done.warnings) == 2
+
+
+def test_labels_are_in_every_part_of_a_table(invoke: Invoke) -> None:
+    write("truth.csv", "id,t,x,y", [(1, t, 5 * t, 0) for t in range(8)])
+    write("estimate.csv", "id,t,x,y", [(1, t, 5 * t + 1, 0) for t in range(8)])
+    jobs = [
+        ("B", k, "truth.csv", "estimate.csv", c, g)
+        for k in range(6)
+        for c in (5, 9)
+        for g in (1, 2)
+    ]
+    write("jobs.csv", "filter,run,truth,estimate,cutoff,switch_penalty", jobs)
+    answer = invoke("batch", "jobs.csv", "--by", "filter", "-o", "done")
+    heads = [line.split() for line in answer.out.splitlines() if line.startswith("  filter")]
+    assert len(heads) == 3
+    assert all(head[:3] == ["filter", "cutoff", "switch_penalty"] for head in heads)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from tgospa_eval.api.in_parts import check_parts, evaluate_in_parts, parts_in_words
 from tgospa_eval.api.keywords import requested, with_options
-from tgospa_eval.api.notices import about, pair_notices, slow_notice
+from tgospa_eval.api.notices import about, about_same, pair_notices, slow_notice
 from tgospa_eval.api.resolve import Settings, called, make_settings
 from tgospa_eval.common.frozen import dataclass, replace
 from tgospa_eval.common.notices import Notice, in_python, warn_user
@@ -100,8 +100,10 @@ def read_sides(
         sides = settings.read(*given, mapping=mapping, advise=notify is not None, known=known)
     names = called(given)
     fitted, request = settings.fit(sides, names)
+    of_files = all(map(is_path, given))
     notices = [
         *(notice for name, side in zip(names, sides, strict=True) for notice in about(name, side)),
+        *(about_same(*fitted.read) if of_files else ()),
         *pair_notices(fitted, request, sides),
         *(() if request.solver.referee else slow_notice()),
     ]

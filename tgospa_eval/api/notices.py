@@ -23,6 +23,7 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
+from tgospa_eval.tracks.trajectories import Trajectories
 
 NARROWEST = 1e-12
 """Relative gap below which the outward rounding of the bounds may keep them apart."""
@@ -42,6 +43,21 @@ def about(path: str, side: Reading) -> Iterator[Notice]:
         yield Notice(text=f"{path}: {text}")
     for notice in side.warnings:
         yield notice.about(path)
+
+
+def about_same(truth: Trajectories, estimate: Trajectories) -> Iterator[Notice]:
+    """A warning if two files have the same states, which no tracker has."""
+    if (
+        len(truth.step) == len(estimate.step) > 1
+        and np.array_equal(truth.track, estimate.track)
+        and np.array_equal(truth.state, estimate.state)
+        and np.array_equal(truth.times[truth.step], estimate.times[estimate.step])
+    ):
+        yield Notice(
+            code="same-data",
+            text="the estimate has the very states of the truth",
+            remedy="see that it is the file that the tracker wrote",
+        )
 
 
 def pair_notices(
