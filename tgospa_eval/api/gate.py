@@ -55,15 +55,15 @@ from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.evaluation.sides import TrajectoriesLike
 from tgospa_eval.reports.files import PROOF, write_texts
 from tgospa_eval.results.consistency import NEES
+from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import ACCURACY
-from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import clipped, quoted
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tgospa_eval.results.result import Result
+    from tgospa_eval.api.result import Result
 
 WITHOUT_EFFECT = ("jobs", "max-input")
 """Options of an evaluation that change neither the number nor its bracket."""
@@ -79,7 +79,7 @@ ACCURACY_KEYS = tuple(name.replace("_", "-") for name in ACCURACY)
 Evaluated = tuple[Measured, Mapping[str, object], Mapping[str, Any]]
 """What came out of a pair, the options that made it, and more for its outcome."""
 
-EvaluatePair = Callable[[str, str, Request, Callable[[str], None]], tuple[Summary, bool]]
+EvaluatePair = Callable[[str, str, Request, Callable[[str], None]], tuple[Evaluation, bool]]
 """Of two files."""
 
 Evaluate = Callable[[Pair, Json | None], Evaluated]

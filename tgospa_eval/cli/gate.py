@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from tgospa_eval.api.options import Request
     from tgospa_eval.campaign.outcome import Report
     from tgospa_eval.cli.shared.click_options import OutputOptions
-    from tgospa_eval.results.summary import Summary
+    from tgospa_eval.results.evaluation import Evaluation
 
 TYPED = "tgospa_eval.typed"
 """Under this name the context keeps the arguments as they were typed."""
@@ -185,7 +185,7 @@ def _run(
 
     def evaluated(
         truth: str, estimate: str, options: "Request", tell: Callable[[str], None]
-    ) -> "tuple[Summary, bool]":
+    ) -> "tuple[Evaluation, bool]":
         from tgospa_eval.cli.evaluate.run import evaluate_files  # here: stores do without
 
         shown = OutputOptions(quiet=output.quiet, verbose=output.verbose)
