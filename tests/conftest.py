@@ -218,10 +218,10 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 def shown(chromium: Browser, tmp_path: Path) -> Iterator[Callable[..., Browser]]:
     """Open the page of a result; at the end it must have logged nothing and asked for nothing."""
 
-    from tgospa_eval.results.summary import Summary
-    from tgospa_eval.sensors.association import Association
+    from tgospa_eval.api.sensors import Association
+    from tgospa_eval.results.evaluation import Evaluation
 
-    def show(result: Summary | Association, hash_: str = "", **settings: object) -> Browser:
+    def show(result: Evaluation | Association, hash_: str = "", **settings: object) -> Browser:
         path = tmp_path / "report.html"
         path.write_text(result.to_html(), encoding="utf-8")
         chromium.open(path.as_uri() + hash_, **settings)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.api.evaluate import evaluate as evaluate
     from tgospa_eval.api.gate import gate as gate
     from tgospa_eval.api.recorder import Recorder as Recorder
+    from tgospa_eval.api.result import Result as Result
     from tgospa_eval.api.sensors import associate as associate
     from tgospa_eval.api.sensors import reduce as reduce
     from tgospa_eval.api.sweep import sweep as sweep
@@ -25,7 +26,6 @@ if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.formats import read_trajectories as read_trajectories
     from tgospa_eval.proof.check import verify as verify
     from tgospa_eval.results.explanation import Explanation as Explanation
-    from tgospa_eval.results.result import Result as Result
     from tgospa_eval.results.sweep import Sweep as Sweep
     from tgospa_eval.simulation.settings import simulate as simulate
     from tgospa_eval.solvers.certified import Certified as Certified
@@ -40,7 +40,7 @@ _HOME = {
     "Explanation": "results.explanation",
     "InputError": "errors",
     "Recorder": "api.recorder",
-    "Result": "results.result",
+    "Result": "api.result",
     "Sinkhorn": "solvers.sinkhorn",
     "SolverError": "errors",
     "Sweep": "results.sweep",

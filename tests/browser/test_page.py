@@ -12,9 +12,9 @@ from pages import NASTY, address, detail, ink, labels, texts
 
 from tests.support.partitioned import partitioned
 from tgospa_eval import Sinkhorn, evaluate
+from tgospa_eval.api.result import Result
 from tgospa_eval.common import palette
 from tgospa_eval.reports import plot_data
-from tgospa_eval.results.result import Result
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,7 @@
 """Lists that are spelled out in several places say the same."""
 
+import ast
+import re
 import subprocess
 import sys
 from collections.abc import Collection
@@ -46,12 +48,36 @@ def test_public_names_are_there() -> None:
     assert dir(tgospa_eval) == public
 
 
+REGISTRIES = {
+    *("__init__.py", "cli/verbs.py", "distances/__init__.py", "distances/registry.py"),
+    *("formats/registry.py", "solvers/__init__.py"),
+}
+"""Files that import members by name, so that a start needs those alone that are asked for."""
+
+
+def test_only_registries_import_our_modules_by_name() -> None:
+    """The linter of layers and circles sees statements, and no strings."""
+    by_name = set()
+    for path in (ROOT / "tgospa_eval").rglob("*.py"):
+        nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+        calls = [ast.unparse(node) for node in nodes if isinstance(node, ast.Call)]
+        imports = [
+            call for call in calls if re.match(r"(importlib\.)?(import_module|__import__)", call)
+        ]
+        texts = [str(node.value) for node in nodes if isinstance(node, ast.Constant)]
+        ours = any(re.match(r"tgospa_eval(\.|$)", text) for text in texts)
+        if imports and (ours or re.search(r"__name__|__package__|\(f?['\"]\.", "".join(imports))):
+            by_name.add(path.relative_to(ROOT / "tgospa_eval").as_posix())
+    assert by_name == REGISTRIES
+
+
 @pytest.mark.process
 @pytest.mark.parametrize(
     ("statement", "absent"),
     [
         ("import tgospa_eval.cli", ("numpy", "pandas", "scipy", "highspy", "cvxpy")),
         ("from tgospa_eval import evaluate, Certified", ("pandas", "scipy", "cvxpy", "clarabel")),
+        ("import tgospa_eval.api.result as r; r.Result", ("jinja2", "matplotlib", "pandas")),
     ],
 )
 def test_imports_are_lazy(statement: str, absent: tuple[str, ...]) -> None:

@@ -18,9 +18,9 @@ from urllib.request import url2pathname
 import pytest
 from checkout import ROOT
 
-from tgospa_eval import plots
 from tgospa_eval.cli import main
 from tgospa_eval.cli.shared import progress
+from tgospa_eval.plots import figures
 
 README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "docs").rglob("*.md"))]
@@ -111,7 +111,7 @@ def test_a_page_from_its_top(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(progress, "FIRST", math.inf)  # a busy machine would show how far it is
     # Figures are made, and not drawn, which takes two thirds of the time.
-    monkeypatch.setattr(plots, "written", lambda *_: b"")
+    monkeypatch.setattr(figures, "written", lambda *_: b"")
     shell, names = Shell(capfd, monkeypatch), dict[str, object]()
     for language, text in blocks(page):
         if language == "python":

@@ -8,6 +8,7 @@ from oracles import lagrangian_bound, tgospa_lp
 from strategies import ORDERS, SWITCH, few_among_many, pairs_of_sets, scene
 
 from tgospa_eval import Certified, ConfigError, Exact, Sinkhorn, evaluate
+from tgospa_eval.api.result import Result
 from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
@@ -17,7 +18,6 @@ from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
-from tgospa_eval.results.result import Result
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
 
 # relative error of the total that each solver promises, None for a bracket only

@@ -13,11 +13,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tgospa_eval import evaluate
+from tgospa_eval.api.result import Proof, Result
 from tgospa_eval.common.progress import Status
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.proof.write import check_proofs, proof_texts
-from tgospa_eval.results.result import Proof, Result
 
 SEEDS = st.lists(st.integers(0, 2**32 - 1), min_size=3, max_size=3)
 

@@ -12,7 +12,7 @@ from strategies import scene
 
 import tgospa_eval
 from tgospa_eval import evaluate, sweep
-from tgospa_eval.results.result import Result
+from tgospa_eval.api.result import Result
 
 SCENES, MORE = 150, 1000
 SHARES = (0.0, 0.3, 0.7, 1.0)

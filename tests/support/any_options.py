@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from tgospa_eval import ConfigError, TgospaWarning, evaluate
+from tgospa_eval.api.result import Result
 from tgospa_eval.errors import NothingLeftError
-from tgospa_eval.results.result import Result
 
 STAMPS = np.arange(-40, 80) / 4
 """All stamps that a scene, or a repair of it, may have."""

@@ -25,7 +25,7 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import InputError, TgospaError
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.proof import PROOF_FOLDER
-from tgospa_eval.results.summary import RESULT_SCHEMA, Summary
+from tgospa_eval.results.evaluation import RESULT_SCHEMA, Evaluation
 from tgospa_eval.text import as_unicode
 
 SMALL = 1 << 20
@@ -232,7 +232,7 @@ def finished_row(task: JobTask, row: Mapping[str, object], seconds: float) -> Ro
     }
 
 
-def _written(result: Summary, task: JobTask, folder: str | None) -> Row:
+def _written(result: Evaluation, task: JobTask, folder: str | None) -> Row:
     """Write the result folder, without pictures; what the row says where that is not possible.
 
     A full disk, or what is in the way of a folder, takes nothing from the number.

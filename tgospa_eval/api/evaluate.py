@@ -13,21 +13,21 @@ from tgospa_eval.api.in_parts import check_parts, evaluate_in_parts, parts_in_wo
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.notices import about, about_same, pair_notices, slow_notice
 from tgospa_eval.api.resolve import Settings, called, make_settings
-from tgospa_eval.common.frozen import dataclass, replace
+from tgospa_eval.api.result import ByClass, Result, ResultInParts, result_of
+from tgospa_eval.common.frozen import dataclass, recast, replace
 from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import parsed_size
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.by_class import add_up
 from tgospa_eval.evaluation.evaluate import evaluate_fitted
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import is_path
 from tgospa_eval.formats import Reading
-from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.sides import Components, TrajectoriesLike
-    from tgospa_eval.results.result import Result
 
 Notify = Callable[[Notice], None]
 """What to do with a notice, or a warning."""
@@ -125,17 +125,17 @@ def read_sides(
 
 def evaluate_sides(
     settings: Settings, sides: SidesRead, stopwatch: Stopwatch, notify: Notify | None = None
-) -> Summary:
+) -> Result | ByClass:
     """Solve, prove and report; of each class by itself, if that is asked for.
 
     `notify` takes what the solution shows.
     """
-    result: Summary
+    result: Result | ByClass
     if settings.reading.by_class:
         result = _evaluate_classes(sides, stopwatch)
     else:
-        result = evaluate_fitted(
-            sides.fitted, sides.request, files=sides.records, stopwatch=stopwatch
+        result = result_of(
+            evaluate_fitted(sides.fitted, sides.request, files=sides.records, stopwatch=stopwatch)
         )
     for notice in result.warnings if notify else ():
         notify(notice)  # type: ignore[misc]
@@ -147,10 +147,9 @@ def evaluate_sides(
     )
 
 
-def _evaluate_classes(sides: SidesRead, stopwatch: Stopwatch) -> Summary:
+def _evaluate_classes(sides: SidesRead, stopwatch: Stopwatch) -> ByClass:
     """One evaluation for each class, and their sum."""
     from tgospa_eval.common.words import natural
-    from tgospa_eval.results.by_class import add_up
 
     # What the distance takes from the data, it takes from all.
     request = replace(sides.request, distance=sides.fitted.distance)
@@ -162,9 +161,9 @@ def _evaluate_classes(sides: SidesRead, stopwatch: Stopwatch) -> Summary:
         part = stopwatch.beside()
         with stopwatch.progress.part(f"class {name}", number, len(classes)):
             fitted = fit(truth.of_class(name), estimate.of_class(name), request)
-            results[name] = evaluate_fitted(fitted, request, stopwatch=part)
+            results[name] = result_of(evaluate_fitted(fitted, request, stopwatch=part))
         stopwatch.absorb(part)
-    return add_up(results, sides.records, read_s)
+    return recast(add_up(results, sides.records, read_s), ByClass)
 
 
 @with_options()
@@ -179,7 +178,7 @@ def evaluate(
     memory: "float | str | None" = None,
     scheduler: str | None = None,
     **options: Any,
-) -> "Result":
+) -> Result:
     """TGOSPA between two sets of trajectories, with proven bounds.
 
     Every option of ``tgospa-eval evaluate`` is a keyword, by its name.
@@ -212,7 +211,7 @@ def evaluate(
     -------
     Result
         Value, bracket, decomposition, tables; with ``by="class"`` the sum of such, `ByClass`; of
-        data in parts `PartitionedResult`, whose tables are files that go with it.
+        data in parts `ResultInParts`, whose tables are files that go with it.
 
     Warns
     -----
@@ -233,7 +232,7 @@ def evaluate(
     limit = None if memory is None else parsed_size(memory)
     request = requested({**given, "memory": limit, "scheduler": scheduler})
     settings, stopwatch = make_settings(request), Stopwatch()
-    result: Summary
+    result: Result | ByClass | ResultInParts
     why = None
     if is_path(truth) and is_path(estimate):
         paths = os.fspath(truth), os.fspath(estimate)
@@ -249,7 +248,7 @@ def evaluate(
             shutil.rmtree(folder, ignore_errors=True)
             raise
         weakref.finalize(in_parts.tables, shutil.rmtree, folder, ignore_errors=True)
-        result = in_parts
+        result = recast(in_parts, ResultInParts)
     elif scheduler is not None:
         raise ConfigError("scheduler is for data in parts: folders of tables")
     else:

@@ -59,7 +59,7 @@ from tgospa_eval.text import clipped, quoted
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tgospa_eval.results.result import Result
+    from tgospa_eval.api.result import Result
 
 WITHOUT_EFFECT = ("jobs", "max-input")
 """Options of an evaluation that change neither the number nor its bracket."""

@@ -18,7 +18,7 @@ from tgospa_eval.engines.engine import spread
 from tgospa_eval.engines.processes import Processes
 from tgospa_eval.errors import SolverError, TgospaError
 from tgospa_eval.reports.files import PROOF, write_texts
-from tgospa_eval.results.summary import Summary
+from tgospa_eval.results.evaluation import Evaluation
 
 PATIENCE = 2.0
 """Seconds of work before processes are started, which takes about as long."""
@@ -26,8 +26,8 @@ PATIENCE = 2.0
 SHOWN = 10.0
 """Seconds between two lines of progress."""
 
-Work = Callable[[], Summary]
-Run = Callable[[Work, Stopwatch], Summary]
+Work = Callable[[], Evaluation]
+Run = Callable[[Work, Stopwatch], Evaluation]
 """Runs the work of one pair; the command line shows how far it is, and lets Ctrl-C stop it."""
 
 
@@ -83,7 +83,7 @@ def evaluate_pair(
         if not task.quiet:
             stopwatch.notify = say
 
-        def work() -> Summary:
+        def work() -> Evaluation:
             sides = read_sides(settings, *files, stopwatch, notify)
             return evaluate_sides(settings, sides, stopwatch, notify)
 

@@ -21,7 +21,7 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats import Reading
 from tgospa_eval.problem.compiled import KERNEL
-from tgospa_eval.results.summary import Summary
+from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -124,7 +124,7 @@ def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
 
 
 def about_run(
-    result: Summary, settings: Settings, stopwatch: Stopwatch, *, verbose: bool
+    result: Evaluation, settings: Settings, stopwatch: Stopwatch, *, verbose: bool
 ) -> Iterator[str]:
     """How it went, if that is asked for, and where the accuracy is not reached."""
     if verbose:
@@ -133,7 +133,7 @@ def about_run(
         yield from _not_reached(result, settings)
 
 
-def _not_reached(result: Summary, settings: Settings) -> Iterator[str]:
+def _not_reached(result: Evaluation, settings: Settings) -> Iterator[str]:
     """Where the accuracy that was asked for is not reached."""
     if result.certified:
         asked = ((result.traced, "step", " of the curve"), (result.slid, "window", ""))
@@ -153,7 +153,7 @@ def _not_reached(result: Summary, settings: Settings) -> Iterator[str]:
     )
 
 
-def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
+def _progress(result: Evaluation, stopwatch: Stopwatch) -> Iterator[str]:
     """Times of the stages, and how the solver came near."""
     for name, seconds in stopwatch.spans.items():
         yield f"{name:<20} {seconds:9.3f} s"

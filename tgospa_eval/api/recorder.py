@@ -16,8 +16,8 @@ from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
+    from tgospa_eval.api.result import Result
     from tgospa_eval.evaluation.objects import ArrayLike
-    from tgospa_eval.results.result import Result
 
 
 class Recorder:

@@ -1,27 +1,89 @@
 """States of sensors, whoever asks: which belong together, and clouds with fewer particles."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.distance import REDUCTION_NAMES, reduction
 from tgospa_eval.api.keywords import requested, taken, with_options
 from tgospa_eval.api.options import NOT_OF_SENSORS, SETTINGS, Request
 from tgospa_eval.api.resolve import Settings, called, make_settings
+from tgospa_eval.common.frozen import dataclass, recast, replace
 from tgospa_eval.common.notices import in_python, warn_user
 from tgospa_eval.distances import Effort, Reduction
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading
 from tgospa_eval.results.records import Columns
-from tgospa_eval.sensors.association import Association
+from tgospa_eval.sensors.association import Pairing
 from tgospa_eval.sensors.association import associate as associate_states
 from tgospa_eval.sensors.reduction import reduce_trajectories
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
+    import os
+
     import pandas as pd
+    from matplotlib.figure import Figure
 
     from tgospa_eval.evaluation.sides import Components, TrajectoriesLike
+    from tgospa_eval.reports.plot_data import PlotData
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Association(Pairing):
+    """Pairs of rows of two sides.
+
+    Parameters
+    ----------
+    first, second : Trajectories
+        The sides, on the same times.
+    pairs : Pairs
+        Pairs of one step: those that are nearer than the cutoff, or all if that was asked for.
+    apart : (N,) float array
+        Distances of their means.
+    chosen : (N,) bool array
+        Which of them were associated.
+    cutoff : float
+        The cutoff c.
+    distance : Distance
+        As it was measured.
+    """
+
+    @property
+    def drawn(self) -> "PlotData":
+        """What page and picture draw: `reports.plot_data.PlotData`."""
+        from tgospa_eval.reports.plot_data import plot_data  # lazy: slow to import
+
+        return plot_data(self)
+
+    def plot_plane(
+        self, *, columns: tuple[str, str] | None = None, style: str = "screen"
+    ) -> "Figure":
+        """Both sides in two of the state columns, pairs, what stays alone, and gates.
+
+        Parameters, errors and return value are those of `Result.plot_plane`.
+        """
+        from tgospa_eval.plots.result_pictures import association_plane  # lazy: slow to import
+
+        return association_plane(self, columns=columns, style=style)
+
+    def to_html(self, names: tuple[str, str] = ("A", "B")) -> str:
+        """A page that loads nothing; `names` are those of the sides."""
+        from tgospa_eval.reports.html import association_page  # lazy: jinja2 is slow to import
+
+        return association_page(self, names)
+
+    def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
+        """Write page, table and, with the extra `plot`, picture to a folder.
+
+        Raises
+        ------
+        ConfigError
+            The folder holds something else, and `force` is false; or it cannot be written.
+        """
+        from tgospa_eval.plots.result_pictures import save  # lazy: slow to import
+
+        save(self, folder, force=force)
+
 
 OF_REDUCE = ("columns", "decimal", "max_input", "time", "class_", "region", "jobs")
 
@@ -41,7 +103,7 @@ def associate_sides(
 ) -> Association:
     """The association of sides that were read; `names` are for messages."""
     fitted, _ = settings.fit(sides, names)
-    return associate_states(
+    found = associate_states(
         fitted.alignment.truth,
         fitted.alignment.estimate,
         cutoff=settings.evaluation.parameters.cutoff,
@@ -49,6 +111,7 @@ def associate_sides(
         all_pairs=all_pairs,
         effort=effort,
     )
+    return recast(found, Association)
 
 
 def reducing(request: Request, size: int) -> tuple[Reduction, Settings]:

@@ -37,6 +37,7 @@ from tgospa_eval.common.interval import EQUAL, Interval, places, second_less_fir
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, natural, number
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.formats.times import TimeError
 from tgospa_eval.formats.times import places as places_of_times
 from tgospa_eval.problem.gospa import (
@@ -52,7 +53,6 @@ from tgospa_eval.reports.phrases import RULES, Rule
 from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.numbers import MEAN, SPLIT_PARTS, SPREAD, outward
 from tgospa_eval.results.records import PARTS, Columns, Json, OtherMetrics, Time
-from tgospa_eval.results.result import Result
 from tgospa_eval.results.saved import of_metric
 from tgospa_eval.tracks.alignment import Times
 from tgospa_eval.tracks.ignored import OWN_MARKS
@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def against(result: Result) -> tuple[Json, dict[str, Floats]]:
+def against(result: PairEvaluation) -> tuple[Json, dict[str, Floats]]:
     """Each step evaluated by itself, on the problem of a result.
 
     Returns
@@ -219,7 +219,7 @@ Entrants = Mapping[str, Sequence[RunOutcome]]
 """The runs of each estimate by its name; all have the same runs."""
 
 
-def outcome(path: str, result: Result, moments: Times, *, per_step: bool) -> RunOutcome:
+def outcome(path: str, result: PairEvaluation, moments: Times, *, per_step: bool) -> RunOutcome:
     """What to keep of a result, so that the problem can go."""
     split = result.proof.breakdown
     record, values = against(result) if per_step else (None, {})

@@ -21,6 +21,7 @@ from tgospa_eval.common.documents import (
 )
 from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums, fits_sums
 from tgospa_eval.results.contradictions import UNLIKE_COUNTS, contradictions
+from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.numbers import SPLIT_PARTS
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS
 from tgospa_eval.results.saved import (
@@ -32,7 +33,6 @@ from tgospa_eval.results.saved import (
     SLICING,
     slices_fault,
 )
-from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import clipped
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ STORED_SLICES = "slices"
 """Column with costs that are split, as text."""
 
 
-def row_of(result: Summary) -> Row:
+def row_of(result: Evaluation) -> Row:
     """The numbers of a result that tables are made of."""
     parameters = result.proof.parameters
     lower, upper = result.total_bounds
@@ -99,7 +99,7 @@ def covariances_of(rows: "pd.DataFrame") -> tuple[dict[str, float], NeesSums | N
     return {name: float(rows[name].sum()) for name in parts}, nees
 
 
-def stored_slices(result: Summary) -> dict[str, str]:
+def stored_slices(result: Evaluation) -> dict[str, str]:
     """What the row of a job has of its slices."""
     if not result.sliced:
         return {}

@@ -34,9 +34,9 @@ from tgospa_eval.common.writing import take_lock, writing
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.loading import reason_of
 from tgospa_eval.results.contradictions import ADD_UP, AGREE, TINY
+from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.saved import SETTINGS_FILE as USED_FILE
-from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def read_part(path: Path) -> Iterator[None]:
             raise InputError(f"{path}: {text}{reason_of(error)}; {ANEW}") from None
 
 
-def stored_steps(result: Summary, *, per_step: bool) -> Row:
+def stored_steps(result: Evaluation, *, per_step: bool) -> Row:
     """What the row of a job says of its steps; with them, where they are asked for.
 
     These are, by column: the times as they were read; how many steps of the horizon are no later

@@ -22,10 +22,10 @@ from tgospa_eval.formats.registry import FORMATS
 
 if TYPE_CHECKING:
     from tgospa_eval.api.resolve import Settings
+    from tgospa_eval.api.sensors import Association
     from tgospa_eval.distances import Effort
     from tgospa_eval.formats import Reading
     from tgospa_eval.results.records import Json
-    from tgospa_eval.sensors.association import Association
 
 T = TypeVar("T")
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from tgospa_eval.campaign.gate.outcome import Report
     from tgospa_eval.cli.shared.click_options import OutputOptions
     from tgospa_eval.common.progress import Stopwatch
-    from tgospa_eval.results.summary import Summary
+    from tgospa_eval.results.evaluation import Evaluation
 
 TYPED = "tgospa_eval.typed"
 """Under this name the context keeps the arguments as they were typed."""
@@ -183,7 +183,7 @@ def _run(
     from tgospa_eval.cli.shared.progress import run
     from tgospa_eval.reports.files import GATE, probe_folder
 
-    def run_shown(work: "Callable[[], Summary]", stopwatch: "Stopwatch") -> "Summary":
+    def run_shown(work: "Callable[[], Evaluation]", stopwatch: "Stopwatch") -> "Evaluation":
         result = run(work, stopwatch, show=not output.quiet)
         if interrupted():
             print_notice(f"{result.claim}, {result.proven}; nothing is judged")

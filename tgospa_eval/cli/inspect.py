@@ -64,7 +64,7 @@ def command(
     output = OutputOptions.of(options)
     request = Request.of({"switch_penalty": 0.0, **options})
     if plot is not None:
-        from tgospa_eval.plots import FILES, MISSING, available
+        from tgospa_eval.plots.figures import FILES, MISSING, available
         from tgospa_eval.reports.files import check_file
 
         endings = [f".{kind}" for kind in FILES]
@@ -98,7 +98,7 @@ def _write_picture(
 ) -> None:
     """Draw what was read."""
     from tgospa_eval.common.writing import write_file
-    from tgospa_eval.plots import written
+    from tgospa_eval.plots.figures import written
     from tgospa_eval.plots.plane import plot_inspection  # matplotlib takes a second
     from tgospa_eval.plots.style import styled
 

@@ -17,7 +17,7 @@ from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.axis import periods_of
 from tgospa_eval.problem.readout import read_assigned
 from tgospa_eval.results.consistency import BINS, NeesSums, nees_sums
-from tgospa_eval.results.result import Proof
+from tgospa_eval.results.proof import PairProof
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.clouds import Clouds
 
@@ -28,7 +28,7 @@ PAIRS_TOGETHER = 1 << 16
 """Pairs whose particles are looked at together."""
 
 
-def pair_nees(proof: Proof, distance: Distance) -> tuple[Floats, NeesSums]:
+def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
     """NEES of each pair of the reported assignment, NaN where its covariance is singular, and sums.
 
     The estimate has covariances, or particles.

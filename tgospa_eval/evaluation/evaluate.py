@@ -13,6 +13,7 @@ from tgospa_eval.evaluation.localisation import (
     rounded_coordinates,
     within_rounding,
 )
+from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.evaluation.prepare import Fitted, Prepared, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest, in_words
 from tgospa_eval.problem.certificate import certify
@@ -22,8 +23,8 @@ from tgospa_eval.problem.readout import read_unjudged
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.numbers import SPREAD
+from tgospa_eval.results.proof import PairProof
 from tgospa_eval.results.records import Json, MetricSums, OtherMetrics
-from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers import Solver
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ def evaluate_fitted(
     *,
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
-) -> Result:
+) -> PairEvaluation:
     """`evaluate` with everything resolved.
 
     Parameters
@@ -82,7 +83,7 @@ def solve(
     solver: Solver,
     stopwatch: Stopwatch,
     request: EvaluationRequest | None = None,
-) -> Result:
+) -> PairEvaluation:
     """The second half: solution, proof, result; the problem can be solved again."""
     stopwatch.progress.begin(prepared.parameters.root)
     return prove(prepared, solver, solver(prepared.states, stopwatch), stopwatch, request)
@@ -94,7 +95,7 @@ def prove(
     solution: Solution,
     stopwatch: Stopwatch,
     request: EvaluationRequest | None = None,
-) -> Result:
+) -> PairEvaluation:
     """What a solution proves of a problem; a disposable one loses its weights.
 
     The curve and windows are those that the request asks for, if there is one.
@@ -102,7 +103,7 @@ def prove(
     with stopwatch.span("certify"):
         bounds, weights, breakdown = certify(prepared.states, solution, consume=solution.disposable)
     check_underflow(prepared.states.problem, prepared.parameters, bounds.upper)
-    proof = Proof(
+    proof = PairProof(
         parameters=prepared.parameters,
         states=prepared.states,
         bounds=bounds,
@@ -142,7 +143,7 @@ def prove(
     recorded, judged = prepared.recorded()
     gap = solver.gap if solver.proves else GAP
     problem = prepared.states.problem
-    return Result(
+    return PairEvaluation(
         proof=proof,
         split=split,
         assigned=assigned,

@@ -13,15 +13,15 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints, concatenated
 from tgospa_eval.distances import CloudWasserstein, Distance, Effort, Pairs
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.prepare import Fitted, source_of
+from tgospa_eval.evaluation.pair import PairEvaluation, source_of
+from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.gradient import Gradient
-from tgospa_eval.results.result import Result
 
 
-def gradient(result: Result) -> Gradient:
+def gradient(result: PairEvaluation) -> Gradient:
     """Derivatives of the total by estimate states, cutoff and switch penalty."""
     sides, request = source_of(result)
     proof = result.proof

@@ -15,7 +15,7 @@ from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.readout import read_assigned
 from tgospa_eval.problem.solution import Bounds
 from tgospa_eval.results.numbers import MEAN, SPREAD
-from tgospa_eval.results.result import Proof
+from tgospa_eval.results.proof import PairProof
 
 LARGE = 1e7
 """Coordinates below this have nine decimals of which all are kept."""
@@ -53,7 +53,7 @@ def at_cutoff(pairs: int) -> tuple[Notice, ...]:
     )
 
 
-def rounded_coordinates(prepared: Prepared, proof: Proof) -> tuple[Notice, ...]:
+def rounded_coordinates(prepared: Prepared, proof: PairProof) -> tuple[Notice, ...]:
     """Whether decimals of large coordinates are so rounded that ten digits of the total are not.
 
     Let u be the distance of neighbouring doubles; a decimal is off by u / sqrt(12), a difference by
@@ -87,7 +87,7 @@ BLOCK = 1 << 16
 """Pairs whose distances are taken apart at a time."""
 
 
-def pair_parts(prepared: Prepared, proof: Proof) -> dict[str, Floats]:
+def pair_parts(prepared: Prepared, proof: PairProof) -> dict[str, Floats]:
     """Parts of the cost of each assigned pair (N,), which sum to it, if it has any."""
     if prepared.existence is None and type(prepared.distance).parts is Distance.parts:
         return {}

@@ -25,8 +25,8 @@ from tgospa_eval.distances.pair_search import prepared_pairs, starts_of_steps
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.problem.gospa import per_step_gospa
 from tgospa_eval.problem.readout import judged_rows
+from tgospa_eval.results.proof import PairProof
 from tgospa_eval.results.records import OtherMetrics
-from tgospa_eval.results.result import Proof
 from tgospa_eval.tracks.attributes import file_order
 
 THRESHOLD = 0.5
@@ -116,7 +116,7 @@ def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> Other
 
 
 def other_metrics(
-    prepared: Prepared, names: Sequence[str], effort: Effort, proof: Proof | None = None
+    prepared: Prepared, names: Sequence[str], effort: Effort, proof: PairProof | None = None
 ) -> Others:
     """Metrics by name, of two sides as they are compared.
 
@@ -130,7 +130,7 @@ def other_metrics(
         Of `evaluation.request.OTHER_METRICS`.
     effort : Effort
         How to search for pairs, and the clock.
-    proof : Proof, optional
+    proof : PairProof, optional
         The assignment that says which estimates follow ignored truths.
     """
     cutoff = prepared.parameters.cutoff

@@ -29,8 +29,8 @@ from tgospa_eval.problem.metric_family import (
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.states import States
 from tgospa_eval.results.consistency import NEES
+from tgospa_eval.results.proof import ComparedSides
 from tgospa_eval.results.records import Json, Labels, input_record
-from tgospa_eval.results.result import ComparedSides, Result
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
 from tgospa_eval.tracks.ignored import AWAY, NOT_JUDGED, marks_of
@@ -64,19 +64,6 @@ class Fitted:
     alignment: Alignment
     distance: Distance
     axis: Axis
-
-
-def source_of(result: Result) -> tuple[Fitted, EvaluationRequest]:
-    """What was evaluated, and how: enough to evaluate something like it.
-
-    Raises
-    ------
-    ConfigError
-        The result was not made by `evaluate`.
-    """
-    if result.source is None:
-        raise ConfigError("this result was not made by evaluate: evaluate again")
-    return result.source
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -17,6 +17,7 @@ from tgospa_eval.distances import Pairs
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.axis import on_axis
 from tgospa_eval.evaluation.evaluate import prove, solver_settings
+from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.evaluation.prepare import Fitted, MeasuredSides, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import kernels
@@ -25,7 +26,6 @@ from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.results.records import PARTS, Json
-from tgospa_eval.results.result import Result
 from tgospa_eval.results.sweep import Point, Sweep
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
@@ -240,7 +240,7 @@ def _value(parameters: Parameters, name: str) -> float:
     return value
 
 
-def _point(result: Result, name: str) -> Point:
+def _point(result: PairEvaluation, name: str) -> Point:
     numbers = ("tgospa", "lower_bound", "total", "relative_gap", "certified", *PARTS)
     values = {number: getattr(result, number) for number in numbers}
     values |= {f"{part}_count": count for part, count in result.counts.items()}

@@ -19,7 +19,7 @@ from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.paths import turns
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
-from tgospa_eval.results.result import Proof
+from tgospa_eval.results.proof import PairProof
 
 NO_TIE = 1e-9
 """In units of c^p: a path that is worse by less may be as good, but for rounding."""
@@ -32,12 +32,12 @@ ROUNDS = 50
 """Of drawing conclusions; each takes as long as looking for best paths twice."""
 
 
-def is_unique(proof: Proof, gap: float, *, everywhere: bool = False) -> bool:
+def is_unique(proof: PairProof, gap: float, *, everywhere: bool = False) -> bool:
     """Whether the assignment is shown to be the only best one.
 
     Parameters
     ----------
-    proof : Proof
+    proof : PairProof
         Assignment and prices.
     gap : float
         What counts as exact.

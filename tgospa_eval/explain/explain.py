@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -12,7 +13,8 @@ from tgospa_eval.common.words import counted, number
 from tgospa_eval.distances import near_pairs
 from tgospa_eval.errors import ConfigError, InputError, whole_number
 from tgospa_eval.evaluation.axis import check_left, periods_of
-from tgospa_eval.evaluation.prepare import Fitted, Prepared, fit, prepare, reach_of, source_of
+from tgospa_eval.evaluation.pair import PairEvaluation, source_of
+from tgospa_eval.evaluation.prepare import Fitted, Prepared, fit, prepare, reach_of
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.explain.candidates import (
     Candidate,
@@ -39,8 +41,8 @@ from tgospa_eval.problem.certificate import ROUNDOFF, certify, lower_bounds, low
 from tgospa_eval.problem.solution import Bounds
 from tgospa_eval.results.explanation import Explanation, Repair
 from tgospa_eval.results.numbers import outward
+from tgospa_eval.results.proof import PairProof
 from tgospa_eval.results.records import Columns
-from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers.block_costs import feasible_costs
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, WarmStart, make_warm_start
@@ -66,7 +68,7 @@ class Trials:
 
     Parameters
     ----------
-    proof : Proof
+    proof : PairProof
         What is proven of it.
     assigned : Assigned
         Its assignment.
@@ -77,7 +79,7 @@ class Trials:
     """
 
     def __init__(
-        self, proof: Proof, assigned: Assigned, sides: Fitted, request: EvaluationRequest
+        self, proof: PairProof, assigned: Assigned, sides: Fitted, request: EvaluationRequest
     ) -> None:
         self.assigned, self.sides, self.request = assigned, sides, request
         self.aligned, self.parameters = sides.alignment, proof.parameters
@@ -260,7 +262,7 @@ TRIED = 2
 
 
 def explain(
-    result: Result,
+    result: PairEvaluation,
     top: int = TOP,
     *,
     stopwatch: Stopwatch | None = None,
@@ -269,7 +271,7 @@ def explain(
 
     Parameters
     ----------
-    result : Result
+    result : PairEvaluation
         As `evaluate` returns it.
     top : int
         How many to list; up to `TRIED` times as many are tried.
@@ -337,7 +339,7 @@ def not_explained(request: EvaluationRequest) -> tuple[str, ...]:
 
 
 def _candidates(
-    result: Result, sides: Fitted, request: EvaluationRequest, assigned: Assigned, most: int
+    result: PairEvaluation, sides: Fitted, request: EvaluationRequest, assigned: Assigned, most: int
 ) -> Iterator[Candidate]:
     """What may save something at the assignment at hand, of each kind `most` or a few more."""
     estimate = sides.alignment.estimate
@@ -359,7 +361,7 @@ def _candidates(
         yield from (candidate for candidate in maker if candidate.saving > 0)
 
 
-def _places(result: Result, sides: Fitted, request: EvaluationRequest) -> StatePlaces:
+def _places(result: PairEvaluation, sides: Fitted, request: EvaluationRequest) -> StatePlaces:
     columns = sides.read[0].columns
     periods = periods_of(sides.distance, columns)
     return StatePlaces(
@@ -374,7 +376,7 @@ def _places(result: Result, sides: Fitted, request: EvaluationRequest) -> StateP
 
 
 def _repair(
-    result: Result,
+    result: PairEvaluation,
     columns: tuple[str, ...],
     candidate: Candidate,
     after: Bounds,
@@ -405,7 +407,7 @@ def _repair(
         upper_bound=result.outward_root(after.upper, 1),
         saving_lower=_outward(scale * (before.lower - after.upper), -1),
         saving_upper=_outward(scale * (before.upper - after.lower), 1),
-        edit=edit,
+        edit=partial(edited, edit=edit),
     )
 
 
@@ -414,7 +416,7 @@ def _outward(value: float, sign: int) -> float:
     return outward(value, sign if value > 0 else -sign) if value else 0.0
 
 
-def in_words(candidate: Candidate, result: Result, offset: dict[str, float]) -> str:
+def in_words(candidate: Candidate, result: PairEvaluation, offset: dict[str, float]) -> str:
     """What a repair does."""
     labels, edit = result.labels, candidate.edit
     first, second = ([labels.estimates[track] for track in candidate.tracks] + 2 * [""])[:2]

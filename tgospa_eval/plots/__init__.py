@@ -1,182 +1,136 @@
-"""RESULT -> pictures, by matplotlib (extra ``plot``); no window, no global state, the same bytes.
+"""RESULT -> pictures, by matplotlib (extra ``plot``): a function for each of a result."""
 
-matplotlib is imported when a picture is made.
-"""
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
-import io
-import warnings
-from collections.abc import Callable, Mapping, Sequence
-from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, TypeAlias
-
-from tgospa_eval.common.arrays import Floats
-from tgospa_eval.common.palette import LIGHT
-from tgospa_eval.common.words import install, number
-from tgospa_eval.results.summary import Summary
+from tgospa_eval.results.evaluation import Evaluation
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-    from matplotlib.patches import StepPatch
-
-plot_costs = Summary.plot_costs
-plot_cumulative = Summary.plot_cumulative
-plot_lanes = Summary.plot_lanes
-plot_nees = Summary.plot_nees
-plot_plane = Summary.plot_plane
-plot_windows = Summary.plot_windows
-plot_worst = Summary.plot_worst
-
-Draw: TypeAlias = "Mapping[str, Callable[[], Figure]]"
-"""By name what makes a figure."""
-
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Okabe and Ito: distinguished by those who do not see all colours, and in print."""
-
-MARKERS = "osD^vPX"
-DOTS = 150
-"""Dots per inch."""
-
-QUICK = 1
-"""Level of compression."""
-
-MISSING = f"no pictures: they need the extra plot: {install('plot')}"
-
-FILES: Mapping[str, dict[str, Any]] = {
-    "png": {},
-    "svg": {"metadata": {"Creator": None, "Date": None}},
-    "pdf": {"metadata": {"Creator": None, "Producer": None, "CreationDate": None}},
-}
-"""Formats, and what is left out of each: nothing depends on the time or on who made it."""
-
-_SAME = {"svg.hashsalt": "tgospa-eval", "pdf.fonttype": 42}
-"""The ids of an SVG are the same each time; in a PDF fonts are those that publishers take."""
 
 
-def available() -> bool:
-    """Whether matplotlib is installed."""
-    return find_spec("matplotlib") is not None
+def plot_costs(
+    result: Evaluation, *, style: str = "screen", components: Sequence[str] | None = None
+) -> "Figure":
+    """Cost of each step, stacked: localisation, missed, false, switch.
 
+    Where there are more steps than can be distinguished each bar is the costliest of several,
+    and the axis says of how many.
 
-def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> "tuple[Figure, Any]":
-    """An empty figure of inches, and its axes as a (rows, columns) array."""
-    from matplotlib import rcParams
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    Parameters
+    ----------
+    style : {"screen", "paper"}
+        With a title; or small, for one column of a journal.
+    components : sequence of str, optional
+        Parts of the cost that are drawn, of ``"localisation"``, ``"missed"``, ``"false"``,
+        ``"switch"``; all by default.
 
-    from tgospa_eval.plots.notebook import ApartLocator, ShownFigure
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Belongs to no window.
 
-    grid = 0.75 * rcParams["grid.linewidth"]
-    made = ShownFigure(figsize=(width, height), layout="constrained", facecolor="white")
-    FigureCanvasAgg(made)
-    axes = made.subplots(rows, columns, squeeze=False)
-    for axis in axes.flat:
-        axis.grid(visible=True, which="major", color=LIGHT["grid"], linewidth=grid)
-        axis.set_axisbelow(True)
-        for side, spine in axis.spines.items():
-            spine.set_visible(side not in ("top", "right"))
-            spine.set_in_layout(False)  # on the edge of the axes, and to find that out takes long
-        counted(axis.xaxis)
-        counted(axis.yaxis)
-        axis.xaxis.set_major_locator(ApartLocator())
-    return made, axes
-
-
-def pictures(draw: Draw, formats: Sequence[str] = ("png",)) -> dict[str, bytes]:
-    """Files of figures by name, whatever the user's settings of matplotlib."""
-    import matplotlib
-
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        return files_of(draw, formats, DOTS, lambda name, share: None)  # noqa: ARG005
-
-
-def files_of(
-    draw: Draw, formats: Sequence[str], dots: int, notify: Callable[[str, float], None]
-) -> dict[str, bytes]:
-    """Files by name, each in all formats; `notify` takes the name of the next and what is done.
-
-    One figure after the other: they hold memory.
+    Raises
+    ------
+    ConfigError
+        A name is unknown, or matplotlib is not installed.
     """
-    files: dict[str, bytes] = {}
-    for name, make in draw.items():
-        made = None
-        for kind in formats:
-            notify(f"{name}.{kind}", len(files) / (len(draw) * len(formats)))
-            made = make() if made is None else made
-            files[f"{name}.{kind}"] = written(made, kind, dots)
-    return files
+    return _plot(result, "costs", style=style, components=components)
 
 
-def written(made: "Figure", kind: str = "png", dots: int = DOTS) -> bytes:
-    """The picture as a file of one of `FILES`; to be called under `styled`.
+def plot_cumulative(
+    result: Evaluation, *, style: str = "screen", components: Sequence[str] | None = None
+) -> "Figure":
+    """Normalised cumulative cost: at each step the root of the mean cost of the steps up to it.
 
-    The layout is that of a PNG whatever the format and those before, and made once.
+    The assignment is that of the whole recording, unless the curve was asked for; the last
+    value of the total is ``normalised["tgospa"]``. Parameters, errors and return value are
+    those of `plot_costs`; the total is always drawn.
     """
-    import matplotlib
-
-    matplotlib.rcParams.update(_SAME)
-    target = io.BytesIO()
-    with warnings.catch_warnings():
-        # An id in a script that the font does not have is drawn as boxes, which says enough.
-        warnings.filterwarnings("ignore", message=".*(missing from|does not support)")
-        canvas = _laid_out(made, dots)
-        if kind == "png":
-            _write_png(canvas, target, dots)
-        else:
-            made.savefig(target, format=kind, dpi=dots, **FILES[kind])
-    return target.getvalue()
+    return _plot(result, "cumulative", style=style, components=components)
 
 
-def _laid_out(made: "Figure", dots: int) -> "FigureCanvasAgg":
-    """Where everything is, from now on."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+def plot_lanes(result: Evaluation, *, style: str = "screen") -> "Figure":
+    """A lane for each truth with the estimates that follow it, and lanes of false tracks below.
 
-    made.set_dpi(dots)
-    canvas = FigureCanvasAgg(made)
-    engine = made.get_layout_engine()
-    if engine is not None:
-        engine.execute(made)
-        made.set_layout_engine("none")
-    return canvas
+    A gap with a frame is missed, a triangle is a switch, the darker foot of a bar is the error
+    as a share of the cutoff. Of more trajectories than have room the costliest have lanes, and
+    the others share one, in which a height says how many of them are missed, or false.
+    Parameters, errors and return value are those of `plot_costs`.
+    """
+    return _plot(result, "lanes", style=style)
 
 
-def _write_png(canvas: "FigureCanvasAgg", target: io.BytesIO, dots: int) -> None:
-    """As savefig does it, which draws everything once more before, and stores opacities too."""
-    import numpy as np
-    from PIL import Image
+def plot_plane(
+    result: Evaluation, *, columns: tuple[str, str] | None = None, style: str = "screen"
+) -> "Figure":
+    """Trajectories in two of the state columns, with misses, false targets and switches.
 
-    canvas.draw()
-    colours = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3])  # all is opaque
-    image = Image.fromarray(colours)
-    image.save(target, "png", compress_level=QUICK, dpi=(dots, dots))
+    Boxes, ellipses that hold 95 % of a normal distribution, and particles are drawn here and
+    there along few trajectories where the states have such and the two columns show them. A
+    second panel shows all of those around the assigned pair that is farthest apart.
 
+    Parameters
+    ----------
+    columns : pair of str, optional
+        What is across and up: state columns, ``"t"`` for the time, of boxes ``"centre x"`` and
+        ``"centre y"``. By default the first two columns, the centres of boxes, ``lon`` and
+        ``lat``; of a single column it over the time.
+    style : {"screen", "paper"}
+        With a title; or small, for one column of a journal.
 
-def stairs(axis: "Axes", top: Floats, edges: Floats, **looks: Any) -> "StepPatch":
-    """Filled steps within limits that are set by hand: to find theirs takes longer than to draw."""
-    from matplotlib.patches import StepPatch
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Belongs to no window.
 
-    made = StepPatch(top, edges, fill=True, **looks)
-    axis.add_artist(made)
-    return made
-
-
-def boxes(left: Floats, right: Floats, low: Floats, high: Floats) -> Floats:
-    """Corners (N, 4, 2) of boxes."""
-    import numpy as np
-
-    x = np.stack([left, right, right, left], axis=1)
-    return np.stack([x, np.stack([low, low, high, high], axis=1)], axis=2)
-
-
-def counted(which: "Axis") -> None:
-    """Numbers on this axis are written as everywhere else."""
-    which.set_major_formatter(lambda value, _: number(float(f"{value:.10g}"), 10))
+    Raises
+    ------
+    ConfigError
+        A column or the style is unknown, or matplotlib is not installed.
+    """
+    return _plot(result, "plane", columns=columns, style=style)
 
 
-def label(axis: "Axes", x: str, y: str, title: str) -> None:
-    """Names of the axes, and what is to be seen."""
-    axis.set_xlabel(x)
-    axis.set_ylabel(y)
-    axis.set_title(title, fontsize="medium", loc="left")
+def plot_nees(result: Evaluation, *, style: str = "screen") -> "Figure":
+    """NEES of each step with its 95 % band; of particles also the ranks of the truth.
+
+    Errors and return value are those of `plot_costs`.
+
+    Raises
+    ------
+    ConfigError
+        There is no NEES.
+    """
+    return _plot(result, "nees", style=style)
+
+
+def plot_windows(
+    result: Evaluation, *, style: str = "screen", components: Sequence[str] | None = None
+) -> "Figure":
+    """Sliding windows: at the middle of each the root of its mean cost, as `windows` has it.
+
+    Parameters, errors and return value are those of `plot_costs`; the total is always drawn.
+
+    Raises
+    ------
+    ConfigError
+        Windows were not asked for.
+    """
+    return _plot(result, "windows", style=style, components=components)
+
+
+def plot_worst(
+    result: Evaluation, *, style: str = "screen", components: Sequence[str] | None = None
+) -> "Figure":
+    """The costliest steps, truths and estimates, and what they cost.
+
+    Parameters, errors and return value are those of `plot_costs`; only `components` count.
+    """
+    return _plot(result, "worst", style=style, components=components)
+
+
+def _plot(result: Evaluation, name: str, **options: Any) -> "Figure":
+    from tgospa_eval.plots.result_pictures import plot  # lazy: slow to import
+
+    return plot(result, name, **options)

@@ -7,7 +7,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.palette import LIGHT, TRACK_COLOURS, heat_shades
-from tgospa_eval.plots import figure, files_of
+from tgospa_eval.plots.figures import figure, files_of
 from tgospa_eval.plots.overtime import name_times
 from tgospa_eval.plots.style import FILLS, SOFT, Style, legend, literal, power, styled, titled
 from tgospa_eval.reports.batch import BatchTables

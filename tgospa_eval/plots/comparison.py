@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.common.words import number
-from tgospa_eval.plots import COLOURS, MARKERS, Draw, figure, label
+from tgospa_eval.plots.figures import COLOURS, MARKERS, Draw, figure, label
 from tgospa_eval.plots.overtime import name_times
 from tgospa_eval.reports.time_axis import TimeAxis, moments
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Json, Time

@@ -7,7 +7,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.palette import TRACK_COLOURS
-from tgospa_eval.plots import boxes, figure, stairs
+from tgospa_eval.plots.figures import boxes, figure, stairs
 from tgospa_eval.plots.overtime import MARGIN, time_axis
 from tgospa_eval.plots.style import (
     FALSE,

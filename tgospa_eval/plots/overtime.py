@@ -9,7 +9,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.common.words import number
-from tgospa_eval.plots import COLOURS, boxes, counted, figure, stairs
+from tgospa_eval.plots.figures import COLOURS, boxes, counted, figure, stairs
 from tgospa_eval.plots.style import FILLS, LINES, SOFT, Style, legend, literal, power, titled
 from tgospa_eval.reports.plot_data import KINDS, DrawnSide, PlotData, binned
 from tgospa_eval.reports.time_axis import TimeAxis

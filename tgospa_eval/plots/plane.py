@@ -11,8 +11,8 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.palette import TRACK_COLOURS
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.plots import boxes as corners
-from tgospa_eval.plots import figure
+from tgospa_eval.plots.figures import boxes as corners
+from tgospa_eval.plots.figures import figure
 from tgospa_eval.plots.overtime import time_axis
 from tgospa_eval.plots.style import FALSE, INK, MISSED, SOFT, Style, legend, literal, styled, titled
 from tgospa_eval.reports.plot_data import (

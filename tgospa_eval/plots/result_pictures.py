@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.plots import FILES, available, files_of, pictures
+from tgospa_eval.plots.figures import FILES, available, files_of, pictures
 from tgospa_eval.plots.lanes import draw_lanes
 from tgospa_eval.plots.overtime import (
     draw_costs,
@@ -19,12 +19,12 @@ from tgospa_eval.plots.overtime import (
 from tgospa_eval.plots.plane import draw_plane, plane_columns
 from tgospa_eval.plots.style import STYLES, Style, styled
 from tgospa_eval.reports.files import ASSOCIATION, RESULT, probe_folder, result_texts, write_texts
-from tgospa_eval.reports.plot_data import PlotData, is_box
+from tgospa_eval.reports.plot_data import is_box, plot_data
 from tgospa_eval.reports.rendering import csv_text
+from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import PARTS
-from tgospa_eval.results.summary import Summary
-from tgospa_eval.sensors.association import Association
+from tgospa_eval.sensors.association import Pairing
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class Pictures:
 
 
 def result_pictures(
-    result: Summary,
+    result: Evaluation,
     wanted: Pictures,
     notify: Callable[[str, float], None] = lambda name, share: None,  # noqa: ARG005
 ) -> dict[str, bytes]:
@@ -112,14 +112,14 @@ def result_pictures(
 
 
 def plot(
-    result: Summary,
+    result: Evaluation,
     name: str,
     *,
     style: str = "screen",
     components: Sequence[str] | None = None,
     columns: Sequence[str] | None = None,
 ) -> "Figure":
-    """One of them, as `Summary.plot_costs` and its like return it.
+    """One of them, as `plots.plot_costs` and its like return it.
 
     Raises
     ------
@@ -134,13 +134,13 @@ def plot(
 
 
 def _pictures(
-    result: Summary,
+    result: Evaluation,
     style: Style,
     components: Sequence[str] | None,
     columns: Sequence[str] | None,
 ) -> "dict[str, Callable[[], Figure]]":
     """By name what makes each."""
-    seen: PlotData = result.drawn
+    seen = plot_data(result)
     parts = parts_of(components)
     found: dict[str, Callable[[], Figure]] = {
         "costs": lambda: draw_costs(seen, style, parts),
@@ -156,12 +156,12 @@ def _pictures(
     return found
 
 
-def save(result: Summary | Association, folder: "str | os.PathLike[str]", *, force: bool) -> None:
+def save(result: Evaluation | Pairing, folder: "str | os.PathLike[str]", *, force: bool) -> None:
     """`Result.save`: the result folder, with what the extras that are installed can draw."""
-    path, kind = os.fspath(folder), RESULT if isinstance(result, Summary) else ASSOCIATION
+    path, kind = os.fspath(folder), RESULT if isinstance(result, Evaluation) else ASSOCIATION
     try:
         probe_folder(path, kind, force=force, option="folder")
-        if isinstance(result, Association):
+        if isinstance(result, Pairing):
             files = association_files(result)
         else:
             files = {**result_texts(result)}
@@ -172,18 +172,20 @@ def save(result: Summary | Association, folder: "str | os.PathLike[str]", *, for
 
 
 def association_plane(
-    found: Association, *, style: str = "screen", columns: Sequence[str] | None = None
+    found: Pairing, *, style: str = "screen", columns: Sequence[str] | None = None
 ) -> "Figure":
     """`Association.plot_plane`."""
     with styled(style) as made:
-        return draw_plane(found.drawn, made, columns)
+        return draw_plane(plot_data(found), made, columns)
 
 
 def association_files(
-    found: Association, names: tuple[str, str] = ("A", "B")
+    found: Pairing, names: tuple[str, str] = ("A", "B")
 ) -> dict[str, str | bytes | Path]:
     """Page, table and, with the extra, picture of an association, by name."""
-    files: dict[str, str | bytes | Path] = {"report.html": found.to_html(names)}
+    from tgospa_eval.reports.html import association_page  # lazy: jinja2 is slow to import
+
+    files: dict[str, str | bytes | Path] = {"report.html": association_page(found, names)}
     files["associations.csv"] = csv_text(found.associations_table())
     return files | (pictures({"plane": lambda: association_plane(found)}) if available() else {})
 

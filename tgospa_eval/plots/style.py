@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.plots import DOTS, MISSING, available
+from tgospa_eval.plots.figures import DOTS, MISSING, available
 from tgospa_eval.results.numbers import SPREAD
 from tgospa_eval.text import quoted
 

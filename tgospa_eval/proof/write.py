@@ -25,7 +25,7 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.verify_tgospa import CLOSED
-from tgospa_eval.results.result import ComparedSides, Proof
+from tgospa_eval.results.proof import ComparedSides, PairProof
 from tgospa_eval.solvers.warm_start import save_solution
 from tgospa_eval.text import as_unicode, quoted
 from tgospa_eval.tracks.existence import EXISTENCE
@@ -317,12 +317,12 @@ COLUMN_NUMBERS = "scale", "periodic"
 """Settings of a distance that have a number for some columns."""
 
 
-def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dict[str, str]:
+def proof_texts(proof: PairProof, origin: Mapping[str, object] | None = None) -> dict[str, str]:
     """The files of a proof folder.
 
     Parameters
     ----------
-    proof : Proof
+    proof : PairProof
         What was proven.
     origin : mapping of str to object, optional
         Where the tables came from: ``inputs``, ``options``, and the ``class``, if it is one of
@@ -474,7 +474,7 @@ def proof_parameters(
     }
 
 
-def _claim(proof: Proof) -> list[str]:
+def _claim(proof: PairProof) -> list[str]:
     """The printed bounds of the total; wider by the rounding of distances that have no proven one.
 
     Relative, (d / c)^p of a distance that `proof_tables` computes from a cost; absolute, d of boxes
@@ -521,7 +521,7 @@ def _at_steps(there: Ints, prices: Prices) -> Prices:
     return found
 
 
-def _stretches(proof: Proof, there: Ints) -> Iterable[tuple[int, int, int, int, int]]:
+def _stretches(proof: PairProof, there: Ints) -> Iterable[tuple[int, int, int, int, int]]:
     """Truth, estimate, first and last step, and weight of each stretch of equal weights.
 
     What is held to an end of the window of its block is held to that end of the recording. Ends

@@ -13,10 +13,11 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.common.writing import FRESH, is_left, turn, unique, writing
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.pair import explanation_of
 from tgospa_eval.reports.rendering import csv_text
+from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.slices import slices_columns
-from tgospa_eval.results.summary import Summary
 
 Files: TypeAlias = Mapping[str, str | bytes | Path]
 """Contents by name; a path is of a file that is taken as it is."""
@@ -342,13 +343,13 @@ def _write_over(
 
 
 def result_texts(
-    result: Summary, names: tuple[str, str] = ("truth", "estimate")
+    result: Evaluation, names: tuple[str, str] = ("truth", "estimate")
 ) -> dict[str, str | Path]:
     """The files of a result folder: texts by name, and files that are taken as they are.
 
     Parameters
     ----------
-    result : Summary
+    result : Evaluation
         What they show.
     names : pair of str
         What truth and estimate are called in the report.
@@ -375,9 +376,10 @@ def result_texts(
             texts[f"{name}.csv"] = csv_text(table)
     if result.sliced:
         texts["slices.csv"] = csv_text(slices_columns(result.sliced))
-    if result.explained is not None:
-        texts["explanation.json"] = result.explained.to_json()
-        texts["explanation.csv"] = csv_text(result.explained.columns())
+    explained = explanation_of(result)
+    if explained is not None:
+        texts["explanation.json"] = explained.to_json()
+        texts["explanation.csv"] = csv_text(explained.columns())
     return texts | {"report.html": page(result, names)}
 
 

@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.by_class import EvaluationByClass
+from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
 from tgospa_eval.problem.weights import ONE, assigned, spare
-from tgospa_eval.results.by_class import ByClass
+from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import Json
-from tgospa_eval.results.result import Result
-from tgospa_eval.results.summary import Summary
 from tgospa_eval.tracks.places import EARTH, on_earth
 
 ROLES = ("truth", "estimate")
 UNASSIGNED = ("missed", "false")
 
 
-def geojson(result: Summary) -> str:
+def geojson(result: Evaluation) -> str:
     """All features as a text; their property ``kind`` says what each is.
 
     Raises
@@ -29,21 +29,21 @@ def geojson(result: Summary) -> str:
         The states are not on the Earth, or it is of data in parts.
     """
     made: list[Json] = []
-    parts = result.results if isinstance(result, ByClass) else {"": result}
+    parts = result.results if isinstance(result, EvaluationByClass) else {"": result}
     for name, part in parts.items():
-        if not isinstance(part, Result):
+        if not isinstance(part, PairEvaluation):
             raise ConfigError("--geojson: data in parts have no states at hand; evaluate a part")
         places = _places(part)
         found = [*_tracks(part, places), *_unassigned(part, places), *_pairs(part, places)]
         for feature in (*found, *_switches(part, places)):
-            if isinstance(result, ByClass):
+            if isinstance(result, EvaluationByClass):
                 feature["properties"]["class"] = name
             made.append(feature)
     document = {"type": "FeatureCollection", "features": made}
     return json.dumps(document, ensure_ascii=False, allow_nan=False, separators=(",", ":")) + "\n"
 
 
-def _places(result: Result) -> tuple[list[list[float]], list[list[float]]]:
+def _places(result: PairEvaluation) -> tuple[list[list[float]], list[list[float]]]:
     """Longitude, latitude and perhaps height of each row of truth and estimate."""
     compared = result.proof.compared
     states = compared.truth, compared.estimate
@@ -84,7 +84,7 @@ def _parted(places: list[list[float]]) -> list[list[list[float]]]:
     return [part if len(part) > 1 else part * 2 for part in parts]
 
 
-def _tracks(result: Result, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
+def _tracks(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
     """Each trajectory as a line, with what it costs."""
     states, weights = result.proof.states, result.proof.weights
     labels, times = (result.labels.truths, result.labels.estimates), result.labels.times
@@ -107,7 +107,7 @@ def _tracks(result: Result, places: tuple[list[list[float]], ...]) -> Iterator[J
                 )
 
 
-def _unassigned(result: Result, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
+def _unassigned(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
     """Each state that is missed, or false."""
     proof = result.proof
     _, entry, weight = assigned(proof.states, proof.weights)
@@ -124,7 +124,7 @@ def _unassigned(result: Result, places: tuple[list[list[float]], ...]) -> Iterat
             )
 
 
-def _pairs(result: Result, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
+def _pairs(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
     """The error of each assigned pair, a line from the truth to the estimate."""
     problem = result.proof.states.problem
     entry = read_assigned(result.proof.states, result.proof.weights).entry
@@ -139,7 +139,7 @@ def _pairs(result: Result, places: tuple[list[list[float]], ...]) -> Iterator[Js
         )
 
 
-def _switches(result: Result, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
+def _switches(result: PairEvaluation, places: tuple[list[list[float]], ...]) -> Iterator[Json]:
     """Each switch, where its truth is, or was last."""
     truths = result.proof.states.problem.sides[0]
     found = read_switches(result.proof.states, result.proof.weights)

@@ -18,8 +18,9 @@ from tgospa_eval._version import __version__
 from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
 from tgospa_eval.common.words import number, sizes_in_words
+from tgospa_eval.evaluation.pair import explanation_of
 from tgospa_eval.reports.other_metrics import other_table, similarity
-from tgospa_eval.reports.plot_data import PlotData, binned
+from tgospa_eval.reports.plot_data import PlotData, binned, plot_data
 from tgospa_eval.reports.result_text import (
     SPLIT_WORDS,
     meaning,
@@ -30,10 +31,10 @@ from tgospa_eval.reports.result_text import (
 )
 from tgospa_eval.reports.sensors import association_text
 from tgospa_eval.reports.slices import about_slices, share, shown_slices
+from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import PARTS, Columns, Json
-from tgospa_eval.results.summary import Summary
-from tgospa_eval.sensors.association import Association
+from tgospa_eval.sensors.association import Pairing
 from tgospa_eval.text import as_unicode
 
 SCRIPTS = (
@@ -57,18 +58,17 @@ DISTANCE = "distance of assigned pairs"
 """What localisation is, which has no count."""
 
 
-def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str:
+def page(result: Evaluation, names: tuple[str, str] = ("truth", "estimate")) -> str:
     """The whole page.
 
     Parameters
     ----------
-    result : Summary
+    result : Evaluation
         What to show.
     names : pair of str
         What truth and estimate are called, as the paths of their files.
     """
-    drawn: PlotData = result.drawn
-    repaired = result.explained
+    drawn, repaired = plot_data(result), explanation_of(result)
     return (
         environment()
         .get_template("page.html.j2")
@@ -82,17 +82,17 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
     )
 
 
-def association_page(found: Association, names: tuple[str, str]) -> str:
+def association_page(found: Pairing, names: tuple[str, str]) -> str:
     """The page of an association, with the same views.
 
     Parameters
     ----------
-    found : Association
+    found : Pairing
         What to show.
     names : pair of str
         What the sides are called, as the paths of their files.
     """
-    drawn: PlotData = found.drawn
+    drawn = plot_data(found)
     template = environment().get_template("association.html.j2")
     return template.render(
         names=list(map(as_unicode, names)),
@@ -118,7 +118,7 @@ def _inside(drawn: PlotData) -> dict[str, object]:
     }
 
 
-def _values(result: Summary, names: tuple[str, str]) -> dict[str, object]:
+def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
     """What every page of a result says."""
     return {
         "names": list(map(as_unicode, names)),
@@ -189,7 +189,7 @@ def page_colours() -> str:
     )
 
 
-def _parts(result: Summary) -> list[dict[str, str]]:
+def _parts(result: Evaluation) -> list[dict[str, str]]:
     keys = ("name", "cost", "share", "count", "note")
     rows = [dict(zip(keys, row, strict=True)) | {"split": ""} for row in part_rows(result)]
     rows[0]["note"] = DISTANCE
@@ -220,7 +220,7 @@ BARS = 140
 CHART_WIDTH, CHART_HEIGHT = 560, 56
 
 
-def card(result: Summary) -> str:
+def card(result: Evaluation) -> str:
     """What a notebook shows: a headline, the four parts, and the cost of each step."""
     per_step = result.table("per_step")
     rows = [row[:4] for row in part_rows(result)]

@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from statistics import NormalDist
 from typing import Any, TypeAlias
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,19 +17,19 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.clouds.transport import merged, resample_cloud
+from tgospa_eval.evaluation.by_class import EvaluationByClass
+from tgospa_eval.evaluation.pair import PairEvaluation, explanation_of
 from tgospa_eval.formats.columns.headers import BOX
 from tgospa_eval.problem.readout import read_switches
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports.time_axis import TimeAxis, moments, readable
-from tgospa_eval.results.by_class import ByClass
 from tgospa_eval.results.consistency import NEES
+from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.numbers import SPREAD, costliest
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
-from tgospa_eval.results.result import Result
-from tgospa_eval.results.summary import Summary
-from tgospa_eval.sensors.association import Association
+from tgospa_eval.sensors.association import Pairing
 from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.covariances import size_of
 
@@ -184,13 +185,26 @@ class PlotData:
         return TimeAxis(times=self.document["times"], axis=self.document["axis"])
 
 
-def plot_data(result: Summary) -> PlotData:
+_MADE: WeakKeyDictionary[Evaluation | Pairing, PlotData] = WeakKeyDictionary()
+
+
+def plot_data(result: Evaluation | Pairing) -> PlotData:
+    """Data that page and pictures draw, made once for each result."""
+    if result not in _MADE:
+        if isinstance(result, Pairing):
+            _MADE[result] = _association_data(result)
+        else:
+            _MADE[result] = _result_data(result)
+    return _MADE[result]
+
+
+def _result_data(result: Evaluation) -> PlotData:
     """What page and pictures of a result draw.
 
     Numbers of tracks count those of all classes one after the other, as the tables do.
     """
-    whole = list(result.results.values()) if isinstance(result, ByClass) else [result]
-    parts = [part for part in whole if isinstance(part, Result)]
+    whole = list(result.results.values()) if isinstance(result, EvaluationByClass) else [result]
+    parts = [part for part in whole if isinstance(part, PairEvaluation)]
     columns = parts[0].proof.compared.columns if parts else ()
     stretches = len(result.labels.times) if parts else MOST_STRETCHES
     data = over_time(result, stretches) | {
@@ -213,7 +227,7 @@ WORDS |= {"missed": "A alone", "false": "B alone"}
 """How an association calls sides and parts."""
 
 
-def association_data(found: Association) -> PlotData:
+def _association_data(found: Pairing) -> PlotData:
     """What page and picture of an association draw: sides as truth and estimate, costs of order 1.
 
     Each state that stays alone costs half a cutoff, each pair its distance.
@@ -385,7 +399,7 @@ def map_stretch(latitudes: Floats) -> float:
     return 1 / math.cos(math.radians(mean)) if abs(mean) <= FARTHEST_NORTH else 1.0
 
 
-def _windows(result: Summary, slid: Windows) -> Json:
+def _windows(result: Evaluation, slid: Windows) -> Json:
     """Of each window (cost / n) ^ (1/p) of each part, n its steps of the horizon."""
     table, power = result.table("windows"), 1 / result.proof.parameters.order
     each = np.maximum(np.array(table["steps"]), 1)
@@ -400,7 +414,7 @@ def _windows(result: Summary, slid: Windows) -> Json:
     }
 
 
-def _joined(parts: list[Result], name: str, size: int) -> tuple[Rows, list[Clouds]]:
+def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, list[Clouds]]:
     """One side of all parts, tracks numbered through; and its clouds."""
     none = np.zeros(0, np.int64)
     found: list[Rows] = [
@@ -425,12 +439,12 @@ def _joined(parts: list[Result], name: str, size: int) -> tuple[Rows, list[Cloud
     return {column: np.concatenate([rows[column] for rows in found]) for column in found[0]}, clouds
 
 
-def _clouds(part: Result, name: str) -> Clouds | None:
+def _clouds(part: PairEvaluation, name: str) -> Clouds | None:
     found: Clouds | None = getattr(part.proof.compared, f"{name}_clouds")
     return found
 
 
-def _rows(result: Result, name: str, other: str) -> Rows:
+def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
     states, problem = result.proof.states, result.proof.states.problem
     own_row: Ints = getattr(problem, f"{name}_row")
     other_row: Ints = getattr(problem, f"{other}_row")
@@ -520,7 +534,7 @@ def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
     return low.tolist(), np.where(quantum > 0, quantum, 1.0).tolist()
 
 
-def _tracks(result: Summary, side: str) -> Columns:
+def _tracks(result: Evaluation, side: str) -> Columns:
     """The columns of a table of tracks by the same names for both sides, with the total.
 
     Of data in parts the costliest tracks.
@@ -546,7 +560,7 @@ def _tracks(result: Summary, side: str) -> Columns:
     )
 
 
-def _switches(parts: list[Result]) -> Columns:
+def _switches(parts: list[PairEvaluation]) -> Columns:
     """The table of switches with numbers of steps and tracks."""
     rows: Columns = {name: [] for name in ("step", "truth", "from", "to", "mass", "cost")}
     truths = estimates = 0
@@ -563,9 +577,10 @@ def _switches(parts: list[Result]) -> Columns:
     return rows
 
 
-def _repairs(result: Summary) -> Columns:
+def _repairs(result: Evaluation) -> Columns:
     """Of each repair the numbers of its tracks, its steps, and itself in words."""
-    repairs = () if result.explained is None else result.explained.repairs
+    explained = explanation_of(result)
+    repairs = () if explained is None else explained.repairs
     times = result.labels.times if repairs else []
     step: dict[Time | None, int] = {t: k for k, t in enumerate(times)}
     return {
@@ -667,7 +682,7 @@ SHOWN_ROWS = 20
 """Steps and tracks of data in parts that are listed."""
 
 
-def curves(result: Summary) -> dict[str, list[float]]:
+def curves(result: Evaluation) -> dict[str, list[float]]:
     """Normalised cumulative cost: at step k the root of the mean cost of the steps up to it.
 
     (sum_{l <= k} cost(l) / n(k)) ^ (1/p), n(k) the number of steps of the horizon up to k; the
@@ -708,7 +723,7 @@ def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
     return first, first + padded.reshape(len(first), together).argmax(axis=1)
 
 
-def _consistency(result: Summary, table: Columns, first: Ints) -> Json:
+def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
     """NEES of the first step of each stretch, whose band is its own, and ranks of particles."""
     assert result.nees is not None
     names = ("nees", "nees_lower", "nees_upper")
@@ -721,7 +736,7 @@ def _consistency(result: Summary, table: Columns, first: Ints) -> Json:
     }
 
 
-def over_time(result: Summary, stretches: int) -> Json:
+def over_time(result: Evaluation, stretches: int) -> Json:
     """What is drawn over time, of at most so many stretches of steps: means, the curve at ends."""
     steps = len(result.labels.times)
     together = max(1, -(-steps // max(stretches, 1)))

@@ -5,11 +5,12 @@ import os
 from collections.abc import Mapping
 from urllib.parse import quote
 
+from tgospa_eval.evaluation.by_class import EvaluationByClass
+from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.proof.write import check_proofs, proof_texts
 from tgospa_eval.reports.files import PROOF, write_texts
-from tgospa_eval.results.by_class import ByClass
-from tgospa_eval.results.result import Proof, Result
-from tgospa_eval.results.summary import Summary
+from tgospa_eval.results.evaluation import Evaluation
+from tgospa_eval.results.proof import PairProof
 from tgospa_eval.text import as_unicode
 
 NO_NAME = "%20"
@@ -19,12 +20,12 @@ LONGEST_NAME = 200
 """Characters of a name as that of a folder; file systems take 255 with the digest of the rest."""
 
 
-def proof_files(result: Summary, options: Mapping[str, object]) -> dict[str, str]:
+def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, str]:
     """The files of a proof folder, or of one for each class, by path in it.
 
     Parameters
     ----------
-    result : Summary
+    result : Evaluation
         Of one evaluation, or of several classes.
     options : mapping of str to object
         How the files were read and compared: `Request` that are no defaults.
@@ -54,14 +55,14 @@ def proof_files(result: Summary, options: Mapping[str, object]) -> dict[str, str
     return files
 
 
-def _parts(result: Summary) -> list[tuple[str, Result, dict[str, object]]]:
+def _parts(result: Evaluation) -> list[tuple[str, PairEvaluation, dict[str, object]]]:
     """Folder, result, and what the proof says of where it comes from."""
-    if isinstance(result, ByClass):
+    if isinstance(result, EvaluationByClass):
         return [
             (f"{folder_name(name)}/", part, {"class": name, "classes": list(result.results)})
             for name, part in result.results.items()
         ]
-    assert isinstance(result, Result)
+    assert isinstance(result, PairEvaluation)
     return [("", result, {})]
 
 
@@ -75,7 +76,7 @@ def folder_name(name: str) -> str:
     return text or NO_NAME
 
 
-def save(proof: Proof, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
+def save(proof: PairProof, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
     """Write one proof folder: `Proof.save`.
 
     Raises

@@ -12,6 +12,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Ints, Mask
 from tgospa_eval.common.words import counted, number, sizes_in_words
+from tgospa_eval.evaluation.pair import explanation_of
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.phrases import PART_HEADS, parameters_of
@@ -26,10 +27,10 @@ from tgospa_eval.reports.rendering import (
     wrap,
 )
 from tgospa_eval.reports.slices import about_slices, slices_lines, slices_table
+from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
 from tgospa_eval.results.numbers import costliest
 from tgospa_eval.results.records import PARTS, Columns
-from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import ending, visible
 
 SHOWN = 5
@@ -59,15 +60,15 @@ UNCERTAIN = (
 )
 
 
-def table(result: Summary) -> str:
+def table(result: Evaluation) -> str:
     """The result in words, for someone who sees it for the first time."""
     shown = ("\n".join(lines) for lines in blocks(result).values() if lines)
     return "\n\n".join(shown) + "\n"
 
 
-def blocks(result: Summary) -> dict[str, list[str]]:
+def blocks(result: Evaluation) -> dict[str, list[str]]:
     """The lines of each block by name, none where it does not apply."""
-    makers: dict[str, Callable[[Summary], Iterable[str]]] = {
+    makers: dict[str, Callable[[Evaluation], Iterable[str]]] = {
         "headline": _headline,
         "meaning": _meaning,
         "parts": _parts,
@@ -85,17 +86,17 @@ def blocks(result: Summary) -> dict[str, list[str]]:
     return {name: list(map(visible, make(result))) for name, make in makers.items()}
 
 
-def headline(result: Summary) -> str:
+def headline(result: Evaluation) -> str:
     """The value and what is known about it, in one sentence."""
     return f"{result.claim}, {result.proven}"
 
 
-def _headline(result: Summary) -> Iterator[str]:
+def _headline(result: Evaluation) -> Iterator[str]:
     yield from wrap(headline(result), "")
     yield sizes_in_words(result.sizes)
 
 
-def meaning(result: Summary) -> list[tuple[str, str]]:
+def meaning(result: Evaluation) -> list[tuple[str, str]]:
     """The parameters by name, each in words."""
     parameters = result.proof.parameters
     p = parameters.order
@@ -123,7 +124,7 @@ def meaning(result: Summary) -> list[tuple[str, str]]:
     ]
 
 
-def _unassigned(result: Summary) -> str:
+def _unassigned(result: Evaluation) -> str:
     """What missed and false targets cost."""
     rho = result.proof.parameters.rho
     if rho == 0.5:
@@ -135,7 +136,7 @@ def _unassigned(result: Summary) -> str:
     )
 
 
-def _meaning(result: Summary) -> Iterator[str]:
+def _meaning(result: Evaluation) -> Iterator[str]:
     for name, words in meaning(result):
         yield from wrap(f"  {name:<5} = {words}", " " * 10)
 
@@ -147,7 +148,7 @@ def _power(value: float, order: float) -> str:
         return "more than 1e308"
 
 
-def part_rows(result: Summary) -> Iterator[tuple[str, str, str, str, str]]:
+def part_rows(result: Evaluation) -> Iterator[tuple[str, str, str, str, str]]:
     """Of each part its name, cost, share and count, and what is counted."""
     for name in PARTS:
         cost = getattr(result, name)
@@ -156,7 +157,7 @@ def part_rows(result: Summary) -> Iterator[tuple[str, str, str, str, str]]:
         yield name, number(cost), result.share(cost), count, note
 
 
-def part_table(result: Summary, before: str = "of which ") -> Table:
+def part_table(result: Evaluation, before: str = "of which ") -> Table:
     """The parts, those of localisation with a word in front, and their sum."""
     total = result.total
     rows: list[Row] = [row[:4] for row in part_rows(result)]
@@ -168,7 +169,7 @@ def part_table(result: Summary, before: str = "of which ") -> Table:
     return Table(head=("part", "cost", "share", "count"), rows=rows)
 
 
-def _parts(result: Summary) -> Iterator[str]:
+def _parts(result: Evaluation) -> Iterator[str]:
     table = part_table(result, "  ")
     notes = {name: f"  {note}" for name, *_, note in part_rows(result)}
     notes["total"] = (
@@ -178,9 +179,9 @@ def _parts(result: Summary) -> Iterator[str]:
     yield from text_lines(replace(table, rows=rows, align="lrrrl", widths=(14, 12, 9, 10, 0)))
 
 
-def document(result: Summary) -> Document:
+def document(result: Evaluation) -> Document:
     """What Markdown and LaTeX have of a result: a small table, and what was asked for beside it."""
-    parts, found = part_table(result), result.explained
+    parts, found = part_table(result), explanation_of(result)
     last = len(parts.rows)
     value = ("TGOSPA", number(result.tgospa), "", "")
     tables = [replace(parts, rows=[*parts.rows, value], ruled=(last - 1, last))]
@@ -204,7 +205,7 @@ def document(result: Summary) -> Document:
     )
 
 
-def _classes(result: Summary) -> Iterator[str]:
+def _classes(result: Evaluation) -> Iterator[str]:
     classes = result.table("per_class")
     if not classes:
         return
@@ -216,7 +217,7 @@ def _classes(result: Summary) -> Iterator[str]:
     yield from map(clip, text_lines(Table(head=head, rows=rows, widths=(15, *[10] * 6))))
 
 
-def _scale(result: Summary) -> Iterator[str]:
+def _scale(result: Evaluation) -> Iterator[str]:
     judged = result.judged_on
     if judged.steps:
         order = result.proof.parameters.order
@@ -234,7 +235,7 @@ def _scale(result: Summary) -> Iterator[str]:
         yield f"  similarity           {similarity_in_words(result)}"
 
 
-def similarity_in_words(result: Summary) -> str:
+def similarity_in_words(result: Evaluation) -> str:
     """The score of the value per step, and on what scale, where that was asked for."""
     found = result.similarity()
     bracket = "" if result.certified else f" to {found.upper_bound:.4f}"
@@ -244,7 +245,7 @@ def similarity_in_words(result: Summary) -> str:
     )
 
 
-def _curve(result: Summary) -> Iterator[str]:
+def _curve(result: Evaluation) -> Iterator[str]:
     """The normalised curve at a few steps, the last one included."""
     table, traced = result.table("curve"), result.traced
     if traced is None or not table["t"]:
@@ -261,7 +262,7 @@ def _curve(result: Summary) -> Iterator[str]:
     yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
 
 
-def _windows(result: Summary) -> Iterator[str]:
+def _windows(result: Evaluation) -> Iterator[str]:
     """How many windows there are, and the worst of them."""
     table, slid = result.table("windows"), result.slid
     if slid is None or not table["t_first"]:
@@ -311,7 +312,7 @@ def _apart(slid: Windows, order: Ints) -> list[int]:
     return kept
 
 
-def _others(result: Summary) -> Iterator[str]:
+def _others(result: Evaluation) -> Iterator[str]:
     if not result.with_:
         return
     yield from map(clip, text_lines(other_table(result.with_)))
@@ -319,7 +320,7 @@ def _others(result: Summary) -> Iterator[str]:
         yield from wrap(f"  {text}", "  ")
 
 
-def _slices(result: Summary) -> Iterator[str]:
+def _slices(result: Evaluation) -> Iterator[str]:
     for slicing in result.sliced:
         yield from slices_lines(slicing)
         yield ""
@@ -327,9 +328,9 @@ def _slices(result: Summary) -> Iterator[str]:
         yield from wrap(f"  {text}", "  ")
 
 
-def _repairs(result: Summary) -> Iterator[str]:
+def _repairs(result: Evaluation) -> Iterator[str]:
     """Which single repairs of the estimate would save most, if that was asked for."""
-    found = result.explained
+    found = explanation_of(result)
     if found is None:
         return
     if found.repairs:
@@ -340,7 +341,7 @@ def _repairs(result: Summary) -> Iterator[str]:
 WORST = {"steps": "worst steps", "truth": "worst truths", "estimates": "worst estimates"}
 
 
-def worst(result: Summary, kinds: Iterable[str] = WORST) -> list[str]:
+def worst(result: Evaluation, kinds: Iterable[str] = WORST) -> list[str]:
     """The worst of each kind by name, on as many lines as they need."""
     found = result.worst(SHOWN)
     rows = [
@@ -351,7 +352,7 @@ def worst(result: Summary, kinds: Iterable[str] = WORST) -> list[str]:
     return text_lines(Table(head=rows[0], rows=rows[1:], align="ll", wrapped=(1,))) if rows else []
 
 
-def _switches(result: Summary) -> Iterator[str]:
+def _switches(result: Evaluation) -> Iterator[str]:
     """The first switches."""
     switches, count = result.first_switches(SHOWN)
     if not count:
@@ -372,7 +373,7 @@ def _switches(result: Summary) -> Iterator[str]:
     yield from text_lines(Table(head=head, rows=rows, align="rl", wrapped=(1,)))
 
 
-def _footer(result: Summary) -> Iterator[str]:
+def _footer(result: Evaluation) -> Iterator[str]:
     solve = result.timings["solve"]
     spent = {
         "read": result.timings["read"],
@@ -389,7 +390,7 @@ def _footer(result: Summary) -> Iterator[str]:
 # Repairs of an estimate, and the document of `explain`.
 
 
-def repair_table(result: Summary, found: Explanation) -> Table:
+def repair_table(result: Evaluation, found: Explanation) -> Table:
     """A row for each repair."""
     repairs = found.repairs
     columns = {
@@ -402,7 +403,7 @@ def repair_table(result: Summary, found: Explanation) -> Table:
     return table_of(columns, align="llrrr", wrapped=(1,))
 
 
-def _saving(result: Summary, repair: Repair) -> str:
+def _saving(result: Evaluation, repair: Repair) -> str:
     """What a repair saves of the total: a number, or the proven range where that is wide."""
     lower, upper = max(repair.saving_lower, 0.0), repair.saving_upper
     if upper - lower <= 2 * result.gap * result.total:
@@ -457,7 +458,7 @@ PART_LOOKS = {"localisation": "34", "missed": "31", "false": "35", "switch": YEL
 """Codes of colours and weights (SGR)."""
 
 
-def report(result: Summary, encoding: str) -> str:
+def report(result: Evaluation, encoding: str) -> str:
     """The text with colours, unless `NO_COLOR` is set; `encoding` is that of stdout."""
     ramp = BLOCKS if encoding.casefold().startswith("utf") else SIGNS
     shown: list[list[str]] = []
@@ -486,7 +487,7 @@ def sparkline(values: list[float], high: float, ramp: str = BLOCKS, width: int =
     return "".join(ramp[level] for level in levels)
 
 
-def _graph(result: Summary, ramp: str) -> Iterator[str]:
+def _graph(result: Evaluation, ramp: str) -> Iterator[str]:
     """A row for the whole cost and each part, all to one scale, over the times."""
     table = result.table("per_step")
     high = max(table["total"], default=0.0)
@@ -506,7 +507,7 @@ def _graph(result: Summary, ramp: str) -> Iterator[str]:
     yield _looking(clip(f"  {'t':<14}  {first}{' ' * gap}{last if steps > 1 else ''}"), DIM)
 
 
-def _styled(result: Summary, name: str, lines: list[str]) -> list[str]:
+def _styled(result: Evaluation, name: str, lines: list[str]) -> list[str]:
     """The lines of a block with its looks; most are shown as they are."""
     if name == "headline":
         *claim, sizes = lines
@@ -519,7 +520,7 @@ def _styled(result: Summary, name: str, lines: list[str]) -> list[str]:
     return [_looking(line, DIM) for line in lines] if name in ("meaning", "footer") else lines
 
 
-def _worst_steps(result: Summary) -> Iterator[str]:
+def _worst_steps(result: Evaluation) -> Iterator[str]:
     table, counts = result.table("per_step"), result.proof.breakdown
     chosen = costliest(list(range(len(table["t"]))), np.array(table["total"]), SHOWN)
     if not chosen:
@@ -534,7 +535,7 @@ def _worst_steps(result: Summary) -> Iterator[str]:
     yield ""
 
 
-def _part(result: Summary, line: str) -> str:
+def _part(result: Evaluation, line: str) -> str:
     name = line.split()[0]
     if name not in PART_LOOKS:
         return _looking(line, BOLD) if name == "total" else line

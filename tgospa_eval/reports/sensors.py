@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from tgospa_eval.common.words import counted
 from tgospa_eval.reports.rendering import Table, text_lines
-from tgospa_eval.sensors.association import Association
+from tgospa_eval.sensors.association import Pairing
 
 Spread = dict[str, float]
 """Smallest, median and largest of some numbers, by these names: min, median, max."""
@@ -16,7 +16,7 @@ ROUNDING = 1e-9
 """Shift of a mean, as a share of the distance to the cloud, that is nothing but rounding."""
 
 
-def association_text(found: Association, *, rows: bool = True) -> str:
+def association_text(found: Pairing, *, rows: bool = True) -> str:
     """Counts, and the associations in columns."""
     count, (rest_a, rest_b) = int(found.chosen.sum()), found.unassigned
     lines = [

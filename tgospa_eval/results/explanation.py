@@ -1,12 +1,13 @@
 """Single changes of an estimate, and what each is proven to save. Computes nothing."""
 
+from collections.abc import Callable
 from functools import cached_property
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import PARTS, Columns, Json, Time, json_text
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -59,8 +60,8 @@ class Repair:
         Proven bounds of the metric afterwards.
     saving_lower, saving_upper : float
         Proven bounds of what it saves of the total, in the unit of the total.
-    edit : object
-        For `Explanation.repaired`.
+    edit : callable
+        Makes the repaired estimate of the estimate: for `Explanation.repaired`.
     """
 
     kind: str
@@ -78,7 +79,7 @@ class Repair:
     upper_bound: float
     saving_lower: float
     saving_upper: float
-    edit: object
+    edit: Callable[[Trajectories], Trajectories]
 
     def record(self, rank: int, total: float) -> Json:
         """Its part of the JSON document; `total` is the cost before."""
@@ -99,7 +100,7 @@ class Explanation:
 
     Parameters
     ----------
-    result : Summary
+    result : Evaluation
         The evaluation, which may hold this in turn.
     repairs : tuple of Repair
         By what they are proven to save, the most first.
@@ -113,7 +114,7 @@ class Explanation:
         To its stamps and states, from those of the file.
     """
 
-    result: Any
+    result: Evaluation
     repairs: tuple[Repair, ...]
     candidates: int
     tried: int
@@ -124,7 +125,7 @@ class Explanation:
     @property
     def before(self) -> float:
         """The cost without any repair."""
-        return float(self.result.total)
+        return self.result.total
 
     def __repr__(self) -> str:
         first = f", best={self.repairs[0].text!r}" if self.repairs else ""
@@ -133,7 +134,7 @@ class Explanation:
     @cached_property
     def table(self) -> "pd.DataFrame":
         """A row for each repair, the first saves most."""
-        import pandas as pd  # here: not needed to compute, and slow to import
+        import pandas as pd  # lazy: pandas is slow to import
 
         return pd.DataFrame(self.columns())
 
@@ -176,9 +177,7 @@ class Explanation:
         if not 1 <= rank <= len(self.repairs):
             there = f"there are {len(self.repairs)}" if self.repairs else "there is none"
             raise ConfigError(f"repair {rank}: {there}")
-        edits = import_module("tgospa_eval.explain.edits")
-        made: Trajectories = edits.edited(self.estimate, self.repairs[rank - 1].edit)
-        return self.conversion.undone(made)
+        return self.conversion.undone(self.repairs[rank - 1].edit(self.estimate))
 
     def to_dict(self) -> Json:
         """The JSON document as plain Python values."""

@@ -4,17 +4,16 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.files import reason
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.errors import InputError
+from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import Columns, Json, records
-from tgospa_eval.results.slices import Slicing
-from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -146,11 +145,9 @@ def _batches(files: "Iterable[pq.ParquetFile]") -> "Iterator[pa.RecordBatch]":
 MOST_RECORDS = 100_000
 """Steps, or switches, of which the JSON document has a record each; of more it names the table."""
 
-OF_TRACKS = ("lanes", "plane", "windows")
-
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class PartitionedResult(Summary):
+class PartitionedResult(Evaluation):
     """One evaluation of data larger than memory; ids are in the tables, not in `labels`.
 
     Parameters
@@ -160,14 +157,6 @@ class PartitionedResult(Summary):
     """
 
     tables: StoredTables
-
-    def slices(self, *by: str) -> tuple[Slicing, ...]:  # noqa: D102  (as of Summary)
-        if by:
-            raise ConfigError(
-                "slices: of an evaluation of partitioned data there are none, as its states are "
-                "not in memory; evaluate a part of it that is, by time or region"
-            )
-        return self.sliced
 
     def _of_tracks(self, name: str) -> Columns:
         return self.tables.columns(name)
@@ -197,14 +186,6 @@ class PartitionedResult(Summary):
             found["switches"] = records(self.table("switches"))
         return found
 
-    def frame(self, name: str) -> "pd.DataFrame":  # noqa: D102  (as of Summary)
+    def frame(self, name: str) -> "pd.DataFrame":  # noqa: D102  (as of Evaluation)
         in_file = name in STORED_TABLES and name != "per_step"
         return self.tables.frame(name) if in_file else super().frame(name)
-
-    def _plot(self, name: str, **options: object) -> Any:
-        if name in OF_TRACKS:
-            raise ConfigError(
-                f"plot_{name}: an evaluation of partitioned data has no such picture, as its "
-                "states are not in memory; evaluate a part of it that is, by time or region"
-            )
-        return super()._plot(name, **options)

@@ -27,10 +27,10 @@ from tgospa_eval.common.documents import (
 from tgospa_eval.errors import InputError
 from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.contradictions import ADD_UP, TINY, contradiction
+from tgospa_eval.results.evaluation import BRACKET, RESULT_SCHEMA
 from tgospa_eval.results.numbers import SPLIT_PARTS
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Json
 from tgospa_eval.results.slices import SLICE_NUMBERS
-from tgospa_eval.results.summary import BRACKET, RESULT_SCHEMA
 
 ROLES = ("truth", "estimate")
 

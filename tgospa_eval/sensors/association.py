@@ -5,11 +5,8 @@ unassigned, have the smallest sum: a pair gains ``c - d``, and none at the cutof
 beyond is taken.
 """
 
-import os
 from functools import cached_property
-from importlib import import_module
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,10 +22,6 @@ from tgospa_eval.results.records import Columns
 from tgospa_eval.tracks.covariances import pack
 from tgospa_eval.tracks.trajectories import Trajectories
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-
 COLUMN_NAMES = ("t", "id_a", "id_b", "distance", "mean_distance")
 
 NOBODY = -1
@@ -39,7 +32,7 @@ MAX_STATES = 3000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Association:
+class Pairing:
     """Pairs of rows of two sides.
 
     Parameters
@@ -128,36 +121,6 @@ class Association:
         with np.errstate(divide="ignore", over="ignore"):
             return pack(self.cutoff**2 * np.asarray(given) / (scale[:, :, None] * scale[:, None])).T
 
-    @cached_property
-    def drawn(self) -> Any:
-        """What page and picture draw: `reports.plot_data.PlotData`."""
-        return import_module("tgospa_eval.reports.plot_data").association_data(self)
-
-    def plot_plane(
-        self, *, columns: tuple[str, str] | None = None, style: str = "screen"
-    ) -> "Figure":
-        """Both sides in two of the state columns, pairs, what stays alone, and gates.
-
-        Parameters, errors and return value are those of `Result.plot_plane`.
-        """
-        plots = import_module("tgospa_eval.plots.result_pictures")
-        made: Figure = plots.association_plane(self, columns=columns, style=style)
-        return made
-
-    def to_html(self, names: tuple[str, str] = ("A", "B")) -> str:
-        """A page that loads nothing; `names` are those of the sides."""
-        return str(import_module("tgospa_eval.reports.html").association_page(self, names))
-
-    def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
-        """Write page, table and, with the extra `plot`, picture to a folder.
-
-        Raises
-        ------
-        ConfigError
-            The folder holds something else, and `force` is false; or it cannot be written.
-        """
-        import_module("tgospa_eval.plots.result_pictures").save(self, folder, force=force)
-
     def associations_table(self) -> Columns:
         """Each state once: pairs by step, with None for the partner of an unassigned one."""
         pairs = np.flatnonzero(self.chosen)
@@ -236,7 +199,7 @@ def associate(
     distance: str | Distance = "euclidean",
     all_pairs: bool = False,
     effort: Effort | None = None,
-) -> Association:
+) -> Pairing:
     """Associate the states of two sides on the same times.
 
     Parameters
@@ -280,7 +243,7 @@ def associate(
             )
         own = near[begin:end]
         chosen[own[assign_pairs(i, j, pairs.distance[own] - cutoff, 0.0)]] = True
-    return Association(
+    return Pairing(
         first=first,
         second=second,
         pairs=pairs,

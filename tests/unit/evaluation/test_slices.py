@@ -16,9 +16,10 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tgospa_eval import ConfigError, Trajectories, evaluate
+from tgospa_eval.api.result import ByClass, Result
+from tgospa_eval.common.frozen import recast
+from tgospa_eval.evaluation.by_class import add_up
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.results.by_class import ByClass, add_up
-from tgospa_eval.results.result import Result
 from tgospa_eval.results.slices import Slicing, added_up
 
 PARTS = ("localisation", "missed", "false", "switch")
@@ -228,7 +229,7 @@ def test_errors_of_the_command_line(
 
 def test_sums_of_results_need_edges(quickstart: tuple[str, str]) -> None:
     parts = {name: evaluate(*quickstart, 10, 2, 5) for name in ("near", "far")}
-    whole = add_up(parts, [{"rows": 1, "left_out": {}}] * 2, 0.0)
+    whole = recast(add_up(parts, [{"rows": 1, "left_out": {}}] * 2, 0.0), ByClass)
     with pytest.raises(ConfigError, match=r"slices y: .* need edges: y=:\d+:\d+:\d+:$"):
         whole.slices("y")
     check_sums(whole, whole.slices("y=0:100:200", "age=5"))

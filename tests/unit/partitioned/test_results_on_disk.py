@@ -10,10 +10,12 @@ import pytest
 
 from tests.support.partitioned import partitioned
 from tgospa_eval import Result, evaluate
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.errors import InputError
 from tgospa_eval.partitioned import tables
 from tgospa_eval.partitioned import tables as by_time
-from tgospa_eval.reports import REPORTS, plot_data
+from tgospa_eval.plots import plot_costs, plot_cumulative
+from tgospa_eval.plots.result_pictures import save
+from tgospa_eval.reports import REPORTS, html, plot_data
 from tgospa_eval.results import partitioned as module
 from tgospa_eval.results.partitioned import PartitionedResult, StoredTables
 from tgospa_eval.results.saved import read_result
@@ -56,7 +58,7 @@ def test_numbers_tables_and_texts_are_those_of_the_result_in_memory(
         if form != "json":
             assert report(stored) == report(known)
     assert set(dir(stored)) >= {"per_step", "assignments", "per_truth", "worst"}
-    assert stored._repr_html_() == known._repr_html_()
+    assert html.card(stored) == html.card(known)
 
 
 def test_what_has_too_many_records_is_named_in_the_json_and_no_more(
@@ -100,10 +102,6 @@ def test_tables_that_are_gone_or_damaged_are_said_to_be(known: Result, tmp_path:
     (folder / "switches.parquet").write_bytes(b"PAR1")
     with pytest.raises(InputError, match=r"switches.parquet: cannot be read: "):
         StoredTables(str(folder)).rows("switches")
-    with pytest.raises(ConfigError, match="no such picture"):
-        stored.plot_lanes()
-    with pytest.raises(ConfigError, match="slices: of an evaluation of partitioned data"):
-        stored.slices("class")
 
 
 def test_page_and_pictures_show_means_over_stretches_of_steps(
@@ -122,22 +120,21 @@ def test_page_and_pictures_show_means_over_stretches_of_steps(
         assert np.allclose(data["costs"][name], means, rtol=1e-6)
         assert np.allclose(data["curve"][name], [curve[name][b - 1] for b in ends[1:]], rtol=1e-6)
     assert not any(map(len, arrays.values()))
-    monkeypatch.setitem(vars(stored), "drawn", made)
-    assert "Each bar is the mean of 8 steps" in stored.to_html()
+    assert "Each bar is the mean of 8 steps" in html.page(stored)
     worst = stored.worst(20)
     assert data["worst"]["t"] == worst["steps"]
     for name, ids in (("truth", worst["truth"]), ("estimate", worst["estimates"])):
         assert data["tracks"][name]["id"] == ids
-    figure = stored.plot_costs()
+    figure = plot_costs(stored)
     assert figure.axes[0].get_xlabel().endswith("; a bar is the mean of 8 steps")
-    lines = stored.plot_cumulative().axes[0].lines
+    lines = plot_cumulative(stored).axes[0].lines
     assert lines[0].get_ydata()[-1] == pytest.approx(curve[lines[0].get_label()][-1])
 
 
 def test_a_result_without_steps_has_a_page(tmp_path: Path) -> None:
     nothing = evaluate(np.zeros((0, 0, 2)), np.zeros((0, 0, 2)), cutoff=1.0, switch_penalty=1.0)
     stored = partitioned(nothing, tmp_path)
-    assert "TGOSPA = 0" in stored.to_html()
+    assert "TGOSPA = 0" in html.page(stored)
     assert stored.to_dict()["worst"] == {"steps": [], "truth": [], "estimates": []}
-    stored.save(tmp_path / "saved")
+    save(stored, tmp_path / "saved", force=False)
     assert (tmp_path / "saved" / "assignments" / "part-00000.parquet").is_file()

@@ -4,6 +4,7 @@ import io
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from matplotlib.path import Path as MplPath
 from scipy.stats import chi2
 
 from tgospa_eval import Trajectories, evaluate, plots
+from tgospa_eval.api.result import Result
 from tgospa_eval.cli.shared import progress
 from tgospa_eval.common import palette
 from tgospa_eval.common.words import install
@@ -30,15 +32,14 @@ from tgospa_eval.plots import (
     plot_lanes,
     plot_plane,
     plot_worst,
-    written,
 )  # fmt: skip
+from tgospa_eval.plots.figures import FILES, written
 from tgospa_eval.plots.lanes import draw_lanes
 from tgospa_eval.plots.result_pictures import Pictures, names_in, result_pictures
 from tgospa_eval.plots.style import literal, power, styled
 from tgospa_eval.reports import plot_data
 from tgospa_eval.reports.plot_data import binned
 from tgospa_eval.reports.time_axis import nice
-from tgospa_eval.results.result import Result
 
 Draw = Callable[..., Answer]
 ALL = (plot_costs, plot_lanes, plot_plane, plot_cumulative, plot_worst)
@@ -277,7 +278,7 @@ def test_thinning_keeps_every_event(monkeypatch: pytest.MonkeyPatch) -> None:
     result = crowd(steps=120, truths=8)
     full = plot_plane(result)
     monkeypatch.setattr(plot_data, "VALUES", 700)
-    del vars(result)["drawn"]
+    result = replace(result)  # what is drawn is made once for each
     thin = plot_plane(result)
     assert len(artist(thin, "truth/0").get_xdata()) < len(artist(full, "truth/0").get_xdata())
     for name in ("missed", "false"):
@@ -597,7 +598,7 @@ def test_the_same_bytes() -> None:
     def made() -> dict[str, bytes]:
         with styled("paper") as style:
             seen = plot_data.plot_data(swap())
-            return {kind: written(draw_lanes(seen, style), kind) for kind in plots.FILES}
+            return {kind: written(draw_lanes(seen, style), kind) for kind in FILES}
 
     once = made()
     with mpl.rc_context({"font.size": 20, "svg.hashsalt": "other", "pdf.fonttype": 3}):
@@ -689,7 +690,7 @@ def test_options_of_pictures_need_a_folder(draw: Draw) -> None:
 def test_without_matplotlib_one_notice(
     draw: Draw, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tgospa_eval.plots.available", lambda: False)
+    monkeypatch.setattr("tgospa_eval.plots.figures.available", lambda: False)
     answer = draw("-o", "a")
     assert answer.status == 0
     notice = f"no pictures: they need the extra plot: {install('plot')}"

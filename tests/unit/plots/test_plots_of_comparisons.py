@@ -6,8 +6,7 @@ pytest.importorskip("matplotlib")
 
 import itertools
 
-from tgospa_eval import plots
-from tgospa_eval.plots import comparison
+from tgospa_eval.plots import comparison, figures
 
 
 def run(solver: str, epsilon: float | None, error: float, seconds: float) -> dict:
@@ -108,7 +107,7 @@ def test_what_failed_is_not_drawn() -> None:
     ]
     assert comparison.study_pictures({"sizes": failed}) == {}
     mixed = {"sizes": [STUDY["sizes"][3], *failed[:3]]}
-    assert len(plots.pictures(comparison.study_pictures(mixed))) == 2
+    assert len(figures.pictures(comparison.study_pictures(mixed))) == 2
 
 
 def test_estimates() -> None:
@@ -119,7 +118,7 @@ def test_estimates() -> None:
     assert [text.get_text() for text in made["cumulative"]().legends[0].get_texts()] == [
         r"_a\$b: 3", "c: 6",
     ]  # fmt: skip
-    assert plots.pictures(comparison.estimate_pictures({"_a$b": [1.0]}, [1]))
+    assert figures.pictures(comparison.estimate_pictures({"_a$b": [1.0]}, [1]))
     assert not comparison.estimate_pictures({}, [])
     assert not comparison.estimate_pictures({"nothing": []}, [])
 
@@ -162,9 +161,9 @@ def test_names_of_ticks_do_not_overlap(low: float, high: float) -> None:
 def test_pictures_are_the_same_bytes() -> None:
     import matplotlib as mpl
 
-    once = plots.pictures(comparison.study_pictures(STUDY))
+    once = figures.pictures(comparison.study_pictures(STUDY))
     with mpl.rc_context({"font.size": 20, "lines.linewidth": 9}):
-        again = plots.pictures(comparison.study_pictures(STUDY))
+        again = figures.pictures(comparison.study_pictures(STUDY))
         assert mpl.rcParams["font.size"] == 20
     assert once == again
     assert list(once) == ["error_over_epsilon.png", "scaling.png"]

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import math
+import pickle
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -473,6 +474,21 @@ def test_a_perfect_estimate_costs_nothing(quickstart: Pair, name: str) -> None:
 
 
 # --- Python ---------------------------------------------------------------------------------------
+
+
+def test_results_come_back_from_pickles(quickstart: Pair, sample: Result) -> None:
+    sides = (pd.read_csv(path).assign(**{"class": "car"}) for path in quickstart)
+    classes = evaluate(*sides, cutoff=10.0, switch_penalty=5.0, by="class")
+    repairs = sample.explain(2)
+    assert isinstance(repairs.result, Result)
+    assert all(type(part) is Result for part in classes.results.values())
+    for result in (sample, classes):
+        again = pickle.loads(pickle.dumps(result))
+        assert type(again) is type(result)
+        assert (again.to_json(), repr(again)) == (result.to_json(), repr(result))
+    assert callable(pickle.loads(pickle.dumps(sample)).proof.save)
+    repaired = pickle.loads(pickle.dumps(repairs)).repaired()
+    assert (repaired.state == repairs.repaired().state).all()
 
 
 def test_attributes_bear_the_names_of_the_json(sample: Result) -> None:

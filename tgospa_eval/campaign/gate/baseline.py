@@ -14,11 +14,12 @@ from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.errors import ConfigError, SolverError
+from tgospa_eval.evaluation.by_class import EvaluationByClass
 from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.contradictions import contradiction
+from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, unlike
-from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import clipped
 from tgospa_eval.tracks.ignored import refuse_own_marks
 from tgospa_eval.tracks.judged import JUDGE_ALIKE, incomparable, judged_of
@@ -100,15 +101,12 @@ ROUNDING_GAP = 1e-9
 """Relative gap of certified that is about as narrow as rounding."""
 
 
-def measured(result: Summary) -> Measured:
+def measured(result: Evaluation) -> Measured:
     """What a gate judges of a result."""
     status = str(result.solver["status"])
     now = measured_row(row_of(result) | {"version": result.version, "message": status})
-    if not result.table("per_class"):
+    if not isinstance(result, EvaluationByClass):
         return now
-    from tgospa_eval.results.by_class import ByClass  # here: few evaluate classes apart
-
-    assert isinstance(result, ByClass)
     classes = {name: values_of(row_of(part), part.scale) for name, part in result.results.items()}
     return replace(now, classes=classes)
 

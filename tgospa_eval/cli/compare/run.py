@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from typing import TypeVar
 
-from tgospa_eval import plots
 from tgospa_eval.api.compare import PairReader, Ranked, rank_saved, ranked, solvers_on
 from tgospa_eval.api.notices import slow_notice
 from tgospa_eval.api.options import Request
@@ -25,6 +24,7 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted, parsed, parsed_whole
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.guess import file_of
+from tgospa_eval.plots import figures
 from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
 from tgospa_eval.reports.comparison import opposed, pairs_columns, render, study_report
 from tgospa_eval.reports.files import COMPARISON, STUDY, Files, probe_folder
@@ -45,7 +45,7 @@ TEMPERATURES = "0.1,0.05,0.03,0.01"
 def show(
     answer: Json,
     output: OutputOptions,
-    draw: plots.Draw,
+    draw: figures.Draw,
     tables: Callable[[], Mapping[str, str]] = dict,
 ) -> None:
     """Print the document, and write the folder if one was asked for.
@@ -66,7 +66,7 @@ def show(
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("the pictures", 0.0)
-        pictures = plots.pictures(draw) if can_draw(quiet=output.quiet) else {}
+        pictures = figures.pictures(draw) if can_draw(quiet=output.quiet) else {}
         files: dict[str, str | bytes] = {
             "compare.json": json_text(answer),
             "compare.csv": render(answer, "csv"),

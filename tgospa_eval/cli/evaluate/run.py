@@ -14,9 +14,9 @@ from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import emit, notifier, on_terminal, print_notice, shielded
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.reports import REPORTS
-from tgospa_eval.results.result import Result
-from tgospa_eval.results.summary import Summary
+from tgospa_eval.results.evaluation import Evaluation
 
 if TYPE_CHECKING:
     from tgospa_eval.results.explanation import Explanation
@@ -28,7 +28,7 @@ def evaluate_files(
     options: Request,
     output: OutputOptions,
     output_line: Callable[[str], None] = print_notice,
-) -> tuple[Summary, bool]:
+) -> tuple[Evaluation, bool]:
     """Read, evaluate, and report whether the asked accuracy was reached.
 
     Parameters
@@ -59,7 +59,7 @@ def evaluate_files(
         stopwatch.notify = output_line
     notify = notifier(quiet=output.quiet, output=output_line)
 
-    def work() -> Summary:
+    def work() -> Evaluation:
         sides = read_sides(settings, truth, estimate, stopwatch, notify)
         if wanted is not None:
             with named_options():
@@ -77,12 +77,12 @@ def evaluate_files(
 # ``--explain``, and what the verb `explain` does with a result: its repairs, tried and proven.
 
 
-def explained(result: Summary, output: OutputOptions, top: int | None = None) -> "Explanation":
+def explained(result: Evaluation, output: OutputOptions, top: int | None = None) -> "Explanation":
     """The repairs of an estimate that was read from a file, `top` of them at most.
 
     Parameters
     ----------
-    result : Summary
+    result : Evaluation
         Of all classes together.
     output : OutputOptions
         Whether progress is shown, and seconds.
@@ -91,7 +91,7 @@ def explained(result: Summary, output: OutputOptions, top: int | None = None) ->
     """
     from tgospa_eval.explain.explain import TOP, explain  # here: only where asked for
 
-    assert isinstance(result, Result)  # --by class is refused
+    assert isinstance(result, PairEvaluation)  # --by class is refused
     stopwatch = Stopwatch()
     found = run(
         lambda: explain(result, top or TOP, stopwatch=stopwatch),
@@ -103,8 +103,9 @@ def explained(result: Summary, output: OutputOptions, top: int | None = None) ->
     return found
 
 
-def with_repairs(result: Summary, output: OutputOptions) -> Summary:
+def with_repairs(result: Evaluation, output: OutputOptions) -> Evaluation:
     """The result with its repairs, for every output; the time that they took counts."""
+    assert isinstance(result, PairEvaluation)
     found = explained(result, output)
     total = result.timings["total"] + found.seconds
     timings = {**result.timings, "explain": found.seconds, "total": total}
@@ -115,7 +116,9 @@ def with_repairs(result: Summary, output: OutputOptions) -> Summary:
 # A result to stdout, and to the folder of ``-o``.
 
 
-def show(result: Summary, options: Request, output: OutputOptions, names: tuple[str, str]) -> None:
+def show(
+    result: Evaluation, options: Request, output: OutputOptions, names: tuple[str, str]
+) -> None:
     """Print the result, and write the folder if one was asked for."""
     try:
         if output.output is not None:
@@ -129,7 +132,7 @@ def show(result: Summary, options: Request, output: OutputOptions, names: tuple[
         _print(result, output)
 
 
-def _print(result: Summary, output: OutputOptions) -> None:
+def _print(result: Evaluation, output: OutputOptions) -> None:
     """The result to stdout."""
     name = output.format_
     if name == "table" and on_terminal():

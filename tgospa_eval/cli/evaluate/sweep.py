@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval import plots
 from tgospa_eval.api.options import Request
 from tgospa_eval.api.sweep import sweep_sides, swept_parameters
 from tgospa_eval.cli.shared.click_options import OF_PICTURES, OutputOptions
@@ -15,6 +14,7 @@ from tgospa_eval.cli.shared.streams import emit, notifier, print_notice
 from tgospa_eval.cli.shared.writing import can_draw, wanted_pictures, write_output
 from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.plots import figures
 from tgospa_eval.plots.comparison import sweep_figure
 from tgospa_eval.reports.files import SWEEP, Files, probe_folder
 from tgospa_eval.reports.rendering import csv_text, rendered
@@ -186,7 +186,7 @@ def _show(found: Sweep, output: OutputOptions, wanted: "Pictures | None") -> Non
             "sweep.csv": csv_text(found.columns()),
         }
         if wanted is not None and can_draw(quiet=output.quiet):
-            files |= plots.pictures({"sweep": lambda: sweep_figure(found)}, wanted.formats)
+            files |= figures.pictures({"sweep": lambda: sweep_figure(found)}, wanted.formats)
         return files
 
     write_output(output, SWEEP, make)

@@ -21,7 +21,7 @@ from tgospa_eval.reports.files import (
     result_texts,
     write_texts,
 )
-from tgospa_eval.results.summary import Summary
+from tgospa_eval.results.evaluation import Evaluation
 
 if TYPE_CHECKING:
     from tgospa_eval.plots.result_pictures import Pictures
@@ -131,11 +131,11 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
 
 def can_draw(*, quiet: bool) -> bool:
     """Whether pictures can be drawn; prints a notice if not."""
-    from tgospa_eval import plots  # here: for folders only
+    from tgospa_eval.plots import figures  # here: for folders only
 
-    if not plots.available() and not quiet:
-        print_notice(plots.MISSING)
-    return plots.available()
+    if not figures.available() and not quiet:
+        print_notice(figures.MISSING)
+    return figures.available()
 
 
 @contextmanager
@@ -148,7 +148,7 @@ def named_options() -> Iterator[None]:
 
 
 def write_folder(
-    result: Summary, options: Request, output: OutputOptions, names: tuple[str, str]
+    result: Evaluation, options: Request, output: OutputOptions, names: tuple[str, str]
 ) -> None:
     """Write it; prints that pictures are not in it for want of the extra."""
     wanted = wanted_pictures(output)
@@ -166,7 +166,9 @@ def write_folder(
             texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in proof.items()}
         if output.geojson:
             notify(GEOJSON, 0.0)
-            texts |= {GEOJSON: result.to_geojson()}
+            from tgospa_eval.reports.geojson import geojson  # lazy: slow to import
+
+            texts |= {GEOJSON: geojson(result)}
         if wanted is None:
             return texts
         from tgospa_eval.plots.result_pictures import result_pictures

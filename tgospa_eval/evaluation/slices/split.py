@@ -12,7 +12,9 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.prepare import Fitted, source_of
+from tgospa_eval.evaluation.by_class import EvaluationByClass
+from tgospa_eval.evaluation.pair import PairEvaluation, source_of
+from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.slices.members import MOST_CROSSINGS, Members, members
 from tgospa_eval.evaluation.slices.values import values_of
 from tgospa_eval.evaluation.slicing import SliceBy, parse_slices
@@ -21,8 +23,7 @@ from tgospa_eval.problem.problem import Objects, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes, spare
 from tgospa_eval.results.records import PARTS
-from tgospa_eval.results.result import Result
-from tgospa_eval.results.slices import Slice, Slicing
+from tgospa_eval.results.slices import Slice, Slicing, added_up
 from tgospa_eval.text import quoted
 
 RowCosts = tuple[dict[str, Floats], dict[str, Floats]]
@@ -41,7 +42,7 @@ def cut(fitted: Fitted, asked: Sequence[SliceBy], cutoff: float) -> dict[str, Me
     return {by.text: _members(by, fitted, cutoff) for by in asked}
 
 
-def slicings(members: dict[str, Members], result: Result) -> tuple[Slicing, ...]:
+def slicings(members: dict[str, Members], result: PairEvaluation) -> tuple[Slicing, ...]:
     """The costs of a result of these two sides."""
     costs = row_costs(result.proof.states, result.proof.weights)
     unique = is_unique(result.proof, result.gap, everywhere=True)
@@ -51,7 +52,9 @@ def slicings(members: dict[str, Members], result: Result) -> tuple[Slicing, ...]
     )
 
 
-def slices_of(result: Result, texts: Sequence[str], *, summed: bool = False) -> tuple[Slicing, ...]:
+def slices_of(
+    result: PairEvaluation | EvaluationByClass, texts: Sequence[str], *, summed: bool = False
+) -> tuple[Slicing, ...]:
     """A result split by what texts ask for; `summed`: to be added to those of others.
 
     Raises
@@ -59,6 +62,9 @@ def slices_of(result: Result, texts: Sequence[str], *, summed: bool = False) -> 
     ConfigError
         As of `cut`, or the result was not made by `evaluate`.
     """
+    if isinstance(result, EvaluationByClass):
+        parts = [slices_of(part, texts, summed=True) for part in result.results.values()]
+        return tuple(added_up(parts))
     sides, _ = source_of(result)
     members = cut(sides, parse_slices(texts, summed=summed), result.proof.parameters.cutoff)
     return slicings(members, result)

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,9 @@ from hypothesis import strategies as st
 from oracles import cloud_distance, programme
 
 from tgospa_eval import InputError, Trajectories, evaluate, read_trajectories
+from tgospa_eval.api.sensors import Association
 from tgospa_eval.common import progress
+from tgospa_eval.common.frozen import recast
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import (
     CloudWasserstein,
@@ -40,7 +43,7 @@ from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.write import TABLES
 from tgospa_eval.plots.plane import Plane, ellipses
 from tgospa_eval.plots.style import STYLES
-from tgospa_eval.sensors.association import associate
+from tgospa_eval.sensors import association
 from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.clouds import Cloud, Clouds
 from tgospa_eval.tracks.covariances import unpack
@@ -51,6 +54,10 @@ Run = Callable[..., Answer]
 TRUTH = "id,t,weight,x,y\n1,0,.5,0,0\n1,0,.3,2,0\n1,0,.2,0,3\n2,0,1,50,50\n1,1,.5,9,9\n1,1,.5,7,9\n"
 ESTIMATE = "id,t,weight,x,y\na,0,.6,1,0\na,0,.4,0,2\nb,0,1,50,51\na,1,1,8,9\n"
 WHOLE = "--distance", "cloud-wasserstein"
+
+
+def associate(first: Trajectories, second: Trajectories, **options: Any) -> Association:
+    return recast(association.associate(first, second, **options), Association)
 
 
 def scene(seed: int, tracks: int = 6, steps: int = 3, size: int = 2, most: int = 9) -> Trajectories:

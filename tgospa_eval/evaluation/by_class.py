@@ -4,27 +4,25 @@ import hashlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
-from importlib import import_module
 from typing import TypeVar
 
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.problem.readout import Unjudged
 from tgospa_eval.problem.solution import Bounds, Brackets, Breakdown
 from tgospa_eval.results.consistency import NeesSums
+from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import PARTS, Columns, Costs, Json, input_record
-from tgospa_eval.results.result import Result
-from tgospa_eval.results.slices import Slicing, added_up
-from tgospa_eval.results.summary import Summary
+from tgospa_eval.results.slices import added_up
 
 B = TypeVar("B", bound=Brackets)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class ByClass(Summary):
+class EvaluationByClass(Evaluation):
     """One result for each class, and their sum: totals, bounds, counts and parts add up.
 
     Parameters
@@ -33,15 +31,7 @@ class ByClass(Summary):
         By class, in order; at least one.
     """
 
-    results: dict[str, Result]
-
-    def slices(self, *by: str) -> tuple[Slicing, ...]:  # noqa: D102  (as of Summary)
-        if not by:
-            return self.sliced
-        with spoken_in_python(reads=False):
-            split = import_module("tgospa_eval.evaluation.slices.split")
-            parts = [split.slices_of(part, by, summed=True) for part in self.results.values()]
-        return tuple(added_up(parts))
+    results: Mapping[str, PairEvaluation]
 
     def _of_tracks(self, name: str) -> Columns:
         """Class by class, with the class in front."""
@@ -71,7 +61,9 @@ class ByClass(Summary):
         }
 
 
-def add_up(results: dict[str, Result], files: Sequence[Json], read: float) -> ByClass:
+def add_up(
+    results: Mapping[str, PairEvaluation], files: Sequence[Json], read: float
+) -> EvaluationByClass:
     """The sum of the results of all classes.
 
     Parameters
@@ -98,7 +90,7 @@ def add_up(results: dict[str, Result], files: Sequence[Json], read: float) -> By
     bounds = [part.proof.bounds for part in parts]
     splits = [part.proof.breakdown for part in parts]
     unfinished = [part.solver for part in parts if not part.solver["finished"]]
-    return ByClass(
+    return EvaluationByClass(
         results=results,
         proof=Costs(
             parameters=first.proof.parameters,

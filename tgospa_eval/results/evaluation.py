@@ -1,15 +1,11 @@
-"""What a user does with an evaluation, or with a sum of several: read, show and save it.
-
-What draws and writes is imported when it is asked for.
-"""
+"""The numbers and tables of an evaluation, or of a sum of several. Draws and saves nothing."""
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, field
 from functools import cached_property
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,7 +19,6 @@ from tgospa_eval.problem.metric_family import POWER
 from tgospa_eval.problem.readout import Unjudged
 from tgospa_eval.problem.solution import Brackets, Windows
 from tgospa_eval.results.consistency import NEES, NeesSums
-from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.numbers import (
     SPLIT_PARTS,
     USUAL_SCORE,
@@ -52,10 +47,7 @@ from tgospa_eval.text import quoted
 from tgospa_eval.tracks.judged import Judged
 
 if TYPE_CHECKING:
-    import os
-
     import pandas as pd
-    from matplotlib.figure import Figure
 
 RESULT_SCHEMA = "tgospa-eval/result/1"
 
@@ -72,22 +64,11 @@ DOCUMENTED = (
 )
 """What the JSON has as it stands."""
 
-PUBLIC = (
-    *(*DOCUMENTED, *SPLIT_PARTS, "worst", "warnings", "results"),
-    *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
-    *("windows", "with_", "slices", "nees", "ignored"),
-    *("metrics", "similarity", "gradient", "proof", "explain"),
-    *("to_dict", "to_json", "to_html", "to_geojson", "save"),
-    *("plot_costs", "plot_cumulative", "plot_lanes", "plot_nees", "plot_plane"),
-    *("plot_windows", "plot_worst"),
-)
-"""What ``dir`` lists: the names of the JSON, the tables, and what can be made of them."""
-
 
 def _frame(name: str, about: str) -> "cached_property[pd.DataFrame]":
     """An attribute that is a table as a DataFrame, made when it is read."""
 
-    def made(result: "Summary") -> "pd.DataFrame":
+    def made(result: "Evaluation") -> "pd.DataFrame":
         return result.frame(name)
 
     made.__doc__ = about
@@ -95,8 +76,8 @@ def _frame(name: str, about: str) -> "cached_property[pd.DataFrame]":
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Summary(ABC):
-    """The numbers with all that can be made of them; attributes bear the names of the JSON.
+class Evaluation(ABC):
+    """The numbers and tables; attributes bear the names of the JSON.
 
     Parameters
     ----------
@@ -147,8 +128,6 @@ class Summary(ABC):
         Of `similarity`, if every output is to show it.
     settings_file : SettingsFile, optional
         The configuration file that set options of it.
-    explained : Explanation, optional
-        Single repairs that would save most, if they were asked for.
     """
 
     proof: Costs
@@ -174,16 +153,12 @@ class Summary(ABC):
     nees: NeesSums | None = None
     calibration: Calibration | None = None
     settings_file: SettingsFile | None = None
-    explained: Explanation | None = None
 
     def __repr__(self) -> str:
         return (
             f"{type(self).__name__}(tgospa={self.tgospa:.6g}, lower_bound={self.lower_bound:.6g}, "
             f"certified={self.certified})"
         )
-
-    def __dir__(self) -> list[str]:
-        return [name for name in PUBLIC if name in self.__dict__ or hasattr(type(self), name)]
 
     @property
     def told(self) -> list[str]:
@@ -480,7 +455,6 @@ class Summary(ABC):
             **({} if self.ignored is None else {"ignored": self.ignored}),
             **({} if self.calibration is None else {"similarity": asdict(self.similarity())}),
             **({"slices": [one.record() for one in self.sliced]} if self.sliced else {}),
-            **({} if self.explained is None else {"explanation": self.explained.record()}),
             "schema": RESULT_SCHEMA,
             **{name: getattr(self, name) for name in DOCUMENTED},
             **self._records(),
@@ -530,33 +504,6 @@ class Summary(ABC):
     def other_numbers(self) -> dict[str, float]:
         """Those of them that are of other metrics."""
         return _dotted({f"with.{name}": numbers for name, numbers in self.with_.items()})
-
-    @abstractmethod
-    def slices(self, *by: str) -> tuple[Slicing, ...]:
-        """Costs and counts split by attributes of truth and estimate at each step.
-
-        Localisation errors and misses go by the truth's attribute at the step, false targets by
-        the estimate's own, switches by the truth's at the later of the two steps. Slices add up to
-        the whole. Where several assignments are best, another may be split otherwise:
-        `Slicing.unique` says whether that is ruled out.
-
-        Parameters
-        ----------
-        *by : str
-            As of ``--slice``: ``"range=0:50:100"``, ``"class"``, ``"visibility=weight"``,
-            ``"class * speed=0:5:20"``. Without any, those that ``evaluate(..., slices=)`` was asked
-            for. Columns of files must have been asked for there.
-
-        Returns
-        -------
-        tuple of Slicing
-            One for each, with `Slicing.frame`.
-
-        Raises
-        ------
-        ConfigError
-            There is no such attribute, or its values do not fit what is asked for.
-        """
 
     def similarity(
         self, false_targets: float | None = None, score: float = USUAL_SCORE
@@ -632,9 +579,6 @@ class Summary(ABC):
             return f"TGOSPA = {value}"
         return f"TGOSPA is between {self.quantity(self.lower_bound)} and {value}"
 
-    def _repr_html_(self) -> str:
-        return str(import_module("tgospa_eval.reports.html").card(self))
-
     per_step = _frame("per_step", "Cost of each step by kind.")
     curve = _frame("curve", "TGOSPA of the steps up to each, and its parts, if it was asked for.")
     windows = _frame("windows", "Sliding windows, if they were asked for.")
@@ -645,167 +589,9 @@ class Summary(ABC):
 
     def frame(self, name: str) -> "pd.DataFrame":
         """A table as a DataFrame."""
-        import pandas as pd  # here: importing it takes longer than most evaluations
+        import pandas as pd  # lazy: pandas is slow to import
 
         return pd.DataFrame(self.table(name))
-
-    def plot_costs(
-        self, *, style: str = "screen", components: Sequence[str] | None = None
-    ) -> "Figure":
-        """Cost of each step, stacked: localisation, missed, false, switch.
-
-        Where there are more steps than can be distinguished each bar is the costliest of several,
-        and the axis says of how many.
-
-        Parameters
-        ----------
-        style : {"screen", "paper"}
-            With a title; or small, for one column of a journal.
-        components : sequence of str, optional
-            Parts of the cost that are drawn, of ``"localisation"``, ``"missed"``, ``"false"``,
-            ``"switch"``; all by default.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            Belongs to no window.
-
-        Raises
-        ------
-        ConfigError
-            A name is unknown, or matplotlib is not installed.
-        """
-        return self._plot("costs", style=style, components=components)
-
-    def plot_cumulative(
-        self, *, style: str = "screen", components: Sequence[str] | None = None
-    ) -> "Figure":
-        """Normalised cumulative cost: at each step the root of the mean cost of the steps up to it.
-
-        The assignment is that of the whole recording, unless the curve was asked for; the last
-        value of the total is ``normalised["tgospa"]``. Parameters, errors and return value are
-        those of `plot_costs`; the total is always drawn.
-        """
-        return self._plot("cumulative", style=style, components=components)
-
-    def plot_lanes(self, *, style: str = "screen") -> "Figure":
-        """A lane for each truth with the estimates that follow it, and lanes of false tracks below.
-
-        A gap with a frame is missed, a triangle is a switch, the darker foot of a bar is the error
-        as a share of the cutoff. Of more trajectories than have room the costliest have lanes, and
-        the others share one, in which a height says how many of them are missed, or false.
-        Parameters, errors and return value are those of `plot_costs`.
-        """
-        return self._plot("lanes", style=style)
-
-    def plot_plane(
-        self, *, columns: tuple[str, str] | None = None, style: str = "screen"
-    ) -> "Figure":
-        """Trajectories in two of the state columns, with misses, false targets and switches.
-
-        Boxes, ellipses that hold 95 % of a normal distribution, and particles are drawn here and
-        there along few trajectories where the states have such and the two columns show them. A
-        second panel shows all of those around the assigned pair that is farthest apart.
-
-        Parameters
-        ----------
-        columns : pair of str, optional
-            What is across and up: state columns, ``"t"`` for the time, of boxes ``"centre x"`` and
-            ``"centre y"``. By default the first two columns, the centres of boxes, ``lon`` and
-            ``lat``; of a single column it over the time.
-        style : {"screen", "paper"}
-            With a title; or small, for one column of a journal.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            Belongs to no window.
-
-        Raises
-        ------
-        ConfigError
-            A column or the style is unknown, or matplotlib is not installed.
-        """
-        return self._plot("plane", columns=columns, style=style)
-
-    def plot_nees(self, *, style: str = "screen") -> "Figure":
-        """NEES of each step with its 95 % band; of particles also the ranks of the truth.
-
-        Errors and return value are those of `plot_costs`.
-
-        Raises
-        ------
-        ConfigError
-            There is no NEES.
-        """
-        return self._plot("nees", style=style)
-
-    def plot_windows(
-        self, *, style: str = "screen", components: Sequence[str] | None = None
-    ) -> "Figure":
-        """Sliding windows: at the middle of each the root of its mean cost, as `windows` has it.
-
-        Parameters, errors and return value are those of `plot_costs`; the total is always drawn.
-
-        Raises
-        ------
-        ConfigError
-            Windows were not asked for.
-        """
-        return self._plot("windows", style=style, components=components)
-
-    def plot_worst(
-        self, *, style: str = "screen", components: Sequence[str] | None = None
-    ) -> "Figure":
-        """The costliest steps, truths and estimates, and what they cost.
-
-        Parameters, errors and return value are those of `plot_costs`; only `components` count.
-        """
-        return self._plot("worst", style=style, components=components)
-
-    @cached_property
-    def drawn(self) -> Any:
-        """What page and pictures draw: `reports.plot_data.PlotData`."""
-        return import_module("tgospa_eval.reports.plot_data").plot_data(self)
-
-    def _plot(self, name: str, **options: object) -> "Figure":
-        made: Figure = import_module("tgospa_eval.plots.result_pictures").plot(
-            self, name, **options
-        )
-        return made
-
-    def to_html(self) -> str:
-        """The report as one page that loads nothing."""
-        return str(import_module("tgospa_eval.reports.html").page(self))
-
-    def to_geojson(self) -> str:
-        """Tracks, misses, false targets, errors and switches as GeoJSON, for programs with maps.
-
-        Raises
-        ------
-        ConfigError
-            The states are not on the Earth, or it is a sum of several evaluations.
-        """
-        return str(import_module("tgospa_eval.reports.geojson").geojson(self))
-
-    def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
-        """Write the result folder of ``-o``: JSON, tables, the page and the pictures.
-
-        The pictures are written with the extra ``plot``.
-
-        Parameters
-        ----------
-        folder : str or path
-            Where; a folder that an earlier result was saved to is written anew.
-        force : bool
-            Whether it may hold files of others.
-
-        Raises
-        ------
-        ConfigError
-            The folder cannot be written, or holds files of others.
-        """
-        import_module("tgospa_eval.plots.result_pictures").save(self, folder, force=force)
 
 
 def _dotted(groups: Mapping[str, Mapping[str, float]]) -> dict[str, float]:

@@ -1,0 +1,270 @@
+"""Evaluations as users hold them: records with methods that show, save, split and explain."""
+
+from typing import TYPE_CHECKING, NoReturn
+
+from tgospa_eval import plots
+from tgospa_eval.common.frozen import dataclass, recast
+from tgospa_eval.common.notices import spoken_in_python
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.by_class import EvaluationByClass
+from tgospa_eval.evaluation.pair import PairEvaluation
+from tgospa_eval.results.evaluation import DOCUMENTED, Evaluation
+from tgospa_eval.results.explanation import Explanation
+from tgospa_eval.results.numbers import SPLIT_PARTS
+from tgospa_eval.results.partitioned import PartitionedResult
+from tgospa_eval.results.proof import PairProof
+from tgospa_eval.results.slices import Slicing
+
+if TYPE_CHECKING:
+    import os
+
+    from tgospa_eval.reports.plot_data import PlotData
+    from tgospa_eval.results.gradient import Gradient
+
+PUBLIC = (
+    *(*DOCUMENTED, *SPLIT_PARTS, "worst", "warnings", "results"),
+    *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
+    *("windows", "with_", "slices", "nees", "ignored"),
+    *("metrics", "similarity", "gradient", "proof", "explain"),
+    *("to_dict", "to_json", "to_html", "to_geojson", "save"),
+    *("plot_costs", "plot_cumulative", "plot_lanes", "plot_nees", "plot_plane"),
+    *("plot_windows", "plot_worst"),
+)
+"""What ``dir`` lists: the names of the JSON, the tables, and what can be made of them."""
+
+
+class Showable(Evaluation):
+    """An evaluation with its pictures, pages and slices."""
+
+    def __dir__(self) -> list[str]:
+        return [name for name in PUBLIC if name in self.__dict__ or hasattr(type(self), name)]
+
+    def slices(self, *by: str) -> tuple[Slicing, ...]:
+        """Costs and counts split by attributes of truth and estimate at each step.
+
+        Localisation errors and misses go by the truth's attribute at the step, false targets by
+        the estimate's own, switches by the truth's at the later of the two steps. Slices add up to
+        the whole. Where several assignments are best, another may be split otherwise:
+        `Slicing.unique` says whether that is ruled out.
+
+        Parameters
+        ----------
+        *by : str
+            As of ``--slice``: ``"range=0:50:100"``, ``"class"``, ``"visibility=weight"``,
+            ``"class * speed=0:5:20"``. Without any, those that ``evaluate(..., slices=)`` was asked
+            for. Columns of files must have been asked for there.
+
+        Returns
+        -------
+        tuple of Slicing
+            One for each, with `Slicing.frame`.
+
+        Raises
+        ------
+        ConfigError
+            There is no such attribute, or its values do not fit what is asked for.
+        """
+        if not by:
+            return self.sliced
+        from tgospa_eval.evaluation.slices.split import slices_of  # lazy: slow to import
+
+        assert isinstance(self, (PairEvaluation, EvaluationByClass))
+        with spoken_in_python(reads=False):
+            return slices_of(self, by)
+
+    plot_costs = plots.plot_costs
+    plot_cumulative = plots.plot_cumulative
+    plot_lanes = plots.plot_lanes
+    plot_plane = plots.plot_plane
+    plot_nees = plots.plot_nees
+    plot_windows = plots.plot_windows
+    plot_worst = plots.plot_worst
+
+    @property
+    def drawn(self) -> "PlotData":
+        """What page and pictures draw: `reports.plot_data.PlotData`."""
+        from tgospa_eval.reports.plot_data import plot_data  # lazy: slow to import
+
+        return plot_data(self)
+
+    def _repr_html_(self) -> str:
+        from tgospa_eval.reports.html import card  # lazy: jinja2 is slow to import
+
+        return card(self)
+
+    def to_html(self) -> str:
+        """The report as one page that loads nothing."""
+        from tgospa_eval.reports.html import page  # lazy: jinja2 is slow to import
+
+        return page(self)
+
+    def to_geojson(self) -> str:
+        """Tracks, misses, false targets, errors and switches as GeoJSON, for programs with maps.
+
+        Raises
+        ------
+        ConfigError
+            The states are not on the Earth, or it is a sum of several evaluations.
+        """
+        from tgospa_eval.reports.geojson import geojson  # lazy: slow to import
+
+        return geojson(self)
+
+    def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
+        """Write the result folder of ``-o``: JSON, tables, the page and the pictures.
+
+        The pictures are written with the extra ``plot``.
+
+        Parameters
+        ----------
+        folder : str or path
+            Where; a folder that an earlier result was saved to is written anew.
+        force : bool
+            Whether it may hold files of others.
+
+        Raises
+        ------
+        ConfigError
+            The folder cannot be written, or holds files of others.
+        """
+        from tgospa_eval.plots.result_pictures import save  # lazy: jinja2 is slow to import
+
+        save(self, folder, force=force)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Proof(PairProof):
+    """The proof of a result, to be saved for others; fields are those of `PairProof`."""
+
+    def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
+        """Write the proof folder: what a third party needs to check the bounds again.
+
+        Parameters
+        ----------
+        folder : str or path
+            Where; a folder that an earlier proof was saved to is written anew.
+        force : bool
+            Whether it may hold files of others.
+
+        Raises
+        ------
+        ConfigError
+            The folder cannot be written, or holds files of others.
+        SolverError
+            A checker finds that it does not prove what it claims.
+        """
+        from tgospa_eval.reports.proofs import save  # lazy: slow to import
+
+        save(self, folder, force=force)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Result(Showable, PairEvaluation):
+    """One evaluation. Attributes bear the names of the JSON; tables are built when read.
+
+    Parameters
+    ----------
+    proof : Proof
+        Bounds and assignment.
+    labels, gap, settings, solver, timings, input, version
+        Times and ids, the gap that counts as exact, options, and how it was made.
+    source : pair of Fitted and EvaluationRequest, optional
+        What was evaluated, and how.
+    assigned : mapping of str to (N,) float array
+        What is known of each assigned pair beside its cost, in the order of the table of
+        assignments: parts of the cost by name, and ``nees``.
+    explained : Explanation, optional
+        Single repairs that would save most, if they were asked for.
+    """
+
+    proof: Proof
+
+    def explain(self, top: int = 10) -> Explanation:
+        """Which single repairs of the estimate would save most, each with proven bounds.
+
+        Tracks are merged, exchanged, split, dropped, cut, filled and extended, and the whole
+        estimate is moved in time and space, one change at a time. What each saves is proven from
+        bounds before and after it. Savings do not add up.
+
+        Parameters
+        ----------
+        top : int
+            How many repairs to list at most; up to twice as many are tried.
+
+        Returns
+        -------
+        Explanation
+            Repairs, the best first; `Explanation.repaired` makes the repaired estimate.
+
+        Raises
+        ------
+        ConfigError
+            `top` is less than 1, or the result was not made by `evaluate`.
+        """
+        from tgospa_eval.explain.explain import explain  # lazy: slow to import
+
+        return explain(self, top)
+
+    def gradient(self) -> "Gradient":
+        """How the cost changes with every state of the estimate, with cutoff and switch penalty.
+
+        By the envelope theorem: the derivative of the cost at the reported assignment, which is
+        held. Where the best assignment is unique it is that of the metric, else one of those in
+        some direction; `Gradient.unique` says what is known.
+
+        Returns
+        -------
+        Gradient
+            Of ``total`` and of ``tgospa``.
+
+        Raises
+        ------
+        ConfigError
+            No derivative is known of the base distance.
+        """
+        from tgospa_eval.evaluation.gradient import gradient  # lazy: slow to import
+
+        return gradient(self)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ByClass(Showable, EvaluationByClass):
+    """One result for each class, and their sum: totals, bounds, counts and parts add up.
+
+    Parameters
+    ----------
+    results : dict of str to Result
+        By class, in order; at least one.
+    """
+
+    results: dict[str, Result]
+
+
+def result_of(evaluation: PairEvaluation) -> Result:
+    """The result that a user holds of an evaluation."""
+    return recast(evaluation, Result, proof=recast(evaluation.proof, Proof))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ResultInParts(Showable, PartitionedResult):
+    """One evaluation of data in parts: sums in memory, tables as files that go with it."""
+
+    def slices(self, *by: str) -> tuple[Slicing, ...]:  # noqa: D102  (as of Showable)
+        if by:
+            self._refuse("slices")
+        return self.sliced
+
+    def plot_lanes(self, **_: object) -> NoReturn:  # noqa: D102
+        self._refuse("plot_lanes")
+
+    def plot_plane(self, *_: object, **__: object) -> NoReturn:  # noqa: D102
+        self._refuse("plot_plane")
+
+    def plot_windows(self, **_: object) -> NoReturn:  # noqa: D102
+        self._refuse("plot_windows")
+
+    def _refuse(self, name: str) -> NoReturn:
+        raise ConfigError(
+            f"{name}: not supported for data in parts, whose states are not in memory; evaluate a "
+            "part of them, by time or region"
+        )
