@@ -173,3 +173,13 @@ def test_labels_are_in_every_part_of_a_table(invoke: Invoke) -> None:
     heads = [line.split() for line in answer.out.splitlines() if line.startswith("  filter")]
     assert len(heads) == 3
     assert all(head[:3] == ["filter", "cutoff", "switch_penalty"] for head in heads)
+
+
+def test_a_proof_that_is_removed_is_told(invoke: Invoke) -> None:
+    write("truth.csv", "id,t,x,y", [(1, t, 5 * t, 0) for t in range(8)])
+    write("estimate.csv", "id,t,x,y", [(1, t, 5 * t + 1, 0) for t in range(8)])
+    command = ("truth.csv", "estimate.csv", "-c", "9", "-g", "1", "-q", "-o", "done")
+    command += ("--pictures", "none")
+    assert invoke(*command, "--proof").err == ""
+    assert "done/proof of the run before is removed" in invoke(*command).err
+    assert invoke(*command).err == ""

@@ -4,6 +4,7 @@ import math
 import re
 import sys
 from collections.abc import Mapping
+from importlib.util import find_spec
 
 from tgospa_eval.errors import ConfigError
 
@@ -115,9 +116,11 @@ def install(extra: str) -> str:
     """The command that adds an extra to this very installation, wherever it came from.
 
     pip finds the package installed and fetches only what the extra names, so it need not be on an
-    index. Double quotes are such in all shells.
+    index. Environments of uv have no pip. Double quotes are such in all shells.
     """
     python = f'"{sys.executable}"' if " " in sys.executable else sys.executable
+    if find_spec("pip") is None:
+        return f'uv pip install --python {python} "tgospa-eval[{extra}]"'
     return f'{python} -m pip install "tgospa-eval[{extra}]"'
 
 

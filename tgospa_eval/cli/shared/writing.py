@@ -1,5 +1,6 @@
 """The folder of ``-o``: probed before any work, made in a thread, written at once, announced."""
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -53,10 +54,14 @@ def write_output(
     if files is None:
         print_notice(f"interrupted: nothing is written to {folder}")
         return
+    proof = os.path.join(folder, PROOF_FOLDER)
+    had_proof = os.path.isdir(proof)
     with shielded():
         written = write_texts(files, folder, kind, force=output.force)
     if not output.quiet:
         print_notice(written)
+    if had_proof and not os.path.isdir(proof):  # others may have been told of it
+        print_notice(f"{proof} of the run before is removed; --proof writes that of this one")
 
 
 def _made(
