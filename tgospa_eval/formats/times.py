@@ -150,15 +150,15 @@ def read_times(
     """
     if second is not None:
         column = joined_texts(column, second)
-        stamps = None if form and form.format not in ("", "s") else _stamps(column, digits)
-        if stamps is not None:
-            return stamps
+        joined = None if form and form.format not in ("", "s") else _of_fractions(column, digits)
+        if joined is not None:
+            return joined
     if form is None:
         return coded_times(column, decimal)
     return form.zoned(form.read(column) or coded_times(column, decimal))
 
 
-def _stamps(column: Coded, digits: int) -> Times | None:
+def _of_fractions(column: Coded, digits: int) -> Times | None:
     """Times of whole seconds, a blank, and their fraction in whole numbers; None of other texts.
 
     Seconds since 1970, by their size, are times in UTC.
