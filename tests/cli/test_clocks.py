@@ -1,6 +1,7 @@
 """Times as people have them: dates of days and months, epochs, GPS weeks, zones, two columns."""
 
 import json
+import shutil
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -115,7 +116,7 @@ def test_leap_seconds_of_gps() -> None:
         assert evaluate(made, other, **METRIC, **options).total == 0, text
 
 
-@pytest.mark.parametrize("way", ["table", "csv"])
+@pytest.mark.parametrize("way", ["table", "csv", "parquet"])
 @pytest.mark.parametrize(
     ("names", "parts"),
     [
@@ -133,6 +134,9 @@ def test_seconds_and_their_fraction_are_one_time(
     if way == "csv":
         given = tmp_path / "truth.csv"
         made.to_csv(given, index=False)
+    elif way == "parquet":
+        given = tmp_path / "truth.parquet"
+        made.to_parquet(given)
     mapped = {"truth_columns": f"t={'+'.join(names)}"}
     for other in (UTC, [1743674400, 1743674410.5], [1743674400 * 10**9, 1743674410500000000]):
         result = evaluate(given, side(t=other), **METRIC, **mapped)
@@ -215,6 +219,13 @@ def test_decimals_that_differ_by_rounding_are_one_step(invoke: Invoke, tmp_path:
     assert json.loads(answer.out)["total"] == 0
     assert "20 of 20 steps are in both files" in answer.err
     assert "7 pairs of stamps were joined, apart by rounding alone" in answer.err
+    folders = []
+    for path in map(Path, paths):
+        folders.append(str(tmp_path / path.stem))
+        Path(folders[-1]).mkdir()
+        shutil.copy(path, folders[-1])
+    in_parts = invoke(*folders, "--memory", "1GB", "--format", "json")
+    assert json.loads(in_parts.out)["total"] == 0
     Path(paths[1]).write_text(Path(paths[1]).read_text().replace("0.2,", "0.20000001,"))
     assert "1 pair of stamps is nearly the same" in invoke(*paths).err
 

@@ -95,6 +95,17 @@ def test_every_way_to_ask(invoke: Invoke) -> None:
     assert status == 0
 
 
+def test_columns_of_other_formats(invoke: Invoke) -> None:
+    Path("gt.txt").write_text("1,1,10,20,4,6,1,1,1\n2,1,12,20,4,6,1,1,1\n")
+    Path("res.txt").write_text("1,7,10,20,4,6,0.9,-1,-1,-1\n1,8,50,50,4,6,0.2,-1,-1,-1\n")
+    answer = invoke("gt.txt", "res.txt", *METRIC, "--estimate-where", "conf >= 0.5", "-q")
+    assert answer.out.startswith("TGOSPA = 3.53553")  # one state is missed
+    for name in ("gt", "res"):
+        pd.read_csv(f"{name}.csv").to_parquet(f"{name}.parquet")
+    test = ("--estimate-where", "'my type' == van")
+    assert "1.22474" in invoke("gt.parquet", "res.parquet", *METRIC, *test).out
+
+
 def test_a_column_of_one_file_is_told_from_those_of_both(invoke: Invoke) -> None:
     for option, value in (("--region", "score=0.5:"), ("--where", "score >= 0.5")):
         answer = invoke("gt.csv", "res.csv", *METRIC, option, value)

@@ -531,6 +531,12 @@ class Roles:
         return tuple(sorted({*self.attributes.values(), *self.where.values()} - others))
 
     @property
+    def used(self) -> list[int]:
+        """All columns that are read, in the order of the table."""
+        single = {self.id, self.time, self.second, self.klass}
+        return sorted({k for k in single if k is not None} | {*self.numbers, *self.texts})
+
+    @property
     def digits(self) -> int:
         """Digits of a second that the second column of times has by its header; 0 if unknown."""
         return 0 if self.second is None else FRACTIONS.get(_words(self.headers[self.second])[-1], 0)
