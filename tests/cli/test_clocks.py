@@ -1,11 +1,19 @@
 """Times as people have them: dates of days and months, epochs, GPS weeks, zones, two columns."""
 
+import json
+import shutil
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+from answer import Answer
 
-from tgospa_eval import ConfigError, InputError, evaluate
+from tgospa_eval import ConfigError, InputError, TgospaWarning, evaluate
+
+Invoke = Callable[..., Answer]
 
 UTC = ["2025-04-03T10:00:00Z", "2025-04-03T10:00:10.5Z"]
 METRIC = {"cutoff": 5, "switch_penalty": 1}
@@ -106,3 +114,127 @@ def test_leap_seconds_of_gps() -> None:
         other = pd.DataFrame({"id": 1, "t": [text], "x": 0.0})
         options = {"truth_columns": "t=week+tow", "truth_time_format": "gps"}
         assert evaluate(made, other, **METRIC, **options).total == 0, text
+
+
+@pytest.mark.parametrize("way", ["table", "csv", "parquet"])
+@pytest.mark.parametrize(
+    ("names", "parts"),
+    [
+        (("stamp.secs", "stamp.nsecs"), ([1743674400, 1743674410], [0, 500000000])),
+        (("sec", "usec"), ([1743674400, 1743674410], [0, 500000])),
+        (("sec", "msec"), ([1743674400, 1743674410], [0, 500])),
+        (("first", "second"), ([1743674400, 1743674410], [0, 500000000])),
+    ],
+)
+def test_seconds_and_their_fraction_are_one_time(
+    names: tuple[str, str], parts: tuple[list[int], list[int]], way: str, tmp_path: Path
+) -> None:
+    made = side(**dict(zip(names, parts, strict=True)))
+    given: object = made
+    if way == "csv":
+        given = tmp_path / "truth.csv"
+        made.to_csv(given, index=False)
+    elif way == "parquet":
+        given = tmp_path / "truth.parquet"
+        made.to_parquet(given)
+    mapped = {"truth_columns": f"t={'+'.join(names)}"}
+    for other in (UTC, [1743674400, 1743674410.5], [1743674400 * 10**9, 1743674410500000000]):
+        result = evaluate(given, side(t=other), **METRIC, **mapped)
+        assert (result.total, result.judged["steps"]) == (0, 2)
+
+
+def test_seconds_of_a_simulation_and_fractions_of_no_second() -> None:
+    mapped = {"truth_columns": "t=sec+nsec"}
+    truth = side(sec=[0, 1], nsec=[100000000, 5])
+    assert evaluate(truth, side(t=[0.1, 1.000000005]), **METRIC, **mapped).total == 0
+    for columns in ({"sec": [1, 2], "nsec": [0, 10**9]}, {"sec": [20250403] * 2, "nsec": ["", 1]}):
+        with pytest.raises(InputError):
+            evaluate(side(**columns), side(t=[1, 2]), **METRIC, **mapped)
+    two = side(date=[20250403] * 2, time=[100000000, 235959999])
+    with pytest.raises(InputError, match='"20250403 235959999" is no second and its fraction'):
+        evaluate(two, side(t=[1, 2]), **METRIC, truth_columns="t=date+time")
+
+
+def night(count: int = 20, *, form: str = "number", switch: bool = False, skip: int = 0) -> str:
+    """Two objects from ten seconds before midnight on, in order of time."""
+    lines = ["id,t,x,y"]
+    for k in range(skip, count):
+        second = (86_390 + k) % 86_400
+        clock = f"{second // 3600:02}:{second // 60 % 60:02}:{second % 60:02}"
+        t = {"number": second, "ms": second * 1000, "text": clock}[form]
+        lines += [f"{3 - i if switch and k >= 12 else i},{t},{k},{10 * i}" for i in (1, 2)]
+    return "\n".join([*lines, ""])
+
+
+@pytest.mark.parametrize("form", ["number", "ms", "text"])
+def test_times_of_day_go_over_midnight(form: str, invoke: Invoke, tmp_path: Path) -> None:
+    """The tracks are exchanged once, two seconds after midnight: which was two switches."""
+    paths = [str(tmp_path / name) for name in ("truth.csv", "estimate.csv")]
+    for path, switch in zip(paths, (False, True), strict=True):
+        Path(path).write_text(night(form=form, switch=switch))
+    asked = [*paths, "-c", "5", "-g", "1", "--format", "json"]
+    if form == "text":
+        asked += [f"--{role}-time-format=%H:%M:%S" for role in ("truth", "estimate")]
+    answer = invoke(*asked)
+    assert json.loads(answer.out)["total"] == pytest.approx(4)
+    noon = "43200000" if form == "ms" else "43200"
+    assert f"line 22: the time begins anew, as after midnight; --day-begins {noon}" in answer.err
+    answer = invoke(*asked, "--day-begins", noon)
+    document = json.loads(answer.out)
+    assert document["total"] == pytest.approx(2)
+    assert document["parameters"]["day_begins"] == float(noon)
+    assert "midnight" not in answer.err
+    Path(paths[1]).write_text(night(form=form, skip=12))  # a tracker that starts after midnight
+    document = json.loads(invoke(*asked, "--day-begins", noon).out)
+    assert (document["counts"]["missed"], document["counts"]["false"]) == (24, 0)
+
+
+def test_what_is_no_time_of_day(invoke: Invoke, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    for rows in (  # unsorted, a day of two objects one after the other, dates
+        ["1,1,0", "1,80000,0", "1,2,0", "1,80001,1"],
+        ["1,10,0", "1,40000,1", "1,86000,2", "2,10,0", "2,40000,1", "2,86000,2"],
+        ["1,2025-04-03T23:59:59,0", "1,2025-04-03T00:00:00,1"],
+    ):
+        path.write_text("\n".join(["id,t,x", *rows, ""]))
+        answer = invoke(str(path), str(path))
+        assert (answer.status, "midnight" in answer.err) == (0, False)
+    answer = invoke(str(path), str(path), "--day-begins", "43200")
+    assert answer.status == 0  # of one day: harmless
+    path.write_text("id,t,x\n1,10,0\n1,90000,1\n")
+    answer = invoke(str(path), str(path), "--day-begins", "43200")
+    assert answer.status == 3
+    assert (
+        "--day-begins 43200: is for times of day, below 86,400, and there are others" in answer.err
+    )
+
+
+def test_decimals_that_differ_by_rounding_are_one_step(invoke: Invoke, tmp_path: Path) -> None:
+    paths = []
+    for name, times in (("a", [k / 10 for k in range(20)]), ("b", [k * 0.1 for k in range(20)])):
+        paths.append(str(tmp_path / f"{name}.csv"))
+        rows = [f"1,{t!r},{k}" for k, t in enumerate(times)]
+        Path(paths[-1]).write_text("\n".join(["id,t,x", *rows, ""]))
+    answer = invoke(*paths, "--format", "json")
+    assert json.loads(answer.out)["total"] == 0
+    assert "20 of 20 steps are in both files" in answer.err
+    assert "7 pairs of stamps were joined, apart by rounding alone" in answer.err
+    folders = []
+    for path in map(Path, paths):
+        folders.append(str(tmp_path / path.stem))
+        Path(folders[-1]).mkdir()
+        shutil.copy(path, folders[-1])
+    in_parts = invoke(*folders, "--memory", "1GB", "--format", "json")
+    assert json.loads(in_parts.out)["total"] == 0
+    Path(paths[1]).write_text(Path(paths[1]).read_text().replace("0.2,", "0.20000001,"))
+    assert "1 pair of stamps is nearly the same" in invoke(*paths).err
+
+
+def test_steps_that_count_from_another_number_are_told() -> None:
+    truth = np.zeros((4, 1, 2)) + np.arange(4)[:, None, None]
+    with pytest.warns(TgospaWarning, match=r"steps 1:4: rows at 0 are left out.* 0:3 has all rows"):
+        evaluate(truth, truth + 0.1, **METRIC, steps="1:4")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for steps in ("0:3", "1:2", "0:9"):
+            evaluate(truth, truth + 0.1, **METRIC, steps=steps)

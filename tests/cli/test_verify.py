@@ -326,6 +326,8 @@ NAMED: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
     "truth_class": (KITTI, ("Car", "--distance", "iou")),
     "estimate_class": (KITTI, ("Car", "--distance", "iou")),
     "region": (QUICK, ("x=0:50",)),
+    **{f"{side}where": (QUICK, ("x >= 0",)) for side in ("", "truth_", "estimate_")},
+    "day_begins": (QUICK, ("43200",)),
     "ignore_regions": (QUICK, ("r.csv",)),
     "ignore": (QUICK, ("x>50",)),
     "truth_scale": (QUICK, ("x=2",)),

@@ -32,6 +32,7 @@ REDUCTIONS = (
 )
 
 FITTING = "leave it out, or evaluate a part that fits into memory as one file"
+ROWS_ALONE = "write files of the rows that are to be evaluated"
 RESAMPLE_FIRST = "resample first: write both sides at common times, and give these"
 
 
@@ -368,6 +369,13 @@ class Request(Values):
         "--truth-time-zone for ESTIMATE.",
         parts=FITTING,
     )
+    day_begins: float | None = _files(
+        "--day-begins T",
+        "Times of day before T are of the next day: for recordings that go over midnight, in both "
+        "files. In the unit of the times, seconds for texts: 43200 is noon.",
+        least=0,
+        parts=FITTING,
+    )
     time: str | None = _filters(
         "--time A:B",
         "Only the steps from A to B, both included; numbers or ISO times, as in the files. A or B "
@@ -391,6 +399,26 @@ class Request(Values):
         "Only rows inside ranges of columns, ends included: x=-50:50,y=0:100, either end may be "
         "left out; inside circle=LAT,LON,RADIUS, without places on the Earth circle=X,Y,RADIUS; or "
         "inside the regions of a file, as of --ignore-regions.",
+    )
+    where: tuple[str, ...] = _filters(
+        "--where TEST",
+        "Only rows that pass comparisons of columns with a number or a text, joined by and: 'score "
+        ">= 0.5 and type != van'. ==, !=, <, <=, >, >=; names and texts with blanks in quotes. A "
+        "blank passes no comparison with a number. Repeatable.",
+        default=(),
+        parts=ROWS_ALONE,
+    )
+    truth_where: tuple[str, ...] = _filters(
+        "--truth-where TEST",
+        "--where for TRUTH alone, also for columns that only it has.",
+        default=(),
+        parts=ROWS_ALONE,
+    )
+    estimate_where: tuple[str, ...] = _filters(
+        "--estimate-where TEST",
+        "--where for ESTIMATE alone.",
+        default=(),
+        parts=ROWS_ALONE,
     )
     by: str | None = _filters(
         "--by class",

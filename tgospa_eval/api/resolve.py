@@ -41,6 +41,7 @@ from tgospa_eval.formats.columns.headers import columns_of_each
 from tgospa_eval.formats.options import parse_moments, parse_steps
 from tgospa_eval.formats.reading import by_place, check_classes
 from tgospa_eval.formats.rows import NOT_CONSIDERED
+from tgospa_eval.formats.where import parse_where
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.numbers import Calibration
 from tgospa_eval.solvers import Solver, solver_class
@@ -121,6 +122,11 @@ class Settings:
                 f"{role}_class": list(options.classes)
                 for role, options in zip(ROLES, self.each, strict=True)
                 if options.classes and options.classes != self.reading.classes
+            },
+            **{
+                f"{role}_where": [one.text for one in own]
+                for role, options in zip(ROLES, self.each, strict=True)
+                if (own := options.where[len(self.reading.where) :])
             },
             **{
                 f"{role}_time_{name}": text
@@ -381,7 +387,7 @@ class Settings:
             if all(name in side.missing for side in sides):
                 raise InputError(*dict.fromkeys(side.missing[name] for side in sides))
         check_classes(sides, paths, self.reading.classes, self.each)
-        filters = {"time", "class", "region"}
+        filters = {"time", "class", "region", "where"}
         if not any(side.taken for side in sides) and any(
             filters & side.left_out.keys() for side in sides
         ):
@@ -485,9 +491,11 @@ def _settings(options: Request) -> Settings:
         on_duplicate=options.on_duplicate,
         on_invalid=options.on_invalid,
         boxes=measure.boxes,
+        day_begins=options.day_begins,
         time=options.time,
         classes=_list(options.class_),
         region=region,
+        where=parse_where(options.where, "--where"),
         by_class=options.by == "class",
         covariance=nees or bool(measure.named.kinds),
         fix_covariance=options.fix_cov,
@@ -695,8 +703,11 @@ def _frames(options: Request) -> "Frames | None":
 
 def _of_tables(options: Request, side: str) -> tuple[str, ...]:
     """Options of one side that are for files and tables."""
-    of_both = ("columns", "decimal", "on_duplicate", "on_invalid", "time", "class_", "region", "by")
-    own = ("columns", "class", "format", "time_format", "time_zone")
+    of_both = (
+        *("columns", "decimal", "on_duplicate", "on_invalid", "day_begins"),
+        *("time", "class_", "region", "where", "by"),
+    )
+    own = ("columns", "class", "where", "format", "time_format", "time_zone")
     names = (*(f"{side}_{name}" for name in own), *of_both)
     return tuple(SETTINGS[name].key for name in names if getattr(options, name) != DEFAULTS[name])
 
@@ -716,11 +727,11 @@ def _each(
 ) -> tuple[ReadOptions, ReadOptions]:
     """How to read truth and estimate: columns and classes of one go before those of both."""
     own = (
-        (options.sides[0], _list(options.truth_columns), _list(options.truth_class)),
-        (options.sides[1], _list(options.estimate_columns), _list(options.estimate_class)),
+        (_list(options.truth_columns), _list(options.truth_class), options.truth_where),
+        (_list(options.estimate_columns), _list(options.estimate_class), options.estimate_where),
     )
     shared_columns = _list(options.columns)
-    columns_of = columns_of_each(shared_columns, *(columns for _, columns, _ in own))
+    columns_of = columns_of_each(shared_columns, *(columns for columns, _, _ in own))
     needs = (
         (measure.needed, measure.needed)
         if frames is None
@@ -732,12 +743,13 @@ def _each(
             columns=measure.columns(columns, needed),
             placed=(names if "t" in (names or ()) else shared_columns) or (),
             classes=classes or reading.classes,
+            where=(*reading.where, *parse_where(where, f"--{side}-where")),
             shared=shared if classes else (*shared, "class"),
             option=f"--{side}-columns",
             form=_form(options, role),
         )
-        for (side, names, classes), (columns, shared), needed, role in zip(
-            own, columns_of, needs, ROLES, strict=True
+        for (names, classes, where), (columns, shared), needed, side, role in zip(
+            own, columns_of, needs, options.sides, ROLES, strict=True
         )
     )
     return truth, estimate

@@ -85,7 +85,7 @@ class Association(Pairing):
         save(self, folder, force=force)
 
 
-OF_REDUCE = ("columns", "decimal", "max_input", "time", "class_", "region", "jobs")
+OF_REDUCE = ("columns", "decimal", "max_input", "time", "class_", "region", "where", "jobs")
 
 
 def of_pairs(options: dict[str, Any]) -> dict[str, Any]:
@@ -168,6 +168,8 @@ def associate(
     b_format: str | None = None,
     a_columns: "str | Sequence[str] | None" = None,
     b_columns: "str | Sequence[str] | None" = None,
+    a_where: "str | Sequence[str]" = (),
+    b_where: "str | Sequence[str]" = (),
     **options: Any,
 ) -> Association:
     """Which states of two sensors belong together, step by step.
@@ -189,6 +191,8 @@ def associate(
         Formats of files.
     a_columns, b_columns : str or sequence of str, optional
         `columns` for one side alone.
+    a_where, b_where : str or sequence of str
+        `where` for one side alone.
 
     Returns
     -------
@@ -205,6 +209,8 @@ def associate(
         "estimate_format": b_format,
         "truth_columns": a_columns,
         "estimate_columns": b_columns,
+        "truth_where": a_where,
+        "estimate_where": b_where,
     }
     request = requested(of_pairs({"cutoff": cutoff, **of_sides, **options}))
     settings, names = make_settings(request), called((a, b), request.sides)

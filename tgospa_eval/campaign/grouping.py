@@ -19,6 +19,7 @@ TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "e
 
 READ_AS_GIVEN = (
     *("time", "class", "region", "truth_class", "estimate_class", "time_tolerance"),
+    *("where", "truth_where", "estimate_where", "day_begins"),
     *("time_offset", "time_scale", "unit_scale", "max_gap"),
     *("on_duplicate", "on_invalid", "fix_cov", "missing_cov", "inner_cov", "decimal", "steps"),
     "ignore_regions",

@@ -73,6 +73,17 @@ _output = partial(Option, section="Output")
                 )
                 for letter, name in (("a", "truth_columns"), ("b", "estimate_columns"))
             ),
+            *(
+                option(
+                    f"--{letter}-where TEST",
+                    f"--where for {letter.upper()} alone.",
+                    name=name,
+                    section="Filters",
+                    trusted=True,
+                    multiple=True,
+                )
+                for letter, name in (("a", "truth_where"), ("b", "estimate_where"))
+            ),
             format_option("table", "json", "csv"),
             _output(
                 "--cost-matrix FILE",

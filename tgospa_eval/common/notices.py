@@ -85,6 +85,8 @@ OF_READING = {
     "estimate-columns": "columns",
     "truth-class": "classes",
     "estimate-class": "classes",
+    "truth-where": "where",
+    "estimate-where": "where",
     "truth-format": "format",
     "estimate-format": "format",
 }

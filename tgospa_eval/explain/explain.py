@@ -92,7 +92,7 @@ class Trials:
         self.rounding = (len(proof.weights) + 2 * len(self.problem.cost) + 64) * ROUNDOFF
         distance = request.distance.settings(sides.read[0].columns)
         filters = {name.rpartition("_")[2] for name in request.recorded}
-        self.is_filtered = not filters.isdisjoint(("time", "class", "region"))
+        self.is_filtered = not filters.isdisjoint(("time", "class", "region", "where"))
         self.as_a_whole = (
             sides.distance is not request.distance  # which takes something from the data
             or "reduce" in distance
@@ -334,8 +334,9 @@ def not_explained(request: EvaluationRequest) -> tuple[str, ...]:
             "--preprocess: what it leaves out depends on the repair; explain files without such "
             "objects"
         )
-    moving = ("shift",) if "time" in filters else ()
-    return (*moving, "offset", "extend", "fill") if "region" in filters else moving
+    is_of_rows = not {"where", "estimate_where"}.isdisjoint(filters)
+    moving = ("shift",) if "time" in filters or is_of_rows else ()
+    return (*moving, "offset", "extend", "fill") if "region" in filters or is_of_rows else moving
 
 
 def _candidates(

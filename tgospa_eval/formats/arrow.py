@@ -49,10 +49,7 @@ def arrow_rows(
     with readable(path, kind):
         names = list(schema.names)
     roles = find_roles(names, options, path)
-    used = {roles.id, roles.time, *roles.numbers, *roles.texts}
-    if roles.klass is not None:
-        used.add(roles.klass)
-    subset = [names[column] for column in sorted(used)]
+    subset = [names[column] for column in roles.used]
     check_types(schema, roles, path)
     with readable(path, kind):
         table = read(subset).select(subset)

@@ -71,6 +71,9 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     if roles.names[:2] == ("lat", "lon"):
         choice.keep((state[:, :2] != AIS_UNKNOWN).any(axis=1), "no place")
     _keep_classes(rows, options, choice)
+    for one in options.where:
+        values = {name: _values(rows, roles.where[name]) for name in one.columns}
+        choice.keep(one.inside(values, rows.where), "where", f"left out by {one.option}")
     track_ids, track = rows.ids
     if options.by_class and rows.classes is not None:
         rows = _ids_of_classes(rows, step, choice.mask)
@@ -291,6 +294,11 @@ class _Choice:
         return not self.left_out
 
 
+def _fills_half_a_day(moments: TimeArray) -> bool:
+    """Whether times may be those of a day, from before to after midnight: few are."""
+    return float(moments[-1]) - float(moments[0]) > 43_200
+
+
 def _grid(
     rows: Rows, options: ReadOptions, choice: _Choice
 ) -> tuple[TimeArray, Ints, NDArray[np.object_] | None]:
@@ -299,7 +307,19 @@ def _grid(
     Those within the range of time; rows outside it are left out.
     """
     times = rows.times
+    if options.day_begins is not None:
+        from tgospa_eval.formats.clocks import carried  # here: few want it
+
+        times = carried(times, options.day_begins, rows.name)
     moments, step = _number_times(times.value)
+    if options.day_begins is None and rows.whole and len(moments) and _fills_half_a_day(moments):
+        from tgospa_eval.formats.clocks import over_midnight  # here: as above
+
+        anew = over_midnight(times, moments, rows.ids[1])
+        if anew is not None:
+            place = rows.where(anew[0]).removeprefix(f"{rows.name}, ")
+            text = f"{place}: the time begins anew, as after midnight"
+            choice.warnings.append(Notice(code="midnight", text=text, remedy=anew[1]))
     labels = None
     if times.text is not None:
         labels = np.empty(len(moments), dtype=object)
@@ -327,6 +347,29 @@ def _keep_classes(rows: Rows, options: ReadOptions, choice: _Choice) -> None:
     known = np.array([name in taken for name in there], bool)
     choice.keep(known[rows.classes[1]], "class")
     choice.notices += class_notices(options, there, whole=rows.whole)
+
+
+def _values(rows: Rows, column: int) -> Values:
+    """A column as it is in the file: numbers, or texts, which ids and classes always are.
+
+    Raises
+    ------
+    InputError
+        It was read as weights, and has other texts.
+    """
+    roles = rows.roles
+    if column in rows.attributes:
+        return rows.attributes[column]
+    if column in roles.numbers:
+        if column == roles.weight and rows.weight_fault is not None:
+            raise InputError(*rows.weight_fault.split("\n"))
+        return cast(Values, rows.numbers[:, roles.numbers.index(column)])
+    if column == roles.time:
+        times = rows.times
+        return np.array(times.value if times.text is None else list(times.text))
+    numbered = rows.ids if column == roles.id else rows.classes
+    assert numbered is not None  # a column is one of these or among the texts
+    return cast(Values, numbered[0][numbered[1]])
 
 
 def _keep_region(

@@ -8,10 +8,10 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import more
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.common.words import more, plain
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import Coded
-from tgospa_eval.formats.times import TimeError, Times
+from tgospa_eval.formats.times import EARLIEST, LATEST, TimeError, Times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.conversion import iso
 from tgospa_eval.tracks.durations import SECOND, TIME_UNITS
@@ -23,7 +23,10 @@ GPS = "gps"
 GPS_EPOCH = 315_964_800
 """1980-01-06 in seconds since 1970."""
 
-WEEK = 604_800
+DAY, WEEK = 86_400, 604_800
+
+NO_DATE = -25_567 * DAY * SECOND
+"""1900-01-01, the date of times that were read without one, in nanoseconds since 1970."""
 
 LEAPS = (
     *(46_828_800, 78_364_801, 109_900_802, 173_059_203, 252_028_804, 315_187_205, 346_723_206),
@@ -31,9 +34,6 @@ LEAPS = (
     *(914_803_214, 1_025_136_015, 1_119_744_016, 1_167_264_017),
 )
 """GPS seconds from which on UTC is one more second behind: 1981-07-01 to 2017-01-01 (IERS)."""
-
-EARLIEST, LATEST = 10**8, 4 * 10**9
-"""Seconds since 1970 that a number may be guessed to be: 1973 to 2096."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,6 +186,82 @@ def _in_words(code: Ints, value: Ints, clock: str) -> Times:
     """Times with ISO texts, of distinct values and the one of each row."""
     texts = Coded([iso(moment, clock) for moment in value.tolist()], code)
     return Times(value=cast(TimeArray, value[code]), clock=clock, text=texts)
+
+
+def carried(times: Times, begins: float, name: str) -> Times:
+    """Times of day, those before `begins` as of the next day.
+
+    Parameters
+    ----------
+    times : Times
+        They.
+    begins : float
+        In their unit, or in seconds where they are texts.
+    name : str
+        What messages begin with.
+
+    Raises
+    ------
+    InputError
+        They are no times of one day.
+    """
+    unit = 1 if times.clock == "number" else SECOND
+    day = _day_of(begins * unit) if unit == 1 else DAY * SECOND
+    value = times.value
+    if not len(value):
+        return times
+    first = 0 if unit == 1 else int(value.min()) // day * day
+    if value.min() < first or value.max() >= first + day:
+        raise InputError(
+            f"{name}: --day-begins {plain(begins)}: is for times of day, below {day // unit:,}, "
+            "and there are others; leave it out where times have dates"
+        )
+    later = np.where(value - first < begins * unit, value + np.asarray(day, value.dtype), value)
+    if unit == 1:
+        return replace(times, value=cast(TimeArray, later))
+    distinct, code = np.unique(later, return_inverse=True)
+    return _in_words(code, distinct, times.clock)
+
+
+def over_midnight(times: Times, moments: TimeArray, track: Ints) -> tuple[int, str] | None:
+    """The first row that begins a day anew, and what to do; None where none seems to.
+
+    Such a row is earlier than the one before of its track by more than half a day, in the order of
+    the file, and no other is as much later.
+
+    Parameters
+    ----------
+    times : Times
+        Of all rows.
+    moments : array
+        The distinct ones in order.
+    track : (R,) int array
+        Track of each row.
+    """
+    ends = moments[0].item(), moments[-1].item()
+    unit = 1 if times.clock == "number" else SECOND
+    first = 0 if unit == 1 else NO_DATE
+    day = _day_of(float(ends[1])) if unit == 1 else DAY * SECOND
+    if ends[0] < first or ends[1] >= first + day or ends[1] - ends[0] <= day / 2:
+        return None
+    order = np.argsort(track, kind="stable")
+    step, same = np.diff(times.value[order]), np.diff(track[order]) == 0
+    back = order[1:][same & (step < -day / 2)]
+    if not len(back) or (same & (step > day / 2)).any():
+        return None
+    if len(np.unique(track[back])) < len(back):
+        return int(back.min()), "write the times with dates"
+    gap = int(np.argmax(np.diff(moments)))
+    low, high = ((float(moments[gap + k]) - first) / unit for k in (0, 1))
+    noon = day / unit / 2
+    cut = noon if low < noon <= high else round((low + high) / 2)
+    way = f"--day-begins {plain(float(cut))} makes times before that those of the next day"
+    return int(back.min()), way if low < cut <= high else "write the times with dates"
+
+
+def _day_of(time: float) -> int:
+    """A day in the unit in which a number may be a time of day: s, ms, us or ns."""
+    return next((DAY * 10**k for k in (0, 3, 6) if time < DAY * 10**k), DAY * SECOND)
 
 
 def in_one_clock(

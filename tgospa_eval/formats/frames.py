@@ -258,7 +258,7 @@ def _formed_times(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) ->
         times = _times(column, name, decimal)
         return times if roles.form is None else roles.form.zoned(times)
     second = None if roles.second is None else _as_texts(frame.iloc[:, roles.second], decimal)
-    return read_times(_as_texts(column, decimal), decimal, roles.form, second)
+    return read_times(_as_texts(column, decimal), decimal, roles.form, second, roles.digits)
 
 
 def _as_texts(column: pd.Series, decimal: str) -> Coded:

@@ -557,7 +557,9 @@ def _rows(name: str, fields: Structure, options: ReadOptions, file: int) -> Rows
         )
     step = np.arange(1, state.shape[1] + 1)[:, None]
     there = (step >= start) & (step < start + length)
-    arrays["xState_dTn"] = state
+    empty = ~there.any(axis=1, keepdims=True)  # a step, as any of an array is
+    there[:, :1] |= empty
+    arrays["xState_dTn"] = np.where(empty, np.nan, state)
     return array_rows(name, arrays, options, file=file, axes=MATLAB, there=there)
 
 

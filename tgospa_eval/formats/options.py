@@ -14,6 +14,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.times import TimeError, parse_times
+from tgospa_eval.formats.where import Where
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.durations import Duration, Steps
@@ -198,6 +199,8 @@ class ReadOptions:
         The states are the boxes themselves, left, top, width, height.
     form : TimeForm, optional
         How times are written, if they are neither numbers nor ISO, or of a zone.
+    day_begins : float, optional
+        Times of day before this one are of the next day.
     time : str, optional
         ``"A:B"``: steps from A to B, both included; either end may be blank.
     classes : tuple of str, optional
@@ -210,6 +213,8 @@ class ReadOptions:
         The reading has the boxes that are no objects but regions.
     region : str, optional
         ``"x=-50:50,y=0:100"``: rows inside these ranges, ends included; either end may be blank.
+    where : tuple of Where
+        Rows that fulfil all of these.
     by_class : bool
         The reading has the class of each row.
     class_for : str
@@ -261,12 +266,14 @@ class ReadOptions:
     on_invalid: str = "error"
     boxes: bool = False
     form: "TimeForm | None" = None
+    day_begins: float | None = None
     time: str | None = None
     classes: tuple[str, ...] | None = None
     also: tuple[str, ...] = ()
     kept: tuple[str, ...] = ()
     regions: bool = False
     region: str | None = None
+    where: tuple[Where, ...] = ()
     by_class: bool = False
     class_for: str = "--by class"
     covariance: bool = False
@@ -319,11 +326,15 @@ class ReadOptions:
         """`region`, understood."""
         return parse_region(self.region)
 
-    def filters(self) -> Iterator[tuple[str, str | list[str]]]:
-        """The filters in use, by the names of their options."""
+    def filters(self) -> Iterator[tuple[str, str | float | list[str]]]:
+        """The filters in use, and where a day begins, by the names of their options."""
         for name, value in (("time", self.time), ("class", self.classes), ("region", self.region)):
             if value is not None:
                 yield name, list(value) if isinstance(value, tuple) else value
+        if self.day_begins is not None:
+            yield "day_begins", self.day_begins
+        if self.where:
+            yield "where", [one.text for one in self.where]
         if self.by_class:
             yield "by", "class"
 

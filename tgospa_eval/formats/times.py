@@ -13,11 +13,16 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
 from tgospa_eval.formats.fields import Coded, floats, joined_texts
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.conversion import iso
+from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import TimeArray
 
 ISO = r"(.*\d\d:?\d\d:?\d\d)[.,](\d+)(.*)"
 EXACT_BELOW = 2.0**53
 """Below this doubles hold every integer."""
+
+EARLIEST, LATEST = 10**8, 4 * 10**9
+"""Seconds since 1970 that a number may be guessed to be: 1973 to 2096."""
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -43,6 +48,10 @@ class Times:
 
 class Form(Protocol):
     """How times are written: see `formats.clocks.TimeForm`."""
+
+    @property
+    def format(self) -> str:
+        """Blank for numbers and ISO times."""
 
     def read(self, column: Coded) -> Times | None:
         """Times of a column by a format; None if there is none."""
@@ -124,9 +133,15 @@ def coded_times(column: Coded, decimal: str) -> Times:
 
 
 def read_times(
-    column: Coded, decimal: str, form: Form | None = None, second: Coded | None = None
+    column: Coded,
+    decimal: str,
+    form: Form | None = None,
+    second: Coded | None = None,
+    digits: int = 0,
 ) -> Times:
     """Times of a column, or of two that are one stamp, by a form if there is one.
+
+    `digits` are those of a second behind the point, if the second column has such by its header.
 
     Raises
     ------
@@ -135,9 +150,46 @@ def read_times(
     """
     if second is not None:
         column = joined_texts(column, second)
+        joined = None if form and form.format not in ("", "s") else _of_fractions(column, digits)
+        if joined is not None:
+            return joined
     if form is None:
         return coded_times(column, decimal)
     return form.zoned(form.read(column) or coded_times(column, decimal))
+
+
+def _of_fractions(column: Coded, digits: int) -> Times | None:
+    """Times of whole seconds, a blank, and their fraction in whole numbers; None of other texts.
+
+    Seconds since 1970, by their size, are times in UTC.
+
+    Raises
+    ------
+    TimeError
+        Nobody knows what part of a second the fraction counts, or it is more than a second.
+    """
+    parts = [text.partition(" ")[::2] for text in column.distinct]
+    if not parts or not all(re.fullmatch("[0-9]{1,18}", text) for pair in parts for text in pair):
+        return None
+    pairs = [(int(a), int(b)) for a, b in parts]
+    is_epoch = all(EARLIEST <= whole < LATEST for whole, _ in pairs)
+    largest = max(fraction for _, fraction in pairs)
+    if not digits and is_epoch and largest >= 10**6:
+        digits = 9
+    if not digits or largest >= 10**digits:
+        row = int(np.argmax(column.code == [part for _, part in pairs].index(largest)))
+        raise TimeError(
+            row,
+            f"{quoted(column[row])} is no second and its fraction; name the column of the fraction "
+            "nsec, usec or msec, or say how both are written, --truth-time-format or "
+            "--estimate-time-format",
+        )
+    if is_epoch:
+        exact = [whole * SECOND + part * 10 ** (9 - digits) for whole, part in pairs]
+        texts = Coded([iso(moment, "zoned") for moment in exact], column.code)
+        return Times(value=np.array(exact, np.int64)[column.code], clock="zoned", text=texts)
+    seconds = np.array([float(f"{whole}.{part:0{digits}}") for whole, part in pairs])
+    return Times(value=seconds[column.code], clock="number", text=None)
 
 
 def places(series: Sequence[Sequence[int | float | str]]) -> list[NDArray[np.int64]]:

@@ -43,10 +43,11 @@ RECORDED = """cutoff order switch_penalty rho step_weights existence distance co
     scale columns truth_columns estimate_columns truth_format estimate_format time_tolerance grid
     interpolate max_gap ignore ignore_regions time_offset time_scale unit_scale on_duplicate
     on_invalid steps resample outage decimal time class_ truth_class estimate_class region by
-    preprocess unit solver gap epsilon time_limit fix_cov missing_cov mixed cloud_order inner
-    inner_cov reduce reduce_method directions iterations restarts polish seed no_gating pairwise
-    vertical_weight truth_scale estimate_scale truth_crs estimate_crs origin truth_time_format
-    estimate_time_format truth_time_zone estimate_time_zone max_speed"""
+    where truth_where estimate_where day_begins preprocess unit solver gap epsilon time_limit
+    fix_cov missing_cov mixed cloud_order inner inner_cov reduce reduce_method directions
+    iterations restarts polish seed no_gating pairwise vertical_weight truth_scale
+    estimate_scale truth_crs estimate_crs origin truth_time_format estimate_time_format
+    truth_time_zone estimate_time_zone max_speed"""
 ORIGIN = {"class": str, "classes": [str], "options": {MAY: dict.fromkeys(RECORDED.split(), ANY)}}
 ORIGIN |= {"inputs": {side: {"path": str, "sha256": str} for side in ("truth", "estimate")}}
 ORIGIN["judged"] = dict.fromkeys(("steps", "truth_states", "truth_steps"), int)

@@ -34,7 +34,8 @@ class TimeMatching:
     ----------
     tolerance : float
         >= 0, finite, in the unit of the stamps, seconds for ISO times. Stamps of the two sides that
-        are at most so far apart are one step, where each is the other's nearest.
+        are at most so far apart are one step, where each is the other's nearest. Decimals that
+        differ by rounding alone always are.
     grid : {"union", "truth", "estimate", "common"}
         Steps that count: those of either side, of one side, of both.
     interpolate : {"estimate", "truth"}, optional
@@ -235,7 +236,8 @@ def align(
             truth=truth, estimate=estimate, union=steps, common=steps, joined=0, left_out=(0, 0)
         )
     joined = 0
-    if matching.near and len(first) and len(second):
+    is_rounded = first.dtype.kind == "f" or second.dtype.kind == "f"
+    if (matching.near or is_rounded) and len(first) and len(second):
         second, close = joined_to(second, first, matching.near, clock)
         joined = int(np.count_nonzero(close))
     times = _union(first, second)

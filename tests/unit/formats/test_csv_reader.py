@@ -262,7 +262,7 @@ def test_what_may_be_something_else_is_asked_for(write: Write, header: str, mean
 
 def test_two_parts_of_a_stamp_are_not_one(write: Write) -> None:
     path = write("a.csv", "id,stamp_sec,stamp_nanosec,x\na,1,0,2\na,2,400000000,3\n")
-    assert "stamp_sec * 10^9 + stamp_nanosec" in refusal(path)[0]
+    assert "t=stamp_sec+stamp_nanosec" in refusal(path)[0]
     assert rows_of(read_trajectories(path, columns=("t=stamp_sec", "x"))) == {
         ("a", 1): (2.0,), ("a", 2): (3.0,)
     }  # fmt: skip
@@ -328,15 +328,18 @@ def test_a_comma_in_another_column_is_no_decimal_mark(write: Write) -> None:
 @pytest.mark.parametrize(
     ("header", "remedy"),
     [
-        ("id,secs,nsecs,x", "secs * 10^9 + nsecs"),
-        ("id,Pose.Sec,Pose.Nanosec,x", "Pose.Sec * 10^9 + Pose.Nanosec"),
-        ("id,tv_sec,tv_usec,x", "tv_sec * 10^6 + tv_usec"),
-        ("id,time_s,time_ns,x", "time_s * 10^9 + time_ns"),
+        ("id,secs,nsecs,x", "secs+nsecs"),
+        ("id,Pose.Sec,Pose.Nanosec,x", "Pose.Sec+Pose.Nanosec"),
+        ("id,tv_sec,tv_usec,x", "tv_sec+tv_usec"),
+        ("id,time_s,time_ns,x", "time_s+time_ns"),
     ],
 )
 def test_two_parts_of_a_stamp(write: Write, header: str, remedy: str) -> None:
-    path = write("a.csv", f"{header}\na,1600000000,500000000,2\n")
-    assert f"one time stamp: make one column t of them, {remedy}" in refusal(path)[0]
+    path = write("a.csv", f"{header}\na,1600000000,500000,2\n")
+    assert f"two parts of one time; read both, columns=('t={remedy}',)" in refusal(path)[0]
+    part = 500_000_000 if "usec" in header else 500_000
+    read = read_trajectories(path, columns=(f"t={remedy}", "x"))
+    assert rows_of(read) == {("a", 16 * 10**17 + part): (2.0,)}
 
 
 @pytest.mark.parametrize(

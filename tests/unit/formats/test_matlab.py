@@ -150,7 +150,7 @@ def test_damaged_files_and_what_small_ones_unpack_to(tmp_path: Path) -> None:
     zeros = np.zeros((2, 1_000_000, 1))
     saved(path, {"tVec": 1, "iVec": 1, "xState": zeros}, do_compression=True)
     assert path.stat().st_size < 100_000
-    assert read(path).rows == 1
+    assert (read(path).taken, read(path).rows) == (1, 1_000_000)
     with pytest.raises(InputError, match=r"bytes: reading it takes some .* allowed are 0.05 GB"):
         read(path, ReadOptions(max_input=0.05))
     # What is no structure is not unpacked at all.
@@ -402,3 +402,17 @@ def test_without_h5py(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     savemat(buffer, {"X": BOTH})
     (tmp_path / "a.mat").write_bytes(buffer.getvalue())
     assert read(tmp_path / "a.mat").rows == 4
+
+
+def test_steps_are_the_second_dimension(tmp_path: Path) -> None:
+    """Also those at which nothing is, as of arrays: per step divides by all."""
+    sides = np.full((2, 2, 10, 1), np.nan)
+    sides[0, :, 2:7], sides[1, :, 2:8] = 0, 1
+    for name, state in zip("XY", sides, strict=True):
+        length = int((~np.isnan(state[0])).sum())
+        saved(tmp_path / f"{name}.mat", {"tVec": 3, "iVec": length, "xState": np.nan_to_num(state)})
+    options = {"cutoff": 10.0, "switch_penalty": 2.0}
+    found = evaluate(tmp_path / "X.mat", tmp_path / "Y.mat", **options)
+    arrays = evaluate(*sides.transpose(0, 2, 3, 1), **options)
+    assert found.judged["steps"] == arrays.judged["steps"] == 10
+    assert found.normalised["tgospa"] == arrays.normalised["tgospa"] == pytest.approx(6**0.5)

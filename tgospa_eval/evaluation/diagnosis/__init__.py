@@ -18,6 +18,7 @@ from tgospa_eval.evaluation.diagnosis.costs import FIRST_STEPS, Sample
 from tgospa_eval.evaluation.diagnosis.states import side_warnings, state_warnings
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching
+from tgospa_eval.tracks.conversion import iso
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.prepare import Fitted
@@ -43,6 +44,7 @@ def diagnose(sides: "Fitted", request: "EvaluationRequest") -> list[Notice]:
     found += clock
     if not any(notice.code in ("clock-shift", "stamps-near") for notice in clock):
         found += state_warnings(sample)
+    found += step_warnings(sides, request.time_matching)
     found += silence_warnings(sides.axis, parameters)
     return found + gap_warnings(sides, request)
 
@@ -67,6 +69,32 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
             text=f"{counted(len(axis.horizon.times), 'step')} declared; at other times "
             f"{counted(first, 'row')} of the truth and {second:,} of the estimate are left out"
         )
+
+
+def step_warnings(sides: "Fitted", matching: TimeMatching) -> list[Notice]:
+    """Declared steps that leave out one before or after, and have none at their other end."""
+    if matching.steps is None or not any(sides.axis.left_out):
+        return []
+    ticks = sides.axis.horizon.times
+    every = ticks[1] - ticks[0] if len(ticks) > 1 else 1
+    there = np.unique(np.concatenate([one.times[np.unique(one.step)] for one in sides.given]))
+    outside = there[~np.isin(there, ticks)]
+    for empty, missed, move in ((-1, ticks[0] - every, -every), (0, ticks[-1] + every, every)):
+        if outside.tolist() == [missed] and ticks[empty] not in there:
+            name, clock = f"--steps {matching.steps.text}", sides.axis.horizon.clock
+            first, last, gone, free = (
+                t if clock == "number" else iso(int(t), clock)
+                for t in (ticks[0] + move, ticks[-1] + move, missed, ticks[empty])
+            )
+            return [
+                Notice(
+                    code="steps-moved",
+                    text=f"{name}: rows at {gone} are left out, and no row is at {free}; arrays "
+                    "in Python and NumPy files count steps from 0, MAT files from 1",
+                    remedy=f"--steps {first}:{last} has all rows",
+                )
+            ]
+    return []
 
 
 def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
@@ -140,7 +168,8 @@ def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
     notices = [in_both(aligned.common, aligned.union) + (f"; {at}" * bool(costly))]
     if aligned.joined:
         pairs = counted(aligned.joined, "pair of stamps was", "pairs of stamps were")
-        notices.append(f"{pairs} joined, at most {matching.near:.15g} apart (--time-tolerance)")
+        how = f"at most {matching.near:.15g} apart (--time-tolerance)"
+        notices.append(f"{pairs} joined, {how if matching.near else 'apart by rounding alone'}")
     if any(aligned.left_out):
         steps = aligned.union - len(aligned.truth.times)
         notices.append(

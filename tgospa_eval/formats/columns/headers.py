@@ -165,6 +165,7 @@ SECONDS = ("s", "sec", "secs", "second", "seconds")
 FRACTIONS = {
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds"), 9),
     **dict.fromkeys(("us", "usec", "usecs", "microsec", "microsecs", "microseconds"), 6),
+    **dict.fromkeys(("ms", "msec", "msecs", "millisec", "millisecs", "milliseconds"), 3),
 }
 """Last words of headers that are the second part of a stamp whose first are seconds: digits."""
 
@@ -251,6 +252,30 @@ class Headers:
                 return found
         return None if plainly else self._only(self.places(name), name)
 
+    def compared(self, name: str, option: str) -> int:
+        """Position of a column that a filter compares, also one that is something else as well.
+
+        Raises
+        ------
+        InputError
+            There is none.
+        """
+        column = None if name in self.mapped else self.spelt(name, name)
+        column = self.find(name) if column is None else column
+        if column is None:
+            way = f"; {self.way_of_one_side}" if option == "--where" else ""
+            raise InputError(
+                f"{self.where}: no column {quoted(name)} for {option} (found: {self.shown}); name "
+                f"one of these{way}"
+            )
+        return column
+
+    @property
+    def way_of_one_side(self) -> str:
+        """What to do about a column that one file alone has, for messages."""
+        first, second = ("a", "b") if self.option[:4] in ("--a-", "--b-") else ("truth", "estimate")
+        return f"--{first}-where or --{second}-where is for a column of one file, 'score >= 0.5'"
+
     @property
     def taken(self) -> set[int]:
         """Positions that are something else: mapped to other columns, or hidden."""
@@ -264,6 +289,9 @@ class Headers:
         found = self.find(name)
         others = [self.names[k] for k in self.places(name) if k != found]
         others = [header for header in others if header in unused]
+        stamp = two_parts_of_a_stamp(unused) if name == "t" else None
+        if stamp is not None:
+            others = ["+".join(stamp)]
         if found is not None and others:
             passed = " or ".join(map(quoted, others))
             remedy = ask(self.option, [f"{name}={others[0]}"])
@@ -321,18 +349,19 @@ class Headers:
         return found | next(pairs, {}) if "position" in wanted else found
 
 
-def two_parts_of_a_stamp(names: Sequence[str]) -> str:
-    """What to do about two of these headers that are one stamp, as secs and nsecs; or blank."""
-    words = {name: re.findall(r"[^\W_]+", name.casefold()) or [""] for name in names}
+def two_parts_of_a_stamp(names: Sequence[str]) -> tuple[str, str] | None:
+    """Two of these headers that are one stamp, as secs and nsecs."""
+    words = {name: _words(name) for name in names}
     whole = {tuple(found[:-1]): name for name, found in words.items() if found[-1] in SECONDS}
     for name, (*stem, unit) in words.items():
         first = whole.get(tuple(stem))
         if unit in FRACTIONS and first is not None:
-            return (
-                f"{quoted(first)} and {quoted(name)} are two parts of one time stamp: make one "
-                f"column t of them, {first} * 10^{FRACTIONS[unit]} + {name}"
-            )
-    return ""
+            return first, name
+    return None
+
+
+def _words(header: str) -> list[str]:
+    return re.findall(r"[^\W_]+", header.casefold()) or [""]
 
 
 def _joined(header: str) -> str:
@@ -437,6 +466,8 @@ class Roles:
         Column of the classes, if a filter asks for it.
     region : dict of str to Mix
         What the filter by region looks at.
+    where : dict of str to int
+        Columns that filters compare, by the names that these have for them.
     sizes : tuple of Mix
         Width and height where the states are boxes or their centres.
     centres : bool
@@ -485,6 +516,7 @@ class Roles:
     unused: tuple[str, ...]
     weight: int | None = None
     attributes: dict[str, int] = field(default_factory=dict)
+    where: dict[str, int] = field(default_factory=dict)
     spread: "SpreadColumns | None" = None
     asked: bool = False
     option: str = ""
@@ -511,10 +543,22 @@ class Roles:
 
     @property
     def texts(self) -> tuple[int, ...]:
-        """Columns of attributes that are nothing else, and are read as texts."""
-        others = {self.id, self.time, self.second, self.klass, *self.numbers}
+        """Columns of attributes and filters that are nothing else, and are read as texts."""
+        others = {self.id, self.time, self.klass, *self.numbers}
         group = () if self.group is None else (self.group,)
-        return tuple(sorted({*self.attributes.values(), *self.more_ids, *group} - others))
+        asked = {*self.attributes.values(), *self.where.values(), *self.more_ids, *group}
+        return tuple(sorted(asked - others))
+
+    @property
+    def used(self) -> list[int]:
+        """All columns that are read, in the order of the table."""
+        single = {self.id, self.time, self.second, self.klass}
+        return sorted({k for k in single if k is not None} | {*self.numbers, *self.texts})
+
+    @property
+    def digits(self) -> int:
+        """Digits of a second that the second column of times has by its header; 0 if unknown."""
+        return 0 if self.second is None else FRACTIONS.get(_words(self.headers[self.second])[-1], 0)
 
     @property
     def called(self) -> dict[str, str]:
@@ -624,7 +668,10 @@ def find_roles(
     if "t" not in mapped and not set(FIRST_ALIASES["t"]) & headers.folded.keys():
         stamp = two_parts_of_a_stamp(names)
         if stamp:
-            raise InputError(f"{where}: {stamp}")
+            items = [f"{name}={header}" for name, header in mapped.items()]
+            remedy = ask(options.option, [*items, f"t={'+'.join(stamp)}"])
+            parts = " and ".join(map(quoted, stamp))
+            raise InputError(f"{where}: {parts} are two parts of one time; read both, {remedy}")
     time = headers.find("t")
     named, wanted = bool(wanted), wanted or mixes.default_states()
     found = {name: mixes.of(name, wanted) for name in wanted}
@@ -654,7 +701,10 @@ def find_roles(
     used |= {weight, *(spread.columns if spread else ())}
     places = {name: headers.find(name) for name in options.attributes}
     attributes = {name: column for name, column in places.items() if column is not None}
-    used |= set(attributes.values())
+    where_columns = {
+        name: headers.compared(name, one.option) for one in options.where for name in one.columns
+    }
+    used |= {*attributes.values(), *where_columns.values()}
     unused = tuple(name for k, name in enumerate(names) if k not in used)
     return Roles(
         id=identity,
@@ -668,6 +718,7 @@ def find_roles(
         unused=unused,
         weight=weight,
         attributes=attributes,
+        where=where_columns,
         spread=spread,
         asked=options.covariance and not options.clouds,
         option=options.option,
@@ -779,7 +830,8 @@ class _Mixes:
         if mix is None:
             raise InputError(
                 f"{self.headers.where}: no column {quoted(name)} for --region (found: "
-                f"{self.headers.shown}); name one that both files have"
+                f"{self.headers.shown}); name one that both files have; "
+                f"{self.headers.way_of_one_side}"
             )
         return mix
 

@@ -433,7 +433,7 @@ def convert(
         wrong.append(f"{where(row)}, column {quoted(names[column])}: {message}")
     try:
         second = None if roles.second is None else coded[roles.second]
-        times = read_times(coded[roles.time], decimal, roles.form, second)
+        times = read_times(coded[roles.time], decimal, roles.form, second, roles.digits)
     except TimeError as error:
         problems.append(f"{where(error.row)}, column {quoted(names[roles.time])}: {error}")
     if problems:

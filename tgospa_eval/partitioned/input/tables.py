@@ -189,10 +189,7 @@ def table_rows(
         The file is damaged, or a value is wrong; the message has its row in the file.
     """
     content, schema, roles = open_table(file, options)
-    used = {roles.id, roles.time, *roles.numbers, *roles.texts}
-    if roles.klass is not None:
-        used.add(roles.klass)
-    columns = [schema.names[column] for column in sorted(used)]
+    columns = [schema.names[column] for column in roles.used]
     row = sum(content.metadata.row_group(group).num_rows for group in range(begin))
     for table in _batches(file, content, range(begin, end), columns):
         where = partial(_row_of, file.path, row)
