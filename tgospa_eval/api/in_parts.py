@@ -22,7 +22,7 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats.columns.headers import Headers
 from tgospa_eval.formats.fields import floats
-from tgospa_eval.formats.guess import ENDINGS, is_table_folder
+from tgospa_eval.formats.guess import ENDINGS, folder_format, is_table_folder
 from tgospa_eval.formats.loading import TABLE, TEXT
 from tgospa_eval.formats.times import parse_times
 from tgospa_eval.results.consistency import NEES
@@ -63,7 +63,7 @@ def parts_in_words(paths: tuple[str, str], options: Request) -> str | None:
         fine = all(is_recording(path, columns) for path in folders)
         if fine:
             return f"{folders[0]} is a folder of tables"
-        said = options.memory is not None and not any(map(is_table_folder, folders))
+        said = options.memory is not None and not any(map(folder_format, folders))
         return f"{folders[0]} is a folder, and --memory is given" if said else None
     if options.max_input is not None:  # which allows to read it at once
         return None
