@@ -17,12 +17,11 @@ from tgospa_eval.api.resolve import Settings
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.machine import cores, machine_memory
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.engines.processes import engine_of
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats.columns.headers import Headers
 from tgospa_eval.formats.fields import floats
-from tgospa_eval.formats.guess import ENDINGS, is_table_folder
+from tgospa_eval.formats.guess import ENDINGS, folder_format, is_table_folder
 from tgospa_eval.formats.loading import TABLE, TEXT
 from tgospa_eval.formats.times import parse_times
 from tgospa_eval.results.consistency import NEES
@@ -63,7 +62,7 @@ def parts_in_words(paths: tuple[str, str], options: Request) -> str | None:
         fine = all(is_recording(path, columns) for path in folders)
         if fine:
             return f"{folders[0]} is a folder of tables"
-        said = options.memory is not None and not any(map(is_table_folder, folders))
+        said = options.memory is not None and not any(map(folder_format, folders))
         return f"{folders[0]} is a folder, and --memory is given" if said else None
     if options.max_input is not None:  # which allows to read it at once
         return None
@@ -143,7 +142,8 @@ def evaluate_in_parts(
     TgospaError
         Something is wrong with options or data.
     """
-    from tgospa_eval.partitioned.evaluate import evaluate_partitioned  # here: few need it
+    from tgospa_eval.engines.processes import engine_of  # here: few need it
+    from tgospa_eval.partitioned.evaluate import evaluate_partitioned
 
     jobs = jobs_of(options)
     spread = bool(options.scheduler) or jobs > 1

@@ -8,7 +8,7 @@ from itertools import product
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.guess import SAMPLES, file_of, is_table_folder
+from tgospa_eval.formats.guess import file_of, folder_format
 from tgospa_eval.formats.loading import plain_name
 from tgospa_eval.text import listed
 
@@ -55,7 +55,7 @@ def check_places(paths: Sequence[str]) -> None:
 
 def find_place(path: str) -> Place | None:
     """What is at a path, unless it is a file or nothing."""
-    if os.path.isdir(path) and not is_table_folder(path):
+    if os.path.isdir(path) and not folder_format(path):
         files = tuple(_files(path))
         inside = f"in it: {listed(files, FILES_SHOWN)}" if files else "no table is in it"
         return Place(path, files, f"{path}: is a folder, not a file; {inside}")
@@ -78,7 +78,7 @@ def find_place(path: str) -> Place | None:
 
 
 def _files(folder: str) -> Iterator[str]:
-    """Tables, and folders of those of nuScenes, below a folder, by their paths from there."""
+    """Tables, and folders that are one side, below a folder, by their paths from there."""
     count = 0
     for parent, folders, files in os.walk(folder):
         inner = os.path.relpath(parent, folder).replace(os.sep, "/")
@@ -87,7 +87,7 @@ def _files(folder: str) -> Iterator[str]:
             name for name in folders if name not in ASIDE and name[0] != "." and depth + 1 < DEEP
         )
         count += len(files)
-        if SAMPLES in files and inner != ".":
+        if inner != "." and folder_format(parent):
             folders.clear()
             yield inner
             continue
@@ -166,8 +166,8 @@ def _shapes(place: tuple[str, tuple[str, ...]]) -> dict[str, dict[str, str]]:
         parts = path.split("/")
         begin = len(parts) - len(os.path.normpath(file).split(os.sep)) if folder else 0
         for k in range(begin, len(parts)):
-            is_last = k == len(parts) - 1
-            stem, dot, suffix = parts[k].rpartition(".") if is_last else (parts[k], "", "")
+            is_file = k == len(parts) - 1 and "." in parts[k]
+            stem, dot, suffix = parts[k].rpartition(".") if is_file else (parts[k], "", "")
             if not stem or "{" in path or "}" in path:
                 continue
             shape = "/".join((*parts[:k], f"{{}}{dot}{suffix}", *parts[k + 1 :]))

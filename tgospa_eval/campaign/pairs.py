@@ -16,7 +16,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural, parsed_whole
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import runs_inside
-from tgospa_eval.formats.guess import file_of, is_table_folder
+from tgospa_eval.formats.guess import file_of, folder_format
 from tgospa_eval.formats.loading import load
 from tgospa_eval.formats.text.lines import decode
 from tgospa_eval.formats.text.small import rows_of
@@ -177,7 +177,7 @@ def _is_there(path: str, inside: patterns.Inside) -> bool:
 
 
 def _has_data(path: str) -> bool:
-    return os.path.isfile(path) or is_table_folder(path)
+    return os.path.isfile(path) or folder_format(path) != ""
 
 
 def of_layout(

@@ -57,6 +57,13 @@ Array: TypeAlias = NDArray[np.generic]
 Variables: TypeAlias = Mapping[str, Array]
 
 
+NAPARI = (
+    "; rows of tracks (id, t, y, x, as of napari) are written as CSV by pandas.DataFrame(array, "
+    'columns=["id", "t", "y", "x"]).to_csv(FILE, index=False)'
+)
+"""Remedy for tables of tracks."""
+
+
 def read_npy(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
     """The rows of an npy file, the same in either role; ids and times count from 0.
 
@@ -71,7 +78,7 @@ def read_npy(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     if states.ndim != AXES:
         raise InputError(
             f"{path}: an array of shape {states.shape}; states have the axes (T, k, d), with NaN "
-            "where an object is absent"
+            "where an object is absent" + (NAPARI if states.ndim == 2 else "")
         )
     return array_rows(path, {"states": states}, options, file=len(data))
 

@@ -9,6 +9,14 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.tracks.attributes import Values
 
+MISSING = frozenset(
+    (
+        *("", "NaN", "nan", "-NaN", "-nan", "NA", "<NA>", "N/A", "n/a", "NULL", "null", "None"),
+        *("#N/A", "#N/A N/A", "#NA", "-1.#IND", "-1.#QNAN", "1.#IND", "1.#QNAN"),
+    )
+)
+"""Texts without a number: what pandas reads as missing."""
+
 
 def floats(texts: Sequence[str], decimal: str = ".") -> Floats:
     """The exact doubles of a whole column; ValueError unless every text is a number."""
@@ -76,10 +84,11 @@ def joined_texts(first: Coded, second: Coded) -> Coded:
 
 
 def attribute_of(column: Coded, decimal: str = ".") -> Values:
-    """Numbers if every text that is not blank is one, NaN where blank; else the texts."""
+    """Numbers if every text that is not missing is one, NaN where it is; else the texts."""
     texts = [text.strip() for text in column.distinct]
     try:
-        return floats([text or "nan" for text in texts], decimal)[column.code]
+        numbers = ["nan" if text in MISSING else text for text in texts]
+        return floats(numbers, decimal)[column.code]
     except ValueError:
         table = np.empty(len(texts), dtype=object)
         table[:] = texts

@@ -43,7 +43,8 @@ def read(
         An option is none of those allowed, or the package that reads the format is missing.
     """
     from tgospa_eval.formats.assemble import assemble
-    from tgospa_eval.formats.guess import file_of, guess, is_table_folder
+    from tgospa_eval.formats.columns.headers import has_patterns
+    from tgospa_eval.formats.guess import file_of, folder_format, guess
     from tgospa_eval.formats.loading import unpacked_file
     from tgospa_eval.formats.rows import Rows
 
@@ -57,16 +58,23 @@ def read(
         raise ConfigError(f"path is of the type {kind}: must be a path{tables}") from None
     options = options or ReadOptions()
     file = file_of(name)
-    of_tables = format in (None, "nuscenes") and is_table_folder(file)
-    data = b"" if of_tables else unpacked_file(file, options.max_input)
-    chosen = format or ("nuscenes" if of_tables else guess(file, data))
+    kind = folder_format(file)
+    is_folder = kind != "" and format in (None, kind)
+
+    def load_content() -> bytes:
+        return b"" if is_folder else unpacked_file(file, options.max_input)
+
+    data = load_content()
+    chosen = format or (kind if is_folder else guess(file, data))
+    if chosen == "csv" and has_patterns(options):
+        chosen, reader = "wide", None
     if reader is None:
         reader = FORMATS.ours(chosen) if chosen in FORMATS.own else FORMATS[chosen]
     held = [data]  # given up before rows are assembled, and read again where that is needed
     del data
 
     def read_by(options: ReadOptions) -> Reading:
-        content = held.pop() if held else unpacked_file(file, options.max_input)
+        content = held.pop() if held else load_content()
         with FORMATS.blamed(chosen, InputError, f"{name}: "):
             rows = reader(name, content, options, role, given=format is not None)
             if not isinstance(rows, Rows):
@@ -78,7 +86,7 @@ def read(
         return made
 
     reading = by_place(read_by, options)
-    if format is None and chosen != "csv":
+    if format is None and chosen not in ("csv", "wide"):
         notice = f"read as {chosen}, by its name and content; --{role}-format to say otherwise"
         reading = replace(reading, notices=(notice, *reading.notices))
     return reading

@@ -1,7 +1,7 @@
 """pandas DataFrames in the long form of the CSV files."""
 
 import datetime
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from decimal import Decimal
@@ -16,7 +16,8 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import assemble
-from tgospa_eval.formats.columns.headers import Roles, find_roles
+from tgospa_eval.formats.columns.headers import Roles, find_roles, has_patterns, parse_columns
+from tgospa_eval.formats.columns.patterns import objects_in, shared_columns
 from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
@@ -57,7 +58,7 @@ def from_frame(
     options = replace(options or ReadOptions(), option="")
     headers = [str(column) for column in frame.columns]
     try:
-        roles = find_roles(headers, options, name)
+        roles = find_roles(headers, options, name, wide=True)
     except InputError:
         levels = [str(level) for level in frame.index.names if level is not None]
         if not levels:
@@ -67,6 +68,8 @@ def from_frame(
         raise InputError(
             f"{name}: {indexed} must be a column and is in the index; call reset_index() first"
         ) from None
+    if has_patterns(options):
+        return assemble(table_rows(frame, options, name), options, "frame")
     return assemble(frame_rows(frame, roles, name, options.decimal), options, "frame")
 
 
@@ -133,7 +136,7 @@ def frame_rows(
 
 
 def table_rows(table: object, options: ReadOptions, name: str) -> Rows:
-    """The rows of what the reader of another package returned.
+    """The rows of a table, whose index says where each is if it has texts.
 
     Raises
     ------
@@ -144,8 +147,33 @@ def table_rows(table: object, options: ReadOptions, name: str) -> Rows:
     """
     if not isinstance(table, pd.DataFrame):
         raise TypeError(f"it returned {type(table).__name__}, not a DataFrame")
-    roles = find_roles(list(map(str, table.columns)), options, name)
-    return frame_rows(table, roles, name, options.decimal)
+    roles = find_roles(list(map(str, table.columns)), options, name, wide=True)
+    if has_patterns(options):
+        table = lengthened(table, parse_columns(options.columns)[0])
+    places = table.index
+    named = len(places) > 0 and isinstance(places[0], str)
+    where = (lambda row: f"{name}, {places[row]}") if named else None
+    return frame_rows(table, roles, name, options.decimal, where)
+
+
+def lengthened(frame: pd.DataFrame, mapped: Mapping[str, str]) -> pd.DataFrame:
+    """The table with a row for each object, whose columns are mapped by pattern.
+
+    Its index says where each row is; the table is the same if no header fits.
+    """
+    names = [str(name).strip() for name in frame.columns]
+    objects = objects_in(names, mapped)
+    if not objects:
+        return frame
+    if not len(frame) or not isinstance(frame.index[0], str):
+        frame = frame.set_axis([f"row {k}" for k in range(len(frame))], axis=0)
+    kept = frame.iloc[:, shared_columns(names, objects)]
+    pieces = []
+    for name, columns in objects.items():
+        own = frame.iloc[:, list(columns.values())].set_axis(list(columns), axis=1)
+        pieces.append(pd.concat([kept, own], axis=1))
+        pieces[-1].insert(0, "id", name)
+    return pd.concat(pieces)
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from itertools import takewhile
 
 from tgospa_eval.common.patterns import WITH_VARIABLES
+from tgospa_eval.common.words import natural
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.loading import plain_name
 from tgospa_eval.formats.registry import FORMATS
@@ -52,6 +53,12 @@ ARGOVERSE = (b"timestamp_ns", b"track_uuid", b"tx_m")
 SCHEMA_BYTES = 1 << 14
 """Bytes of a Feather file in which the names of its columns are."""
 
+BEGINNINGS = {
+    "json": r'\{\s*["}]|\[\s*[{\]]',
+    "deeplabcut": r"scorer,.*\s+(individuals,.*\s+)?bodyparts,.*\s+coords,",
+}
+"""How files of text of these formats begin, whatever their names are."""
+
 VARIABLE = re.compile(WITH_VARIABLES + r"(?s:([A-Za-z]\w*(?:[{(].*)?))")
 """A file of MATLAB and one of its variables, or an element of a cell."""
 
@@ -68,9 +75,9 @@ def is_table_folder(path: str) -> bool:
 
 
 def files_at(path: str) -> list[str]:
-    """The files that are read of a path: those of nuScenes' tables in a folder, or itself."""
+    """The files that are read of a path: those in a folder that is one side, or itself."""
     if not is_table_folder(path):
-        return [path]
+        return files_of_folder(path) if folder_format(path) else [path]
     return [file for name in TABLES_READ if os.path.isfile(file := os.path.join(path, name))]
 
 
@@ -89,22 +96,35 @@ def guess(path: str, data: bytes) -> str:
     for magic, format in MAGIC.items():
         if data.startswith(magic):
             named = all(name in data[:SCHEMA_BYTES] for name in ARGOVERSE)
+            if format == "npz" and b"[Content_Types].xml" in data[:SCHEMA_BYTES]:
+                return "xlsx"
             return "argoverse" if format == "feather" and named else format
-    if ending in ENDINGS:
+    if ENDINGS.get(ending, "csv") != "csv":
         return ENDINGS[ending]
     head = data[:GUESSED_FROM].decode("utf-8-sig", "replace").lstrip()
     if re.match(RESULTS, head) or (head[:1] == "[" and is_table_folder(os.path.dirname(path))):
         return "nuscenes"
+    known = next((name for name, begin in BEGINNINGS.items() if re.match(begin, head)), "")
+    if known or ending in ENDINGS:
+        return known or ENDINGS[ending]
+    return _guess_text(head, is_whole=len(data) <= GUESSED_FROM)
+
+
+def _guess_text(head: str, *, is_whole: bool) -> str:
+    """The format of a table by its first lines."""
     every = re.split(r"[\r\n]+", head)
     comments = list(takewhile(_is_comment, every))
     # A file of comments so far is a table, or none.
     lines = [line for line in every if not _is_comment(line)] or every
     line = lines[0]
     fields = split(line)
+    for name, fits in (("tum", is_tum), ("yolo", is_yolo)):
+        if line.strip() and all(map(fits, filter(str.strip, lines[:LINES_TRIED]))):
+            return name
     if any(len(split(comment.lstrip(" \t#%/"))) == len(fields) for comment in comments):
         return "csv"  # whose header is a comment
     if 6 <= len(fields) <= 10 and all(map(is_number, fields)):
-        whole = lines if len(data) <= GUESSED_FROM else lines[:-1] or lines
+        whole = lines if is_whole else lines[:-1] or lines
         whole = [line for line in whole if line.strip()]
         if _is_visdrone(whole):
             return "visdrone"
@@ -113,6 +133,68 @@ def guess(path: str, data: bytes) -> str:
     if len(words) in (17, 18) and not is_number(words[2]):
         return "kitti"
     return "csv"
+
+
+def folder_format(path: str) -> str:
+    """How a folder is read as one side; blank if it is not.
+
+    TUM has a trajectory a file, in eight numbers a line; YOLO the boxes of a frame.
+    """
+    if is_table_folder(path) or not os.path.isdir(path):
+        return "nuscenes" if os.path.isdir(path) else ""
+    kinds = {"" for name in os.listdir(path) if os.path.splitext(name)[1] in ENDINGS}
+    for file in files_of_folder(path)[:FILES_TRIED]:
+        lines = filter(str.strip, _beginning(file).splitlines()[:LINES_TRIED])
+        rows = [line for line in lines if not _is_comment(line)]
+        if rows:
+            other = "yolo" if all(map(is_yolo, rows)) else ""
+            kinds.add("tum" if all(map(is_tum, rows)) else other)
+        if "" in kinds or len(kinds) > 1:
+            return ""
+    return next(iter(kinds), "")
+
+
+FILES_TRIED, LINES_TRIED = 100, 20
+"""Files of a folder, and lines of each, by which files of numbers are told apart."""
+
+
+def files_of_folder(path: str) -> list[str]:
+    """Files of text in a folder, in the natural order of their names."""
+    try:
+        names = os.listdir(path)
+    except OSError:
+        return []
+    kept = (name for name in names if name.endswith(TEXTS) and name not in ASIDE)
+    return [os.path.join(path, name) for name in sorted(kept, key=natural)]
+
+
+TEXTS, ASIDE = (".txt", ".tum"), ("classes.txt", "labels.txt", "README.txt")
+"""Files of folders that are one side, and those beside them."""
+
+
+def _beginning(path: str) -> str:
+    try:
+        with open(path, "rb") as file:
+            return file.read(GUESSED_FROM).decode("utf-8-sig", "replace")
+    except OSError:
+        return ""
+
+
+def is_tum(line: str) -> bool:
+    """Whether a line is a stamp, a place and a quaternion, whose length is 1."""
+    words = line.split()
+    if len(words) != 8 or not all(map(is_number, words)):
+        return False
+    return abs(sum(float(word) ** 2 for word in words[4:]) - 1) < 0.01
+
+
+def is_yolo(line: str) -> bool:
+    """Whether a line is a class and a box in parts of an image, with confidence or id or both."""
+    words = line.split()
+    if not 5 <= len(words) <= 7 or not all(map(is_number, words)) or not words[0].isdigit():
+        return False
+    has_parts = all("." in word for word in words[1:3])
+    return has_parts and all(0 <= float(word) <= 1 for word in words[1:5])
 
 
 def split(line: str) -> list[str]:

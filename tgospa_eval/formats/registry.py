@@ -38,6 +38,12 @@ FORMATS: "Registry[Reader]" = Registry(
         "mat": "tgospa_eval.formats.matlab:read_mat",
         "nuscenes": "tgospa_eval.formats.nuscenes:read_nuscenes",
         "argoverse": "tgospa_eval.formats.arrow:read_argoverse",
+        "json": "tgospa_eval.formats.records:read_json",
+        "xlsx": "tgospa_eval.formats.records:read_excel",
+        "wide": "tgospa_eval.formats.wide:read_wide",
+        "deeplabcut": "tgospa_eval.formats.wide:read_deeplabcut",
+        "tum": "tgospa_eval.formats.folders:read_tum",
+        "yolo": "tgospa_eval.formats.folders:read_yolo",
     },
     _reader,
 )

@@ -252,7 +252,7 @@ def test_scores_are_no_ids(write: Write, header: str) -> None:
         ("device_id,t,x,y", "id=device_id"),
         ("device_id,t,target,x,y", "id="),
         ("id,t,px,py,e,n", "x=px"),
-        ("id,t,east,north,z", "x=east"),
+        ("id,t,my_east,my_north,z", "x=my_east"),
     ],
 )
 def test_what_may_be_something_else_is_asked_for(write: Write, header: str, meant: str) -> None:
@@ -358,9 +358,9 @@ def test_two_parts_of_a_stamp(write: Write, header: str, remedy: str) -> None:
         ("id t x\na 1\n", "line 2: 2 fields, the header has 3"),
         ("id t x\n#a 1 2\nb 1 2\n", "line 2: a comment, not a row, or an id"),
         ("id|t|x\na|1|2\n", "line 1: columns separated by vertical bars"),
-        ('[{"id": 0, "t": 0}, {"id": 1, "t": 0}]', "line 1: JSON, not a table"),
-        ('{"id": 0, "t": 0, "x": 1}\n', "line 1: JSON, not a table"),
-        ('{"tracks": [' + "0, " * 50_000 + "0]}", "line 1: JSON, not a table"),
+        ('[{"id": 0, "t": 0}, {"id": 1, "t": 0}]', "a.csv: no column for position"),
+        ('{"id": 0, "t": 0, "x": 1}\n', "a.csv: JSON, not a table"),
+        ('{"tracks": [' + "0, " * 50_000 + "0]}", "a.csv: no column for id, t, position"),
         ("<html>\n", "line 1: XML or HTML, not a table"),
     ],
 )

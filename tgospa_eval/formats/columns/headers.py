@@ -14,6 +14,12 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats.columns.patterns import (
+    ID_MARK,
+    objects_in,
+    pattern_in,
+    shared_columns,
+)
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.text import listed, quoted
@@ -85,12 +91,19 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
             raise ConfigError(f"columns: {quoted(item)} is neither a name nor name=header")
         if name in wanted or name in mapped:
             raise ConfigError(f"columns: {quoted(name)} is given twice")
+        if ID_MARK in name and not equals:  # x{id}
+            header, equals, name = name, "=", name.replace(ID_MARK, "").strip(" _.-")
         if equals:
             mapped[name] = header
         beside = name in (*EDGES, WEIGHT) or name.startswith(PREFIXES)
         if name not in NO_STATES and not (equals and beside):
             wanted[name] = None
     return mapped, tuple(wanted)
+
+
+def has_patterns(options: ReadOptions) -> bool:
+    """Whether columns are named by pattern, for each object its own."""
+    return any(ID_MARK in item for item in options.columns or ())
 
 
 def ask(option: str, items: Sequence[str]) -> str:
@@ -120,7 +133,8 @@ FIRST_ALIASES = {
 
 COORDINATE = (
     "{0} pos_{0} {0}_pos position_{0} {0}_position {0}_coord coord_{0} {0}_coordinate "
-    "coordinate_{0} utm_{0} {0}_utm center_{0} {0}_center centre_{0} {0}_centre c{0} {0}c"
+    "coordinate_{0} utm_{0} {0}_utm center_{0} {0}_center centre_{0} {0}_centre c{0} {0}c "
+    "pose_position_{0} pose_pose_position_{0}"
 )
 """Aliases of each coordinate."""
 
@@ -136,10 +150,11 @@ HEADER_ALIASES = {
         "instance_id instance_token entity_id agent_id vehicle_id person_id pedestrian_id actor_id "
         "tracker_id tracking_id player_id ship_id taxi_id individual_id "
         "individual_local_identifier particle mmsi icao24",
-        "t": f"{' '.join(FIRST_ALIASES['t'])} ts stamp datetime utc utc_time time_utc timestep "
-        "frame_id frame_idx frame_index frame_no frame_num frame_number base_date_time",
-        "x": COORDINATE.format("x") + " easting utm_easting",
-        "y": COORDINATE.format("y") + " northing utm_northing",
+        "t": f"header_stamp {' '.join(FIRST_ALIASES['t'])} ts stamp datetime utc utc_time "
+        "time_utc timestep frame_id frame_idx frame_index frame_no frame_num frame_number "
+        "base_date_time",
+        "x": COORDINATE.format("x") + " easting utm_easting east",
+        "y": COORDINATE.format("y") + " northing utm_northing north",
         "z": COORDINATE.format("z"),
         "lat": "lat latitude gps_lat gps_latitude pos_lat location_lat",
         "lon": "lon lng long longitude gps_lon gps_lng gps_longitude pos_lon location_lon "
@@ -156,10 +171,13 @@ HEADER_ALIASES = {
 """Headers of each column; case does not matter, nor do blanks, punctuation and the unit behind."""
 
 METRES = ("m", "meter", "meters", "metre", "metres", "km", "ft", "feet")
-LENGTHS = (*METRES, "px", "pixel", "pixels")
+LENGTHS = (
+    *(*METRES, "px", "pixel", "pixels", "cm", "mm", "um", "µm", "μm", "nm"),
+    *("micron", "microns", "micrometer", "micrometers", "in", "inch", "inches"),
+)
 TIMES = (
     *("s", "sec", "secs", "second", "seconds", "ms", "msec", "us", "usec", "ns", "nsec"),
-    *("nanoseconds", "microseconds", "milliseconds", "utc", "unix"),
+    *("nanoseconds", "microseconds", "milliseconds", "utc", "unix", "frame", "frames"),
 )
 SECONDS = ("s", "sec", "secs", "second", "seconds")
 FRACTIONS = {
@@ -179,7 +197,7 @@ UNITS = {
 
 HINTS = {
     "id": "id$|mmsi|track|trk|obj|target|name|who",
-    "t": "time|stamp|frame|date|sec|scan|epoch|clock|when",
+    "t": "time|stamp|frame|image|date|sec|scan|epoch|clock|when",
 }
 """What headers have that may be meant where no alias is found."""
 
@@ -364,6 +382,11 @@ def _words(header: str) -> list[str]:
     return re.findall(r"[^\W_]+", header.casefold()) or [""]
 
 
+CLOSING = tuple(")]>}")
+IN_BRACKETS = re.compile(r"(.+?)[(\[<{]([^()\[\]<>{}]+).")
+"""Name and unit of a header that ends with a unit in brackets."""
+
+
 def _joined(header: str) -> str:
     """Without case, blanks and punctuation."""
     return "".join(re.findall(r"[^\W_]+", header)).casefold()
@@ -377,9 +400,12 @@ def _aliases(name: str) -> tuple[str, ...]:
 
 def _keys(header: str) -> Iterator[tuple[str, str]]:
     """The header as one word, and without its last word, which may be a unit: that word too."""
+    header = header.removeprefix("field.")  # of rostopic echo -p
     words = [header] if header.isalnum() else re.findall(r"[^\W_]+", header)
     yield "".join(words).casefold(), ""
-    if len(words) > 1:
+    if header.endswith(CLOSING) and (within := IN_BRACKETS.fullmatch(header)):
+        yield _joined(within[1]), within[2].strip().casefold()
+    elif len(words) > 1:
         yield "".join(words[:-1]).casefold(), words[-1].casefold()
 
 
@@ -435,10 +461,22 @@ def absent(
     named = {name: found.get(name, "HEADER") for name in missing if name != "position"} | found
     # What the user has mapped stays so, and so does the choice of states.
     named |= headers.mapped
+    if "id" in missing:
+        free = [name for name in headers.names if not re.search(NO_HINT, name, re.IGNORECASE)]
+        if pattern := pattern_in(free):
+            times = [f"t={named['t']}"] if "t" in named else []
+            remedy = ask(headers.option or "columns", [*times, *pattern])
+            return f"{lost}; if each object has columns of its own, {remedy}; else {DETECTIONS}"
     items = [f"{name}={header}" for name, header in named.items()]
     if set(states) & set(missing):
         items += [name for name in states if name not in named]
     also = f"; {DETECTIONS}" if named.get("id") == "HEADER" else ""
+    if also and missing == ["id"]:
+        also += "; where each file is an object, add a column id with its name"
+    boxes = [name for name in headers.names if re.fullmatch(r"(?i)b?box(\.0)?", name)]
+    if "position" in missing and boxes:
+        what = boxes[0].removesuffix(".0")
+        also += f"; {what} is read from columns left, top and width, height or right, bottom"
     return f"{lost}; rename what is meant, or map it with {ask(headers.option, items)}{also}"
 
 
@@ -635,10 +673,12 @@ def find_roles(
     where: str,
     *,
     fixed: bool = False,
+    wide: bool = False,
 ) -> Roles:
     """Assign roles to the headers of a table; `where` begins every message.
 
-    `fixed` headers are those of a format, which nobody can rename.
+    `fixed` headers are those of a format, which nobody can rename. The table may be `wide`: then
+    the roles are of the table that `formats.frames.lengthened` makes of it.
 
     Raises
     ------
@@ -648,8 +688,17 @@ def find_roles(
         The columns asked for cannot be understood.
     """
     names = [name.strip() for name in header]
+    if len(names) > 1 and not names[0]:
+        names[0] = UNNAMED
     _check_names(names, where, options.option)
     mapped, wanted = parse_columns(options.columns)
+    if wide and has_patterns(options) and (objects := objects_in(names, mapped)):
+        if "id" in mapped:
+            ids = f"{ID_MARK} in headers and id={mapped['id']}"
+            raise ConfigError(f"columns: ids are named by {ids}; leave out one")
+        own = list(next(iter(objects.values())))
+        names = ["id", *(names[k] for k in shared_columns(names, objects)), *own]
+        mapped |= dict(zip(own, own, strict=True))
     if options.boxes:
         # x and y are centres of boxes; those that one file names are asked of both.
         other = next((name for name in wanted if name not in (*BOX, "x", "y")), None)
@@ -917,6 +966,10 @@ def _box(
     return box if len(box) >= 4 else {}
 
 
+UNNAMED = "column 1 (blank header)"
+"""The first column where it has no name: the index of pandas, or the row names of R."""
+
+
 def are_numbers(fields: Sequence[str]) -> bool:
     """Whether most of the fields are numbers, as of a row and not of a header."""
     return 2 * sum(map(is_number, fields)) > len(fields)
@@ -966,7 +1019,6 @@ def _check_names(names: list[str], where: str, option: str) -> None:
         if not name:
             raise InputError(
                 f"{where}: column {k} has no name in the header; name it, also if unused"
-                " (pandas writes such a one but for to_csv(..., index=False))"
             )
         if name in seen:
             raise InputError(f"{where}: the header names {quoted(name)} twice; rename one")

@@ -21,7 +21,7 @@ from tgospa_eval.common.machine import compiled
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.headers import Roles
-from tgospa_eval.formats.fields import Coded, attribute_of, floats, is_number
+from tgospa_eval.formats.fields import MISSING, Coded, attribute_of, floats, is_number
 from tgospa_eval.formats.guess import COMMENTS
 from tgospa_eval.formats.rows import (
     NAME_OBJECTS,
@@ -362,11 +362,12 @@ def _values(texts: Sequence[str], decimal: str, row: int, wrong: Wrong) -> Float
     try:
         values = floats(texts, decimal)
     except ValueError:
+        texts = ["nan" if text.strip() in MISSING else text for text in texts]
         values = np.full(len(texts), np.nan)
         for k, text in enumerate(texts):
             if is_number(text, decimal):
                 values[k] = floats([text], decimal)[0]
-            elif text.strip():
+            else:
                 note("not a number", k)
     for k in np.flatnonzero(np.isinf(values)).tolist():
         note("infinite", k)

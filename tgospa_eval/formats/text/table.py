@@ -39,7 +39,7 @@ from tgospa_eval.formats.columns.headers import (
     placed_names,
     without_header,
 )
-from tgospa_eval.formats.fields import Coded, attribute_of, is_number
+from tgospa_eval.formats.fields import MISSING, Coded, attribute_of, is_number
 from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.guess import split as split_line
 from tgospa_eval.formats.loading import check_text_memory
@@ -69,6 +69,12 @@ GROUPED_NUMBER = r"[+-]?[1-9]\d{0,2}[.,]\d{3}"
 """Numbers whose mark may be one between thousands."""
 
 FIELDS_BY_BLANKS = re.compile(r'"([^"\n]*)"|([^ \t\n]+)')
+
+LINES_ASIDE = 4
+"""Lines of titles, names or units, above or below a header."""
+
+WORD = re.compile(r"[^\d\s+.,-].*[^\W\d_].*|[^\W\d_].*|[^\w\s+.,-]")
+"""The name or the unit of a column, also in brackets: no number, and no time."""
 
 FEWEST = 3
 """Columns of a table by blanks: id, t and x."""
@@ -109,13 +115,16 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
     return convert(fields, roles, decimal, path, names, name_id)
 
 
-def header_of(text: str, path: str, options: ReadOptions) -> tuple[list[str], Roles, str, int, int]:
+def header_of(
+    text: str, path: str, options: ReadOptions, *, wide: bool = False
+) -> tuple[list[str], Roles, str, int, int]:
     """The headers, what they are, the delimiter, number and begin of the line after them.
 
-    It is the first line with content that is no comment; one that begins like a comment is the
-    header if it is understood as one.
+    It is the first line that is understood as one, also if it begins like a comment. Comments, and
+    a few lines of other length than the rows, may be above it; lines of units and names below it.
     """
-    fault, passed = None, 0
+    faults: dict[int, InputError] = {}  # by the number of fields: the first line is the likeliest
+    comments = others = 0
     for number, found in enumerate(re.finditer(r".*\n?", text), start=1):
         line, start = found[0].removesuffix("\n"), found.end()
         if not line.strip():
@@ -131,31 +140,71 @@ def header_of(text: str, path: str, options: ReadOptions) -> tuple[list[str], Ro
             mapped = tuple(item for item in placed or () if "=" in item)
             roles = find_roles(names, replace(options, columns=mapped or None), where)
             return names, roles, delimiter, number, found.start()
+        names: list[str] = []
         try:
             names = [name.strip() for name in by_blanks or next(split_rows([line], delimiter))]
-            roles = find_roles(names, options, where)
+            roles = find_roles(names, options, where, wide=wide)
         except (InputError, csv.Error) as error:
             # What the line looks like, if it is not a header with other names.
             why = foreign(line) or f"{error}; it must be the header, id,t,x,y"  # a field too long
             if are_numbers(fields) and not foreign(line):
                 why = without_header(fields, options.option, "").removeprefix(": ")
             is_named = isinstance(error, InputError) and not foreign(line)
-            fault = fault or (error if is_named else InputError(f"{where}: {why}"))
-            if not line.lstrip().startswith(COMMENTS):
-                raise (error if is_named else InputError(f"{where}: {why}")) from None
-            if by_blanks and isinstance(error, InputError) and _are_numbers(after):
-                raise  # numbers below it: no other line is the header
-            passed += 1
+            mistake = InputError(f"{where}: {why}")
+            if isinstance(error, InputError):
+                mistake = error if is_named else mistake
+                row = _fields(after, delimiter)
+                if len(row) == len(names) > 1 and any(map(is_number, row)):
+                    raise faults.get(len(names), error) from None  # no other line is the header
+            is_comment = line.lstrip().startswith(COMMENTS)
+            faults.setdefault(-1 if is_comment else len(names), mistake)
+            comments, others = comments + is_comment, others + (not is_comment)
+            if others > LINES_ASIDE:
+                break
             continue
-        if passed:
-            notice = f"{counted(passed, 'line')} of comments above the header passed over"
-            roles = replace(roles, passed=(*roles.passed, notice))
-        return names, roles, delimiter, number + 1, start
-    raise fault or InputError(f"{path}: blank lines only; a set without objects is a header alone")
+        passed = list(roles.passed)
+        if comments or others:
+            what = "" if others else " of comments"
+            above = counted(comments + others, "line")
+            passed.append(f"{above}{what} above the header passed over")
+        below = 0  # of a wide table nobody has such lines
+        if not wide:
+            below, start = _lines_of_units(text, start, len(names), delimiter, roles)
+        if below:
+            lines = counted(below, "line")
+            passed.append(f"{lines} of units or names below the header passed over")
+        roles = replace(roles, passed=tuple(passed))
+        return names, roles, delimiter, number + 1 + below, start
+    blank = InputError(f"{path}: blank lines only; a set without objects is a header alone")
+    of_comments = faults.pop(-1, blank)
+    raise next(iter(faults.values()), of_comments)
 
 
-def _are_numbers(line: str) -> bool:
-    return bool(line.split()) and all(map(is_number, line.split()))
+def _lines_of_units(
+    text: str, start: int, width: int, delimiter: str, roles: Roles
+) -> tuple[int, int]:
+    """Lines below the header that have words for its places and times, and where rows begin.
+
+    None if no row follows: then they are rows with mistakes.
+    """
+    state = {column for mix in roles.state for column, _ in mix}
+    count, begin = 0, start
+    for line in itertools.islice(lines_of(text, start), LINES_ASIDE + 1):
+        fields = [field.strip() for field in _fields(line, delimiter)]
+        if len(fields) != width:
+            break
+        filled = {k for k in {roles.time, *state} if fields[k] not in MISSING}
+        if not filled & state or not all(WORD.fullmatch(fields[k]) for k in filled):
+            return (count, begin) if filled else (0, start)
+        count, begin = count + 1, begin + len(line)
+    return 0, start
+
+
+def _fields(line: str, delimiter: str) -> list[str]:
+    """The fields of a line; none if its quotes are wrong."""
+    with suppress(csv.Error):
+        return next(split_rows([line], delimiter), [])
+    return []
 
 
 def _delimiter(header: str, decimal: str) -> str:

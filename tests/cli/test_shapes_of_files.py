@@ -1,0 +1,363 @@
+"""Files as people have them: lines around the header, columns of each object, folders, JSON."""
+
+import io
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tgospa_eval import InputError, evaluate
+from tgospa_eval.formats import ReadOptions, read
+
+Invoke = Callable[..., Any]
+
+STEPS = range(5)
+SHIFT = (0.3, 0.4)
+TOTAL = 10 * 0.25
+"""Of two objects for five steps, each off by `SHIFT`."""
+
+
+def states(side: str) -> list[tuple[str, int, float, float]]:
+    """Id, step and place of two objects."""
+    dx, dy = SHIFT if side == "est" else (0, 0)
+    return [(k, t, 10 * int(k) + t + dx, 5 + dy) for t in STEPS for k in "12"]
+
+
+def write(name: str, text: str) -> None:
+    Path(name).parent.mkdir(exist_ok=True)
+    Path(name).write_text(text, encoding="utf-8")
+
+
+def both(form: str, text: Callable[[str], str]) -> tuple[str, str]:
+    """The two files, whose names and texts follow from the side."""
+    for side in ("gt", "est"):
+        write(form.format(side), text(side))
+    return form.format("gt"), form.format("est")
+
+
+def total(answer: Any) -> float:
+    assert answer.status == 0, answer.err
+    return float(answer.out.split()[2].rstrip(",")) ** 2
+
+
+def csv_of(header: str, row: str, above: str = "", below: str = "") -> Callable[[str], str]:
+    """Text of a CSV file, whose rows are formatted with k, t, x and y."""
+
+    def text(side: str) -> str:
+        rows = (row.format(k=k, t=t, x=x, y=y) for k, t, x, y in states(side))
+        return "\n".join((*filter(None, (above, header, below)), *rows, ""))
+
+    return text
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        pytest.param(
+            csv_of(
+                "LABEL,TRACK_ID,POSITION_X,POSITION_Y,FRAME",
+                "ID,{k},{x},{y},{t}",
+                below="Label,Track ID,X,Y,Frame\nLabel,Track ID,X,Y,Frame\n,,(micron),(micron),",
+            ),
+            "3 lines of units or names below the header passed over",
+            id="TrackMate",
+        ),
+        pytest.param(
+            csv_of("id,name,t,x,y", "{k},NA,{t},{x},{y}", below=" , , ,m,m"),
+            "1 line of units or names below the header passed over",
+            id="units below",
+        ),
+        pytest.param(
+            csv_of("id;t;x;y", "{k};{t};{x};{y}", above="sep=;"),
+            "1 line above the header passed over",
+            id="Excel's separator",
+        ),
+        pytest.param(
+            csv_of("id,t,x,y", "{k},{t},{x},{y}", above="Export of Monday, at noon"),
+            "1 line above the header passed over",
+            id="title",
+        ),
+        pytest.param(
+            csv_of(",id,t,x,y", "{t},{k},{t},{x},{y}"),
+            "columns not used: column 1 (blank header)",
+            id="index of pandas",
+        ),
+        pytest.param(csv_of("%time,field.id,field.x,field.y", "{t},{k},{x},{y}"), "", id="rosbag"),
+        pytest.param(csv_of("ID,T [frame],East (m),North <m>", "{k},{t},{x},{y}"), "", id="units"),
+        pytest.param(csv_of("id,t,X (µm),Y [micron]", "{k},{t},{x},{y}"), "", id="microns"),
+    ],
+)
+def test_lines_around_the_header(invoke: Invoke, text: Callable[[str], str], said: str) -> None:
+    answer = invoke(*both("{}.csv", text), "-c", "5", "-g", "2")
+    assert total(answer) == pytest.approx(TOTAL, rel=1e-4)
+    assert said in answer.err
+
+
+def test_the_header_that_looks_like_a_comment_is_named_in_the_message(invoke: Invoke) -> None:
+    row = "1{t},17{t},{k},{x},{y}"
+    header = "%time,field.header.stamp,field.id,field.pose.position.x,field.pose.position.y"
+    paths = both("{}.csv", csv_of(header, row))
+    answer = invoke(*paths, "-c", "5", "-g", "2")
+    assert '"%time" and "field.header.stamp" may both be t' in answer.err
+    answer = invoke(*paths, "-c", "5", "-g", "2", "--columns", "t=field.header.stamp")
+    assert total(answer) == pytest.approx(TOTAL, rel=1e-4)
+    write("a.csv", "%when,who,place x,place y\n0,1,2,3\n")
+    answer = invoke("inspect", "a.csv")
+    assert (answer.status, "a.csv, line 1: no column for" in answer.err) == (3, True)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("id,t,x,y\na,one,two,three\n", "line 2, column"),
+        ("id,t,x,y\na,0,two,three\na,1,2,3\n", "line 2, column"),
+        ("id,t,,x\na,0,1,2\n", "column 3 has no name"),
+        ("title\nid,place,t\na,1,2\n", "line 2: no column for position"),
+        ("who,when\nid,t\n" * 9, "line 1: no column for"),
+    ],
+)
+def test_what_is_no_line_of_units(invoke: Invoke, text: str, said: str) -> None:
+    write("a.csv", text)
+    answer = invoke("inspect", "a.csv")
+    assert (answer.status, said in answer.err) == (3, True), answer.err
+
+
+@pytest.mark.parametrize("word", ["NA", "null", "None", "N/A", "NaN", " NA ", "<NA>", '"NULL"'])
+def test_words_for_missing_numbers(word: str) -> None:
+    write("a.csv", f"id,t,x,y\na,0,1,2\na,1,{word},{word}\na,2,3,4\n")
+    side = read("a.csv").trajectories
+    assert [side.times[k].item() for k in side.step] == [0, 2]
+
+
+# --- columns of each object -----------------------------------------------------------------------
+
+
+def wide(side: str, header: str, missing: str = "nan") -> str:
+    rows = []
+    for t in STEPS:
+        places = [f"{x},{y}" for _, step, x, y in states(side) if step == t]
+        if side == "est" and t == 2:
+            places[1] = f"{missing},{missing}"
+        rows.append(",".join((f"{t / 25:.2f}", *places)))
+    return "\n".join((header, *rows, ""))
+
+
+@pytest.mark.parametrize(
+    ("header", "columns"),
+    [
+        ("time,x1,y1,x2,y2", "x=x{id},y=y{id}"),
+        ("time,m1.x,m1.y,m2.x,m2.y", "x=m{id}.x,y=m{id}.y"),
+        ("Time,Fish 1 X (px),Fish 1 Y (px),Fish 2 X (px),Fish 2 Y (px)",
+         "x=Fish {id} X (px),y=Fish {id} Y (px)"),
+    ],
+)  # fmt: skip
+def test_a_wide_table_is_read_by_the_pattern_of_the_message(
+    invoke: Invoke, header: str, columns: str
+) -> None:
+    paths = both("{}.csv", lambda side: wide(side, header))
+    answer = invoke(*paths, "-c", "5", "-g", "2")
+    assert (answer.status, answer.out) == (3, "")
+    assert f"if each object has columns of its own, --truth-columns '{columns}'" in answer.err
+    answer = invoke(*paths, "-c", "5", "-g", "2", "--columns", columns)
+    assert total(answer) == pytest.approx(9 * 0.25 + 12.5, rel=1e-4)
+    tables = [pd.read_csv(path) for path in paths]
+    options = {"cutoff": 5, "switch_penalty": 2}
+    found = evaluate(*tables, columns=tuple(columns.split(",")), **options)
+    assert found.total == pytest.approx(9 * 0.25 + 12.5)
+
+
+def test_a_wide_table_beside_a_long_one(invoke: Invoke) -> None:
+    write("gt.csv", csv_of("id,t,x,y", "{k},{t},{x},{y}")("gt"))
+    write("est.csv", "t,x1,y1,x2,y2\n" + "".join(f"{t},{10 + t},5,{20 + t},5\n" for t in STEPS))
+    for columns in (("--estimate-columns", "x{id},y{id}"), ("--columns", "x{id},y{id}")):
+        assert total(invoke("gt.csv", "est.csv", "-c", "5", "-g", "2", *columns)) == 0
+    answer = invoke("gt.csv", "est.csv", "--estimate-columns", "id=t,x=x{id},y=y{id}")
+    assert (answer.status, "ids are named by {id} in headers" in answer.err) == (2, True)
+    write("bad.csv", "t,x1,y1,x2,y2\n0,1,2,3,4\n1,1,2,3\n")
+    answer = invoke("inspect", "bad.csv", "--columns", "x{id},y{id}")
+    assert "bad.csv, line 3: 4 fields, the header has 5" in answer.err
+    write("bad.csv", "t,x1,y1,x2,y2\n0,1,2,3,4\n1,1,2,far,4\n")
+    answer = invoke("inspect", "bad.csv", "--columns", "x{id},y{id}")
+    assert 'bad.csv, line 3, column "x": not a number: "far"' in answer.err
+
+
+def test_deeplabcut(invoke: Invoke) -> None:
+    def text(side: str, parts: str = "nose,nose,nose,nose") -> str:
+        rows = wide(side, "", missing="")
+        levels = ("scorer,net,net,net,net", "individuals,m1,m1,m2,m2", f"bodyparts,{parts}")
+        return "\n".join((*levels, "coords,x,y,x,y", rows.strip(), ""))
+
+    paths = both("{}.csv", text)
+    answer = invoke(*paths, "-c", "5", "-g", "2")
+    assert total(answer) == pytest.approx(9 * 0.25 + 12.5, rel=1e-4)
+    paths = both("{}.csv", lambda side: text(side, "nose,nose,tail,tail"))
+    answer = invoke(*paths, "-c", "5", "-g", "2")
+    assert (answer.status, "several body parts (nose, tail)" in answer.err) == (3, True)
+
+
+# --- folders --------------------------------------------------------------------------------------
+
+
+def test_a_folder_of_tum_has_an_object_a_file(invoke: Invoke) -> None:
+    for side in ("gt", "est"):
+        for name in "12":
+            lines = [f"{t}.5 {x} {y} 0 0 0 0.6 0.8" for k, t, x, y in states(side) if k == name]
+            head = "# timestamp tx ty tz qx qy qz qw\n" * (side == "gt")
+            write(f"{side}/robot{name}.txt", head + "\n".join(lines) + "\n")
+    for options in ((), ("--memory", "1GB")):
+        answer = invoke("gt", "est", "-c", "5", "-g", "2", *options)
+        assert total(answer) == pytest.approx(TOTAL, rel=1e-4)
+        assert "gt: read as tum" in answer.err
+    answer = invoke("gt/robot1.txt", "est/robot1.txt", "-c", "5", "-g", "2")
+    assert total(answer) == pytest.approx(TOTAL / 2, rel=1e-4)
+    write("est/robot2.txt", "# run 7\n" * 20 + "9 far 0 0 0 0 0 1\n")
+    answer = invoke("gt", "est", "-c", "5", "-g", "2")
+    assert 'est, robot2.txt, line 21, column "x": not a number: "far"' in answer.err
+    write("est/other.csv", "id,t,x,y\n")  # then it is not known what is meant
+    assert "est: is a folder, not a file" in invoke("gt", "est").err
+
+
+def test_a_folder_of_yolo_has_a_frame_a_file(invoke: Invoke) -> None:
+    for side, shift in (("gt", 0), ("res", 0.01)):
+        for t in STEPS:
+            lines = [f"0 {0.2 * k + 0.01 * t + shift:.4f} 0.3000 0.05 0.1 {k}" for k in (1, 2)]
+            write(f"{side}/clip_{t}.txt", "\n".join(lines) + "\n")
+    answer = invoke(".", "..")
+    assert ".: is a folder, not a file; in it: gt, res" in answer.err
+    write("gt/classes.txt", "car\n")
+    write("gt/clip_9.txt", "")
+    answer = invoke("gt", "res", "--distance", "iou", "-c", "0.5", "-g", "0.5")
+    overlap = 1 - 0.04 / 0.06
+    assert total(answer) == pytest.approx(10 * overlap**2, rel=1e-4)
+    answer = invoke("gt", "res", "-c", "0.1", "-g", "0.05")
+    assert total(answer) == pytest.approx(10 * 0.01**2, rel=1e-4)
+    for text, said in (
+        ("0 0.2 0.3 0.05 0.1 0.87\n", "no id, as detections have none"),
+        ("0 0.2 0.3 0.05 0.1\n", "no id, as detections have none"),
+    ):
+        write("res/clip_3.txt", text)
+        answer = invoke("gt", "res", "-c", "0.1", "-g", "0.05")
+        assert (answer.status, said in answer.err) == (3, True)
+        assert "res, clip_3.txt, line 1: " in answer.err
+    write("res/clip_3.txt", "0 0.2 0.3 0.05 0.1 0.87 1\n")
+    write("res/other_3.txt", "0 0.2 0.3 0.05 0.1 0.87 1\n")
+    answer = invoke("gt", "res", "-c", "0.1", "-g", "0.05")
+    assert "res: frames of several videos (clip_, other_); a folder for each" in answer.err
+
+
+# --- JSON and Excel -------------------------------------------------------------------------------
+
+
+def records(side: str) -> list[dict[str, object]]:
+    return [
+        {"frame": t, "tracker_id": k, "class_name": "car", "at": {"x": x, "y": y}}
+        | {"x_min": x - 1, "y_min": y - 1, "x_max": x + 1, "y_max": y + 1}
+        for k, t, x, y in states(side)
+    ]
+
+
+JSON = {
+    "lines": lambda side: "\n".join(map(json.dumps, records(side))),
+    "indented": lambda side: json.dumps(records(side), indent=4),
+    "by column": lambda side: pd.DataFrame(records(side)).drop(columns="at").to_json(),
+}
+
+
+@pytest.mark.parametrize("text", JSON.values(), ids=JSON)
+def test_flat_records(invoke: Invoke, text: Callable[[str], str]) -> None:
+    paths = both("{}.json", text)
+    answer = invoke(*paths, "-c", "5", "-g", "2")
+    assert total(answer) == pytest.approx(TOTAL, rel=1e-4)
+    if "at" in text("gt"):
+        answer = invoke(*paths, "-c", "5", "-g", "2", "--columns", "x=at.x,y=at.y")
+    assert total(answer) == pytest.approx(TOTAL, rel=1e-4)
+
+
+def coco(side: str, **image: Any) -> dict[str, Any]:
+    images = [
+        {"id": 10 * t + 3, "file_name": f"{t}.jpg"}
+        | {key: value(t) for key, value in image.items()}
+        for t in STEPS
+    ]
+    annotations = [
+        {"id": n, "image_id": 10 * t + 3, "track_id": k, "bbox": [x - 1, y - 1, 2, 2]}
+        for n, (k, t, x, y) in enumerate(states(side))
+    ]
+    return {"images": images, "annotations": annotations, "categories": []}
+
+
+def test_coco(invoke: Invoke) -> None:
+    both("{}.json", lambda side: json.dumps(coco(side, frame_id=lambda t: t)))
+    write("res.json", json.dumps(coco("est")["annotations"]))
+    for estimate in ("est.json", "res.json"):
+        answer = invoke("gt.json", estimate, "-c", "5", "-g", "2")
+        assert total(answer) == pytest.approx(TOTAL, rel=1e-4)
+    assert "evaluate them against the file with the images" in invoke("inspect", "res.json").err
+    both("{}.json", lambda side: json.dumps(coco(side)))
+    assert total(invoke("gt.json", "est.json", "-c", "5")) == pytest.approx(TOTAL, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("document", "said"),
+    [
+        (coco("gt", video_id=lambda t: t % 2), "2 videos (0, 1), which are no one recording"),
+        (coco("gt", file_name=lambda t: f"{9 - t}.jpg"), "not in the order of their names"),
+        ({"images": [], "annotations": [{"id": 1}]}, "no annotations of COCO: KeyError"),
+        ({"type": "FeatureCollection", "features": []}, "JSON, not a table"),
+        ([{"id": 1, "frame": 0, "bbox": [1, 2, 3, 4]}], "no column for position"),
+        ([{"id": "\ud800", "t": 0, "x": 1}], "a text with half a character"),
+        ([{"id": 1, "t": 0, "x": 1}, 7], "JSON, not a table"),
+        (
+            [{"id": 1, "t": 0, "x": [1, 2]}, {"id": 1, "t": 1, "x": 2}],
+            'record 1, column "x": a value',
+        ),
+    ],
+)
+def test_documents_that_are_no_tracks(invoke: Invoke, document: object, said: str) -> None:
+    write("a.json", json.dumps(document))
+    answer = invoke("inspect", "a.json")
+    assert (answer.status, said in answer.err) == (3, True), answer.err
+    assert len(answer.err.splitlines()) == 1
+
+
+def test_wrong_json_is_named_by_its_line(invoke: Invoke) -> None:
+    write("a.jsonl", '{"id": 1, "t": 0, "x": 2}\n{"id": 1,\n')
+    assert "a.jsonl, line 2, column" in invoke("inspect", "a.jsonl").err
+
+
+def test_a_spreadsheet(monkeypatch: pytest.MonkeyPatch, invoke: Invoke) -> None:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as file:
+        file.writestr("[Content_Types].xml", "<Types/>")
+    Path("a.xlsx").write_bytes(packed.getvalue())
+    frames = {"one": pd.DataFrame({"id": ["a", "a"], "t": [0, 1], "x": [1.0, None]})}
+    calls: list[Any] = []
+
+    def read_excel(*_: Any, **__: Any) -> Any:
+        if isinstance(calls[0], Exception):
+            raise calls[0]
+        return calls[0]
+
+    monkeypatch.setattr(pd, "read_excel", read_excel)
+    calls[:] = [ImportError("openpyxl")]
+    answer = invoke("inspect", "a.xlsx")
+    message = "a.xlsx: a spreadsheet; save it as CSV, or install openpyxl, which reads it\n"
+    assert (answer.status, answer.err) == (3, message)
+    calls[:] = [frames]
+    assert read("a.xlsx").rows == 2
+    calls[:] = [frames | {"two": frames["one"]}]
+    assert "2 tables (one, two); save one as CSV" in invoke("inspect", "a.xlsx").err
+
+
+def test_tracks_of_napari(invoke: Invoke) -> None:
+    write("gt.csv", csv_of("ID,T,Y,X", "{k},{t},{y},{x}")("gt"))
+    write("est.csv", csv_of("ID,T,Y,X", "{k},{t},{y},{x}")("est"))
+    assert total(invoke("gt.csv", "est.csv", "-c", "5", "-g", "2")) == pytest.approx(2.5, rel=1e-4)
+    np.save("a.npy", np.zeros((6, 4)))
+    with pytest.raises(InputError, match=r'columns=\["id", "t", "y", "x"\]'):
+        read("a.npy", ReadOptions())

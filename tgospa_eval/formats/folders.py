@@ -1,0 +1,76 @@
+"""Folders that are one side: a file an object (TUM), or a file a frame (YOLO)."""
+
+import os
+import re
+
+import pandas as pd
+
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats.fields import is_number
+from tgospa_eval.formats.guess import COMMENTS, files_of_folder
+from tgospa_eval.formats.loading import check_text_memory, unpacked_file
+from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.text.lines import decode
+from tgospa_eval.text import listed
+
+TUM_FIELDS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
+YOLO_FIELDS = ("class", "cx", "cy", "width", "height")
+YOLO_RULE = "lines are class, cx, cy, width, height, confidence where there is one, and id"
+
+
+def read_tum(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
+    """The table of trajectories, each of them a file, whose name is the id.
+
+    Raises
+    ------
+    InputError
+        A line is none of TUM.
+    """
+    rows, places = [], []
+    for stem, place, words in _lines(path, data, options):
+        if len(words) != len(TUM_FIELDS):
+            raise InputError(f"{path}, {place}: not 8 numbers: {' '.join(TUM_FIELDS)}")
+        rows.append([stem, *words])
+        places.append(place)
+    return pd.DataFrame(rows, columns=["id", *TUM_FIELDS], index=places)
+
+
+def read_yolo(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
+    """The table of boxes in parts of the image, whose files are the frames by number.
+
+    Raises
+    ------
+    InputError
+        A line is none of YOLO, has no id, or names are of no frames of one video.
+    """
+    rows, places, names = [], [], set()
+    for stem, place, words in _lines(path, data, options):
+        frame = re.fullmatch(r"(.*?)(\d+)", stem)
+        if frame is None:
+            raise InputError(f"{path}, {place}: the name of the file must end in the frame, clip_7")
+        names.add(frame[1])
+        has_id = len(words) in (6, 7) and words[-1].isdigit()
+        if not has_id or not all(map(is_number, words)):
+            why = "no id, as detections have none; " if len(words) in (5, 6) else ""
+            raise InputError(f"{path}, {place}: {why}{YOLO_RULE}")
+        rows.append([words[-1], frame[2], *words[:5]])
+        places.append(place)
+    if len(names) > 1:
+        videos = listed(sorted(names))
+        raise InputError(f"{path}: frames of several videos ({videos}); a folder for each")
+    return pd.DataFrame(rows, columns=["id", "t", *YOLO_FIELDS], index=places)
+
+
+def _lines(path: str, data: bytes, options: ReadOptions) -> list[tuple[str, str, list[str]]]:
+    """Name of the file, place, and words of each line with content."""
+    is_folder = os.path.isdir(path)
+    lines = []
+    for file in files_of_folder(path) if is_folder else [path]:
+        name = os.path.basename(file)
+        content = unpacked_file(file, options.max_input) if is_folder else data
+        check_text_memory(file, content, options.max_input)
+        for k, line in enumerate(decode(content, file).split("\n"), start=1):
+            if line.strip() and not line.lstrip().startswith(COMMENTS):
+                place = f"{name}, line {k}" if is_folder else f"line {k}"
+                lines.append((os.path.splitext(name)[0], place, line.split()))
+    return lines
