@@ -136,10 +136,11 @@ def header_of(
         delimiter = BLANKS if by_blanks else _delimiter(line, options.decimal)
         fields = by_blanks or line.split(delimiter)
         placed = options.placed or options.columns
-        if are_numbers(fields) and (names := placed_names(placed, len(fields), where)):
+        by_place = placed_names(placed, len(fields), where) if are_numbers(fields) else None
+        if by_place:
             mapped = tuple(item for item in placed or () if "=" in item)
-            roles = find_roles(names, replace(options, columns=mapped or None), where)
-            return names, roles, delimiter, number, found.start()
+            roles = find_roles(by_place, replace(options, columns=mapped or None), where)
+            return by_place, roles, delimiter, number, found.start()
         names: list[str] = []
         try:
             names = [name.strip() for name in by_blanks or next(split_rows([line], delimiter))]
