@@ -35,7 +35,7 @@ if TYPE_CHECKING:
             required=True,
         ),
         *chosen_options(
-            ("columns", "decimal", "max-input", "time", "class", "region", "jobs"),
+            ("columns", "decimal", "max-input", "time", "class", "region", "where", "jobs"),
             *REDUCTION,
             option(
                 "--in-format FORMAT",
