@@ -12,8 +12,9 @@ from pages import NASTY, address, detail, ink, labels, texts
 
 from tests.support.partitioned import partitioned
 from tgospa_eval import Sinkhorn, evaluate
-from tgospa_eval.api.result import Result
+from tgospa_eval.api.result import Result, ResultInParts
 from tgospa_eval.common import palette
+from tgospa_eval.common.frozen import recast
 from tgospa_eval.reports import plot_data
 
 
@@ -40,7 +41,7 @@ def test_of_data_in_parts_there_are_costs_over_time_and_the_costliest(
 ) -> None:
     pytest.importorskip("pyarrow")
     monkeypatch.setattr(plot_data, "MOST_STRETCHES", 7)
-    tab = shown(partitioned(sample, tmp_path))
+    tab = shown(recast(partitioned(sample, tmp_path), ResultInParts))
     assert ink(tab, "#costs") > 10
     assert ink(tab, "#curve") > 10
     assert tab.run("document.getElementById('costs-note').textContent").endswith("mean of 8 steps")

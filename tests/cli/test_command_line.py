@@ -358,7 +358,7 @@ RARE = (
     *("formats.columns.spread", "formats.particles", "formats.text.small", "formats.frames"),
     "formats.arrow",
     # Of what writes folders, or other formats than the table.
-    *("reports.files", "reports.html", "cli.shared.writing", "plots"),
+    *("reports.files", "reports.html", "cli.shared.writing", "plots.figures"),
 )
 
 

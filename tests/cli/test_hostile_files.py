@@ -83,7 +83,7 @@ def test_paths_of_a_suite(invoke: Run, write: Write, bad: str) -> None:
 def test_the_working_folder_is_gone(
     invoke: Run, write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = write("t.csv", TABLE)
+    path, other = write("t.csv", TABLE), write("e.csv", TABLE.replace("0\n", "1\n"))
     (tmp_path / "gone").mkdir()
     monkeypatch.chdir(tmp_path / "gone")
     (tmp_path / "gone").rmdir()
@@ -92,8 +92,8 @@ def test_the_working_folder_is_gone(
         [path, path, "-o", "out"],
         ["simulate", "out"],
         [*STUDY, "-o", "out"],
-        ["gate", path, path, "--baseline", "b.json", "--update-baseline"],
-        ["gate", path, path, "--baseline", "b.json", "--junit", "j.xml"],
+        ["gate", path, other, "--baseline", "b.json", "--update-baseline"],
+        ["gate", path, other, "--baseline", "b.json", "--junit", "j.xml"],
     ):
         refused(invoke(*arguments), 2, "the working folder was removed")
     refused(invoke("t.csv", path), 3, "t.csv: no such file")

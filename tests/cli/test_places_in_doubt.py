@@ -74,9 +74,10 @@ def test_both_sides_are_compared_by_a_place_that_both_know(invoke: Invoke, image
 def test_a_place_that_stands_still_is_one(invoke: Invoke) -> None:
     """A single object that does not move, without another place, is no doubt."""
     write("a.csv", "id,t,x,y", [(1, t, 3, 4) for t in range(5)])
-    answer = invoke("a.csv", "a.csv", "-c", "1", "-g", "1")
-    assert value(answer) == 0
-    assert "warning" not in answer.err
+    write("c.csv", "id,t,x,y", [(1, t, 3, 4 + t % 2) for t in range(5)])
+    answer = invoke("a.csv", "c.csv", "-c", "5", "-g", "1")
+    assert value(answer) == pytest.approx(2**0.5, rel=1e-5)
+    assert "the same in all rows" not in answer.err
     write("b.csv", "id,t,x,y", [(k, t, -1, -1) for t in range(5) for k in (1, 2)])
     answer = invoke("b.csv", "b.csv", "-c", "1", "-g", "1")
     assert "warning: b.csv: x, y: the same in all rows, as of a place that is not known" in (

@@ -119,8 +119,8 @@ def test_a_column_of_one_file_is_told_from_those_of_both(invoke: Invoke) -> None
 def test_what_cannot_be_compared_is_an_error(invoke: Invoke) -> None:
     keyword: dict[str, Any] = {"cutoff": 5, "switch_penalty": 2}
     text = Path("res.csv").read_text()
-    Path("res.csv").write_text(text.replace("0.9,van", "n/a,van", 1))
-    with pytest.raises(InputError, match=r'line 2, column "score": "n/a" is no number as for'):
+    Path("res.csv").write_text(text.replace("0.9,van", "high,van", 1))
+    with pytest.raises(InputError, match=r'line 2, column "score": "high" is no number as for'):
         evaluate("gt.csv", "res.csv", **keyword, estimate_where="score >= 0.5")
     with pytest.raises(InputError, match=r'line 2, column "x": 10 is a number, and .* a text'):
         evaluate("gt.csv", "res.csv", **keyword, truth_where="x == left")

@@ -42,7 +42,16 @@ SEEDS = {
         f"{t} {i} Car 0 0 0.5 {x} {y} {x + 9} {y + 9} 1 2 3 4 5 6 7\n" for i, t, x, y in ROWS
     ),
 }
-BINARY = ("parquet", "feather", "npy", "npz", "mat", "nuscenes", "argoverse")
+SHAPES = {
+    "json": "".join(f'{{"id": {i}, "t": {t}, "x": {x}, "y": {y}}}\n' for i, t, x, y in ROWS),
+    "wide": "t,x1,y1,x2,y2\n" + "".join(f"{t},{x},{y},{x},\n" for _, t, x, y in ROWS),
+    "deeplabcut": "scorer,a,a,a\nbodyparts,nose,nose,nose\ncoords,x,y,likelihood\n"
+    + "".join(f"{t},{x},{y},0.9\n" for _, t, x, y in ROWS[::3]),
+    "tum": "".join(f"{t}.5 {x} {y} 0 0 0 0 1\n" for _, t, x, y in ROWS[::3]),
+    "yolo": "".join(f"0 .{i} .{t} .1 .1 {i}\n" for i, t, _, _ in ROWS),
+}
+"""Of formats that pandas reads."""
+BINARY = ("xlsx", "parquet", "feather", "npy", "npz", "mat", "nuscenes", "argoverse")
 PIECES = [
     *(
         b"",
@@ -120,7 +129,9 @@ def edited_tables(draw: st.DrawFn, seed: bytes, delimiter: bytes) -> bytes:
 @cache
 def seed_of(name: str) -> bytes:
     if name not in BINARY:
-        return SEEDS[name].encode()
+        return (SEEDS | SHAPES)[name].encode()
+    if name == "xlsx":
+        return b"PK\x03\x04\x14\x00\x00\x00xl/workbook.xml"
     if name == "mat":
         return (SAMPLES / "formats" / "run.mat").read_bytes()
     if name == "nuscenes":
@@ -152,7 +163,7 @@ def seed_of(name: str) -> bytes:
 def contents(name: str, edited: bool) -> st.SearchStrategy[bytes]:
     """Files of a format that are nearly right."""
     if edited:
-        return edited_tables(seed_of(name), b" " if name == "kitti" else b",")
+        return edited_tables(seed_of(name), b" " if name in ("kitti", "tum", "yolo") else b",")
     return changed_bytes(seed_of(name))
 
 

@@ -7,6 +7,7 @@ A reader yields `formats.rows.Rows`, the rows before anything is left out, or a 
 import os
 from dataclasses import fields, replace
 
+from tgospa_eval.common.files import is_regular
 from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.options import ROLES, ReadOptions, one_of
@@ -75,6 +76,8 @@ def read(
 
     def read_by(options: ReadOptions) -> Reading:
         content = held.pop() if held else load_content()
+        if not os.path.exists(file) or not is_regular(file):
+            held.append(content)  # a pipe has its content once
         with FORMATS.blamed(chosen, InputError, f"{name}: "):
             rows = reader(name, content, options, role, given=format is not None)
             if not isinstance(rows, Rows):

@@ -1,7 +1,7 @@
 """The two sides as they were compared, and what is proven of them. Knows no solver and no file."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
@@ -10,7 +10,9 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import States
 from tgospa_eval.results.records import Costs, Labels
-from tgospa_eval.tracks.clouds import Clouds
+
+if TYPE_CHECKING:
+    from tgospa_eval.tracks.clouds import Clouds
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,8 +47,8 @@ class ComparedSides:
     estimate: Floats
     truth_covariance: Floats | None = None
     estimate_covariance: Floats | None = None
-    truth_clouds: Clouds | None = None
-    estimate_clouds: Clouds | None = None
+    truth_clouds: "Clouds | None" = None
+    estimate_clouds: "Clouds | None" = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

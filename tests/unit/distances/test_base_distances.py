@@ -470,7 +470,7 @@ def test_a_settings_file_names_circles(invoke: Invoke, write: Write, pair: tuple
         (["--scale", "x"], 2, ["--scale", '"x"', "name=number"]),
         (["--scale", "x=nan"], 2, ["--scale", '"x=nan"']),
         (["--scale", "x=1,x=2"], 2, ["--scale", '"x"', "twice"]),
-        (["--distance", "iou", "--columns", "x,y"], 2, ['"x"', "left, top, width, height"]),
+        (["--distance", "iou", "--columns", "x,z"], 2, ['"z"', "left, top, width, height"]),
         (["--distance", "haversine", "--columns", "lon,lat"], 3, ["t.csv", "lat,lon"]),
         (["--distance", "geodesic", "--columns", "lon,lat"], 3, ["t.csv", "lat,lon,alt"]),
         (["--distance", "haversine", "--vertical-weight", "2"], 2, ["--vertical-weight is for"]),
