@@ -31,6 +31,7 @@ from tgospa_eval import (
 from tgospa_eval.api.keywords import OF_THE_COMMAND
 from tgospa_eval.api.options import SETTINGS
 from tgospa_eval.cli.simulate import OPTIONS
+from tgospa_eval.common.notices import in_python
 from tgospa_eval.distances import Mahalanobis
 from tgospa_eval.simulation.settings import USUAL_ERRORS, usual_tracker
 
@@ -143,6 +144,7 @@ def test_python_and_the_command_make_one_document(
             del part["timings"]
         for warning in document["warnings"]:
             warning["remedy"] = ""  # each in its own words
+        document["notices"] = [in_python(text, reads=False) for text in document["notices"]]
     assert ours == theirs
 
 

@@ -49,6 +49,8 @@ class SidesRead:
         Paths of truth and estimate; None of what is no file.
     warnings : tuple of Notice
         What looks wrong with them.
+    notices : tuple of str
+        How they were read, and what nobody chose.
     """
 
     read: tuple[Reading, ...]
@@ -56,6 +58,7 @@ class SidesRead:
     request: EvaluationRequest
     files: dict[str, str | None]
     warnings: tuple[Notice, ...]
+    notices: tuple[str, ...]
 
     @property
     def records(self) -> list[dict[str, Any]]:
@@ -120,6 +123,7 @@ def read_sides(
         request=request,
         files=dict(zip(("truth", "estimate"), paths, strict=True)),
         warnings=tuple(notice for notice in notices if notice.code),
+        notices=tuple(notice.sentence for notice in notices if not notice.code),
     )
 
 
@@ -142,6 +146,7 @@ def evaluate_sides(
     return replace(
         result,
         warnings=(*sides.warnings, *result.warnings),
+        notices=sides.notices,
         files=sides.files,
         calibration=settings.similarity,
     )

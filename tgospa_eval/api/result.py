@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tgospa_eval.results.gradient import Gradient
 
 PUBLIC = (
-    *(*DOCUMENTED, *SPLIT_PARTS, "worst", "warnings", "results"),
+    *(*DOCUMENTED, *SPLIT_PARTS, "worst", "warnings", "notices", "results"),
     *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
     *("windows", "with_", "slices", "nees", "ignored"),
     *("metrics", "similarity", "gradient", "proof", "explain"),

@@ -187,10 +187,12 @@ def evaluate_partitioned(
             result = _result(
                 known, axis, grid, cut, found, blocks, stopwatch, work, run, assignments=kept
             )
-            for notice in _notices(known, axis, grid, cut, blocks):
+            notices = list(_notices(known, axis, grid, cut, blocks))
+            for notice in notices:
                 stopwatch.notify(str(notice))
     return replace(
         result,
+        notices=tuple(one.sentence for one in (*looked, *notices) if not one.code),
         warnings=(*(notice for notice in looked if notice.code), *result.warnings),
         timings=nested_timings(stopwatch),
         files={"truth": paths[0], "estimate": paths[1]},

@@ -194,6 +194,7 @@ def document(result: Evaluation) -> Document:
         lines=[result.parameters_in_words()],
         tables=tables,
         notes=[
+            *_typical(result),
             *filter(None, [result.not_judged]),
             *scored,
             *(() if result.nees is None else (f"NEES {result.nees.in_words}",)),
@@ -215,6 +216,15 @@ def _classes(result: Evaluation) -> Iterator[str]:
         for name, *values in zip(*classes.values(), strict=True)
     ]
     yield from map(clip, text_lines(Table(head=head, rows=rows, widths=(15, *[10] * 6))))
+
+
+def _typical(result: Evaluation) -> Iterator[str]:
+    """The value per step, and per object and step, in a sentence."""
+    judged, order = result.judged_on, result.proof.parameters.order
+    if judged.steps and judged.truth_states:
+        each = result.quantity((result.total / judged.truth_states) ** (1 / order))
+        per_step = result.quantity(result.normalised["tgospa"])
+        yield f"per step {per_step}; per object and step {each}"
 
 
 def _scale(result: Evaluation) -> Iterator[str]:

@@ -111,6 +111,8 @@ class Evaluation(ABC):
         Costs of sliding windows, if they were asked for.
     warnings : tuple of Notice
         What looks wrong, with `code`, `text` and `remedy`.
+    notices : tuple of str
+        How the sides were read, and what nobody chose: sentences.
     files : dict
         Paths of truth and estimate as they were given; None of what was no file.
     with_ : dict
@@ -145,6 +147,7 @@ class Evaluation(ABC):
     traced: Brackets | None = None
     slid: Windows | None = None
     warnings: tuple[Notice, ...] = ()
+    notices: tuple[str, ...] = ()
     files: dict[str, str | None] = field(default_factory=lambda: {"truth": None, "estimate": None})
     with_: OtherMetrics = field(default_factory=dict)
     sliced: tuple[Slicing, ...] = ()
@@ -162,8 +165,8 @@ class Evaluation(ABC):
 
     @property
     def told(self) -> list[str]:
-        """What is said beside the number: where settings come from, and what looks wrong."""
-        return told(self.settings_file, self.warnings)
+        """What is said beside the number: settings, what looks wrong, how it was read."""
+        return [*told(self.settings_file, self.warnings), *self.notices]
 
     @cached_property
     def scale(self) -> float:
@@ -460,6 +463,7 @@ class Evaluation(ABC):
             **self._records(),
             "worst": self.worst(),
             "warnings": [notice.record() for notice in self.warnings],
+            "notices": list(self.notices),
             **settings_field(self.settings_file),
         }
 

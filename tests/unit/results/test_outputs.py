@@ -78,7 +78,7 @@ def test_keys_of_the_json(sample: Result) -> None:
         "certified", "within_rounding",
         "localisation", "missed", "false", "switch", "counts", "normalised", "parameters", "sizes",
         "judged", "per_step", "switches", "worst", "solver", "timings", "input", "version",
-        "warnings", "files",
+        "warnings", "notices", "files",
     }  # fmt: skip
     assert document["schema"] == "tgospa-eval/result/1"
     assert document["version"] == __version__
@@ -369,7 +369,9 @@ def test_markdown(sample: Result) -> None:
     assert lines[2] == "c = 10, p = 2, gamma = 2"
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[4:]]
     assert cells[0] == ["part", "cost", "share", "count"]
-    assert cells[2:] == [
+    assert "> 53 of 56 steps are in both files" in "\n".join(lines)
+    assert lines[-1].endswith("per step 5.58416 m; per object and step 2.9925 m")
+    assert cells[2:8] == [
         ["localisation", "284.24", "16.3 %", ""],
         ["missed", "1,050", "60.1 %", "21"],
         ["false", "400", "22.9 %", "8"],
@@ -501,6 +503,7 @@ def test_attributes_bear_the_names_of_the_json(sample: Result) -> None:
             attribute = attribute.astype(object).where(attribute.notna(), None).to_dict("records")
         if name == "warnings":
             attribute = [notice.record() for notice in attribute]
+        attribute = list(attribute) if name == "notices" else attribute
         assert attribute == value, name
 
 
