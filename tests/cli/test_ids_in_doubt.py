@@ -95,6 +95,17 @@ def test_rows_of_no_track(invoke: Invoke, none: str) -> None:
     assert evaluate(truth, table, **given).total == pytest.approx(200, rel=1e-4)
 
 
+def test_an_id_that_is_nan_names_nothing(invoke: Invoke) -> None:
+    lines = [f"{t},{k},9,{t},50,40,1,-1,-1,-1" for t in range(1, 4) for k in (1, "nan")]
+    path = write("mot.txt", lines)
+    answer = invoke(path, path, *METRIC)
+    assert answer.status == 3
+    assert 'line 2, column "id": blank id (and 2 more)' in answer.err
+    answer = invoke(path, path, *METRIC, "--on-invalid", "drop")
+    assert total(answer) == 0
+    assert "1 truth, 1 estimate, 3 steps" in answer.out
+
+
 def test_ids_of_rows(invoke: Invoke) -> None:
     rows = [f"{10 * t + k},{k},{t},{9 * k},{t}" for t in range(6) for k in (1, 2)]
     truth = write("truth.csv", ["id,t,x,y", *(row.split(",", 1)[1] for row in rows)])

@@ -226,27 +226,21 @@ def _is_motchallenge(lines: Iterable[str]) -> bool:
 
     What is wrong with single lines is found by the reader: most of the lines count.
     """
-    rows = [
-        [float(field) for field in row] for row in map(split, lines) if all(map(is_number, row))
-    ]
+    numbers = (row for row in map(split, lines) if all(map(is_number, row)))
+    rows = [row for row in ([*map(float, row)] for row in numbers) if all(map(math.isfinite, row))]
     if any(len(row) < MOT_SHORTEST for row in rows):
         return True  # whose reader says what is wrong
-    whole = sum(row[0] == int(row[0]) and row[1] == int(row[1]) for row in rows if _finite(row))
+    whole = sum(row[0] == int(row[0]) and row[1] == int(row[1]) for row in rows)
     sized = sum(min(map(abs, row[4:6])) >= LEAST_BOX or row[4:6] == [-1, -1] for row in rows)
     flagged = sum(
         len(row) not in (8, 9)
         or (row[6] <= 1 and row[7] == int(row[7]) and all(-1 <= one <= 1 for one in row[8:]))
         for row in rows
-        if _finite(row)
     )
-    return 2 * min(whole, sized, flagged) > len(rows)
+    return not rows or 2 * min(whole, sized, flagged) > len(rows)
 
 
 MOT_SHORTEST = 6
-
-
-def _finite(row: Iterable[float]) -> bool:
-    return all(map(math.isfinite, row))
 
 
 COMMENTS = ("#", "%", "//")
