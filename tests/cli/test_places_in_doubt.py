@@ -85,6 +85,14 @@ def test_a_place_that_stands_still_is_one(invoke: Invoke) -> None:
     )
 
 
+def test_boxes_in_place_of_points_are_told(invoke: Invoke) -> None:
+    write("gt.csv", "id,t,x,y", [(k, f, x, y) for f, k, x, y, *_ in boxes()])
+    write("res.csv", "frame,id,left,top,width,height,x,y", [(*row, -1, -1) for row in boxes()])
+    answer = invoke("gt.csv", "res.csv", "-c", "50", "-g", "10")
+    assert "warning: res.csv: its place is not known, and centres of its boxes" in answer.err
+    assert "warning: gt.csv" not in answer.err
+
+
 def test_a_mapping_goes_before_headers(invoke: Invoke) -> None:
     write("gt.csv", "frame,id,left,top,width,height", boxes())
     write("res.csv", "frame,id,x,y,w,h", boxes((3, 4)))

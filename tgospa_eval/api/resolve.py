@@ -11,6 +11,7 @@ from tgospa_eval.api.distance import DistanceOptions, numbers_by_name
 from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request, is_coverage
 from tgospa_eval.api.places import check_places
 from tgospa_eval.common.frozen import dataclass, replace
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError, TgospaError
 from tgospa_eval.evaluation.axis import check_left
@@ -57,6 +58,14 @@ if TYPE_CHECKING:
     from tgospa_eval.evaluation.slicing import SliceBy
     from tgospa_eval.formats.clocks import TimeForm
     from tgospa_eval.tracks.places import Frames
+
+
+UNLIKE = Notice(
+    code="no-place",
+    text="its place is not known, and centres of its boxes are compared with points of the other "
+    "side",
+    remedy="name the columns of both, --truth-columns and --estimate-columns",
+)
 
 
 def raise_all(faults: Sequence[TgospaError]) -> None:
@@ -205,13 +214,8 @@ class Settings:
                 sides.append(found)
             except (InputError, ConfigError) as error:
                 faults.append(error)
-        hidden = {name for one in sides if one is not None for name in one.hidden}
-        for k, one in enumerate(sides if hidden and not faults else ()):
-            if one is not None and hidden > {*one.hidden}:
-                options = replace(self.each[k], hidden=tuple(sorted(hidden)))
-                more = paths, roles, components[k], names[k], options
-                sides[k] = self._by_other_place(one, given[k], k, roles[k], *more)
         raise_all(faults)
+        sides = self._by_one_place(sides, given, roles, (paths, roles), components, names)
         if known is not None and is_path(given[0]) and sides[0]:
             known.clear()
             known[names[0]] = sides[0]
@@ -285,6 +289,33 @@ class Settings:
                 "its rows and columns before"
             )
         return of_object(given, name, self.evaluation, components)
+
+    def _by_one_place(
+        self,
+        sides: list[Reading | None],
+        given: Sequence["TrajectoriesLike | Reading"],
+        roles: tuple[str, ...],
+        together: tuple[tuple[str, ...], tuple[str, ...]],
+        components: Sequence["Sequence[int] | None"],
+        names: tuple[str, ...],
+    ) -> list[Reading | None]:
+        """All sides by a place that is known, where that of one is not; a warning where none is."""
+        there = [one for one in sides if one is not None]
+        hidden = {name for one in there for name in one.hidden}
+        if not hidden:
+            return sides
+        answer: list[Reading | None] = []
+        for k, one in enumerate(sides):
+            if one is not None and hidden > {*one.hidden}:
+                options = replace(self.each[k], hidden=tuple(sorted(hidden)))
+                more = *together, components[k], names[k], options
+                one = self._by_other_place(one, given[k], k, roles[k], *more)
+            answer.append(one)
+        unlike = len({one.centres for one in answer if one is not None}) > 1
+        return [
+            replace(one, warnings=(*one.warnings, UNLIKE)) if one and one.hidden and unlike else one
+            for one in answer
+        ]
 
     def _by_other_place(
         self, reading: Reading, given: "TrajectoriesLike | Reading", *more: Any
