@@ -44,6 +44,7 @@ def partitioned(result: Result, work: Path, shards: int = 3) -> PartitionedResul
         further={name: {} for name in ("step", "truth", "estimate")},
     )
     return PartitionedResult(
+        notices=result.notices,
         proof=costs,
         labels=Labels(times=labels.times, truths=[], estimates=[], unit=labels.unit),
         gap=result.gap,
