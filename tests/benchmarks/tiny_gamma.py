@@ -1,7 +1,8 @@
 """``python tests/benchmarks/tiny_gamma.py``: tiny switch penalties and p = 1 beside plain HiGHS.
 
 Seconds of the processor for random scenes, by `certified` and by the linear programme of the
-definition, with the defaults of SciPy: presolve, and tolerances of 1e-7 of c^p.
+definition, with presolve as SciPy has it: at the usual tolerances, and where its total is off, at
+the smallest.
 """
 
 import time
@@ -15,6 +16,10 @@ from scipy.optimize import linprog
 from tgospa_eval import Certified, evaluate
 
 Floats = NDArray[np.float64]
+
+TOLERANCES, ACCURATE = (1e-7, 1e-10), 1e-9
+"""Those of HiGHS in units of c^p: the usual ones, and the smallest, for scenes whose total the
+usual ones get wrong by more than ours may be: they do not see a switch penalty below them."""
 
 LIMIT = 60.0
 """Seconds of HiGHS, after which it has no value. Where gamma is above its tolerances, and nearly
@@ -64,7 +69,7 @@ def programme(
 @click.option("--first", default=0)
 def main(scenes: int, first: int) -> None:
     """Print a line for each scene, and the ratios of all."""
-    ratios = []
+    ratios: dict[float, list[float]] = {tolerance: [] for tolerance in TOLERANCES}
     for seed in range(first, first + scenes):
         truth, estimate, c, gamma = scene(seed)
         begin = time.process_time()
@@ -72,25 +77,40 @@ def main(scenes: int, first: int) -> None:
         own = time.process_time() - begin
         costs, capacities, transitions = programme(truth, estimate, c, gamma)
         full, still = np.ones(capacities.shape[0]), np.zeros(transitions.shape[0])
-        begin = time.process_time()
-        answer = linprog(
-            *(costs, capacities, full, transitions, still),
-            method="highs",
-            options={"time_limit": LIMIT},
-        )
-        plain = time.process_time() - begin
         steps, m, n = *truth.shape[:2], estimate.shape[1]
-        total = c * (answer.fun + 0.5 * steps * (m + n)) if answer.fun is not None else np.nan
-        ratios.append(own / plain)
-        click.echo(
-            f"{seed:4}  {m:2} x {n:2} x {steps:2}, {truth.shape[2]} d, c {c:8.3g}, "
-            f"gamma {gamma:7.1e}  {own:7.3f} s, HiGHS {plain:7.3f} s, ratio {ratios[-1]:6.2f}  "
-            f"{'exact' if result.certified else 'OPEN'}, that off by {total / result.total - 1:.0e}"
-        )
+        for tolerance in TOLERANCES:
+            begin = time.process_time()
+            answer = linprog(
+                *(costs, capacities, full, transitions, still),
+                method="highs",
+                options={
+                    "time_limit": LIMIT,
+                    "primal_feasibility_tolerance": tolerance,
+                    "dual_feasibility_tolerance": tolerance,
+                },
+            )
+            plain = time.process_time() - begin
+            value = np.nan if answer.fun is None else answer.fun
+            off = c * (value + 0.5 * steps * (m + n)) / result.total - 1
+            ratios[tolerance].append(own / plain)
+            click.echo(
+                f"{seed:4}  {m:2} x {n:2} x {steps:2}, {truth.shape[2]} d, c {c:8.3g}, "
+                f"gamma {gamma:7.1e}  {own:7.3f} s, HiGHS {plain:7.3f} s, "
+                f"ratio {own / plain:6.2f}  {'exact' if result.certified else 'OPEN'}, "
+                f"that off by {off:.0e}"
+            )
+            if abs(off) < ACCURATE:
+                break
+    for tolerance, each in ratios.items():
+        if each:
+            _report(tolerance, each)
+
+
+def _report(tolerance: float, ratios: list[float]) -> None:
     low, middle, high = np.quantile(ratios, [0.1, 0.5, 0.9])
     click.echo(
-        f"ratio: {low:.2f}, {middle:.2f}, {high:.2f} (10, 50, 90 %), at most {max(ratios):.2f}; "
-        f"{sum(ratio > 5 for ratio in ratios)} of {scenes} above 5"
+        f"HiGHS at {tolerance:g}, {len(ratios)} scenes: ratio {low:.2f}, {middle:.2f}, {high:.2f} "
+        f"(10, 50, 90 %), at most {max(ratios):.2f}; {sum(one > 5 for one in ratios)} above 5"
     )
 
 
