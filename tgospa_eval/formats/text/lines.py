@@ -462,7 +462,7 @@ def plain_id(text: str) -> str:
 
     try:
         if not math.isfinite(float(text)):
-            return text
+            return "" if math.isnan(float(text)) else text  # no number, and no name
         value = Decimal(text)  # float() makes one id of 9007199254740993.0 and ...992.0
         return str(int(value)) if value == value.to_integral_value() else text
     except (ValueError, ArithmeticError):
