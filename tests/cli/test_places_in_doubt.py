@@ -1,5 +1,7 @@
 """Which columns of a file are places, where several may be: as people's files have them."""
 
+import os
+import threading
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -91,6 +93,36 @@ def test_boxes_in_place_of_points_are_told(invoke: Invoke) -> None:
     answer = invoke("gt.csv", "res.csv", "-c", "50", "-g", "10")
     assert "warning: res.csv: its place is not known, and centres of its boxes" in answer.err
     assert "warning: gt.csv" not in answer.err
+
+
+def test_no_estimate_decides_what_another_is_compared_with(invoke: Invoke) -> None:
+    """A truth that is read once for several estimates is read for each by its own place."""
+    header = "frame,id,left,top,width,height,x,y"
+    places = [(k + 0.1 * f, 2 * k) for f, k, *_ in boxes()]
+    for name, shift, known in (("gt", 0, places), ("a", 3, [(-1, -1)] * 12), ("b", 3, places)):
+        rows = zip(boxes((shift, 0)), known, strict=True)
+        write(f"{name}.csv", header, [(*box, *place) for box, place in rows])
+    answer = invoke("compare", "gt.csv", "a.csv", "b.csv", "-c", "9", "-g", "1", "--format", "json")
+    assert "no order: not judged on the same truth" in answer.err
+    assert not answer.out
+    alone = [value(invoke("gt.csv", f"{name}.csv", "-c", "9", "-g", "1")) for name in "ab"]
+    assert alone == [pytest.approx((12 * 9) ** 0.5, rel=1e-5), 0]
+
+
+@pytest.mark.process
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+def test_a_pipe_is_not_read_a_second_time(invoke: Invoke) -> None:
+    header = "frame,id,left,top,width,height,x,y"
+    write("gt.csv", header, [(*row, k, k) for k, row in enumerate(boxes())])
+    write("res.csv", header, [(*row, -1, -1) for row in boxes()])
+    os.mkfifo("pipe.csv")
+    writer = threading.Thread(
+        target=lambda: Path("pipe.csv").write_bytes(Path("gt.csv").read_bytes())
+    )
+    writer.start()
+    answer = invoke("pipe.csv", "res.csv", "-c", "9", "-g", "1")
+    writer.join()
+    assert "warning: res.csv: its place is not known, and centres of its boxes" in answer.err
 
 
 def test_a_mapping_goes_before_headers(invoke: Invoke) -> None:

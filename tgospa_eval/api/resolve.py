@@ -2,16 +2,16 @@
 
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext, suppress
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.distance import DistanceOptions, numbers_by_name
 from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request, is_coverage
 from tgospa_eval.api.places import check_places
+from tgospa_eval.common.files import is_regular
 from tgospa_eval.common.frozen import dataclass, replace
-from tgospa_eval.common.notices import Notice
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError, TgospaError
 from tgospa_eval.evaluation.axis import check_left
@@ -40,13 +40,12 @@ from tgospa_eval.evaluation.sides import (
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.headers import columns_of_each
 from tgospa_eval.formats.options import parse_moments, parse_steps
-from tgospa_eval.formats.reading import by_place, check_classes
+from tgospa_eval.formats.reading import by_one_place, by_place, check_classes
 from tgospa_eval.formats.rows import NOT_CONSIDERED
 from tgospa_eval.formats.where import parse_where
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.numbers import Calibration
 from tgospa_eval.solvers import Solver, solver_class
-from tgospa_eval.text import listed
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.existence import EXISTENCE
@@ -60,12 +59,11 @@ if TYPE_CHECKING:
     from tgospa_eval.tracks.places import Frames
 
 
-UNLIKE = Notice(
-    code="no-place",
-    text="its place is not known, and centres of its boxes are compared with points of the other "
-    "side",
-    remedy="name the columns of both, --truth-columns and --estimate-columns",
-)
+def _stays(side: object) -> bool:
+    """Whether a side can be read a second time: what a pipe had is gone, and waiting is forever."""
+    if isinstance(side, Reading):
+        return False
+    return not is_path(side) or not os.path.exists(side) or is_regular(os.fsdecode(side))
 
 
 def raise_all(faults: Sequence[TgospaError]) -> None:
@@ -201,24 +199,24 @@ class Settings:
         components = components_of(given, mapping)
         paths = tuple(os.fsdecode(side) for side in given if is_path(side))
         sides: list[Reading | None] = []
+        again: list[Callable[[ReadOptions], Reading] | None] = []
         faults: list[TgospaError] = []
         for k, (side, role) in enumerate(zip(given, roles, strict=False)):
+            about = side, k, role, paths, roles, components[k], names[k]
+            again.append(partial(self.read_side, *about) if _stays(side) else None)
             if is_empty(side):
                 sides.append(None)
                 continue
             found = known.get(names[0]) if known and k == 0 else None
             try:
-                found = found or self.read_side(
-                    side, k, role, paths, roles, components[k], names[k]
-                )
-                sides.append(found)
+                sides.append(found or self.read_side(*about))
             except (InputError, ConfigError) as error:
                 faults.append(error)
         raise_all(faults)
-        sides = self._by_one_place(sides, given, roles, (paths, roles), components, names)
         if known is not None and is_path(given[0]) and sides[0]:
             known.clear()
-            known[names[0]] = sides[0]
+            known[names[0]] = sides[0]  # not as one estimate alone needs it
+        sides = by_one_place(sides, self.each, again)
         read = filled(sides, self.evaluation.distance)
         check_as_long(given, read, names)
         if len(read) == len(ROLES):
@@ -289,44 +287,6 @@ class Settings:
                 "its rows and columns before"
             )
         return of_object(given, name, self.evaluation, components)
-
-    def _by_one_place(
-        self,
-        sides: list[Reading | None],
-        given: Sequence["TrajectoriesLike | Reading"],
-        roles: tuple[str, ...],
-        together: tuple[tuple[str, ...], tuple[str, ...]],
-        components: Sequence["Sequence[int] | None"],
-        names: tuple[str, ...],
-    ) -> list[Reading | None]:
-        """All sides by a place that is known, where that of one is not; a warning where none is."""
-        there = [one for one in sides if one is not None]
-        hidden = {name for one in there for name in one.hidden}
-        if not hidden:
-            return sides
-        answer: list[Reading | None] = []
-        for k, one in enumerate(sides):
-            if one is not None and hidden > {*one.hidden}:
-                options = replace(self.each[k], hidden=tuple(sorted(hidden)))
-                more = *together, components[k], names[k], options
-                one = self._by_other_place(one, given[k], k, roles[k], *more)
-            answer.append(one)
-        unlike = len({one.centres for one in answer if one is not None}) > 1
-        return [
-            replace(one, warnings=(*one.warnings, UNLIKE)) if one and one.hidden and unlike else one
-            for one in answer
-        ]
-
-    def _by_other_place(
-        self, reading: Reading, given: "TrajectoriesLike | Reading", *more: Any
-    ) -> Reading:
-        """A side read again, by the place that the other side has; as it is where it has none."""
-        with suppress(InputError, ConfigError):
-            again = self.read_side(given, *more)
-            if again.taken or not reading.taken:
-                text = f"{listed(again.trajectories.columns)} are compared, as of the other side"
-                return replace(again, notices=(text, *again.notices))
-        return reading
 
     def _has_rows(self, given: object, side: int) -> bool:
         """Whether options of reading are followed row by row."""

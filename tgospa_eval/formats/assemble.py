@@ -169,13 +169,13 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
     names, number = rows.ids
     whole, roles, count = rows.whole, rows.roles, np.bincount(number[taken], minlength=len(names))
     where = options.option.replace("columns", "where")
-    # Of blocks of a side each would have another number.
-    rows_of = [f" of {counted(rows, 'row')}" if whole else "" for rows in count.tolist()]
     for k in np.flatnonzero((names == NO_TRACK) & (count > 0)) if len(names) > 1 else ():
         header = roles.headers[roles.id] if roles.headers else "id"
+        # Of blocks of a side each would have another number.
+        of_rows = f" of {counted(int(count[k]), 'row')}" if whole else ""
         yield Notice(
             code="no-track",
-            text=f"id {NO_TRACK}{rows_of[k]} is taken for one track; many programs write it where "
+            text=f"id {NO_TRACK}{of_rows} is taken for one track; many programs write it where "
             "a row belongs to no track",
             remedy=f"{where} '{header} != {NO_TRACK}' leaves such rows out",
         )

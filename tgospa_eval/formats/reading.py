@@ -135,6 +135,51 @@ def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) ->
     return replace(reading, warnings=(*reading.warnings, warning))
 
 
+UNLIKE = Notice(
+    code="no-place",
+    text="its place is not known, and centres of its boxes are compared with points of the other "
+    "side",
+    remedy="name the columns of both, --truth-columns and --estimate-columns",
+)
+
+
+def by_one_place(
+    sides: Sequence[Reading | None],
+    options: Sequence[ReadOptions],
+    again: Sequence[Callable[[ReadOptions], Reading] | None],
+) -> list[Reading | None]:
+    """All sides by one place, where `by_place` read another one of some; a warning where none is.
+
+    Parameters
+    ----------
+    sides : sequence of Reading or None
+        As they were read.
+    options : sequence of ReadOptions
+        How each was.
+    again : sequence of callable or None
+        Each reads its side again, by other options; None where that is not possible.
+    """
+    there = [one for one in sides if one is not None]
+    hidden = tuple(sorted({name for one in there for name in one.hidden}))
+    if not hidden:
+        return list(sides)
+    answer: list[Reading | None] = []
+    for one, own, read_by in zip(sides, options, again, strict=False):
+        if one is not None and read_by is not None and {*hidden} > {*one.hidden}:
+            with suppress(InputError, ConfigError):
+                other = read_by(replace(own, hidden=hidden))
+                if other.taken or not one.taken:
+                    place = listed(other.trajectories.columns)
+                    text = f"{place} are compared, as of the other side"
+                    one = replace(other, notices=(text, *other.notices))
+        answer.append(one)
+    unlike = len({one.centres for one in answer if one is not None}) > 1
+    return [
+        replace(one, warnings=(*one.warnings, UNLIKE)) if one and one.hidden and unlike else one
+        for one in answer
+    ]
+
+
 def check_classes(
     sides: Sequence[Reading],
     paths: Sequence[str],
