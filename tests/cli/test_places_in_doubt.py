@@ -44,6 +44,10 @@ def test_a_place_that_no_row_knows_is_not_taken(
     answer = invoke("gt.csv", "res.csv", "-c", "50", "-g", "10")
     assert value(answer) == pytest.approx((12 * 100) ** 0.5, rel=1e-5)
     assert "the same in all rows, no known place: centres of boxes are compared" in answer.err
+    invoke("gt.csv", "res.csv", "-c", "50", "-g", "10", "-o", "done", "--pictures", "none")
+    assert "no known place: centres of boxes" in Path("done/report.html").read_text(
+        encoding="utf-8"
+    )
     tables = [pd.read_csv(name) for name in ("gt.csv", "res.csv")]
     assert evaluate(*tables, cutoff=50, switch_penalty=10).total == pytest.approx(1200)
 
@@ -194,7 +198,8 @@ def test_a_batch_says_what_evaluate_warns_of(invoke: Invoke) -> None:
     text = " ".join(answer.out.split())
     assert "warning: late/1 and 1 more of 4 jobs: the clock of the estimate seems" in text
     assert "warning: same/1 and 1 more of 4 jobs: the estimate has the very states" in text
-    assert "the clock of the estimate" in Path("done/report.html").read_text(encoding="utf-8")
+    page = Path("done/report.html").read_text(encoding="utf-8")
+    assert "<strong>Warning:</strong> <bdi>late/1 and 1 more of 4 jobs: the clock" in page
     with pytest.warns(TgospaWarning, match="late/1 and 1 more"):
         done = batch(truth="truth.csv", estimate="{tracker}/{run}.csv", output="again", cutoff=20.0)
     assert len(done.warnings) == 2
