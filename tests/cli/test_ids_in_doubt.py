@@ -155,3 +155,70 @@ def test_boxes_without_headers_stay_motchallenge(invoke: Invoke) -> None:
         answer = invoke(write(f"{k}.txt", lines), f"{k}.txt", *METRIC)
         assert "read as motchallenge" in answer.err
         assert total(answer) == 0
+
+
+def anew(column: str, shift: float = 0.0) -> list[str]:
+    """Ids that are the same in two groups, which are named in a column."""
+    rows = [
+        f"{group},{t},{k},{1000 * n + 100 * k + t + shift},{5 * k}"
+        for n, group in enumerate(("a", "b"))
+        for t in range(4)
+        for k in (1, 2)
+    ]
+    return [f"{column},frame,track,x,y", *rows]
+
+
+@pytest.mark.parametrize("column", ["scene", "run", "episode", "gameId", "class", "category"])
+def test_ids_of_any_group(invoke: Invoke, column: str) -> None:
+    truth, estimate = write("gt.csv", anew(column)), write("est.csv", anew(column, 0.5))
+    answer = invoke(truth, estimate, *METRIC)
+    remedy = f"id={column}+track"
+    assert f"--truth-columns {remedy} makes one scene of all" in answer.err
+    answer = invoke(truth, estimate, *METRIC, "--columns", remedy)
+    assert total(answer) == pytest.approx(16 * 0.25, rel=1e-4)
+    by = () if column == "class" else ("--columns", f"class={column}")
+    answer = invoke(truth, estimate, *METRIC, "--by", "class", *by)
+    assert total(answer) == pytest.approx(16 * 0.25, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["-1", "None", "nan", "0", "N/A"])
+def test_rows_of_no_track_that_repeat(invoke: Invoke, name: str) -> None:
+    rows = [f"{t},{k},{100 * k + t},5" for t in range(4) for k in (1, 2)]
+    none = [f"2,{name},{x},900" for x in (700, 800)]
+    truth = write("gt.csv", ["frame,id,x,y", *rows])
+    estimate = write("est.csv", ["frame,id,x,y", *rows, *none])
+    answer = invoke(truth, estimate, *METRIC)
+    assert (answer.status, f"--estimate-where 'id != {name}' leaves" in answer.err) == (3, True)
+    assert total(invoke(truth, estimate, *METRIC, "--estimate-where", f"id != {name}")) == 0
+
+
+def test_ids_before_frames(invoke: Invoke) -> None:
+    def lines(shift: int) -> list[str]:
+        return [
+            f"{k},{t},{300 * k + 4 * t + shift},{20 * k},40,80,1,-1,-1,-1"
+            for t in range(1, 9)
+            for k in (1, 2, 3)
+        ]
+
+    truth, estimate = write("gt.txt", lines(0)), write("res.txt", lines(3))
+    answer = invoke(truth, estimate, *METRIC)
+    remedy = "id,t,left,top,width,height,-,-,-,-"
+    assert f"--truth-columns {remedy} reads them so" in answer.err
+    answer = invoke(truth, estimate, *METRIC, "--columns", remedy)
+    assert total(answer) == pytest.approx(24 * 9, rel=1e-4)
+    assert "exchanged" not in answer.err
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "said"),
+    [
+        ("t,id,x,y", "1 sec,a,2,3", "write the number alone, 1, and the unit in the header"),
+        ("t,id,lat,lon", "1,a,55.1N,12.5E", "write degrees north and east, 55.1"),
+        ("t,id,lat,lon", "1,a,55.1S,12.5W", "write degrees north and east, -55.1"),
+        ("t,id,x,y", "23:59:58,a,2,3", "'%H:%M:%S' with --truth-time-format"),
+        ("gameId,playId,nflId,t,x,y", "7,1,99,1,2,3", "--columns id=nflId"),
+    ],
+)
+def test_one_sentence_that_helps(invoke: Invoke, header: str, row: str, said: str) -> None:
+    answer = invoke("inspect", write("a.csv", [header, row]))
+    assert (answer.status, said in answer.err) == (3, True), answer.err

@@ -2,13 +2,15 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 from checkout import SAMPLES
 
-from tgospa_eval import ConfigError, InputError, evaluate
+from tgospa_eval import ConfigError, InputError, TgospaWarning, evaluate
+from tgospa_eval.common.earth import topocentric
 
 FLIGHT = pd.DataFrame({"id": 1, "t": [0, 1], "lat": 55.0, "lon": 12.0, "alt": [3000.0, 3048.0]})
 FEET = FLIGHT.assign(alt=[10000.0, 10000.0])
@@ -289,3 +291,54 @@ def test_what_no_sensor_reports_is_an_error() -> None:
 def test_a_weight_of_heights_needs_heights() -> None:
     with pytest.raises(InputError, match="vertical_weight is for heights"):
         evaluate(FLIGHT, FLIGHT, **{**EARTH, "columns": "lat,lon"}, vertical_weight=2)
+
+
+HIGH = (55.4, 13.5, 9000.0)
+RADAR = (55.0, 13.0, 50.0)
+
+
+def _radar(**columns: Any) -> pd.DataFrame:
+    return pd.DataFrame({"id": "r", "t": range(3), **columns})
+
+
+def test_heights_of_both_sides_take_part() -> None:
+    """An aircraft at 9 km, 54 km from a radar that is perfect."""
+    pytest.importorskip("pyproj")
+    latitude, longitude, height = HIGH
+    truth = pd.DataFrame(
+        {"id": "a", "t": range(3), "lat": latitude, "lon": longitude, "altitude": height}
+    )
+    x, y, z = topocentric(*RADAR).transform(longitude, latitude, height)
+    local = {"cutoff": 3000, "switch_penalty": 10, "origin": RADAR}
+    assert evaluate(truth, _radar(x=x, y=y, z=z), **local, estimate_crs="enu").tgospa < 1e-6
+    polar = {"range": np.hypot(np.hypot(x, y), z), "bearing": np.degrees(np.arctan2(x, y))}
+    up = np.degrees(np.arctan2(z, np.hypot(x, y)))
+    slant = _radar(**polar, elevation=up)
+    assert evaluate(truth, slant, **local, estimate_crs="range,bearing").tgospa < 1e-6
+    # Without heights of the truth those of the radar still say where it is above.
+    flat = truth.drop(columns="altitude")
+    assert evaluate(flat, slant, **local, estimate_crs="range,bearing").tgospa < 1e-3
+    for side, crs, least in (
+        (_radar(x=x, y=y), "enu", 70),
+        (_radar(**polar), "range,bearing", 700),
+    ):
+        with pytest.warns(
+            TgospaWarning, match=r"heights of truth are left out.* by up to [0-9.]+ m"
+        ):
+            result = evaluate(truth, side, **local, estimate_crs=crs)
+        assert least < result.normalised["tgospa"] < 1.3 * least
+        (text,) = (text for text in result.told if "by up to" in text)
+        assert float(text.split("by up to ")[1].split()[0]) == pytest.approx(result.normalised["tgospa"], rel=1e-3)
+    metric = {"cutoff": 3000, "switch_penalty": 10}
+    higher = truth.assign(altitude=height + 100)
+    result = evaluate(truth, higher, distance="geodesic", **metric)
+    assert result.normalised["tgospa"] == pytest.approx(100)
+    assert evaluate(truth, flat, distance="geodesic", **metric).total == 0
+    columns = ("lat", "lon")
+    assert evaluate(truth, higher, distance="geodesic", columns=columns, **metric).total == 0
+    with pytest.raises(ConfigError, match="both sides have heights"):
+        evaluate(truth, higher, distance="haversine", **metric)
+    partly = higher.assign(altitude=[1.0, np.nan, 2.0])
+    result = evaluate(truth, partly, distance="geodesic", **metric)
+    assert (result.total, result.judged_on.truth_states) == (0, 3)
+    assert any("estimate has 1 row without (altitude)" in text for text in result.notices)

@@ -87,6 +87,11 @@ def csv_of(header: str, row: str, above: str = "", below: str = "") -> Callable[
             "columns not used: column 1 (blank header)",
             id="index of pandas",
         ),
+        pytest.param(
+            csv_of(",frame,id,x,y", "{t},{t},{k},{x},{y}", below=",-,-,m,m"),
+            "1 line of units or names below the header passed over",
+            id="blank units",
+        ),
         pytest.param(csv_of("%time,field.id,field.x,field.y", "{t},{k},{x},{y}"), "", id="rosbag"),
         pytest.param(csv_of("ID,T [frame],East (m),North <m>", "{k},{t},{x},{y}"), "", id="units"),
         pytest.param(csv_of("id,t,X (µm),Y [micron]", "{k},{t},{x},{y}"), "", id="microns"),
@@ -250,6 +255,22 @@ def test_a_folder_of_yolo_has_a_frame_a_file(invoke: Invoke) -> None:
     assert "res: frames of several videos (clip_, other_); a folder for each" in answer.err
 
 
+def test_a_folder_of_tables_without_ids_has_an_object_a_file(invoke: Invoke) -> None:
+    for side in ("gt", "est"):
+        for name in "12":
+            rows = [f"{t};{x};{y}" for k, t, x, y in states(side) if k == name]
+            write(f"{side}/ship {name}.csv", "\n".join(("time;x;y", *rows, "")))
+    answer = invoke("gt", "est", "-c", "5", "-g", "2")
+    assert total(answer) == pytest.approx(TOTAL, rel=1e-4)
+    assert "gt: read as csv-per-object" in answer.err
+    assert evaluate("gt", "est", cutoff=5, switch_penalty=2).total == pytest.approx(TOTAL)
+    write("est/ship 2.csv", "time;x;y\n0;far;1\n")
+    answer = invoke("gt", "est", "-c", "5", "-g", "2")
+    assert 'est, ship 2.csv, line 2, column "x": not a number: "far"' in answer.err
+    write("est/ship 2.csv", "time;name;x;y\n0;7;1;1\n")  # a name may be an id
+    assert "est: is a folder, not a file" in invoke("gt", "est").err
+
+
 # --- JSON and Excel -------------------------------------------------------------------------------
 
 
@@ -275,6 +296,53 @@ def test_flat_records(invoke: Invoke, text: Callable[[str], str]) -> None:
     assert total(answer) == pytest.approx(TOTAL, rel=1e-4)
     if "at" in text("gt"):
         answer = invoke(*paths, "-c", "5", "-g", "2", "--columns", "x=at.x,y=at.y")
+    assert total(answer) == pytest.approx(TOTAL, rel=1e-4)
+
+
+def by_frame(side: str, key: str) -> list[dict[str, Any]]:
+    """A record for each step, with those of the objects in a list."""
+    return [
+        {"frame": t, key: [{"id": k, "x": x, "y": y} for k, s, x, y in states(side) if s == t]}
+        for t in STEPS
+    ]
+
+
+NESTED = {
+    "a list a frame": lambda side: json.dumps(by_frame(side, "objects")),
+    "lines": lambda side: "\n".join(map(json.dumps, by_frame(side, "tracks"))),
+    "by frame": lambda side: json.dumps({r["frame"]: r["all"] for r in by_frame(side, "all")}),
+    "by object": lambda side: json.dumps(
+        {k: [{"t": t, "x": x, "y": y} for n, t, x, y in states(side) if n == k] for k in "12"}
+    ),
+    "a list an object": lambda side: json.dumps(
+        [
+            {"id": k, "at": [{"t": t, "x": x, "y": y} for n, t, x, y in states(side) if n == k]}
+            for k in "12"
+        ]
+    ),
+}
+
+
+@pytest.mark.parametrize("text", NESTED.values(), ids=NESTED)
+def test_nested_records(invoke: Invoke, text: Callable[[str], str]) -> None:
+    answer = invoke(*both("{}.json", text), "-c", "5", "-g", "2")
+    assert total(answer) == pytest.approx(TOTAL, rel=1e-4)
+
+
+def test_boxes_in_lists_are_corners_or_sizes(invoke: Invoke) -> None:
+    def text(side: str) -> str:
+        return json.dumps(
+            [
+                {"frame": t, "track_id": k, "bbox": [x, y, x + 2, y + 2]}
+                for k, t, x, y in states(side)
+            ]
+        )
+
+    paths = both("{}.json", text)
+    answer = invoke(*paths, "-c", "5", "-g", "2")
+    corners = "left=bbox.0,top=bbox.1,right=bbox.2,bottom=bbox.3"
+    assert f"--truth-columns {corners} if it is two corners" in answer.err
+    answer = invoke(*paths, "-c", "5", "-g", "2", "--columns", corners)
     assert total(answer) == pytest.approx(TOTAL, rel=1e-4)
 
 

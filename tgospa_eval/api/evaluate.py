@@ -103,10 +103,9 @@ def read_sides(
         sides = settings.read(*given, mapping=mapping, advise=notify is not None, known=known)
     names = called(given)
     fitted, request = settings.fit(sides, names)
-    of_files = all(map(is_path, given))
     notices = [
         *(notice for name, side in zip(names, sides, strict=True) for notice in about(name, side)),
-        *(about_same(*fitted.read) if of_files else ()),
+        *(about_same(*fitted.read) if is_path(truth) or truth is not estimate else ()),
         *pair_notices(fitted, request, sides),
         *(() if request.solver.referee else slow_notice()),
     ]

@@ -38,9 +38,9 @@ from tgospa_eval.evaluation.sides import (
     rows_of,
 )
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
-from tgospa_eval.formats.columns.headers import columns_of_each
+from tgospa_eval.formats.columns.headers import columns_of_each, parse_columns
 from tgospa_eval.formats.options import parse_moments, parse_steps
-from tgospa_eval.formats.reading import by_one_place, by_place, check_classes
+from tgospa_eval.formats.reading import by_one_place, by_place, check_classes, with_heights
 from tgospa_eval.formats.rows import NOT_CONSIDERED
 from tgospa_eval.formats.where import parse_where
 from tgospa_eval.results.consistency import NEES
@@ -217,6 +217,11 @@ class Settings:
             known.clear()
             known[names[0]] = sides[0]  # not as one estimate alone needs it
         sides = by_one_place(sides, self.each, again)
+        if len(sides) == len(ROLES):
+            named = self.evaluation.distance.name
+            is_local = self.frames is not None and self.frames.begin is not None
+            without = named if named == "haversine" else ""
+            sides = with_heights(sides, self.each, again, names, local=is_local, without=without)
         read = filled(sides, self.evaluation.distance)
         check_as_long(given, read, names)
         if len(read) == len(ROLES):
@@ -224,10 +229,14 @@ class Settings:
             read = read[0], self._converted(read, 1, given)
             read = _in_one_clock(read)
             if self.frames is not None:
-                pair = self.frames.joined((read[0].trajectories, read[1].trajectories), names)
+                *pair, warning = self.frames.joined(
+                    (read[0].trajectories, read[1].trajectories), names
+                )
                 read = tuple(
                     replace(one, trajectories=made) for one, made in zip(read, pair, strict=True)
                 )
+                if warning is not None:
+                    read = read[0], replace(read[1], warnings=(*read[1].warnings, warning))
         if self.coverage is not None:
             read = self._covered(read, names)
         with suppress(NothingLeftError) if self.one_of_many else nullcontext():
@@ -728,9 +737,12 @@ def _each(
         if frames is None
         else [frame.columns for frame in frames.frames]
     )
+    is_named = any(parse_columns(names)[1] for names in (shared_columns, own[0][0], own[1][0]))
+    on_earth = measure.named.on_earth or frames is not None
     truth, estimate = (
         replace(
             reading,
+            heights="tell" if on_earth and not is_named else "",
             columns=measure.columns(columns, needed),
             placed=(names if "t" in (names or ()) else shared_columns) or (),
             classes=classes or reading.classes,

@@ -11,7 +11,7 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask, places_of
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import ask, parse_columns
+from tgospa_eval.formats.columns.headers import GROUP, ask, parse_columns
 from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.options import ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import Reading
@@ -143,6 +143,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         centres=roles.centres,
         pixels=roles.centres and roles.fixed,
         idle=_idle(rows, options),
+        height=roles.height,
         regions=_regions(rows, state) if options.regions else None,
     )
 
@@ -160,28 +161,34 @@ def _ids_of_classes(rows: Rows, step: Ints, mask: Mask) -> Rows:
     return replace(rows, ids=both)
 
 
-NO_TRACK = "-1"
-"""What trackers write as the id of a row that belongs to no track."""
+NO_TRACK = ("-1", "None", "none", "nan", "NaN", "null", "NA", "N/A", "<NA>")
+"""What programs write as the id of a row that belongs to no track."""
 
 
 def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice]:
     """Warnings about ids that are none, are those of rows, or are numbered anew in some column."""
     names, number = rows.ids
     whole, roles, count = rows.whole, rows.roles, np.bincount(number[taken], minlength=len(names))
-    where = options.option.replace("columns", "where")
-    for k in np.flatnonzero((names == NO_TRACK) & (count > 0)) if len(names) > 1 else ():
-        header = roles.headers[roles.id] if roles.headers else "id"
+    for k in np.flatnonzero(np.isin(names, NO_TRACK) & (count > 0)) if len(names) > 1 else ():
         # Of blocks of a side each would have another number.
         of_rows = f" of {counted(int(count[k]), 'row')}" if whole else ""
         yield Notice(
             code="no-track",
-            text=f"id {NO_TRACK}{of_rows} is taken for one track; many programs write it where "
-            "a row belongs to no track",
-            remedy=f"{where} '{header} != {NO_TRACK}' leaves such rows out",
+            text=f"id {names[k]}{of_rows} is taken for one track; {OFTEN_NONE}",
+            remedy=without_id(names[k], rows, options.option),
         )
     used = count[count > 0]
     if not whole:
         return
+    if roles.fixed and "left" in roles.headers and _are_exchanged(rows, taken):
+        placed = [name if name in PLACED else "-" for name in roles.headers]
+        placed[roles.id], placed[roles.time] = "t", "id"
+        yield Notice(
+            code="ids-exchanged",
+            text="rows of one id are far apart, those of one step near: the columns of ids and "
+            "times may be exchanged",
+            remedy=f"{ask(options.option, placed)} reads them so",
+        )
     if roles.other_ids and len(used) > 2 and (used == 1).all():
         yield Notice(
             code="ids-of-rows",
@@ -189,19 +196,56 @@ def _about_ids(rows: Rows, taken: Ints, options: ReadOptions) -> Iterator[Notice
             "tracks",
             remedy=f"{ask(options.option, [f'id={roles.other_ids[0]}'])} reads others",
         )
-    if roles.group is not None and roles.group in rows.attributes:
-        values = rows.attributes[roles.group][taken]
-        _, code = np.unique(values.astype(np.str_), return_inverse=True)
-        pairs = np.unique(number[taken] * (int(code.max(initial=0)) + 1) + code)
-        several = len(pairs) - len(used)
-        if several > 0:
-            group, own = roles.headers[roles.group], roles.headers[roles.id]
-            yield Notice(
-                code="ids-begin-anew",
-                text=f"ids of {quoted(own)} are the same for several of {quoted(group)}, and each "
-                "is taken for one track",
-                remedy=f"{ask(options.option, [f'id={group}+{own}'])} if they are numbered anew",
-            )
+    groups = []
+    for column in roles.groups:
+        header = roles.headers[column]
+        if column in rows.attributes and GROUP.fullmatch(header):
+            values = rows.attributes[column][taken]
+            _, code = np.unique(values.astype(np.str_), return_inverse=True)
+            pairs = np.unique(number[taken] * (int(code.max(initial=0)) + 1) + code)
+            groups += [header] if len(pairs) > len(used) else []
+    if groups:
+        own = roles.headers[roles.id]
+        whole_id = "+".join([*groups, own])
+        yield Notice(
+            code="ids-begin-anew",
+            text=f"ids of {quoted(own)} are the same for several of {quoted(groups[0])}, and each "
+            "is taken for one track",
+            remedy=f"{ask(options.option, [f'id={whole_id}'])} if they are numbered anew",
+        )
+
+
+PLACED = ("left", "top", "width", "height")
+"""Columns of boxes by place."""
+
+
+def _are_exchanged(rows: Rows, taken: Ints) -> bool:
+    """Whether consecutive rows of one step are much nearer than those of one id."""
+    taken = taken[:SAMPLED]
+    number, moments = rows.ids[1][taken], rows.times.value[taken]
+    places = rows.numbers[taken, :2]
+
+    def spacing(first: Ints | TimeArray, second: Ints | TimeArray) -> float:
+        order = np.lexsort((second, first))
+        alike = first[order][1:] == first[order][:-1]
+        lengths = np.linalg.norm(np.diff(places[order], axis=0)[alike], axis=1)
+        return float(np.median(lengths)) if 2 * len(lengths) >= len(taken) > 2 else np.nan
+
+    return spacing(number, moments) > EXCHANGED * spacing(moments, number) > 0
+
+
+SAMPLED, EXCHANGED = 10_000, 5.0
+"""Rows that are looked at, and how many times as far they are if ids are times."""
+
+
+OFTEN_NONE = "many programs write it where a row belongs to no track"
+
+
+def without_id(name: str, rows: Rows, option: str) -> str:
+    """What leaves out the rows of an id, for messages."""
+    header = rows.roles.headers[rows.roles.id] if rows.roles.headers else "id"
+    where = option.replace("columns", "where") if option.startswith("-") else "where"
+    return f"{where} '{header} != {name}' leaves such rows out"
 
 
 UNKNOWN = (-1.0, 0.0)
@@ -470,7 +514,7 @@ def _repeats(
                 code="duplicates",
                 text=f"{len(again):,} of {len(taken):,} rows repeat an (id, t), and the {which} "
                 "one was taken: the number says little about the tracker",
-                remedy=_cause(taken, again, rows)
+                remedy=_cause(taken, again, rows, options.option)
                 or "name the columns of ids and times, --columns id=HEADER,t=HEADER",
             )
         )
@@ -608,30 +652,39 @@ def refusal(
         f"{where(row)}: id {rows.called(row)} at t {rows.moment(row)} was given before, "
         f"{where(first)}{more(len(again))}; "
     )
-    cause = _cause(taken, again, rows)
+    cause = _cause(taken, again, rows, option)
     if cause:
         return message + cause
-    if roles.group is not None and roles.group in rows.attributes:
-        group, own = roles.headers[roles.group], roles.headers[roles.id]
-        several = rows.attributes[roles.group][[first, row]].astype(np.str_)
-        if several[0] != several[1]:
-            return (
-                f"{message}ids are numbered anew in each {quoted(group)}: "
-                f"{ask(option, [f'id={group}+{own}'])} makes one scene of all, "
-                f"{ask(option, [f'class={group}'])} with --by class a sum of each by itself"
-            )
+    groups = [
+        roles.headers[column]
+        for column in roles.groups
+        if column in rows.attributes
+        and len(set(rows.attributes[column][[first, row]].astype(np.str_).tolist())) == 2
+    ]
+    if groups:
+        whole_id = "+".join([*groups, roles.headers[roles.id]])
+        mapped = "" if groups[0] == "class" else f"{ask(option, [f'class={groups[0]}'])} with "
+        return (
+            f"{message}ids are numbered anew in each {quoted(groups[0])}: "
+            f"{ask(option, [f'id={whole_id}'])} makes one scene of all, "
+            f"{mapped}--by class a sum of each by itself"
+        )
     remedy = "--on-duplicate first or last"
     if format == "frame":
         remedy = f"drop_duplicates({[roles.headers[roles.id], roles.headers[roles.time]]!r})"
     return f"{message}one row per object and step, or {remedy}; {PARTICLES_HINT}"
 
 
-def _cause(taken: Ints, again: Ints, rows: Rows) -> str:
+def _cause(taken: Ints, again: Ints, rows: Rows, option: str) -> str:
     """Why rows may repeat an (id, t), with a remedy; blank if it is not known."""
     counts = np.bincount(rows.ids[1][taken])
     name = rows.ids[0][int(counts.argmax())]
     if name == "-1" and counts.max() == len(taken):
         return DETECTIONS_ALONE
+    repeated = {rows.ids[0][k] for k in np.unique(rows.ids[1][taken[again]]).tolist()}
+    if len(repeated) == 1 and len(rows.ids[0]) > 1 and repeated <= {*NO_TRACK, "0"}:
+        (name,) = repeated
+        return f"{OFTEN_NONE}; {without_id(name, rows, option)}"
     if counts.max() < NEARLY_ALL * len(taken) or 2 * len(again) <= len(taken):
         return ""
     return (

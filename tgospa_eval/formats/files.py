@@ -67,6 +67,8 @@ def read(
 
     data = load_content()
     chosen = format or (kind if is_folder else guess(file, data))
+    if format is None and chosen in WITHOUT_HEADER and "t" in options.placed:
+        chosen = "csv"  # whose columns are named by place
     if chosen == "csv" and has_patterns(options):
         chosen, reader = "wide", None
     if reader is None:
@@ -93,6 +95,10 @@ def read(
         notice = f"read as {chosen}, by its name and content; --{role}-format to say otherwise"
         reading = replace(reading, notices=(notice, *reading.notices))
     return reading
+
+
+WITHOUT_HEADER = ("motchallenge", "visdrone", "kitti", "tum", "yolo")
+"""Formats of text that are guessed by their numbers."""
 
 
 def runs_inside(path: str, max_input: float | None = None) -> list[str]:

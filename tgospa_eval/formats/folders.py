@@ -1,5 +1,7 @@
-"""Folders that are one side: a file an object (TUM), or a file a frame (YOLO)."""
+"""Folders that are one side: a file an object (TUM, CSV), or a file a frame (YOLO)."""
 
+import csv
+import io
 import os
 import re
 
@@ -33,6 +35,28 @@ def read_tum(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) 
         rows.append([stem, *words])
         places.append(place)
     return pd.DataFrame(rows, columns=["id", *TUM_FIELDS], index=places)
+
+
+def read_tables(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:
+    """The table of CSV files without ids, each of one object, whose name is the id.
+
+    Raises
+    ------
+    InputError
+        A file is no such table.
+    """
+    tables = []
+    for file in files_of_folder(path) if os.path.isdir(path) else [path]:
+        name = os.path.basename(file)
+        content = unpacked_file(file, options.max_input) if os.path.isdir(path) else data
+        check_text_memory(file, content, options.max_input)
+        try:
+            table = pd.read_csv(io.BytesIO(content), sep=None, engine="python", dtype=str)
+        except (ValueError, csv.Error) as error:  # as of pandas' parser
+            raise InputError(f"{file}: no CSV table: {' '.join(str(error).split())}") from None
+        table.insert(0, "id", os.path.splitext(name)[0])
+        tables.append(table.set_axis([f"{name}, line {k}" for k in range(2, len(table) + 2)]))
+    return pd.concat(tables)
 
 
 def read_yolo(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool) -> pd.DataFrame:

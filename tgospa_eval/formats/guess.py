@@ -138,11 +138,16 @@ def _guess_text(head: str, *, is_whole: bool) -> str:
 def folder_format(path: str) -> str:
     """How a folder is read as one side; blank if it is not.
 
-    TUM has a trajectory a file, in eight numbers a line; YOLO the boxes of a frame.
+    TUM has a trajectory a file, in eight numbers a line, and CSV files without ids have one as
+    well; YOLO has the boxes of a frame.
     """
     if is_table_folder(path) or not os.path.isdir(path):
         return "nuscenes" if os.path.isdir(path) else ""
     kinds = {"" for name in os.listdir(path) if os.path.splitext(name)[1] in ENDINGS}
+    if kinds:
+        tables = [file for file in files_of_folder(path) if file.endswith(TABLES)]
+        alone = len(tables) == len(os.listdir(path))
+        return PER_OBJECT if alone and all(map(_is_of_one_object, tables[:FILES_TRIED])) else ""
     for file in files_of_folder(path)[:FILES_TRIED]:
         lines = filter(str.strip, _beginning(file).splitlines()[:LINES_TRIED])
         rows = [line for line in lines if not _is_comment(line)]
@@ -168,8 +173,22 @@ def files_of_folder(path: str) -> list[str]:
     return [os.path.join(path, name) for name in sorted(kept, key=natural)]
 
 
-TEXTS, ASIDE = (".txt", ".tum"), ("classes.txt", "labels.txt", "README.txt")
+PER_OBJECT = "csv-per-object"
+TABLES = (".csv", ".tsv")
+TEXTS, ASIDE = (".txt", ".tum", *TABLES), ("classes.txt", "labels.txt", "README.txt")
 """Files of folders that are one side, and those beside them."""
+
+
+def _is_of_one_object(path: str) -> bool:
+    """Whether a table has a header with times and places, and nothing that may be ids."""
+    from tgospa_eval.formats.columns.headers import HINTS, Headers  # lazy: for folders only
+
+    lines = (line for line in _beginning(path).splitlines() if line.strip())
+    fields = re.split(r"[,;\t]", next(lines, ""))
+    headers = Headers([field.strip(' "') for field in fields], {}, "", path)
+    places = all(headers.places(name) for name in "xy") or all(map(headers.places, ("lat", "lon")))
+    others = any(re.search(HINTS["id"], name, re.IGNORECASE) for name in headers.names)
+    return places and bool(headers.places("t")) and not others
 
 
 def _beginning(path: str) -> str:

@@ -247,6 +247,9 @@ class ReadOptions:
     hidden : tuple of str
         Headers that are no part of a state unless they are mapped: those of a place that is not
         known in any row.
+    heights : {"", "tell", "use"}
+        Of places on the Earth and of ranges, where the user named no states: whether a column of
+        heights or elevations is looked for, and is part of the state.
     beside : tuple of str
         Paths of the files of the same evaluation: one may have what another needs.
     roles : tuple of str
@@ -288,6 +291,7 @@ class ReadOptions:
     shared: tuple[str, ...] = ()
     placed: tuple[str, ...] = ()
     hidden: tuple[str, ...] = ()
+    heights: str = ""
     beside: tuple[str, ...] = ()
     roles: tuple[str, ...] = ROLES
     option: str = "columns"

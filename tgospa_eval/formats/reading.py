@@ -10,11 +10,12 @@ import numpy as np
 from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python, warn_user
+from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.regions import Regions
-from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Trajectories
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,6 +54,8 @@ class Reading:
         Headers of the states, where these are the same in all rows: of a place that is not known.
     hidden : tuple of str
         Headers of such a place, where another one was read.
+    height : str
+        Header of heights or elevations that are left out.
     regions : Regions, optional
         Boxes of the file that are no objects but regions in which nothing is judged, if
         `ReadOptions.regions` asks for them.
@@ -73,6 +76,7 @@ class Reading:
     pixels: bool = False
     idle: tuple[str, ...] = ()
     hidden: tuple[str, ...] = ()
+    height: str = ""
     regions: Regions | None = None
 
     @property
@@ -178,6 +182,67 @@ def by_one_place(
         replace(one, warnings=(*one.warnings, UNLIKE)) if one and one.hidden and unlike else one
         for one in answer
     ]
+
+
+def with_heights(
+    sides: Sequence[Reading | None],
+    options: Sequence[ReadOptions],
+    again: Sequence[Callable[[ReadOptions], Reading] | None],
+    names: Sequence[str],
+    *,
+    local: bool,
+    without: str = "",
+) -> list[Reading | None]:
+    """Sides with their heights where all have some; a notice where one has.
+
+    Parameters
+    ----------
+    sides, options, again : sequences
+        As of `by_one_place`.
+    names : sequence of str
+        What messages call the sides.
+    local : bool
+        Places on the Earth are brought to local axes, where a height also moves them sideways.
+    without : str
+        A distance that leaves heights out.
+
+    Raises
+    ------
+    ConfigError
+        All have heights, and the distance knows none.
+    """
+    there = [one for one in sides if one is not None]
+    headers = [one.height for one in there]
+    if len(there) < len(sides) or not any(headers):
+        return list(sides)
+    have = [bool(one.height) or len(one.trajectories.columns) > 2 for one in there]
+    if all(have) and without:
+        raise ConfigError(
+            f"both sides have heights ({listed(dict.fromkeys(headers))}), and --distance {without} "
+            "has none: --distance geodesic compares them, --columns lat,lon leaves them out"
+        )
+    answer: list[Reading | None] = list(sides)
+    for k, (one, own, read_by, name) in enumerate(zip(there, options, again, names, strict=False)):
+        if one.height and (all(have) or local):
+            if read_by is None:
+                raise ConfigError(
+                    f"{name}: {quoted(one.height)} may be heights, and it cannot be read again; "
+                    f"name all states, or leave them out by {own.option} {','.join(PLACES)}"
+                )
+            high = read_by(replace(own, heights="use"))
+            if high.taken < one.taken:
+                text = f"heights are left out: {name} has {counted(one.taken - high.taken, 'row')} "
+                text += f"without ({one.height})"
+                flat = there[0], replace(there[1], notices=(*there[1].notices, text))
+                return list(flat)
+            one = high
+            text = f"heights are compared ({one.headers.get(HEIGHT, HEIGHT)}); "
+            text += f"{own.option} {','.join(PLACES)} leaves them out"
+            answer[k] = replace(one, notices=(*one.notices, *([text] if all(have) else ())))
+        elif one.height:
+            text = f"heights ({one.height}) are left out: {names[1 - k]} has none"
+            answer[k] = replace(one, notices=(*one.notices, text))
+    return answer
 
 
 def check_classes(

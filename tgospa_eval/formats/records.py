@@ -12,7 +12,7 @@ import pandas as pd
 
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.headers import BOX
+from tgospa_eval.formats.columns.headers import BOX, Headers
 from tgospa_eval.formats.guess import foreign
 from tgospa_eval.formats.loading import TABLE, check_memory, load, most_bytes, unpack, unreadable
 from tgospa_eval.formats.nuscenes import is_unicode, load_json
@@ -43,6 +43,7 @@ def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
         )
     is_coco = isinstance(document, dict) and _are_records(document.get("annotations"))
     records = document["annotations"] if is_coco else document
+    records = _by_key(records)
     if isinstance(records, dict):
         with suppress(ValueError):  # columns by name, as DataFrame.to_json writes them
             records = pd.DataFrame(records).to_dict("records")
@@ -50,13 +51,36 @@ def read_json(path: str, data: bytes, options: ReadOptions, *_: str, **__: bool)
         raise InputError(f"{path}: {foreign('{')}")
     if is_coco or (records and {"image_id", "bbox"} <= records[0].keys()):
         records = _of_coco(path, records, document if is_coco else _beside(path, options), options)
-    table = pd.json_normalize(records, max_level=MOST_LEVELS)
+    table = pd.json_normalize(_unnested(records), max_level=MOST_LEVELS)
     for name in list(table):
         values = table[name].tolist()
         if all(isinstance(v, list) and len(v) == len(values[0]) for v in values):
             parts = [f"{name}.{k}" for k in range(len(values[0]))]  # bbox.0, bbox.1, ...
             table = table.drop(columns=name).join(pd.DataFrame(values, columns=parts))
     return table.set_axis([f"record {k}" for k in range(1, len(table) + 1)], axis=0)
+
+
+def _by_key(document: Any) -> Any:
+    """Records of lists by frame or by object, with the key as their time or id."""
+    lists = document if isinstance(document, dict) else {}
+    if not lists or not all(map(_are_records, lists.values())):
+        return document
+    first: Record = next((record for records in lists.values() for record in records), {})
+    key = "id" if Headers(list(first), {}, "", "").places("t") else "t"
+    return [{key: name, **record} for name, records in lists.items() for record in records]
+
+
+def _unnested(records: list[Record]) -> list[Record]:
+    """Records with one list of records each, as of a frame, as the rows of these lists."""
+    lists = {name for record in records for name, value in record.items() if _are_records(value)}
+    if len(lists) != 1:
+        return records
+    (name,) = lists
+    return [
+        {key: value for key, value in record.items() if key != name} | inner
+        for record in records
+        for inner in record.get(name) or ()
+    ]
 
 
 def _are_records(value: object) -> bool:

@@ -43,6 +43,7 @@ FORMATS: "Registry[Reader]" = Registry(
         "wide": "tgospa_eval.formats.wide:read_wide",
         "deeplabcut": "tgospa_eval.formats.wide:read_deeplabcut",
         "tum": "tgospa_eval.formats.folders:read_tum",
+        "csv-per-object": "tgospa_eval.formats.folders:read_tables",
         "yolo": "tgospa_eval.formats.folders:read_yolo",
     },
     _reader,

@@ -232,6 +232,8 @@ def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> 
         else:
             what = f"not a time: {quoted(text)}" if text.strip() else "blank time"
             remedy = _reading_of(text) or "write a number or an ISO-8601 time"
+            if re.fullmatch(r"\s*[-+]?[\d.]+\s*[A-Za-z]+\s*", text):
+                remedy = remedy_for(text)
             remedy += f"; {remedy_for(text)}" if "," in text else ""
         raise TimeError(wrong[0], f"{what}{more(len(wrong))}; {remedy}")
     clock = known[texts[0]][1]
@@ -276,6 +278,9 @@ DATE = re.compile(r"(\d{1,2})([/.-])(\d{1,2})[/.-](\d{4})(?:[ T](\d{1,2}:\d{2})(
 
 def _reading_of(text: str) -> str:
     """What to do about a date of days and months: both readings, where both are possible."""
+    if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?(\.\d+)?", text.strip()):
+        shown = "%H:%M" + ":%S" * (text.count(":") == 2) + ".%f" * ("." in text)
+        return f"'{shown}' with --truth-time-format or --estimate-time-format reads times of day"
     found = DATE.fullmatch(text.strip())
     if found is None:
         return ""
@@ -297,6 +302,12 @@ BLANK = "leave it blank where the object is absent"
 
 def remedy_for(text: str) -> str:
     """What to do about a text that is no number."""
+    with_words = re.fullmatch(r"\s*([-+]?[\d.]+)\s*([A-Za-z°µ]+)\s*", text)
+    if with_words and with_words[2] in "NSEWnsew":
+        sign = "-" if with_words[2] in "SWsw" else ""
+        return f"write degrees north and east, {sign}{with_words[1]}"
+    if with_words:
+        return f"write the number alone, {with_words[1]}, and the unit in the header"
     if "," in text:
         return "use a decimal point, or --decimal ,"
     if "." in text:

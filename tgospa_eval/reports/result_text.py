@@ -220,21 +220,19 @@ def _classes(result: Evaluation) -> Iterator[str]:
 
 def _typical(result: Evaluation) -> Iterator[str]:
     """The value per step, and per object and step, in a sentence."""
-    judged, order = result.judged_on, result.proof.parameters.order
-    if judged.steps and judged.truth_states:
-        each = result.quantity((result.total / judged.truth_states) ** (1 / order))
-        per_step = result.quantity(result.normalised["tgospa"])
-        yield f"per step {per_step}; per object and step {each}"
+    normalised = {name: result.quantity(value) for name, value in result.normalised.items()}
+    if result.judged_on.steps and "per_object" in normalised:
+        yield "per step {tgospa}; per object and step {per_object}".format_map(normalised)
 
 
 def _scale(result: Evaluation) -> Iterator[str]:
     judged = result.judged_on
     if judged.steps:
-        order = result.proof.parameters.order
-        per_step = result.quantity(result.normalised["tgospa"])
+        normalised = result.normalised
+        per_step = result.quantity(normalised["tgospa"])
         yield f"  per step             {per_step}  (total / {counted(judged.steps, 'step')})^(1/p)"
-        if judged.truth_states:
-            typical = result.quantity((result.total / judged.truth_states) ** (1 / order))
+        if "per_object" in normalised:
+            typical = result.quantity(normalised["per_object"])
             states = counted(judged.truth_states, "state")
             yield from wrap(
                 f"  per object and step  {typical}  (total / {states} of the truth)^(1/p)", " " * 23

@@ -310,8 +310,10 @@ class Evaluation(ABC):
 
     @property
     def normalised(self) -> dict[str, float]:
-        """``(total / T) ** (1 / order)`` over the T steps of the horizon."""
-        return {"tgospa": self._root(self.proof.breakdown.total / self.judged_on.each)}
+        """``(total / n) ** (1 / order)`` over the n steps, and over the states of the truth."""
+        total, states = self.proof.breakdown.total, self.judged_on.truth_states
+        per_object = {"per_object": self._root(total / states)} if states else {}
+        return {"tgospa": self._root(total / self.judged_on.each)} | per_object
 
     @property
     def parameters(self) -> Mapping[str, object]:

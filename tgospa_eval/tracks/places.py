@@ -17,6 +17,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.earth import ellipsoid, from_crs, topocentric
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import parsed
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
@@ -73,7 +74,7 @@ class Frame:
             bearing = np.radians(states[:, 1])
             flat = states[:, 0]
             up = []
-            if len(self.columns or ()) == len(POLAR):
+            if states.shape[1] == len(POLAR):
                 elevation = np.radians(states[:, 2])
                 flat, up = flat * np.cos(elevation), [flat * np.sin(elevation)]
             return np.stack((flat * np.sin(bearing), flat * np.cos(bearing), *up), axis=1)
@@ -198,10 +199,11 @@ class Frames:
 
     def joined(
         self, sides: tuple[Trajectories, Trajectories], names: tuple[str, ...]
-    ) -> tuple[Trajectories, Trajectories]:
+    ) -> tuple[Trajectories, Trajectories, Notice | None]:
         """Both sides in one frame: local metres where one is local, else degrees and heights.
 
-        Heights take part where both sides have some.
+        Heights take part where both sides have some. Where one has, that may move places sideways;
+        the warning says how far.
 
         Raises
         ------
@@ -216,10 +218,34 @@ class Frames:
             self._moved(side, frame, columns)
             for side, frame in zip(sides, self.frames, strict=True)
         )
-        return first, second
+        return first, second, self._loss(sides, names) if size == 2 else None
+
+    def _loss(
+        self, sides: tuple[Trajectories, Trajectories], names: Sequence[str]
+    ) -> Notice | None:
+        """A warning where local places lack the heights that the other side has."""
+        for k, (side, frame) in enumerate(zip(sides, self.frames, strict=True)):
+            local = self.frames[1 - k]
+            is_high = frame.kind == "earth" and len(side.columns) > 2 and len(side.state)
+            if self.begin is None or not is_high or local.kind not in ("local", "polar"):
+                continue
+            flat = self._converted(side.state[:, :2], frame, 2)
+            true = self._converted(side.state, frame, 3)
+            seen = true if local.kind == "polar" else true[:, :2]
+            loss = np.abs(np.linalg.norm(seen, axis=1) - np.linalg.norm(flat, axis=1)).max()
+            what = "ranges" if local.kind == "polar" else "x and y"
+            need = "elevation" if local.kind == "polar" else "z"
+            return Notice(
+                code="heights-left-out",
+                text=f"heights of {names[k]} are left out, as {names[1 - k]} has none, and {what} "
+                f"are taken along the ground: places are off by up to {loss:.4g} m",
+                remedy=f"give {names[1 - k]} a column {need}",
+            )
+        return None
 
     def _check(self, side: Trajectories, frame: Frame, name: str) -> None:
-        wanted = frame.columns or LOCAL[: len(side.columns)]
+        names = {"earth": EARTH, "polar": POLAR}.get(frame.kind, LOCAL)
+        wanted = names[: max(len(side.columns), len(frame.columns or ()))]
         if side.columns != wanted or len(wanted) < 2:
             shown = ",".join(frame.columns or LOCAL[:2])
             raise InputError(
@@ -261,8 +287,12 @@ class Frames:
     def _converted(self, states: Floats, frame: Frame, size: int) -> Floats:
         """States of a frame in the common one, of so many columns."""
         if frame.kind in ("local", "polar"):
-            return np.ascontiguousarray(frame.to_local(states)[:, :size])
-        earth = frame.to_earth(states)[:, :size]
+            local = frame.to_local(states)
+            if size == local.shape[1] or self.begin is None or len(self.is_local) == 1:
+                return np.ascontiguousarray(local[:, :size])
+            earth = on_earth(local, self.begin)[:, :size]  # below the place in space
+        else:
+            earth = frame.to_earth(states)[:, :size]
         if self.begin is None:
             return np.ascontiguousarray(earth)
         latitude, longitude, _ = self.begin

@@ -24,6 +24,7 @@ from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.existence import EXISTENCE
+from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.clocks import TimeForm
@@ -44,6 +45,7 @@ SPREAD = re.compile(
 """Headers that may be of covariances."""
 
 BOX = ("left", "top", "width", "height")
+CORNERS = ("left", "top", "right", "bottom")
 EDGES = (*BOX, "right", "bottom")
 
 
@@ -159,6 +161,9 @@ HEADER_ALIASES = {
         "lat": "lat latitude gps_lat gps_latitude pos_lat location_lat",
         "lon": "lon lng long longitude gps_lon gps_lng gps_longitude pos_lon location_lon "
         "location_long",
+        "alt": "alt altitude geo_altitude hae ellipsoidal_height height_above_ellipsoid gps_alt "
+        "gps_altitude elevation elev height hgt baro_altitude",
+        "elevation": "elevation elev",
         "left": f"left bb_left bbox_left x_min {EDGE.format('x', 1)}",
         "top": f"top bb_top bbox_top y_min {EDGE.format('y', 1)}",
         "width": "width bb_width bbox_width box_width w bb_w bbox_w box_w",
@@ -192,6 +197,7 @@ UNITS = {
     "t": TIMES,
     **dict.fromkeys(("x", "y", "z", "left", "top", "width", "height", "right", "bottom"), LENGTHS),
     **dict.fromkeys(("lat", "lon"), DEGREES),
+    "alt": ("m", "meter", "meters", "metre", "metres"),
 }
 """Last words of headers that are no part of the name; lat_rad is no latitude in degrees."""
 
@@ -356,6 +362,7 @@ class Headers:
         found: dict[str, str] = {}
         for name, hint in HINTS.items():
             meant = [header for header in free if re.search(hint, header, re.IGNORECASE)]
+            meant.sort(key=lambda header: GROUP.fullmatch(header) is not None)
             if name in wanted and meant:
                 found[name] = meant[0]
         pairs = (
@@ -475,8 +482,14 @@ def absent(
         also += "; where each file is an object, add a column id with its name"
     boxes = [name for name in headers.names if re.fullmatch(r"(?i)b?box(\.0)?", name)]
     if "position" in missing and boxes:
-        what = boxes[0].removesuffix(".0")
-        also += f"; {what} is read from columns left, top and width, height or right, bottom"
+        if boxes[0].endswith(".0"):
+            corners = [f"{name}={boxes[0][:-1]}{k}" for k, name in enumerate(CORNERS)]
+            sizes = [f"{name}={boxes[0][:-1]}{k}" for k, name in enumerate(BOX)]
+            own = [f"{name}={header}" for name, header in named.items() if name not in ("x", "y")]
+            own = [item for item in own if item.partition("=")[0] != "position"]
+            both = [ask(headers.option, [*own, *four]) for four in (corners, sizes)]
+            return f"{lost}; map the box with {both[0]} if it is two corners, {both[1]} if its size"
+        also += f"; {boxes[0]} is read from columns left, top and width, height or right, bottom"
     return f"{lost}; rename what is meant, or map it with {ask(headers.option, items)}{also}"
 
 
@@ -537,8 +550,10 @@ class Roles:
         Columns whose texts are part of the ids.
     other_ids : tuple of str
         Headers without use that may be ids.
-    group : int, optional
-        Column without use of recordings or clusters, in which ids may be numbered anew.
+    groups : tuple of int
+        Columns without use of recordings, clusters or classes, in which ids may be numbered anew.
+    height : str
+        Header of the heights of places on the Earth, or elevations of ranges, that are left out.
     drop_blank_ids : bool
         Whether rows without an id are left out, or wrong.
     """
@@ -567,7 +582,8 @@ class Roles:
     doubts: tuple[Notice, ...] = ()
     more_ids: tuple[int, ...] = ()
     other_ids: tuple[str, ...] = ()
-    group: int | None = None
+    groups: tuple[int, ...] = ()
+    height: str = ""
     drop_blank_ids: bool = False
 
     @cached_property
@@ -583,8 +599,7 @@ class Roles:
     def texts(self) -> tuple[int, ...]:
         """Columns of attributes and filters that are nothing else, and are read as texts."""
         others = {self.id, self.time, self.klass, *self.numbers}
-        group = () if self.group is None else (self.group,)
-        asked = {*self.attributes.values(), *self.where.values(), *self.more_ids, *group}
+        asked = {*self.attributes.values(), *self.where.values(), *self.more_ids, *self.groups}
         return tuple(sorted(asked - others))
 
     @property
@@ -667,6 +682,24 @@ class Roles:
         return answer
 
 
+OF_HEIGHTS: dict[tuple[str, ...], str] = {PLACES: HEIGHT, ("range", "bearing"): "elevation"}
+"""The third column of a place, by the first two."""
+
+
+def _with_height(
+    headers: Headers, options: ReadOptions, wanted: tuple[str, ...]
+) -> tuple[tuple[str, ...], str]:
+    """State columns, and the header of heights that are left out."""
+    name = OF_HEIGHTS.get(wanted, "") if options.heights else ""
+    column = next(iter(headers.places(name)), None) if name else None  # of several the best known
+    if column is None:
+        return wanted, ""
+    if options.heights == "tell":
+        return wanted, headers.names[column]
+    headers.mapped[name] = headers.names[column]
+    return (*wanted, name), ""
+
+
 def find_roles(
     header: Sequence[str],
     options: ReadOptions,
@@ -723,6 +756,7 @@ def find_roles(
             raise InputError(f"{where}: {parts} are two parts of one time; read both, {remedy}")
     time = headers.find("t")
     named, wanted = bool(wanted), wanted or mixes.default_states()
+    wanted, height = _with_height(headers, options, wanted)
     found = {name: mixes.of(name, wanted) for name in wanted}
     state = tuple(mix for mix in found.values() if mix is not None)
     if identity is None or time is None or not wanted or len(state) < len(wanted):
@@ -779,19 +813,26 @@ def find_roles(
         missing=missing,
         more_ids=more_ids,
         other_ids=tuple(headers.names[k] for k in headers.places("id") if k not in used),
-        group=next(
-            (k for k in range(len(names)) if k not in used and GROUP.fullmatch(names[k])), None
+        groups=tuple(
+            k
+            for k, name in enumerate(names)
+            if k not in used and (GROUP.fullmatch(name) or CLASS.fullmatch(name))
         ),
+        height=height,
         drop_blank_ids=options.on_invalid == "drop",
         doubts=() if named or options.boxes else tuple(mixes.doubts),
     )
 
 
 GROUP = re.compile(
-    r"cid|(cluster|video|clip|seq|sequence|camera|cam|recording|session)(_?(id|no|name|key))?",
+    r"cid|(cluster|video|clip|movie|seq|sequence|camera|cam|recording|session|scene|scenario|"
+    r"episode|run|trial|experiment|mission|game|play|match)(_?(id|no|name|key|token))?",
     re.IGNORECASE,
 )
 """Headers of what ids may be numbered anew in."""
+
+CLASS = re.compile(r"((object|obj)_?)?(class|category|label|type)(_?(id|name))?", re.IGNORECASE)
+"""Headers of classes, in which ids may be numbered anew as well."""
 
 
 def _more_ids(headers: Headers) -> tuple[int, ...]:

@@ -194,7 +194,7 @@ def _lines_of_units(
         fields = [field.strip() for field in _fields(line, delimiter)]
         if len(fields) != width:
             break
-        filled = {k for k in {roles.time, *state} if fields[k] not in MISSING}
+        filled = {k for k in {roles.time, *state} if fields[k].strip("-–()[] ") not in MISSING}
         if not filled & state or not all(WORD.fullmatch(fields[k]) for k in filled):
             return (count, begin) if filled else (0, start)
         count, begin = count + 1, begin + len(line)
