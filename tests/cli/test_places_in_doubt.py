@@ -229,3 +229,30 @@ def test_a_proof_that_is_removed_is_told(invoke: Invoke) -> None:
     assert invoke(*command, "--proof").err == ""
     assert "done/proof of the run before is removed" in invoke(*command).err
     assert invoke(*command).err == ""
+
+
+def test_data_in_parts_have_the_same_places(invoke: Invoke) -> None:
+    """Placeholders are refused and mapped boxes taken; heights of both sides are compared."""
+    for side, shift in (("gt", 0), ("est", 3)):
+        Path(side).mkdir()
+        rows = [
+            f"{t},{k},{100 * k + t + shift},{50 * k},40,80,-1,-1,-1"
+            for t in range(9)
+            for k in (1, 2)
+        ]
+        header = "frame,id,bb_left,bb_top,bb_width,bb_height,x,y,z"
+        Path(side, "1.csv").write_text("\n".join((header, *rows, "")))
+    parts = ("gt", "est", "-c", "50", "-g", "10", "--memory", "1GB")
+    answer = invoke(*parts)
+    assert (answer.status, "x, y, z: the same in all rows" in answer.err) == (3, True)
+    boxes = "left=bb_left,top=bb_top,width=bb_width,height=bb_height"
+    answer = invoke(*parts, "--columns", boxes)
+    assert float(answer.out.split()[2].rstrip(",")) ** 2 == pytest.approx(18 * 9, rel=1e-4)
+    for side, height in (("gt", 100), ("est", 130)):
+        rows = [f"{t},1,55,12,{height}" for t in range(9)]
+        Path(side, "1.csv").write_text("\n".join(("frame,id,lat,lon,alt", *rows, "")))
+    answer = invoke(*parts, "--distance", "geodesic")
+    assert float(answer.out.split()[2].rstrip(",")) == pytest.approx(90, rel=1e-4)
+    assert "heights are compared (alt)" in answer.err
+    answer = invoke(*parts, "--distance", "haversine")
+    assert (answer.status, "both sides have heights" in answer.err) == (2, True)

@@ -220,8 +220,7 @@ class Settings:
         if len(sides) == len(ROLES):
             named = self.evaluation.distance.name
             is_local = self.frames is not None and self.frames.begin is not None
-            without = named if named == "haversine" else ""
-            sides = with_heights(sides, self.each, again, names, local=is_local, without=without)
+            sides = with_heights(sides, self.each, again, names, local=is_local, distance=named)
         read = filled(sides, self.evaluation.distance)
         check_as_long(given, read, names)
         if len(read) == len(ROLES):

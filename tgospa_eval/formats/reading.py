@@ -15,7 +15,7 @@ from tgospa_eval.errors import ConfigError, InputError, NothingLeftError
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.regions import Regions
-from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Trajectories
+from tgospa_eval.tracks.trajectories import PLACES, Trajectories
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -191,7 +191,7 @@ def with_heights(
     names: Sequence[str],
     *,
     local: bool,
-    without: str = "",
+    distance: str,
 ) -> list[Reading | None]:
     """Sides with their heights where all have some; a notice where one has.
 
@@ -203,8 +203,8 @@ def with_heights(
         What messages call the sides.
     local : bool
         Places on the Earth are brought to local axes, where a height also moves them sideways.
-    without : str
-        A distance that leaves heights out.
+    distance : str
+        Name of the distance.
 
     Raises
     ------
@@ -216,11 +216,8 @@ def with_heights(
     if len(there) < len(sides) or not any(headers):
         return list(sides)
     have = [bool(one.height) or len(one.trajectories.columns) > 2 for one in there]
-    if all(have) and without:
-        raise ConfigError(
-            f"both sides have heights ({listed(dict.fromkeys(headers))}), and --distance {without} "
-            "has none: --distance geodesic compares them, --columns lat,lon leaves them out"
-        )
+    if all(have):
+        check_heights(list(filter(None, headers)), distance)
     answer: list[Reading | None] = list(sides)
     for k, (one, own, read_by, name) in enumerate(zip(there, options, again, names, strict=False)):
         if one.height and (all(have) or local):
@@ -236,13 +233,38 @@ def with_heights(
                 flat = there[0], replace(there[1], notices=(*there[1].notices, text))
                 return list(flat)
             one = high
-            text = f"heights are compared ({one.headers.get(HEIGHT, HEIGHT)}); "
-            text += f"{own.option} {','.join(PLACES)} leaves them out"
+            text = told_heights(there[k].height, own)
             answer[k] = replace(one, notices=(*one.notices, *([text] if all(have) else ())))
         elif one.height:
-            text = f"heights ({one.height}) are left out: {names[1 - k]} has none"
+            text = left_out_heights(one.height, names[1 - k])
             answer[k] = replace(one, notices=(*one.notices, text))
     return answer
+
+
+def check_heights(headers: Sequence[str], distance: str) -> None:
+    """Whether the distance compares heights, which both sides have.
+
+    Raises
+    ------
+    ConfigError
+        It does not.
+    """
+    if distance == "haversine":
+        raise ConfigError(
+            f"both sides have heights ({listed(list(dict.fromkeys(headers)))}), and --distance "
+            "haversine has none: --distance geodesic compares them, --columns lat,lon leaves them "
+            "out"
+        )
+
+
+def told_heights(header: str, options: ReadOptions) -> str:
+    """A notice about heights that are compared."""
+    return f"heights are compared ({header}); {options.option} {','.join(PLACES)} leaves them out"
+
+
+def left_out_heights(header: str, other: str) -> str:
+    """A notice about heights of one side alone."""
+    return f"heights ({header}) are left out: {other} has none"
 
 
 def check_classes(

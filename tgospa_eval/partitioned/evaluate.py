@@ -17,6 +17,7 @@ from tgospa_eval.common.progress import Status, Stopwatch
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.engines.engine import Engine
 from tgospa_eval.engines.processes import PersistentPool, Processes
+from tgospa_eval.errors import InputError
 from tgospa_eval.evaluation.axis import Axis, check_left
 from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
 from tgospa_eval.evaluation.evaluate import nested_timings, solver_record, solver_settings
@@ -25,11 +26,13 @@ from tgospa_eval.evaluation.localisation import at_cutoff, within_rounding
 from tgospa_eval.evaluation.prepare import digest_of_judged, fit, recorded_settings
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ROLES, Reading
+from tgospa_eval.formats.columns.headers import ask
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.partitioned.input.listing import changed_file, stored
+from tgospa_eval.formats.reading import check_heights, left_out_heights, told_heights
+from tgospa_eval.partitioned.input.listing import changed_file, files_of, stored
 from tgospa_eval.partitioned.run import Evaluated, Stages, evaluate_parts, rows_together, scan_parts
 from tgospa_eval.partitioned.scan import Scanned, fitted
-from tgospa_eval.partitioned.sides import PartsSide, open_side
+from tgospa_eval.partitioned.sides import PartsSide, open_side, side_roles
 from tgospa_eval.partitioned.steps import BlockPlan, clock_of, find_steps
 from tgospa_eval.partitioned.tables import write_tables
 from tgospa_eval.partitioned.tasks import Run, run_tasks
@@ -39,6 +42,7 @@ from tgospa_eval.results.numbers import SPLIT_PARTS, SPREAD
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Json, Labels, input_record
 from tgospa_eval.solvers.certified import Certified
+from tgospa_eval.text import listed
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.judged import digest_of_sums, judge
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -65,10 +69,22 @@ class SideSummary(Reading):
 
     @classmethod
     def of(cls, side: PartsSide, blocks: Sequence[Json]) -> "SideSummary":
-        """Of what `scan` says of all blocks."""
+        """Of what `scan` says of all blocks.
+
+        Raises
+        ------
+        InputError
+            No row has a place that is known.
+        """
         left_out = Counter(side.steps.left_out)
         for block in blocks:
             left_out.update(block["left_out"])
+        idle = {tuple(block["idle"]) for block in blocks if block["idle"] is not None}
+        if len(idle) == 1 and (names := next(iter(idle))):
+            raise InputError(
+                f"{side.path}: {listed(names)}: the same in all rows, as of a place that is not "
+                f"known; name the columns of places, {ask(side.options.option, ['x=HEADER'])}"
+            )
         repaired = {tuple(one.items()): one for block in blocks for one in block["warnings"]}
         return cls(
             trajectories=Trajectories.of_times(side.times, side.columns, side.clock),
@@ -156,6 +172,9 @@ def evaluate_partitioned(
             changed = changed_file(files, work, run) if kept else None
             if changed is not None:
                 stopwatch.notify(f"{changed}: has another content than before: all is begun anew")
+            reading, texts = _with_heights(reading, paths, request_of)
+            for text in texts:
+                stopwatch.notify(text)
             truth, estimate = (
                 open_side(path, options, role, work=work / "sides", rows_together=most, run=run)
                 for path, options, role in zip(paths, reading, ROLES, strict=True)
@@ -197,6 +216,32 @@ def evaluate_partitioned(
         timings=nested_timings(stopwatch),
         files={"truth": paths[0], "estimate": paths[1]},
     )
+
+
+def _with_heights(
+    reading: tuple[ReadOptions, ReadOptions],
+    paths: tuple[str, str],
+    request_of: Callable[[tuple[str, ...]], EvaluationRequest],
+) -> tuple[tuple[ReadOptions, ReadOptions], list[str]]:
+    """Options that read heights where both sides have some, and what to say of those of one.
+
+    Raises
+    ------
+    ConfigError
+        Both have, and the distance knows none.
+    """
+    heads = [
+        side_roles(format, files[0], options)
+        for (format, files), options in zip(map(files_of, paths), reading, strict=True)
+    ]
+    headers = [roles.height for roles in heads]
+    if all(headers):
+        check_heights(headers, request_of(heads[0].names).distance.name)
+        texts = [told_heights(header, one) for header, one in zip(headers, reading, strict=True)]
+        first, second = (replace(one, heights="use") for one in reading)
+        return (first, second), texts
+    named = zip(headers, paths[::-1], strict=True)
+    return reading, [left_out_heights(header, other) for header, other in named if header]
 
 
 def _marking(

@@ -146,6 +146,7 @@ def scan(
         known: list[Json] = [
             {
                 "left_out": reading.left_out,
+                "idle": list(reading.idle) if reading.rows else None,
                 "sums": row_sums(reading.trajectories.seen_as(request.distance.kinds)),
                 "at_steps": count,
                 "warnings": [vars(notice) for notice in reading.warnings],

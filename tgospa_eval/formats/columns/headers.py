@@ -908,6 +908,9 @@ class _Mixes:
     def of(self, name: str, states: Sequence[str]) -> Mix | None:
         """A quantity, beside these states: in space x is a place, not the centre of a box."""
         found = self.plainly(name)
+        if name in ("x", "y") and name not in self.headers.mapped and "z" not in states:
+            mapped = not self.headers.mapped.keys().isdisjoint(EDGES)
+            found = None if mapped and name in self.box else found
         if found is None and name in ("x", "y", "z") and "z" in states:
             found = self.headers.find(f"loc_{name}")
         if found is None and name not in self.plain_box:
@@ -926,7 +929,12 @@ class _Mixes:
         return mix
 
     def default_states(self) -> tuple[str, ...]:
-        """x, y, z as far as they are there, else lat and lon, else the centres of boxes."""
+        """x, y, z as far as they are there, else lat and lon, else the centres of boxes.
+
+        Boxes that the user maps go before all.
+        """
+        if not self.headers.mapped.keys().isdisjoint(EDGES) and self.box:
+            return ("x", "y")
         for find in (self.plainly, self.headers.find):
             places = [find(name) for name in ("x", "y", "z")]
             size = places.index(None) if None in places else 3
