@@ -132,8 +132,9 @@ class AnyOptions:
                 if options["interpolate"] == "truth" and outage:
                     options["outage"] = str(outage)
             case "resample":
-                options["resample"] = float(rng.choice([0.5, 1, 2]))
+                options["resample"] = float(rng.choice([0.5, 1]))
                 options["max_gap"] = float(rng.choice([1, 2, 5]))
+                options["period"] = float(rng.choice([1, 2]))
             case "steps":
                 options["steps"] = str(rng.choice(["0:6", "0:8:2"]))
 

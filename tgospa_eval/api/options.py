@@ -279,15 +279,21 @@ class Request(Values):
     )
     max_gap: str | None = _files(
         "--max-gap DT[,DT]",
-        "The longest time between two states of a track to interpolate across; of truth and "
-        "estimate, if they differ: 200s,10s.",
+        "The longest time between two states of a track to interpolate across. With --resample "
+        "200s,10s the second is the longest between two reports of an estimate that are one run.",
     )
     resample: str | None = _files(
         "--resample S",
-        "A common clock: both files are interpolated at every multiple of S (3s, 200ms, 2min; "
-        "without unit where times are numbers), from the truth's first time to its last, each "
-        "within its --max-gap. The way to compare trackers whose times differ.",
+        "A common clock: the steps are the multiples of S (3s, 200ms, 2min; without unit where "
+        "times are numbers) from the truth's first time to its last, where it is interpolated "
+        "within --max-gap. A report of the estimate holds for the tracker's --period and is judged "
+        "at its own time. The way to compare trackers whose times differ.",
         parts=RESAMPLE_FIRST,
+    )
+    period: str | None = _files(
+        "--period DT",
+        "With --resample: for how long a report of the estimate holds.",
+        shown="the median interval between reports of a track",
     )
     steps: str | None = _files(
         "--steps FIRST:LAST[:EVERY]",

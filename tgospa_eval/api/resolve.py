@@ -553,6 +553,7 @@ def _settings(options: Request) -> Settings:
                 interpolate=options.interpolate,
                 max_gap=options.max_gap,
                 resample=options.resample,
+                period=options.period,
                 steps=parse_steps(options.steps, parse_moments(options.time)),
                 outage=options.outage,
             ),

@@ -18,6 +18,7 @@ from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
+    from tgospa_eval.tracks.held import Held
     from tgospa_eval.tracks.interpolation import Interpolated
 
 Sides = tuple[Trajectories, Trajectories]
@@ -67,6 +68,8 @@ class Axis:
         Rows at stamps that are no declared steps.
     silences : Silences, optional
         Of the estimate, where the truth is interpolated.
+    held : Held, optional
+        Reports of the estimate on a common clock.
     """
 
     sides: Sides
@@ -74,6 +77,7 @@ class Axis:
     made: "tuple[tuple[str, Interpolated], ...]" = ()
     left_out: tuple[int, int] = (0, 0)
     silences: Silences | None = None
+    held: "Held | None" = None
 
 
 def periods_of(distance: Distance, columns: tuple[str, ...]) -> dict[str, float]:
@@ -127,7 +131,7 @@ def on_axis(
 def _resampled(
     axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str], across: str
 ) -> Axis:
-    """Both at multiples of a duration, from the truth's first stamp to its last."""
+    """The truth at multiples of a duration between its ends; reports of the estimate hold there."""
     truth = axis.horizon
     assert isinstance(matching.resample, Duration)
     found = truth.times[:0]
@@ -140,16 +144,29 @@ def _resampled(
                 f"the last time of {names[0]}, {truth.shown[0]} and {truth.shown[-1]}; give less"
             )
     ticks = _stamped(found, truth, truth.clock)
-    made = [
-        _made(side, ticks, gap, matching, distance, (name, "--resample"), mark)
-        for side, gap, name, mark in zip(
-            axis.sides, matching.gaps, names, (across, ""), strict=True
-        )
-    ]
+    make = partial(
+        _made,
+        truth,
+        gap=matching.gaps[0],
+        matching=matching,
+        distance=distance,
+        names=(names[0], "--resample"),
+        across=across,
+    )
+    made, estimate, held = make(ticks), axis.sides[1], None
+    if len(estimate.step) and len(ticks.times):
+        from tgospa_eval.tracks.held import hold  # here: few want it
+
+        def truth_at(side: Trajectories) -> Trajectories:
+            return replace_times(make(side).side, side)
+
+        named = names[1], "--resample"
+        estimate, held = hold(truth, estimate, ticks, matching, truth_at, named)
     return Axis(
-        sides=(replace_times(made[0].side, ticks), replace_times(made[1].side, ticks)),
+        sides=(replace_times(made.side, ticks), replace_times(estimate, ticks)),
         horizon=ticks,
-        made=tuple(zip(("truth", "estimate"), made, strict=True)),
+        made=(("truth", made),),
+        held=held,
     )
 
 
@@ -174,7 +191,7 @@ def _interpolated(
     make = partial(
         _made,
         side,
-        gap=matching.gaps[which],
+        gap=matching.gaps[0],
         matching=matching,
         distance=distance,
         names=(names[which], names[1 - which]),
@@ -339,6 +356,8 @@ def truth_gaps(
     if not wide.any():
         return None
     narrow, estimate = axis.sides
+    if axis.held is not None:  # judged at their own stamps
+        narrow = estimate = axis.held.reports
     line = _made(
         truth, narrow, matching.gaps[0], matching, distance, ("truth", "estimate"), NOT_JUDGED
     ).side
@@ -347,5 +366,8 @@ def truth_gaps(
     if len(rows) and len(estimate.step):
         line = line.chosen(rows, line.step[rows], line.times)
         _, near = _near(line, estimate, matching, distance, cutoff)
-        states = len(np.unique(near.estimate_row))
+        found = np.unique(near.estimate_row)
+        states = len(found)
+        if axis.held is not None:
+            states = int(np.count_nonzero(np.isin(axis.held.row, found)))
     return apart[wide], sorted({str(truth.ids[i]) for i in track[1:][wide].tolist()}), states

@@ -36,13 +36,20 @@ def pair_nees(proof: PairProof, distance: Distance) -> tuple[Floats, NeesSums]:
     compared, problem = proof.compared, proof.states.problem
     assert compared.estimate_covariance is not None
     found = read_assigned(proof.states, proof.weights)
-    rows = problem.truth_row[found.entry], problem.estimate_row[found.entry]
+    rows = on_steps = problem.truth_row[found.entry], problem.estimate_row[found.entry]
     states = compared.truth, compared.estimate
     spreads = compared.truth_covariance, compared.estimate_covariance
     periods, clouds = periods_in(distance, compared.columns), compared.estimate_clouds
+    if compared.held is not None:  # on a common clock a report is judged at its own time
+        names = np.array(compared.labels.truths, dtype=object)
+        pair = compared.held.located(names[problem.sides[0].track[rows[0]]], rows[1])
+        states = pair[0].state, pair[1].state
+        spreads = pair[0].covariance, spreads[1][rows[1]]
+        clouds = pair[1].clouds
+        rows = np.arange(len(rows[0])), np.arange(len(rows[0]))
     nees, histogram = nees_of(states, spreads, rows, periods), None
     if problem.unjudged is not None:  # nobody is judged by an ignored truth
-        ignored = problem.unjudged[0][rows[0]]
+        ignored = problem.unjudged[0][on_steps[0]]
         nees[ignored] = np.nan
         found = replace(found, weight=np.where(ignored, 0.0, found.weight))
     if clouds is not None:

@@ -24,6 +24,11 @@ from tgospa_eval.results.gradient import Gradient
 def gradient(result: PairEvaluation) -> Gradient:
     """Derivatives of the total by estimate states, cutoff and switch penalty."""
     sides, request = source_of(result)
+    if sides.alignment.held is not None:
+        raise ConfigError(
+            "--resample: reports hold for several steps, and no derivative by their states is "
+            "known; evaluate at the times of the estimate, --interpolate truth"
+        )
     proof = result.proof
     states, problem, parameters = proof.states, proof.states.problem, proof.parameters
     cutoff, p, gamma = parameters.cutoff, parameters.order, parameters.switch_penalty

@@ -94,7 +94,13 @@ def pair_parts(prepared: Prepared, proof: PairProof) -> dict[str, Floats]:
     problem, scale = proof.states.problem, proof.parameters.scale
     pairs = read_assigned(proof.states, proof.weights)
     entry, weight = pairs.entry, pairs.weight
-    parts = parts_of_distances(prepared.sides, prepared.distance, proof.parameters, problem, entry)
+    sides, held = prepared.sides, prepared.held
+    own = problem.truth_row[entry], problem.estimate_row[entry]
+    if held is not None and type(prepared.distance).parts is not Distance.parts:
+        sides = held.located(sides[0].ids[sides[0].track[own[0]]], own[1])
+        own = np.arange(len(entry)), np.arange(len(entry))
+    measure, parameters = prepared.distance, proof.parameters
+    parts = parts_of_distances(sides, measure, parameters, problem, entry, own)
     found = {name: weight * part for name, part in parts.items()}
     if prepared.existence is None:
         return found
@@ -105,9 +111,17 @@ def pair_parts(prepared: Prepared, proof: PairProof) -> dict[str, Floats]:
 
 
 def parts_of_distances(
-    sides: Sides, distance: Distance, parameters: Parameters, problem: Problem, entries: Ints
+    sides: Sides,
+    distance: Distance,
+    parameters: Parameters,
+    problem: Problem,
+    entries: Ints,
+    rows: tuple[Ints, Ints],
 ) -> dict[str, Floats]:
-    """Cost of whole pairs by means and by spreads, if the cost is a square and has such parts."""
+    """Cost of whole pairs by means and by spreads, if the cost is a square and has such parts.
+
+    `rows` are those of the entries in either side.
+    """
     if parameters.order != 2 or type(distance).parts is Distance.parts:
         return {}
     costs = np.zeros((2, len(entries)))
@@ -115,8 +129,8 @@ def parts_of_distances(
         part = slice(begin, begin + BLOCK)
         entry = entries[part]
         pairs = Pairs(
-            truth_row=problem.truth_row[entry],
-            estimate_row=problem.estimate_row[entry],
+            truth_row=rows[0][part],
+            estimate_row=rows[1][part],
             distance=parameters.cutoff * np.sqrt(problem.powers(entry)),
         )
         parts = distance.parts(pairs, sides)

@@ -18,16 +18,18 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances import Distance, Effort
+from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.base import Sides
 from tgospa_eval.distances.boxes import overlaps
 from tgospa_eval.distances.pair_search import prepared_pairs, starts_of_steps
-from tgospa_eval.evaluation.prepare import Prepared
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.prepare import Prepared, held_pairs
 from tgospa_eval.problem.gospa import per_step_gospa
 from tgospa_eval.problem.readout import judged_rows
 from tgospa_eval.results.proof import PairProof
 from tgospa_eval.results.records import OtherMetrics
 from tgospa_eval.tracks.attributes import file_order
+from tgospa_eval.tracks.held import Held
 
 THRESHOLD = 0.5
 """Similarity from which a pair matches, in CLEAR and Identity."""
@@ -148,7 +150,12 @@ def other_metrics(
                     for side, rows in zip(sides, kept, strict=True)
                 )
                 sides = first, second
-            data = _sequence(sides, prepared.distance, zero, effort)
+            if prepared.held is not None and prepared.unjudged is not None:
+                raise ConfigError(
+                    "--with hota, clear and identity do not go together with --resample and "
+                    "--ignore; leave one out"
+                )
+            data = _sequence(sides, prepared.distance, zero, effort, prepared.held)
             found = {name: _metric(name).eval_sequence(data) for name in asked}
         gospa = _gospa(prepared) if "gospa" in names else None
     return Others(found=found, gospa=gospa, zero=zero)
@@ -211,13 +218,19 @@ class _Similarities:
     Its rows and columns are in the order of the files, which decides where sums are equal.
     """
 
-    def __init__(self, sides: Sides, distance: Distance, zero: float, effort: Effort) -> None:
+    def __init__(
+        self, sides: Sides, distance: Distance, zero: float, effort: Effort, held: Held | None
+    ) -> None:
         self.sides, self.zero = sides, zero
         self.starts = [starts_of_steps(side) for side in self.sides]
         self.orders = [file_order(side.step, side.attributes) for side in self.sides]
         self.pairs = None
-        if distance.name != IOU:
-            self.pairs = prepared_pairs(self.sides, zero, distance, effort)
+        if distance.name != IOU or held is not None:
+
+            def search(sides: Sides) -> Pairs:
+                return prepared_pairs(sides, zero, distance, effort)
+
+            self.pairs = search(sides) if held is None else held_pairs(held, sides, search)
             self.first = np.searchsorted(self.pairs.truth_row, self.starts[0])
 
     def __len__(self) -> int:
@@ -239,9 +252,11 @@ class _Similarities:
         return matrix[np.ix_(rows - begin[0], columns - begin[1])]
 
 
-def _sequence(sides: Sides, distance: Distance, zero: float, effort: Effort) -> dict[str, object]:
+def _sequence(
+    sides: Sides, distance: Distance, zero: float, effort: Effort, held: Held | None
+) -> dict[str, object]:
     """One sequence as the metrics of TrackEval take it; tracks without a row do not count."""
-    similarities = _Similarities(sides, distance, zero, effort)
+    similarities = _Similarities(sides, distance, zero, effort, held)
     data: dict[str, object] = {
         "num_timesteps": len(similarities),
         "similarity_scores": similarities,

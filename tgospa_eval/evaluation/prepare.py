@@ -38,6 +38,7 @@ from tgospa_eval.tracks.judged import Judged, digest, judge, unsigned_zeros, who
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
+    from tgospa_eval.tracks.held import Held
     from tgospa_eval.tracks.step_weights import WeightsByTime
 
 
@@ -112,6 +113,7 @@ class MeasuredSides(ComparedSides):
             pairs=pairs,
             unjudged=self.unjudged,
             reach=self.reach,
+            given=self.held is not None,
         )
         problem = near.problem(parameters)
         if self.existence is not None:
@@ -201,6 +203,8 @@ class NearPairs:
         Ignored rows of the truth, excused rows of the estimate.
     reach : (R_truth,) float array, optional
         How far beyond the cutoff an ignored truth may be followed.
+    given : bool
+        Distances are not those of the states of these rows, but of reports at their stamps.
     """
 
     sides: Sides
@@ -208,6 +212,7 @@ class NearPairs:
     pairs: Pairs
     unjudged: tuple[Mask, Mask] | None = None
     reach: Floats | None = None
+    given: bool = False
 
     @classmethod
     def of(
@@ -219,16 +224,40 @@ class NearPairs:
         effort: Effort,
     ) -> "NearPairs":
         """Both sides as they are compared, and their pairs that matter at such a cutoff."""
-        unjudged, reach = unjudged_of(aligned, request), reach_of(aligned, request)
+        unjudged, reach = unjudged_of(aligned, request), reach_of(aligned.truth, request)
         seen = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
+        raw = distance
         sides, distance = distance.prepared(seen, effort)
         margin = 0.0
         if unjudged is not None and unjudged[0].any():
             margin = distance.margin(sides, cutoff)
-        pairs = prepared_pairs(sides, cutoff, distance, effort, margin=margin)
-        if reach is not None:
-            pairs = with_far_pairs(pairs, sides, distance, (cutoff, margin), reach, effort)
-        return cls(sides=sides, distance=distance, pairs=pairs, unjudged=unjudged, reach=reach)
+
+        def pairs_of(sides: Sides, reach: Floats | None) -> Pairs:
+            pairs = prepared_pairs(sides, cutoff, distance, effort, margin=margin)
+            if reach is None:
+                return pairs
+            return with_far_pairs(pairs, sides, distance, (cutoff, margin), reach, effort)
+
+        held = aligned.held
+        if held is None:
+            pairs = pairs_of(sides, reach)
+        else:
+
+            def at_reports(both: Sides) -> Pairs:
+                seen = both[0].seen_as(raw.kinds), both[1].seen_as(raw.kinds)
+                return pairs_of(raw.prepared(seen, effort)[0], reach_of(both[0], request))
+
+            pairs = held_pairs(held, (aligned.truth, aligned.estimate), at_reports)
+            most = cutoff + margin + (0.0 if reach is None else reach[pairs.truth_row])
+            pairs = pairs.chosen(np.flatnonzero(pairs.distance <= most))
+        return cls(
+            sides=sides,
+            distance=distance,
+            pairs=pairs,
+            unjudged=unjudged,
+            reach=reach,
+            given=held is not None,
+        )
 
     def problem(self, parameters: Parameters) -> Problem:
         """The problem of these pairs, with what is not judged."""
@@ -236,7 +265,10 @@ class NearPairs:
         if self.unjudged is not None:
             near = pairs.distance < parameters.cutoff
             which, jumps = self._jumps(parameters)
-            near[which] = self.distance.nearer(pairs.chosen(which), self.sides, jumps)
+            if self.given:
+                near[which] = pairs.distance[which] < jumps
+            else:
+                near[which] = self.distance.nearer(pairs.chosen(which), self.sides, jumps)
             margin = self.distance.margin(self.sides, parameters.cutoff)
             at_cutoff = int(np.count_nonzero(np.abs(pairs.distance[which] - jumps) <= margin))
         problem = tgospa_problem(
@@ -272,8 +304,24 @@ class NearPairs:
         return which, np.broadcast_to(parameters.cutoff + reach, len(which))
 
 
+def held_pairs(held: "Held", sides: Sides, search: Callable[[Sides], Pairs]) -> Pairs:
+    """Pairs of rows on a common clock, by a search at the stamps of the reports."""
+    none = np.zeros(0, np.int64)
+    found: list[tuple[Ints, Ints, Floats]] = [(none, none, np.zeros(0))]
+    for (truth, reports), rows in held.blocks():
+        part = search((truth, reports))
+        track = held.number(truth)[truth.track[part.truth_row]]
+        found.append((track, rows[part.estimate_row], part.distance))
+    track, report, distance = map(np.concatenate, zip(*found, strict=True))
+    row, other, length = held.on_clock((track, report, distance), sides)
+    return Pairs(truth_row=row, estimate_row=other, distance=length)
+
+
 def recorded_settings(
-    distance: Distance, request: EvaluationRequest, columns: tuple[str, ...]
+    distance: Distance,
+    request: EvaluationRequest,
+    columns: tuple[str, ...],
+    held: "Held | None" = None,
 ) -> dict[str, object]:
     """Every option that changes the number, without parameters and those of the solver."""
     return {
@@ -281,6 +329,7 @@ def recorded_settings(
         **distance.settings(columns),
         "columns": list(columns),
         **request.time_matching.recorded,
+        **({} if held is None else {"period": held.period}),
         "unit": request.unit,
         **_recorded_weights(request.step_weights),
         **({EXISTENCE: request.existence} if request.probabilistic else {}),
@@ -337,7 +386,7 @@ def measure(
             unit=request.unit,
         ),
         moments=truth.times,
-        settings=recorded_settings(distance, request, truth.columns),
+        settings=recorded_settings(distance, request, truth.columns, aligned.held),
         recorded=recorded,
         **scene,
         step_weights=weights,
@@ -348,16 +397,17 @@ def measure(
         ),
         unjudged=near.unjudged,
         reach=near.reach,
+        held=aligned.held,
     )
     return measured, near.pairs
 
 
-def reach_of(aligned: Alignment, request: EvaluationRequest) -> Floats | None:
+def reach_of(truth: Trajectories, request: EvaluationRequest) -> Floats | None:
     """How far beyond the cutoff each row of the truth may be followed, if any may."""
     speed = 0.0 if request.ignoring is None else request.ignoring.max_speed
-    if not speed or AWAY not in aligned.truth.attributes:  # nothing was interpolated
+    if not speed or AWAY not in truth.attributes:  # nothing was interpolated
         return None
-    return speed * np.asarray(aligned.truth.attributes[AWAY], np.float64)
+    return speed * np.asarray(truth.attributes[AWAY], np.float64)
 
 
 def with_far_pairs(
@@ -464,7 +514,7 @@ def fit(
     truth, estimate = axis.sides
     if request.ignoring is not None:
         estimate = request.ignoring.excuse(estimate, given[0], request.time_matching.near, names)
-    aligned = align(truth, estimate, time_matching, names)
+    aligned = replace(align(truth, estimate, time_matching, names), held=axis.held)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(
             f"--grid {time_matching.grid}: no step is left, none of {aligned.union:,} counts; if "

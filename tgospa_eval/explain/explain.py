@@ -96,7 +96,7 @@ class Trials:
         self.as_a_whole = (
             sides.distance is not request.distance  # which takes something from the data
             or "reduce" in distance
-            or reach_of(self.aligned, request) is not None
+            or reach_of(self.aligned.truth, request) is not None
         )
 
     def run(
@@ -286,6 +286,11 @@ def explain(
     """
     top = whole_number("top", top)
     sides, request = source_of(result)
+    if sides.alignment.held is not None:
+        raise ConfigError(
+            "explain: repairs are not known for --resample, where a report holds for several "
+            "steps; evaluate at the times of the estimate, --interpolate truth"
+        )
     without = not_explained(request)
     stopwatch = stopwatch or Stopwatch()
     begin = stopwatch.elapsed()

@@ -199,7 +199,14 @@ def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[NearPairs, Prob
     near = NearPairs.of(aligned, request, sides.distance, parameters.cutoff, Effort(jobs=1))
     problem, distance, unjudged = near.problem(parameters), near.distance, near.unjudged
     entries, rows = np.arange(len(problem.cost)), (problem.truth_row, problem.estimate_row)
-    beside = parts_of_distances(near.sides, distance, parameters, problem, entries)
+    beside = parts_of_distances(
+        near.sides,
+        distance,
+        parameters,
+        problem,
+        entries,
+        (problem.truth_row[entries], problem.estimate_row[entries]),
+    )
     told = aligned.truth.seen_as(request.kinds), aligned.estimate.seen_as(request.kinds)
     spread = told[1].second_moments
     if spread is not None:

@@ -34,15 +34,14 @@ DAMAGED += csv.Error, RecursionError, MemoryError
 PLAIN_NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]{1,3})?")
 LENGTH, FIGURES = 60, 1000  # of a decimal number, of an integer
 PRICE_BITS, LARGEST_UNIT, TOP_ORDER, EXACT_BITS = 1200, 2**64, 10**4, 8000
-WORK, MEGABYTE = 5e6, 10**6  # microseconds, about, for a folder of so many bytes
-LARGEST_FILE = 10**9  # bytes
+WORK, MEGABYTE, LARGEST_FILE = 5e6, 10**6, 10**9  # microseconds, about, for so many bytes; bytes
 
 # What proof.json holds, and nothing else: [x] is a list of x, (x, y) a row, fields of MAY may lack.
 ANY, MAY = type("number or text", (), {}), None  # ANY is also a list or a matrix of these
 RECORDED = """cutoff order switch_penalty rho step_weights existence distance covariance periodic
     scale columns truth_columns estimate_columns truth_format estimate_format time_tolerance grid
     interpolate max_gap ignore ignore_regions time_offset time_scale unit_scale on_duplicate
-    on_invalid steps resample outage decimal time class_ truth_class estimate_class region by
+    on_invalid steps resample period outage decimal time class_ truth_class estimate_class region by
     where truth_where estimate_where day_begins preprocess unit solver gap epsilon time_limit
     fix_cov missing_cov mixed cloud_order inner inner_cov reduce reduce_method directions
     iterations restarts polish seed no_gating pairwise vertical_weight truth_scale
@@ -172,10 +171,11 @@ class Folder:
             raise ValueError(f"{columns!r:.80} are no columns of the distance {distance}")
         each = {MAY: dict.fromkeys(columns, str)}
         kinds = {x: each if x in ("scale", "periodic") else ANY for x in EXTRAS[distance].split()}
-        check(given, ALWAYS | {MAY: kinds | {"rho": str, "masked": str}}, "parameters")
+        kinds |= dict.fromkeys(("rho", "masked", "held"), str)
+        check(given, ALWAYS | {MAY: kinds}, "parameters")
         if given.get("masked", ", ".join(MARKS)) != ", ".join(MARKS):
             raise ValueError(f"{given['masked']!r:.80} is no way to mask states")
-        tables = STATES if distance in CLOSED else (*STATES, "distances.csv")
+        tables = STATES if is_closed(given) else (*STATES, "distances.csv")
         check(proof["sha256"], dict.fromkeys(tables, str), "sha256")
         return proof
 
@@ -184,6 +184,11 @@ class Folder:
         self.work += work
         if self.work > WORK * max(1, self.size / MEGABYTE) ** 3:
             raise BeyondLimits("there are too many near pairs for a folder of this size")
+
+
+def is_closed(given):
+    """Whether distances follow from the states: not those of reports on a common clock."""
+    return given["distance"] in CLOSED and "held" not in given
 
 
 def pair_work(columns, size):
@@ -261,12 +266,12 @@ class ClaimedScene:
             raise ValueError("an object is there twice, or one time is spelt in two ways")
         # truth -> estimate -> [(step, cost rounded down, cost rounded up)]
         self.near = collections.defaultdict(lambda: collections.defaultdict(list))
-        if self.kind in CLOSED:
+        if is_closed(given):
             pairs = self._measured(folder, sides, scale, turn)
         else:
             rows = folder.table("distances.csv", proof, "truth", "estimate", "t", "distance")
             pairs = self._listed(sides, rows)
-        exponent = self.order / (2 if self.kind == "euclidean" else 1)
+        exponent = self.order / (2 if self.kind == "euclidean" and is_closed(given) else 1)
         for truth, estimate, k, a, b in pairs:  # (d / c)^2 or d / c is a / b
             if a < b:
                 folder.spend(power_work(exponent, b.bit_length(), self.bits))
@@ -419,7 +424,7 @@ def verify(folder):
     if not (decimal.Decimal(lower) <= totals[0] and totals[1] <= decimal.Decimal(upper)):
         raise Wrong(f"the claim {lower} <= total <= {upper} is not proven, only {found}")
     named = proof["parameters"]
-    given = "" if named["distance"] in CLOSED else ", given the distances"
+    given = "" if is_closed(named) else ", given the distances"
     metric = [f"{k} {v if k in {*ALWAYS, 'rho'} else repr(v)}" for k, v in named.items()]
     if "masked" in named:
         found += "; not judged: {} truth states, {} estimate states".format(*scene.unjudged)

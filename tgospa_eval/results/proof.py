@@ -13,6 +13,7 @@ from tgospa_eval.results.records import Costs, Labels
 
 if TYPE_CHECKING:
     from tgospa_eval.tracks.clouds import Clouds
+    from tgospa_eval.tracks.held import Held
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,6 +38,8 @@ class ComparedSides:
         and pictures.
     truth_clouds, estimate_clouds : Clouds, optional
         The particles.
+    held : Held, optional
+        Reports of which the rows of the estimate are, on a common clock.
     """
 
     moments: NDArray[Any]
@@ -49,6 +52,7 @@ class ComparedSides:
     estimate_covariance: Floats | None = None
     truth_clouds: "Clouds | None" = None
     estimate_clouds: "Clouds | None" = None
+    held: "Held | None" = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

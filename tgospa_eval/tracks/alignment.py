@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.durations import SECOND, Duration, Steps
 from tgospa_eval.tracks.trajectories import CLOCKS, Trajectories
+
+if TYPE_CHECKING:
+    from tgospa_eval.tracks.held import Held
 
 GRIDS = ("union", "truth", "estimate", "common")
 INTERPOLATED = ("estimate", "truth")
@@ -41,11 +44,13 @@ class TimeMatching:
     interpolate : {"estimate", "truth"}, optional
         Which side is brought to the stamps of the other one before, see `tracks.interpolation`.
     max_gap : float, str, or pair of such, optional
-        The longest time between two states of a track to interpolate across; a pair is of truth
-        and estimate.
+        The longest time between two states of a track to interpolate across. With `resample` a
+        second one is the longest between two reports of an estimate that are one run.
     resample : float or str, optional
-        Both sides are interpolated at the multiples of this, from the truth's first stamp to its
-        last: these are the steps.
+        The multiples of this, from the truth's first stamp to its last, are the steps: the truth is
+        interpolated there, reports of the estimate hold for its period, see `tracks.held`.
+    period : float or str, optional
+        Of the reports of the estimate; by default the median interval of those of a track.
     steps : Steps, optional
         These are the steps, and no others.
     outage : float, str, or "none", optional
@@ -63,6 +68,7 @@ class TimeMatching:
     interpolate: str | None = None
     max_gap: "float | str | Sequence[float | str] | None" = None
     resample: Duration | float | str | None = None
+    period: Duration | float | str | None = None
     steps: Steps | None = None
     outage: Duration | float | str | None = None
 
@@ -80,6 +86,10 @@ class TimeMatching:
             keep("max_gap", _gaps(self.max_gap))
         if self.resample is not None:
             keep("resample", Duration.of(self.resample, "resample"))
+        if self.period is not None:
+            keep("period", Duration.of(self.period, "period"))
+            if not self.period:
+                raise ConfigError(f"period is {self.period}: must be finite and > 0")
         if self.outage not in (None, "none"):
             keep("outage", Duration.of(self.outage, "outage"))
         self._check_together()
@@ -110,7 +120,11 @@ class TimeMatching:
                 "--max-gap is for --interpolate and --resample; say which, or leave it out"
             )
         if len(chosen) > 1:
-            raise ConfigError("--resample interpolates both sides; leave --interpolate out")
+            raise ConfigError("--resample has a clock of its own; leave --interpolate out")
+        if self.period is not None and self.resample is None:
+            raise ConfigError("--period is for --resample; leave it out")
+        if self.interpolate and len(self.gaps) > 1:
+            raise ConfigError("--max-gap TRUTH,ESTIMATE is for --resample; give one")
         if self.outage is not None and self.interpolate != "truth":
             raise ConfigError("--outage is for --interpolate truth; leave it out")
         if self.steps is not None and self.resample is not None:
@@ -129,6 +143,7 @@ class TimeMatching:
         for name, value in (
             ("--time-tolerance", self.tolerance),
             ("--outage", self.outage),
+            ("--period", self.period),
             *(("--max-gap", gap) for gap in self.gaps),
         ):
             if isinstance(value, Duration):
@@ -136,8 +151,13 @@ class TimeMatching:
 
     @property
     def gaps(self) -> tuple[Duration, ...]:
-        """The longest gaps of truth and estimate, if there are any."""
+        """The longest gaps to interpolate across and between reports, as far as they are given."""
         return cast("tuple[Duration, ...]", self.max_gap or ())
+
+    @property
+    def run(self) -> Duration | None:
+        """The longest time between two reports that are one run, if it is given."""
+        return self.gaps[1] if len(self.gaps) > 1 else None
 
     @property
     def decided(self) -> str:
@@ -154,25 +174,24 @@ class TimeMatching:
     @property
     def on_own_times(self) -> "TimeMatching":
         """The same for sides that were brought to their steps before."""
-        return replace(self, interpolate=None, max_gap=None, resample=None, steps=None, outage=None)
+        return TimeMatching(tolerance=self.tolerance, grid=self.grid)
 
     @property
     def recorded(self) -> dict[str, object]:
         """What changes the number, by the names of the JSON."""
         found: dict[str, object] = {"grid": self.grid, "time_tolerance": self.tolerance}
-        for name in ("interpolate", "resample", "outage"):
+        for name in ("interpolate", "resample", "period", "outage"):
             if getattr(self, name) is not None:
                 found[name] = getattr(self, name)
         if self.max_gap is not None:
-            one, other = self.gaps
-            found["max_gap"] = one if one == other else [one, other]
+            found["max_gap"] = self.gaps[0] if len(self.gaps) == 1 else list(self.gaps)
         if self.steps is not None:
             found["steps"] = self.steps.text
         return found
 
 
-def _gaps(given: "float | str | Sequence[float | str]") -> tuple[Duration, Duration]:
-    """The longest gaps of truth and estimate.
+def _gaps(given: "float | str | Sequence[float | str]") -> tuple[Duration, ...]:
+    """The longest gaps, of the truth and perhaps of the estimate.
 
     Raises
     ------
@@ -187,7 +206,7 @@ def _gaps(given: "float | str | Sequence[float | str]") -> tuple[Duration, Durat
     for gap in gaps:
         if not gap:
             raise ConfigError(f"max-gap is {gap.text}: must be finite and > 0")
-    return gaps[0], gaps[-1]
+    return tuple(gaps)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -204,6 +223,8 @@ class Alignment:
         Pairs of different stamps that were made one step.
     left_out : pair of int
         Rows of the two sides at steps that do not count.
+    held : Held, optional
+        Reports of which the rows of the estimate are: pairs are judged at their stamps.
     """
 
     truth: Trajectories
@@ -212,6 +233,7 @@ class Alignment:
     common: int
     joined: int
     left_out: tuple[int, int]
+    held: "Held | None" = None
 
 
 def align(

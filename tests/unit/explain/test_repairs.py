@@ -224,7 +224,7 @@ def test_what_is_promised_is_what_evaluate_gives(seed: int) -> None:
     """Of the repaired file, with the same options, whatever they are."""
     scene = AnyOptions(seed)
     before = scene.evaluate()
-    assume(before is not None)
+    assume(before is not None and "resample" not in before.parameters)
     explanation = before.explain(6)
     for rank, repair in enumerate(explanation.repairs, 1):
         text = csv_text(explanation.repaired(rank))

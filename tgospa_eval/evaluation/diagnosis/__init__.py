@@ -5,7 +5,9 @@ per-step GOSPA cost, of a clock without what is missed or false either way, wher
 by chance, or where a side cannot mean what it seems to.
 """
 
+import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,6 +39,9 @@ def diagnose(sides: "Fitted", request: "EvaluationRequest") -> list[Notice]:
         What is asked of them.
     """
     aligned, parameters = sides.alignment, request.parameters
+    if aligned.held is not None:  # what is compared are reports, at their stamps
+        for (truth, reports), _ in itertools.islice(aligned.held.blocks(), 1):
+            aligned = replace(aligned, truth=truth, estimate=reports)
     pair, distance = (aligned.truth, aligned.estimate), sides.distance.lower_bound
     sample = Sample(pair, parameters, distance, FIRST_STEPS)
     found = side_warnings(sides.read)
@@ -52,7 +57,7 @@ def diagnose(sides: "Fitted", request: "EvaluationRequest") -> list[Notice]:
 def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
     """What bringing sides to their steps took: interpolated states, and what was not used."""
     for side, made in axis.made:
-        gap = matching.gaps[("truth", "estimate").index(side)]
+        gap = matching.gaps[0]
         other = "truth" if side == "estimate" else "estimate"
         where = f"the stamps of the {other}"
         if matching.resample is not None:
@@ -62,6 +67,17 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
             text=f"{side} interpolated at {where}: {counted(made.between, 'state')} between two "
             f"that are at most {gap.text} apart, {made.own:,} as they were"
             f"{unused if made.unused else ''}"
+        )
+    if axis.held is not None:
+        held, steps = axis.held, counted(len(axis.horizon.times), "step")
+        used, reports = len(np.unique(held.row)), len(held.reports.step)
+        which = "--period" if held.declared else "the median interval; --period declares it"
+        off = f"; {reports - used:,} outside of all steps" if used < reports else ""
+        alone = f" ({held.alone:,} alone)" if held.alone else ""
+        yield Notice(
+            text=f"each report of the estimate holds for its period, {number(held.period)} "
+            f"({which}), and is judged at its own time: {counted(used, 'report')}{alone} at "
+            f"{steps} of the common clock{off}"
         )
     if matching.steps is not None:
         first, second = axis.left_out

@@ -71,14 +71,18 @@ def slices_of(
 
 
 def _members(by: SliceBy, fitted: Fitted, cutoff: float) -> Members:
-    sides = fitted.alignment.truth, fitted.alignment.estimate
+    aligned = fitted.alignment
+    sides, held = (aligned.truth, aligned.estimate), aligned.held
     rows = len(sides[0].step), len(sides[1].step)
-    found = [
-        members(
-            attribute, values_of(sides, attribute, fitted.distance, cutoff), rows, summed=by.summed
-        )
-        for attribute in by.attributes
-    ]
+    found = []
+    for attribute in by.attributes:
+        if held is None:
+            values = values_of(sides, attribute, fitted.distance, cutoff)
+        else:  # speeds and neighbours are those of reports
+            at = sides[0], held.reports
+            first, second = values_of(at, attribute, fitted.distance, cutoff)
+            values = first, None if second is None else second[held.row]
+        found.append(members(attribute, values, rows, summed=by.summed))
     whole = found[0] if len(found) == 1 else found[0].crossed(found[1])
     if len(whole.names) > MOST_CROSSINGS:
         raise ConfigError(f"--slice {quoted(by.text)}: would make {len(whole.names):,} slices")

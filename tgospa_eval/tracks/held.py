@@ -1,0 +1,244 @@
+"""Reports of an estimate on a common clock: each holds for the tracker's period.
+
+A report is judged against the truth at the time of the report, and the clock only samples which
+reports hold: nothing that was not reported is made (docs/how-to/which-steps-count.md).
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import number as shown_number
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.tracks.alignment import TimeMatching, comparable
+from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.trajectories import Trajectories
+
+RUN = 1.5
+"""Periods between two rows of a track that are one run."""
+
+ROWS_TOGETHER = 1 << 20
+"""Rows of the truth that are interpolated at a time."""
+
+SLACK = 1e-9
+"""Of a period: a step that is so near to the end of a report is in the next."""
+
+Sides = tuple[Trajectories, Trajectories]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Held:
+    """Which report each row of an estimate on the clock is.
+
+    Parameters
+    ----------
+    reports : Trajectories
+        The estimate as it was read.
+    row : (R,) int array
+        Of each row on the clock the row of `reports`.
+    truths : (n,) object array
+        Ids of the whole truth.
+    truth_at : callable
+        The truth at the stamps of a side.
+    period : float
+        For how long a report holds, in seconds or the unit of the stamps.
+    declared : bool
+        Whether the user named it.
+    alone : int
+        Reports whose track has no other one near in time.
+    """
+
+    reports: Trajectories
+    row: Ints
+    truths: np.ndarray
+    truth_at: Callable[[Trajectories], Trajectories]
+    period: float
+    declared: bool
+    alone: int
+
+    @cached_property
+    def _numbers(self) -> dict[str, int]:
+        return {name: k for k, name in enumerate(self.truths.tolist())}
+
+    def number(self, side: Trajectories) -> Ints:
+        """Numbers of the truths of a side among all."""
+        return np.array([self._numbers[name] for name in side.ids.tolist()], np.int64)
+
+    def blocks(self, rows: Ints | None = None) -> Iterator[tuple[Sides, Ints]]:
+        """Truth and reports at the stamps of reports, some stamps together, and the reports.
+
+        Parameters
+        ----------
+        rows : int array, optional
+            The reports that are needed, in order; by default all that hold somewhere.
+        """
+        rows = np.unique(self.row) if rows is None else rows
+        steps, at = np.unique(self.reports.step[rows], return_inverse=True)
+        together = max(ROWS_TOGETHER // max(len(self.truths), 1), 1)
+        times, labels = self.reports.times[steps], self.reports.labels
+        for begin in range(0, len(steps), together):
+            part = slice(begin, begin + together)
+            some = (at >= begin) & (at < begin + together)
+            own = None if labels is None else labels[steps[part]]
+            reports = self.reports.chosen(rows[some], at[some] - begin, times[part], own)
+            yield (self.truth_at(reports), reports), rows[some]
+
+    def on_clock(self, found: tuple[Ints, Ints, Floats], sides: Sides) -> tuple[Ints, Ints, Floats]:
+        """Pairs of truths and reports as pairs of rows on the clock, where both are.
+
+        Parameters
+        ----------
+        found : tuple of (N,) arrays
+            Number of the truth, row of the report, distance.
+        sides : pair of Trajectories
+            Both on the clock.
+
+        Returns
+        -------
+        tuple of arrays
+            Rows of truth and estimate, in order, and distances.
+        """
+        truth, estimate = sides
+        track, report, distance = found
+        own = np.full(max(len(self.truths), 1), -1)
+        own[self.number(truth)] = np.arange(len(truth.ids))
+        order = np.argsort(report, kind="stable")
+        count = np.bincount(report, minlength=len(self.reports.step))
+        first = np.cumsum(count) - count
+        pair = order[concatenated(first[self.row], count[self.row])]
+        estimate_row = np.repeat(np.arange(len(self.row)), count[self.row])
+        step = estimate.step[estimate_row].astype(np.int64)
+        row, there = find_rows(truth, step, own[track[pair]])
+        order = np.lexsort((estimate_row[there], row[there]))
+        pair, estimate_row = pair[there][order], estimate_row[there][order]
+        return row[there][order], estimate_row, distance[pair]
+
+    def located(self, names: np.ndarray, rows: Ints) -> Sides:
+        """Pairs of truths and rows on the clock as two sides with a row each, as they are judged.
+
+        Parameters
+        ----------
+        names : (N,) object array
+            Ids of the truths.
+        rows : (N,) int array
+            Rows of the estimate on the clock.
+        """
+        report = self.row[rows]
+        track = np.array([self._numbers[name] for name in names.tolist()], np.int64)
+        state = np.empty((len(report), len(self.reports.columns)))
+        covariance: Floats | None = None
+        for (truth, part), own in self.blocks(np.unique(report)):
+            mine = np.flatnonzero(np.isin(report, own))
+            step = part.step[np.searchsorted(own, report[mine])].astype(np.int64)
+            number = np.full(len(self.truths), -1)
+            number[self.number(truth)] = np.arange(len(truth.ids))
+            row, _ = find_rows(truth, step, number[track[mine]])
+            state[mine] = truth.state[row]
+            if truth.covariance is not None:
+                if covariance is None:
+                    covariance = np.empty((len(report), truth.covariance.shape[1]))
+                covariance[mine] = truth.covariance[row]
+        steps = np.arange(len(report))
+        estimate = replace(
+            self.reports.chosen(report, steps, steps, None, "number"),
+            track=np.zeros(len(report), np.int64),
+            ids=np.array([""], dtype=object),
+            attributes={},
+        )
+        truth = replace(estimate, state=state, covariance=covariance, clouds=None)
+        return truth, estimate
+
+
+def find_rows(side: Trajectories, step: Ints, track: Ints) -> tuple[Ints, Mask]:
+    """Rows of a side by step and track, and where there is one; no track is -1."""
+    if not len(side.step):
+        return np.zeros(len(step), np.int64), np.zeros(len(step), bool)
+    size = len(side.ids)
+    keys = side.step.astype(np.int64) * size + side.track
+    wanted = step * size + track
+    row = np.searchsorted(keys, wanted).clip(max=len(keys) - 1)
+    return row, (keys[row] == wanted) & (track >= 0)
+
+
+def hold(
+    truth: Trajectories,
+    estimate: Trajectories,
+    ticks: Trajectories,
+    matching: TimeMatching,
+    truth_at: Callable[[Trajectories], Trajectories],
+    names: tuple[str, str],
+) -> tuple[Trajectories, Held]:
+    """The estimate on a common clock, by the reports that hold there.
+
+    Inside a run of a track a report holds up to the middle between it and its neighbours, at the
+    ends of a run for half a period. So n regular reports hold for n periods, and a single one for
+    one.
+
+    Parameters
+    ----------
+    truth, estimate : Trajectories
+        As they were read.
+    ticks : Trajectories
+        The steps of the clock.
+    matching : TimeMatching
+        Step of the clock; longest gap inside a run; period, where one is declared.
+    truth_at : callable
+        The truth at the stamps of a side.
+    names : pair of str
+        Of estimate and option, for messages.
+
+    Raises
+    ------
+    ConfigError
+        A single report could fall between two steps.
+    InputError
+        The stamps cannot be compared.
+    """
+    mine, theirs = comparable(estimate, ticks, names)
+    second = SECOND if estimate.clock != "number" else 1
+    origin = mine[0]
+    own, clock = ((times - origin) / second for times in (mine, theirs))
+    order = np.argsort(estimate.track, kind="stable")  # rows are in the order of time
+    track, time = estimate.track[order], own[estimate.step[order]]
+    same, gap = track[1:] == track[:-1], np.diff(time)
+    step = float(matching.resample or 0.0)
+    period = float(matching.period) if matching.period else _period(gap[same], step)
+    if step > period * (1 + SLACK):
+        shown = shown_number(period, 6)
+        raise ConfigError(
+            f"--resample {step:g}: a report of {names[0]} holds for its period, {shown}, and "
+            f"could fall between two steps; give at most {shown}, or --period if it is longer"
+        )
+    limit = float(matching.run) if matching.run else RUN * period
+    joined = same & (gap <= limit * (1 + SLACK))
+    half = np.where(joined, gap / 2, np.where(same, np.minimum(gap, period) / 2, period / 2))
+    middle = time[:-1] + half
+    after = np.append(middle, time[-1:] + period / 2)
+    before = np.append(time[:1] - period / 2, np.where(joined, middle, time[1:] - half))
+    begin, end = (np.searchsorted(clock, ends - SLACK * period) for ends in (before, after))
+    count = end - begin
+    steps, row = concatenated(begin, count), np.repeat(order, count)
+    order = np.lexsort((estimate.track[row], steps))
+    linked = np.zeros(len(time), bool)
+    linked[1:] |= joined
+    linked[:-1] |= joined
+    held = Held(
+        reports=estimate,
+        row=row[order],
+        truths=truth.ids,
+        truth_at=truth_at,
+        period=period,
+        declared=bool(matching.period),
+        alone=int(np.count_nonzero(~linked)),
+    )
+    side = estimate.chosen(row[order], steps[order], ticks.times, ticks.labels, ticks.clock)
+    return side, held
+
+
+def _period(gaps: Floats, step: float) -> float:
+    """The median interval of a track's reports, of two the shorter; else that of the clock."""
+    return float(np.quantile(gaps, 0.5, method="lower")) if len(gaps) else step
