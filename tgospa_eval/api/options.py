@@ -303,9 +303,9 @@ class Request(Values):
     )
     outage: str | None = _files(
         "--outage DT",
-        "With --interpolate truth: where the estimate has no state within c of a truth for longer "
-        "than this, the truth's own times are steps, and what is there is missed. none says that "
-        "the tracker reports only when it sees something.",
+        "With --interpolate truth, --grid estimate and common: where the estimate has no state "
+        "within c of a truth for longer than this, the truth's own times are steps, and what is "
+        "there is missed. none says that the tracker reports only when it sees something.",
         shown="five times the median of such intervals",
     )
     time_offset: float = _files(

@@ -128,6 +128,18 @@ def on_axis(
     return axis
 
 
+def charged(
+    axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str], cutoff: float
+) -> Axis:
+    """With the silences of the estimate, where its stamps say which steps of the truth count."""
+    if not matching.of_estimate or axis.silences is not None or matching.interpolate == "truth":
+        return axis
+    first, second = axis.sides
+    _, near = _near(first, second, matching, distance, cutoff)
+    found = np.unique(second.times[second.step[near.estimate_row]])
+    return replace(axis, silences=_silences(first, second, found, matching, names))
+
+
 def _resampled(
     axis: Axis, matching: TimeMatching, distance: Distance, names: tuple[str, str], across: str
 ) -> Axis:

@@ -15,7 +15,7 @@ from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation.axis import Axis, Sides, on_axis
+from tgospa_eval.evaluation.axis import Axis, Sides, charged, on_axis
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.metric_family import (
@@ -508,13 +508,20 @@ def fit(
     given = truth, estimate
     if placed is None:
         across = NOT_JUDGED if request.ignoring is not None and request.ignoring.gaps else ""
-        axis = on_axis(given, time_matching, distance, names, request.parameters.cutoff, across)
+        cutoff = request.parameters.cutoff
+        axis = on_axis(given, time_matching, distance, names, cutoff, across)
+        axis = charged(axis, time_matching, distance, names, cutoff)
     else:
         axis, time_matching = placed(given), TimeMatching()
     truth, estimate = axis.sides
     if request.ignoring is not None:
         estimate = request.ignoring.excuse(estimate, given[0], request.time_matching.near, names)
-    aligned = replace(align(truth, estimate, time_matching, names), held=axis.held)
+    silent = axis.silences.ticks if axis.silences is not None and axis.silences.charged else None
+    aligned = align(truth, estimate, time_matching, names, silent)
+    if axis.held is not None:
+        aligned = replace(aligned, held=axis.held)
+    if time_matching.of_estimate:  # its stamps, and those of its silences, are the horizon
+        axis = replace(axis, horizon=aligned.truth)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(
             f"--grid {time_matching.grid}: no step is left, none of {aligned.union:,} counts; if "

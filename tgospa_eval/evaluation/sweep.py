@@ -15,10 +15,9 @@ from tgospa_eval._version import __version__
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Pairs
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.axis import on_axis
 from tgospa_eval.evaluation.evaluate import prove, solver_settings
 from tgospa_eval.evaluation.pair import PairEvaluation
-from tgospa_eval.evaluation.prepare import Fitted, MeasuredSides, measure
+from tgospa_eval.evaluation.prepare import Fitted, MeasuredSides, fit, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
@@ -63,16 +62,15 @@ def _check_steps(
 ) -> None:
     """Whether all points are of the same steps: what is near ends a silence of the estimate."""
     matching = request.time_matching
-    if parameter != "cutoff" or matching.interpolate != "truth":
+    if parameter != "cutoff" or not matching.of_estimate:
         return
-    names = ("truth", "estimate")
     first, last = (
-        on_axis(sides.given, matching, request.distance, names, point.cutoff).sides[0].times
+        fit(*sides.given, replace(request, parameters=point)).axis.horizon.times
         for point in (parameters[0], parameters[-1])
     )
     if not np.array_equal(first, last):
         raise ConfigError(
-            "which steps count depends on the cutoff, for --interpolate truth charges silences: "
+            "which steps count depends on the cutoff, as silences of the estimate are charged: "
             "sweep it on a common clock, --resample"
         )
 

@@ -186,7 +186,14 @@ def find_steps(
     """
     matching = request.time_matching
     axis = on_axis(clocks, matching, request.distance, names, request.parameters.cutoff)
+    if matching.of_estimate and matching.outage != "none":
+        raise ConfigError(
+            f"--grid {matching.grid}: what a tracker misses while it is silent is not known for "
+            "data in parts; --grid truth, or --outage none if it reports only what it sees"
+        )
     grid = align(*axis.sides, matching, names)
+    if matching.of_estimate:
+        axis = replace(axis, horizon=grid.truth)
     if grid.union and not len(grid.truth.times):
         raise ConfigError(f"--grid {matching.grid}: no step is left, none of {grid.union:,} counts")
     step = _step_of(sides[0], grid.truth), _step_of(sides[1], grid.estimate)

@@ -54,8 +54,9 @@ class TimeMatching:
     steps : Steps, optional
         These are the steps, and no others.
     outage : float, str, or "none", optional
-        With the truth interpolated, where no estimate is near a truth for longer than this the
-        truth's own stamps are steps too; by default five times the median of such intervals.
+        With the truth interpolated, and with the grid of the estimate or of both: where no estimate
+        is near a truth for longer than this, the truth's own stamps are steps too; by default five
+        times the median of such intervals.
 
     Raises
     ------
@@ -125,8 +126,10 @@ class TimeMatching:
             raise ConfigError("--period is for --resample; leave it out")
         if self.interpolate and len(self.gaps) > 1:
             raise ConfigError("--max-gap TRUTH,ESTIMATE is for --resample; give one")
-        if self.outage is not None and self.interpolate != "truth":
-            raise ConfigError("--outage is for --interpolate truth; leave it out")
+        if self.outage is not None and not self.of_estimate:
+            raise ConfigError(
+                "--outage is for --interpolate truth and --grid estimate or common; leave it out"
+            )
         if self.steps is not None and self.resample is not None:
             raise ConfigError("--steps and --resample both say which steps count; leave one out")
         if self.decided and self.grid != "union":
@@ -153,6 +156,13 @@ class TimeMatching:
     def gaps(self) -> tuple[Duration, ...]:
         """The longest gaps to interpolate across and between reports, as far as they are given."""
         return cast("tuple[Duration, ...]", self.max_gap or ())
+
+    @property
+    def of_estimate(self) -> bool:
+        """Whether stamps of the estimate say which steps count, but for its silences."""
+        if self.interpolate == "truth":
+            return True
+        return self.grid in ("estimate", "common") and not self.decided
 
     @property
     def run(self) -> Duration | None:
@@ -241,8 +251,11 @@ def align(
     estimate: Trajectories,
     matching: TimeMatching | None = None,
     names: tuple[str, str] = ("truth", "estimate"),
+    charged: Times | None = None,
 ) -> Alignment:
     """Put both on one grid; `names` are for messages.
+
+    Stamps of the truth in silences of the estimate, which are `charged`, count in any case.
 
     Raises
     ------
@@ -276,6 +289,8 @@ def align(
     both = has.all(axis=0)
     chosen = {"union": has.any(axis=0), "truth": has[0], "estimate": has[1], "common": both}
     counted = chosen[matching.grid]
+    if charged is not None:
+        counted = counted | np.isin(times, charged)
 
     def on_steps(side: Trajectories, at: Ints) -> Trajectories:
         """The side on those of the times that count."""
