@@ -26,7 +26,7 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.guess import file_of
 from tgospa_eval.plots import figures
 from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
-from tgospa_eval.reports.comparison import opposed, pairs_columns, render, study_report
+from tgospa_eval.reports.comparison import pairs_columns, render, study_report
 from tgospa_eval.reports.files import COMPARISON, STUDY, Files, probe_folder
 from tgospa_eval.reports.rendering import csv_text
 from tgospa_eval.results.records import Json, json_text
@@ -218,8 +218,6 @@ def show_ranking(found: Ranked, output: OutputOptions) -> bool:
     times, costs = steps_costs(entrants)
     in_order = {item["name"]: costs[item["name"]] for item in answer["estimates"] if costs}
     show(answer, output, estimate_pictures(in_order, times), tables)
-    for text in () if output.quiet else opposed(answer):
-        print_notice(text)
     unfinished = [
         f"{path}: {made['status']}"
         for item in answer["estimates"]
