@@ -161,6 +161,9 @@ OF_SOME: dict[str, FieldKind] = {
     **dict.fromkeys((STORED_NEES, STORED_SLICES, "not_written"), or_null(TEXT)),
     "per_step.rows": or_null(COUNT),
     "per_step.curve": or_null(FLAG),
+    "iterations": or_null(COUNT),
+    "seconds.prepare": or_null(COST),
+    **dict.fromkeys(("entropic.dual", "entropic.cost"), or_null(NUMBER)),
 }
 """Columns that some jobs have."""
 

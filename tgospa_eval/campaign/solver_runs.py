@@ -16,6 +16,7 @@ from tgospa_eval.common.progress import Limit, Progress, Stopwatch
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError, TgospaError
 from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve
+from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.evaluation.prepare import Prepared, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import KERNEL
@@ -69,7 +70,11 @@ def failed(solver: Solver, error: BaseException) -> Json:
     return _run(solver, f"failed: {reason}")
 
 
-def run_here(prepared: Prepared, solver: Solver, progress: Progress | None = None) -> Json:
+Run = tuple[Json, PairEvaluation | None]
+"""The record of a run, and what came of it; None where it failed."""
+
+
+def run_here(prepared: Prepared, solver: Solver, progress: Progress | None = None) -> Run:
     """Solve and prove; `progress` gets how far that is."""
     stopwatch = Stopwatch()
     stopwatch.progress = progress or stopwatch.progress
@@ -81,7 +86,7 @@ def run_here(prepared: Prepared, solver: Solver, progress: Progress | None = Non
     stages = {name: seconds for name, seconds in result.timings["solve"].items() if seconds}
     lower, upper = result.total_bounds
     seconds = {"solve": sum(stages.values()), "certify": result.timings["certify"]}
-    return _run(
+    made = _run(
         solver,
         str(result.solver["status"]),
         finished=bool(result.solver["finished"]),
@@ -97,6 +102,7 @@ def run_here(prepared: Prepared, solver: Solver, progress: Progress | None = Non
         entropic=_entropic(prepared, solver, stopwatch.progress),
         **{name: getattr(result, name) for name in PARTS},
     )
+    return made, result
 
 
 def _entropic(prepared: Prepared, solver: Solver, progress: Progress) -> Json | None:
@@ -201,13 +207,11 @@ def errors(run: Json, known: Interval | None) -> tuple[float | None, float | Non
     return excess(bracket.upper, known.lower), shortfall(bracket.lower, known.upper)
 
 
-def judge_entropic(run: Json, known: Interval | None) -> None:
-    """How far the entropic value and its cost may at most be from the total, relative."""
-    found = run["entropic"]
-    if found is not None and known is not None and known.lower > 0:
-        for error, name in (("error", "dual"), ("cost_error", "cost")):
-            far = max(known.upper - found[name], found[name] - known.lower)
-            found[error] = far / known.lower
+def entropic_error(value: float | None, known: Interval | None) -> float | None:
+    """How far an entropic value may at most be from the total, relative."""
+    if value is None or known is None or known.lower <= 0:
+        return None
+    return max(known.upper - value, value - known.lower) / known.lower
 
 
 def bracket_of(run: Json) -> Interval | None:
@@ -217,17 +221,11 @@ def bracket_of(run: Json) -> Interval | None:
     return Interval(lower=run["total_lower"], upper=run["total"])
 
 
-def spent(run: Json) -> float | None:
-    """Seconds of solving and proof; None where it failed."""
-    seconds = run["seconds"]
-    return None if seconds is None else float(seconds["solve"] + seconds["certify"])
-
-
 def compare_solvers(
     prepared: Prepared,
     solvers: Sequence[Solver],
     progress: Progress | None = None,
-) -> list[Json]:
+) -> list[Run]:
     """Run all solvers, one after the other; one that fails leaves the others their results.
 
     Those that are not begun when the work is to stop are left out.
@@ -242,7 +240,7 @@ def compare_solvers(
         Gets which of them runs, and how far that is.
     """
     progress = progress or Progress()
-    runs: list[Json] = []
+    runs: list[Run] = []
     for number, solver in enumerate(solvers):
         if runs and progress.stop.is_set():
             break
@@ -250,7 +248,7 @@ def compare_solvers(
             try:
                 runs.append(run_here(prepared, solver, progress))
             except Exception as error:  # whatever it is, it must not cost what others have found
-                runs.append(failed(solver, error))
+                runs.append((failed(solver, error), None))
     return runs
 
 
@@ -280,7 +278,9 @@ def solvers_document(
     for run in runs:
         error, run["lower_error"] = errors(run, known)
         run["error"] = error if error is not None and math.isfinite(error) else None
-        judge_entropic(run, known)
+        if run["entropic"] is not None:
+            for name, value in (("error", "dual"), ("cost_error", "cost")):
+                run["entropic"][name] = entropic_error(run["entropic"][value], known)
     order = prepared.parameters.order
     return {
         "schema": SCHEMA,

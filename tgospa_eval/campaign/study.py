@@ -6,48 +6,34 @@ made of the seed of the study, the size and the number of the run: what is added
 is there as it is.
 """
 
-import json
 import math
 import os
 import platform
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from operator import itemgetter
-from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.campaign import SCHEMA
+from tgospa_eval.campaign.row import LABEL, Row, row_of
 from tgospa_eval.campaign.solver_runs import (
-    RUN,
+    Run,
     compare_solvers,
     contradictions,
+    entropic_error,
     errors,
     failed,
-    judge_entropic,
+    name_of,
     referee,
-    spent,
     warm_up,
 )
-from tgospa_eval.campaign.store import locked
-from tgospa_eval.common.documents import (
-    ANYTHING,
-    COST,
-    COUNT,
-    FLAG,
-    NULL,
-    NUMBER,
-    TEXT,
-    Closed,
-    OrNull,
-    fault,
-    or_null,
-    strict_json,
-)
-from tgospa_eval.common.files import is_missing, is_regular, named
+from tgospa_eval.campaign.store import SCHEMA as STORE_SCHEMA
+from tgospa_eval.campaign.store import Store, locked
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
@@ -58,45 +44,27 @@ from tgospa_eval.evaluation.prepare import fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.metric_family import Parameters
-from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Json
+from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Key = tuple[int, int, int]
 """Targets, steps and number of a scene."""
 
-LOG_SCHEMA = "tgospa-eval/study/3"
-LOG_NAME = "runs.jsonl"
+Scenes = dict[Key, list[Row]]
+"""The rows of scenes, one for each solver."""
 
-RECORD = Closed(
-    {
-        **dict.fromkeys(("targets", "steps", "run"), COUNT),
-        "occupied": or_null(COUNT),
-        "sizes": OrNull({"states": COUNT}),
-        "prepare_seconds": or_null(COST),
-        "runs": [Closed(dict.fromkeys(RUN, ANYTHING))],
-    }
-)
-"""Description of a record."""
+Keep = Callable[[Sequence[Row]], object]
+"""Gets the rows of a scene."""
 
-ABOUT = {**dict.fromkeys(("name", "solver", "status"), TEXT), "finished": FLAG}
-FAILED = {
-    **dict.fromkeys(RUN, NULL),
-    **ABOUT,
-    **dict.fromkeys(("epsilon", "counts", "history"), ANYTHING),
-}
-DONE = {
-    **ABOUT,
-    "epsilon": or_null(COST),
-    "counts": dict.fromkeys(COUNTED_PARTS, COST),
-    **dict.fromkeys(("tgospa", "lower_bound", "total", "total_lower", *PARTS), COST),
-    "iterations": COUNT,
-    "seconds": {"solve": COST, "certify": COST},
-    "entropic": OrNull(
-        {"dual": NUMBER, "cost": NUMBER, **dict.fromkeys(("error", "cost_error"), or_null(NUMBER))}
-    ),
-}
-"""Descriptions of the runs of solvers that failed, and of others."""
+STORE_FOLDER = "runs"
+"""The store of the rows, in the folder of a study."""
+
+OF_SCENE = ("targets", "steps", "run")
+"""Labels of a scene."""
 
 
 def machine() -> str:
@@ -107,123 +75,46 @@ def machine() -> str:
     )
 
 
-class Log:
-    """The records of a study that are there, and the file to which more are added.
-
-    Parameters
-    ----------
-    folder : str
-        Where it is, or shall be.
-    settings : dict
-        What the records depend on.
-
-    Attributes
-    ----------
-    known : dict
-        Records by targets, steps and number of the run.
+@contextmanager
+def opened(folder: str, study: "Study") -> Iterator[tuple[Scenes, Keep]]:
+    """The scenes that are stored below a folder, and what stores those of one more.
 
     Raises
     ------
-    ConfigError
-        The file is of another study, or no file of ours, or damaged, or cannot be read or written.
+    ConfigError, InputError
+        The store is of another study, or at work, or damaged, or cannot be written.
     """
-
-    def __init__(self, folder: str, settings: Json) -> None:
-        self.path = Path(folder) / LOG_NAME
-        self.known: dict[Key, Json] = {}
-        header = {
-            "schema": LOG_SCHEMA,
+    store = Store(os.path.join(folder, STORE_FOLDER))
+    nothing = dict.fromkeys(("truth", "estimate", "layout", "seqmap"))
+    options = {**study.settings, "machine": machine()}
+    store.open(
+        {
+            "schema": STORE_SCHEMA,
             "version": __version__,
-            "machine": machine(),
-            "settings": settings,
+            "options": options,
+            "jobs": {"paths": [], **nothing},
         }
-        with named(str(self.path), ConfigError, "cannot be opened"):
-            there = not is_missing(str(self.path))
-            if there and not is_regular(str(self.path)):
-                self._refuse()
-            content = self.path.read_bytes() if there else b""
-        whole, solvers = content.rfind(b"\n") + 1, len(settings["solvers"])
-        first = json.dumps(header, sort_keys=True)
-        if not whole and not first.encode().startswith(content):  # not even its begin
-            self._refuse()
-        for number, line in enumerate(content[:whole].splitlines(), start=1):
-            try:
-                document = strict_json(line)
-                wrong = None if number == 1 else record_fault(document, solvers)
-            except ValueError as error:
-                document, wrong = None, str(error)
-            if number == 1:
-                self._check(json.loads(first), document)
-                continue
-            if wrong:
-                raise ConfigError(
-                    f"{self.path}, line {number}: no record of this study: {wrong}; remove the "
-                    "line, or name another folder"
-                )
-            self.known[document["targets"], document["steps"], document["run"]] = document
-        if whole < len(content):  # killed in the middle of a line
-            os.truncate(self.path, whole)
-        if not whole:
-            self.keep(header)
-
-    def keep(self, record: Mapping[str, object]) -> None:
-        """Add a record; it is on the disk when this returns."""
-        line = json.dumps(record, sort_keys=True, allow_nan=False) + "\n"
-        with (
-            named(str(self.path), ConfigError, "cannot be written"),
-            self.path.open("ab") as file,
-        ):
-            file.write(line.encode())
-            file.flush()
-            os.fsync(file.fileno())
-
-    def _refuse(self) -> NoReturn:
-        raise ConfigError(f"{self.path}: not the file of a study; name another folder")
-
-    def _check(self, own: Json, header: object) -> None:
-        """The settings must be the same."""
-        if not isinstance(header, dict) or header.get("schema") != LOG_SCHEMA:
-            self._refuse()
-        mine, other = _flat(own), _flat(header)
-        for name in [*mine, *other]:
-            if mine.get(name) != other.get(name):
-                raise ConfigError(
-                    f"{self.path}: is of a study with another {name.removeprefix('settings.')} "
-                    f"({other.get(name)}, now {mine.get(name)}); name another folder"
-                )
+    )
+    with locked(store.folder, (1, 1)):
+        rows: dict[str, Row] = {str(row["key"]): row for row in _plain(store.rows())}
+        scenes: Scenes = {}
+        for row in rows.values():
+            targets, steps, run = (int(row[LABEL + name]) for name in OF_SCENE)
+            keys = [key_of((targets, steps, run), solver) for solver in study.solvers]
+            if rows.keys() >= {*keys}:
+                scenes[targets, steps, run] = [rows[key] for key in keys]
+        yield scenes, store.add
 
 
-@contextmanager
-def opened(folder: str, settings: Json) -> Iterator[Log]:
-    """The log of a study, for one process at a time; arguments and errors as of `Log`."""
-    with named(os.path.join(folder, LOG_NAME), ConfigError, "cannot be opened"):
-        os.makedirs(folder, exist_ok=True)
-    with locked(Path(folder), (0, 1)):
-        yield Log(folder, settings)
+def _plain(rows: "pd.DataFrame") -> Iterator[Row]:
+    """Rows with None for what is not there."""
+    for row in rows.to_dict("records"):
+        yield {str(name): value if value == value else None for name, value in row.items()}
 
 
-def record_fault(document: object, solvers: int) -> str | None:
-    """The first field of a record of so many solvers that is missing or wrong; None if none."""
-    wrong = fault(document, RECORD)
-    if wrong or not isinstance(document, dict):
-        return wrong
-    runs = document["runs"]
-    if len(runs) != solvers:
-        return f"runs has {len(runs)} items; expected {solvers}"
-    kinds = (FAILED if run["total"] is None else DONE for run in runs)
-    each = enumerate(zip(runs, kinds, strict=True))
-    return next(filter(None, (fault(run, kind, f"runs[{k}]") for k, (run, kind) in each)), None)
-
-
-def _flat(document: Mapping[str, object], prefix: str = "") -> dict[str, object]:
-    """Values by dotted names."""
-    found: dict[str, object] = {}
-    for name, value in document.items():
-        if isinstance(value, dict):
-            found |= _flat(value, f"{prefix}{name}.")
-        else:
-            found[prefix + name] = value
-    return found
+def key_of(scene: Key, solver: Solver) -> str:
+    """The key of a row, in a store of one study."""
+    return "/".join((*map(str, scene), name_of(solver)))
 
 
 Size = tuple[int, int]
@@ -306,73 +197,93 @@ class Study:
 
 def carry_out(
     study: Study,
-    known: dict[Key, Json],
-    keep: Callable[[Json], None],
+    known: Scenes,
+    keep: Keep = lambda _: None,
     notify: Callable[[str, float], None] = lambda text, share: None,  # noqa: ARG005
-) -> list[Json]:
-    """The records of all scenes that are wanted; those that are not known are made.
+) -> list[list[Row]]:
+    """The rows of all scenes that are wanted; those that are not known are made.
 
     Parameters
     ----------
     study : Study
         What is wanted.
     known : dict
-        Records by targets, steps and number.
+        Rows by targets, steps and number.
     keep : callable
-        Gets every new record at once.
+        Gets the rows of every new scene at once.
     notify : callable
         Gets what is next, and the share that is done.
     """
     if any(key not in known for key in study.wanted()):
         warm_up(study.solvers)
     count = len(study.sizes) * study.runs
-    records = []
+    scenes = []
     for done, key in enumerate(study.wanted()):
         if key not in known:
             targets, steps, run = key
             size = f"{counted(targets, 'target')}, {counted(steps, 'step')}"
             notify(f"{size}, run {run} ({done} of {count})", done / count)
-            known[key] = measure(study, *key)
+            known[key] = measure(study, key)
             keep(known[key])
-        records.append(known[key])
-    return records
+        scenes.append(known[key])
+    return scenes
 
 
-def measure(study: Study, targets: int, steps: int, run: int) -> Json:
-    """One scene through all solvers; what fails is recorded, and does not stop the study."""
-    rng = np.random.default_rng([study.seed, targets, steps, run])
+def measure(study: Study, scene: Key) -> list[Row]:
+    """One scene through all solvers; what fails is a row, and does not stop the study."""
+    targets, steps, _ = scene
+    rng = np.random.default_rng([study.seed, *scene])
     stopwatch = Stopwatch()
     request = EvaluationRequest(
         parameters=study.parameters, distance=study.distance, solver=study.solvers[0]
     )
-    record: Json = {**dict.fromkeys(RECORD), "targets": targets, "steps": steps, "run": run}
+    about: Row = {}
     try:
         sides = simulate(replace(study.scene, targets=targets, steps=steps), study.tracker, rng)
         prepared = prepare(fit(*sides, request), request, stopwatch=stopwatch)
     except Exception as error:  # whatever it is: the other scenes are to be done
-        record["runs"] = [failed(solver, error) for solver in study.solvers]
-        return record
-    problem = prepared.states.problem
-    record["occupied"] = max(len(np.union1d(problem.truth_step, problem.estimate_step)), 1)
-    record["sizes"] = {**prepared.sizes, "states": len(prepared.states.begin)}
-    record["prepare_seconds"] = sum(
-        stopwatch.spans[name] for name in ("distances", "solve/preparation")
-    )
-    found = compare_solvers(prepared, study.solvers)
-    for made in found:
-        made |= {"history": [], "memory": None}
-        if made["entropic"] is not None:
-            judge_entropic(made, referee(found))
-            del made["entropic"]["history"]
-    record["runs"] = found
-    return record
+        runs: list[Run] = [(failed(solver, error), None) for solver in study.solvers]
+    else:
+        about["sizes.states"] = len(prepared.states.begin)
+        spans = (stopwatch.spans[name] for name in ("distances", "solve/preparation"))
+        about["seconds.prepare"] = sum(spans)
+        runs = compare_solvers(prepared, study.solvers)
+    rows = []
+    for solver, (made, result) in zip(study.solvers, runs, strict=True):
+        spent, entropic = made["seconds"] or {}, made["entropic"] or {}
+        row = {
+            "key": key_of(scene, solver),
+            **{LABEL + name: str(value) for name, value in zip(OF_SCENE, scene, strict=True)},
+            LABEL + "solver": made["name"],
+            "truth": f"seed {study.seed}: " + "/".join(map(str, scene)),
+            "estimate": "",
+            "options": "{}",
+            **({} if result is None else row_of(result)),
+            **about,
+            "iterations": made["iterations"],
+            "entropic.dual": entropic.get("dual"),
+            "entropic.cost": entropic.get("cost"),
+            "warnings": "[]",
+            "status": "failed" if result is None else "done" if made["finished"] else "open",
+            "message": made["status"],
+            "seconds": spent.get("solve", 0.0) + spent.get("certify", 0.0),
+            "finished": time.time_ns(),
+            "version": __version__,
+        }
+        rows.append(row)
+    return rows
 
 
-def study_document(study: Study, records: Sequence[Json], machine: str) -> Json:
+def study_document(study: Study, scenes: Sequence[Sequence[Row]], machine: str) -> Json:
     """The JSON document: mean and spread of each size and solver."""
-    by_size: dict[Size, list[Json]] = {size: [] for size in study.sizes}
-    for record in records:
-        by_size[record["targets"], record["steps"]].append(record)
+    by_size: dict[str, list[list[Json]]] = {f"{m}/{steps}": [] for m, steps in study.sizes}
+    opposed = []
+    for rows in scenes:
+        runs = [_run(row) for row in rows]
+        targets, steps, run = (rows[0][LABEL + name] for name in OF_SCENE)
+        by_size[f"{targets}/{steps}"].append(runs)
+        opposed += [(int(targets), int(steps), int(run), *pair) for pair in contradictions(runs)]
+    sizes = zip(study.sizes, by_size.values(), strict=True)
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -380,28 +291,31 @@ def study_document(study: Study, records: Sequence[Json], machine: str) -> Json:
         **study.settings,
         "machine": machine,
         "runs": study.runs,
-        "sizes": [_size(size, scenes, study) for size, scenes in by_size.items()],
-        "contradictions": [
-            (record["targets"], record["steps"], record["run"], *pair)
-            for scenes in by_size.values()
-            for record in scenes
-            for pair in contradictions(record["runs"])
-        ],
+        "sizes": [_size(size, found, study) for size, found in sizes],
+        "contradictions": opposed,
     }
 
 
-def _size(size: Size, scenes: Sequence[Json], study: Study) -> Json:
+def _run(row: Row) -> Json:
+    """A row by the names of a run of a solver."""
+    has = row["status"] != "failed"
+    return {**row, "name": row[LABEL + "solver"], "total": row["total_upper"] if has else None}
+
+
+def _size(size: Size, scenes: Sequence[Sequence[Json]], study: Study) -> Json:
     """All scenes of one size; those whose brackets contradict each other have no part in means."""
-    sound = [record for record in scenes if not contradictions(record["runs"])]
+    sound = [runs for runs in scenes if not contradictions(runs)]
     best = [
-        (min(answered, key=itemgetter("total")), record["occupied"] or 1)
-        for record in sound
-        if (answered := [run for run in record["runs"] if run["total"] is not None])
+        min(answered, key=itemgetter("total"))
+        for runs in sound
+        if (answered := [run for run in runs if run["total"] is not None])
     ]
-    order = study.parameters.order
     costs: dict[str, str] = {"tgospa": "total", **{name: name for name in PARTS}}
     normalised = {
-        name: float(np.mean([run[cost] / steps for run, steps in best]) ** (1 / order))
+        name: float(
+            np.mean([run[cost] / (run["judged.steps"] or 1) for run in best])
+            ** (1 / study.parameters.order)
+        )
         if best
         else None
         for name, cost in costs.items()
@@ -410,33 +324,36 @@ def _size(size: Size, scenes: Sequence[Json], study: Study) -> Json:
         "targets": size[0],
         "steps": size[1],
         "left_out": len(scenes) - len(best),
-        "states": spread(record["sizes"] and record["sizes"]["states"] for record in scenes),
-        "prepare_seconds": spread(record["prepare_seconds"] for record in scenes),
+        "states": spread(runs[0].get("sizes.states") for runs in scenes),
+        "prepare_seconds": spread(runs[0].get("seconds.prepare") for runs in scenes),
         "normalised": normalised,
-        "solvers": [_solver(scenes, sound, k) for k in range(len(study.solvers))],
+        "solvers": [_solver(one, scenes, sound, k) for k, one in enumerate(study.solvers)],
     }
 
 
-def _solver(scenes: Sequence[Json], sound: Sequence[Json], k: int) -> Json:
+def _solver(
+    solver: Solver, scenes: Sequence[Sequence[Json]], sound: Sequence[Sequence[Json]], k: int
+) -> Json:
     """One solver on all scenes of one size; errors against what all solvers prove of a scene."""
-    every = [record["runs"][k] for record in scenes]
-    made = [run for record in sound if (run := record["runs"][k])["total"] is not None]
-    found = [errors(record["runs"][k], referee(record["runs"])) for record in sound]
+    every = [runs[k] for runs in scenes]
+    known = [(runs[k], referee(runs)) for runs in sound if runs[k]["total"] is not None]
+    found = [errors(run, total) for run, total in known]
     above = [error for error, _ in found if error is not None]
-    entropic = [run["entropic"] for run in made if run["entropic"] is not None]
     return {
-        "name": every[0]["name"],
-        "solver": every[0]["solver"],
-        "epsilon": every[0]["epsilon"],
-        "seconds": spread(map(spent, made)),
+        "name": name_of(solver),
+        "solver": solver.name,
+        "epsilon": solver.epsilon,
+        "seconds": spread(run["seconds"] for run, _ in known),
         "error": spread(error for error in above if math.isfinite(error)),
         "infinite_errors": sum(map(math.isinf, above)),
         "lower_error": spread(below for _, below in found),
-        "entropic_error": spread(value["error"] for value in entropic),
-        "entropic_cost_error": spread(value["cost_error"] for value in entropic),
-        "iterations": spread(run["iterations"] for run in made),
-        "failed": sum(run["total"] is None for run in every),
-        "unfinished": sum(not run["finished"] and run["total"] is not None for run in every),
+        "entropic_error": spread(entropic_error(run["entropic.dual"], own) for run, own in known),
+        "entropic_cost_error": spread(
+            entropic_error(run["entropic.cost"], own) for run, own in known
+        ),
+        "iterations": spread(run["iterations"] for run, _ in known),
+        "failed": sum(run["status"] == "failed" for run in every),
+        "unfinished": sum(run["status"] == "open" for run in every),
     }
 
 

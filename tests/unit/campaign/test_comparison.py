@@ -107,8 +107,9 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     def here(change: Callable[[Solver, Json], Json] = lambda _, made: made) -> None:
         run_here = solver_runs.run_here
 
-        def run(prepared: Prepared, solver: Solver, progress: Progress) -> Json:
-            return change(solver, run_here(prepared, solver, progress))
+        def run(prepared: Prepared, solver: Solver, progress: Progress) -> solver_runs.Run:
+            made, result = run_here(prepared, solver, progress)
+            return change(solver, made), result
 
         monkeypatch.setattr(solver_runs, "run_here", run)
 

@@ -13,7 +13,15 @@ from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.campaign.pairs import compared_runs, short_names
 from tgospa_eval.campaign.ranking import steps_columns, steps_costs
 from tgospa_eval.campaign.solver_runs import check_solvers
-from tgospa_eval.campaign.study import Study, carry_out, machine, opened, study_document
+from tgospa_eval.campaign.study import (
+    Keep,
+    Scenes,
+    Study,
+    carry_out,
+    machine,
+    opened,
+    study_document,
+)
 from tgospa_eval.cli.shared.click_options import OutputOptions
 from tgospa_eval.cli.shared.progress import new_stopwatch, run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, shielded
@@ -311,20 +319,20 @@ def study_sizes(
     stopwatch = Stopwatch()
     for notice in slow_notice():
         notifier(quiet=quiet)(notice)
-    with nullcontext() if folder is None else opened(folder, study.settings) as log:
+    nothing = nullcontext[tuple[Scenes, Keep]](({}, lambda _: None))
+    with nothing if folder is None else opened(folder, study) as (known, keep):
 
         def work() -> Json:
             def notify(text: str, share: float) -> None:
                 stopwatch.stage = text
                 stopwatch.progress.done(share)
 
-            known = {} if log is None else log.known
-            keep = (lambda _: None) if log is None else log.keep
             return study_document(study, carry_out(study, known, keep, notify), machine())
 
-        if not quiet and log is not None and log.known:
-            scenes = counted(len(log.known), "scene is", "scenes are")
-            print_notice(f"{log.path}: {scenes} there, going on")
+        if not quiet and known:
+            print_notice(
+                f"{folder}: {counted(len(known), 'scene is', 'scenes are')} there, going on"
+            )
         answer = run(work, stopwatch, show=not quiet)
         show(answer, output, study_pictures(answer))
     for size, length, number, *pair in answer["contradictions"]:
