@@ -452,7 +452,7 @@ def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[JobTask]:
     for job in plan.jobs:
         chosen = shared
         if job.options:
-            own = typed(job.options, f"job {job.name}")
+            own = typed(job.options, f"job {job.title}")
             chosen = replace(shared, **own)
         elif job.frames:
             first, last = job.frames

@@ -19,6 +19,7 @@ from tgospa_eval.common.documents import (
     one_of,
     or_null,
 )
+from tgospa_eval.evaluation.by_class import EvaluationByClass
 from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums, fits_sums
 from tgospa_eval.results.contradictions import UNLIKE_COUNTS, contradictions
 from tgospa_eval.results.evaluation import Evaluation
@@ -88,6 +89,19 @@ def row_of(result: Evaluation) -> Row:
         **result.split_parts,
         **({} if result.nees is None else result.nees.row()),
         **{f"with.{name}": value for name, value in result.sums.items()},
+    }
+
+
+def row_to_judge(result: Evaluation) -> Row:
+    """The row that a gate judges, with those of classes that are evaluated apart."""
+    parts = result.results if isinstance(result, EvaluationByClass) else {}
+    return {
+        **row_of(result),
+        "classes": {name: row_of(part) for name, part in parts.items()},
+        "status": "done" if result.finished else "open",
+        "message": str(result.solver["status"]),
+        "warnings": json.dumps([notice.record() for notice in result.warnings]),
+        "version": result.version,
     }
 
 

@@ -7,7 +7,8 @@ from collections.abc import Iterable, Sequence
 from tgospa_eval.campaign.gate.baseline import Baseline
 from tgospa_eval.campaign.gate.outcome import PairOutcome
 from tgospa_eval.campaign.gate.rules import Verdict
-from tgospa_eval.campaign.gate.suite import GroupTable, Pair
+from tgospa_eval.campaign.gate.suite import GroupTable
+from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.common.words import natural
 
 
@@ -23,7 +24,7 @@ def without_option(arguments: Sequence[str], option: str) -> list[str]:
 def accepting_options(
     outcomes: Iterable[PairOutcome],
     groups: Sequence[GroupTable],
-    pairs: Sequence[Pair],
+    pairs: Sequence[Job],
     old: Baseline,
 ) -> list[str]:
     """The options that accept what failed or may be tightened, and nothing else."""

@@ -26,7 +26,7 @@ from tgospa_eval.campaign.gate.rules import (
     meanings,
     worst,
 )
-from tgospa_eval.campaign.gate.suite import Pair
+from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
@@ -94,7 +94,7 @@ class PairOutcome:
     page: str = ""
 
     @classmethod
-    def of(cls, pair: Pair, verdict: Verdict, *notes: str, **about: Any) -> Self:
+    def of(cls, pair: Job, verdict: Verdict, *notes: str, **about: Any) -> Self:
         """Of a pair, with notes, and further fields."""
         names = {"name": pair.name, "truth": pair.truth, "estimate": pair.estimate}
         about = {"status": STATUS[verdict], **names, "labels": pair.labels, **about}
@@ -172,7 +172,7 @@ class Report:
 
 
 def judged_outcome(
-    pair: Pair,
+    pair: Job,
     now: Measured,
     entry: Json | None,
     rules: Iterable[Rule],
@@ -210,7 +210,7 @@ def combined_outcome(
     more: Iterable[str] = (),
 ) -> PairOutcome:
     """Verdict, findings and notes of a group; faults are why it cannot be compared."""
-    pair, faults = Pair(name=name, truth="", estimate=""), list(faults)
+    pair, faults = Job(name=name), list(faults)
     if faults:
         return PairOutcome.of(pair, Verdict.INCOMPARABLE, *faults, group=True)
     found = [one or _unknown(rule) for one, rule in zip(findings, rules, strict=True)]
@@ -244,7 +244,7 @@ def _unknown(rule: Rule) -> Finding:
 
 
 def updated_outcome(
-    pair: Pair, before: Json | None, entry: Json, now: Measured, **about: Any
+    pair: Job, before: Json | None, entry: Json, now: Measured, **about: Any
 ) -> PairOutcome:
     """What an update of a baseline changes; `about` has further fields."""
     notes = _update_notes(before, entry, now)
@@ -393,7 +393,7 @@ def leftover(
     old: Baseline, names: Container[str], verdict: Verdict, note: str
 ) -> list[PairOutcome]:
     """Outcomes of pairs of the baseline that are not among these names."""
-    gone = (Pair(name=name, truth="", estimate="") for name in old if name not in names)
+    gone = (Job(name=name) for name in old if name not in names)
     return [PairOutcome.of(pair, verdict, note) for pair in gone]
 
 
