@@ -13,7 +13,6 @@ from tgospa_eval.api.batch_row import JobTask, Run, judged_rows
 from tgospa_eval.api.evaluate import evaluate
 from tgospa_eval.api.keywords import KEYWORDS, with_options
 from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, SETTINGS, Request, Values, typed
-from tgospa_eval.campaign.gate.accept import accepting_options, without_option
 from tgospa_eval.campaign.gate.baseline import (
     Baseline,
     Measured,
@@ -27,9 +26,11 @@ from tgospa_eval.campaign.gate.groups import judge_groups
 from tgospa_eval.campaign.gate.outcome import (
     PairOutcome,
     Report,
+    accepting_options,
     judged_outcome,
     leftover,
     updated_outcome,
+    without_option,
 )
 from tgospa_eval.campaign.gate.report import GATE_REPORTS, finding_record
 from tgospa_eval.campaign.gate.rules import OF_NEES, Rule, Verdict, parse_rules, split_rules
