@@ -891,6 +891,7 @@ def gate(
     result = evaluate(truth, estimate, **given)
     plain = {key: given.get(name) for key, name in INHERITED.items()}
     row = row_to_judge(result)
+    measured(row)  # raises at once what a report would say
     recorded = {
         **{key: value for key, value in plain.items() if isinstance(value, (str, float, int))},
         **_chosen_by_data(row),

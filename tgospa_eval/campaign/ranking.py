@@ -16,8 +16,14 @@ import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.campaign import SCHEMA
-from tgospa_eval.campaign.grouping import ESTIMATE_DIGEST, pair_numbers, same_data, truths
-from tgospa_eval.campaign.row import LABEL, covariances_of
+from tgospa_eval.campaign.row import (
+    ESTIMATE_DIGEST,
+    LABEL,
+    covariances_of,
+    pair_numbers,
+    same_data,
+    truths,
+)
 from tgospa_eval.campaign.statistics import (
     CONFIDENCE,
     LEAST_PAIRS,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.campaign.grouping import truths
+from tgospa_eval.campaign.row import truths
 from tgospa_eval.common.arrays import Floats
 
 if TYPE_CHECKING:

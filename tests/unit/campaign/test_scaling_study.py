@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 from answer import Answer
 
-from tgospa_eval.campaign import solver_runs, study
+from tgospa_eval.campaign import solver_runs
+from tgospa_eval.campaign.solver_runs import spread
 from tgospa_eval.campaign.store import Store, locked
-from tgospa_eval.campaign.study import spread
 from tgospa_eval.errors import SolverError
 from tgospa_eval.simulation import Scene, Tracker
 
@@ -124,7 +124,7 @@ def test_sizes_are_checked_together(options: list[str], message: str, invoke: In
 
 def test_scenes_are_counted_one_by_one() -> None:
     """A list of so many would not fit into memory."""
-    made = study.Study(
+    made = solver_runs.Study(
         scene=Scene(), tracker=Tracker(), seed=0, parameters=None, distance=None, solvers=(),
         targets=(2,), steps=(5,), runs=10**12,
     )  # fmt: skip
@@ -151,7 +151,7 @@ def test_failing_and_contradicting_scenes_are_counted(
     tmp_path: Path, invoke: Invoke, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of four scenes the first cannot be made, a solver fails in the second, the third is wrong."""
-    kept = {"prepare": study.prepare, "run_here": solver_runs.run_here}
+    kept = {"prepare": solver_runs.prepare, "run_here": solver_runs.run_here}
     scenes = iter(range(1, 5))
     at, elsewhere = [0], []
 
@@ -170,7 +170,7 @@ def test_failing_and_contradicting_scenes_are_counted(
         elsewhere.append(made[1])
         return made
 
-    monkeypatch.setattr(study, "prepare", prepare)
+    monkeypatch.setattr(solver_runs, "prepare", prepare)
     monkeypatch.setattr(solver_runs, "run_here", run_here)
     call = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "4", "--epsilon",
             "0.1", "-q", "-o", str(tmp_path), "--format", "json")  # fmt: skip

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, TypeAlias
 
 from tgospa_eval.campaign.gate.rules import PROVEN, SPLIT, Value
-from tgospa_eval.campaign.grouping import ESTIMATE_DIGEST, same_data
-from tgospa_eval.campaign.row import Row
+from tgospa_eval.campaign.row import ESTIMATE_DIGEST, Row, same_data
 from tgospa_eval.common.documents import ANYTHING, COST, TEXT, Maybe, document_of
 from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.common.frozen import dataclass

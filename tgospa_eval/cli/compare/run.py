@@ -12,12 +12,12 @@ from tgospa_eval.api.places import find_place
 from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.campaign.pairs import compared_runs, short_names
 from tgospa_eval.campaign.ranking import steps_columns, steps_costs
-from tgospa_eval.campaign.solver_runs import check_solvers
-from tgospa_eval.campaign.study import (
+from tgospa_eval.campaign.solver_runs import (
     Keep,
     Scenes,
     Study,
     carry_out,
+    check_solvers,
     machine,
     opened,
     study_document,
