@@ -123,7 +123,9 @@ def test_other_settings_are_refused(invoke: Invoke, runs: Path) -> None:
     batch(invoke)
     answer = batch(invoke, "-g", "3")
     assert answer.status == 2
-    assert "holds a batch with other settings: options was" in answer.err
+    assert (
+        "holds a batch with other settings: options.switch_penalty was null, is 3.0" in answer.err
+    )
 
 
 def test_manifest_with_options_and_reports_with_proofs(invoke: Invoke, runs: Path) -> None:

@@ -1,6 +1,5 @@
 """Files that the system refuses, that never end or never begin: a sentence, the right status."""
 
-import json
 import os
 import resource
 import subprocess
@@ -14,7 +13,6 @@ import click
 import pytest
 from browser import PATIENCE
 
-from tgospa_eval.campaign.study import Log
 from tgospa_eval.cli.group import Verbs
 from tgospa_eval.cli.verbs import VERBS
 from tgospa_eval.common import files
@@ -162,41 +160,8 @@ def test_a_study_on_a_full_disk(tmp_path: Path, unmeasured: dict[str, str]) -> N
         text=True, timeout=PATIENCE, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("study/runs.jsonl: cannot be written: ")
+    assert done.stderr.startswith("-o study/runs: cannot be written: ")
     assert len(done.stderr.splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "[" * 100_000,
-        '{"a":' * 100_000,
-        json.dumps({"targets": 2, "steps": 3, "run": 10**400}),
-        '{"targets": 1e999}',
-        "7" * 5000,
-    ],
-    ids=["lists", "objects", "integer", "infinite", "digits"],
-)
-def test_damaged_records_of_a_study(tmp_path: Path, line: str) -> None:
-    settings = {"solvers": ["certified"]}
-    Log(str(tmp_path), settings)
-    with (tmp_path / "runs.jsonl").open("a", encoding="ascii") as file:
-        file.write(line + "\n")
-    with pytest.raises(ConfigError, match=r"runs\.jsonl, line 2: no record of this study"):
-        Log(str(tmp_path), settings)
-
-
-@pytest.mark.parametrize("what", ["pipe", "folder", "endless"])
-def test_no_log_of_a_study(tmp_path: Path, what: str) -> None:
-    path = tmp_path / "runs.jsonl"
-    if what == "pipe":
-        os.mkfifo(path)
-    elif what == "folder":
-        path.mkdir()
-    else:
-        path.symlink_to("/dev/zero")
-    with pytest.raises(ConfigError, match=r"runs\.jsonl: (not the file|cannot be opened)"):
-        Log(str(tmp_path), {"solvers": []})
 
 
 @pytest.mark.parametrize("verb", list(VERBS))

@@ -281,7 +281,8 @@ WRONG = {
 def test_messages(invoke: Invoke, scene: dict[str, str], arguments: tuple[str, ...]) -> None:
     folder = Path("study" + NAME)
     folder.mkdir()
-    (folder / "runs.jsonl").write_text(json.dumps({EVIL: EVIL}) + "\n" + EVIL, encoding="utf-8")
+    (folder / "runs").mkdir()
+    (folder / "runs/batch.json").write_text(json.dumps({EVIL: EVIL}), encoding="utf-8")
     typed = [
         scene.get(text.strip("{}"), text) if text.startswith("{") else text for text in arguments
     ]

@@ -54,7 +54,7 @@ READERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("gate", "t.csv", "e.csv", "--baseline", "base.json", "--update-baseline"),
         ("gate", "old", "--baseline", "base.json"),
     ),
-    "study/runs.jsonl": (("compare", "--simulate", *SIZES, *OPTIONS, "-q", "-o", "study"),),
+    "study/runs/jobs": (("compare", "--simulate", *SIZES, *OPTIONS, "-q", "-o", "study"),),
 }
 """The commands that read each document; of folders the tables in them."""
 

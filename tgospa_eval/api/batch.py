@@ -29,9 +29,8 @@ from tgospa_eval.api.notices import about_defaults
 from tgospa_eval.api.options import FLAGS, SETTINGS, Request, Values, typed
 from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.curves import rms_curves
-from tgospa_eval.campaign.grouping import labels_of
 from tgospa_eval.campaign.pairs import BatchPlan, Job
-from tgospa_eval.campaign.row import LABEL, OFF_STEPS, Row, job_name
+from tgospa_eval.campaign.row import LABEL, OFF_STEPS, Row, job_name, label_names
 from tgospa_eval.campaign.store import (
     SCHEMA,
     SETTINGS_FILE,
@@ -452,7 +451,7 @@ def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[JobTask]:
     for job in plan.jobs:
         chosen = shared
         if job.options:
-            own = typed(job.options, f"job {job.name}")
+            own = typed(job.options, f"job {job.title}")
             chosen = replace(shared, **own)
         elif job.frames:
             first, last = job.frames
@@ -596,8 +595,8 @@ def _left_out(done: "pd.DataFrame") -> Iterator[str]:
 
 def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchTables:
     """Of the labels of --by, or the first; with the curves of what is stored."""
-    asked = batch.groups(labels_of(rows))
-    by = asked or labels_of(rows)[:1]
+    asked = batch.groups(label_names(rows))
+    by = asked or label_names(rows)[:1]
     tables = tabulated(rows, by, roots=batch.mean_of_roots)
     steps = store.steps(rows)
     curves, told = rms_curves(rows, steps, by, batch.band or "interval")
@@ -651,7 +650,7 @@ def batch_files(
 
     def link(row: Mapping[Any, Any]) -> str:
         """Where the report of a job is, seen from the page; nothing if there is none."""
-        labels = {name: str(row[LABEL + name]) for name in labels_of(tables.rows)}
+        labels = {name: str(row[LABEL + name]) for name in label_names(tables.rows)}
         folder = folder_of(str(store.folder), labels, json.loads(str(row["options"])))
         found = Path(folder, "report.html")
         if not found.is_file():

@@ -1,28 +1,30 @@
-"""What a worker process does: one job, from its files to a row of the store."""
+"""What a worker process does: one job, from its files to a row, of a store or for a gate."""
 
 import hashlib
 import json
 import os
 import socket
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 from tgospa_eval._version import __version__
 from tgospa_eval.api.options import Request
 from tgospa_eval.campaign.pairs import Job
-from tgospa_eval.campaign.row import Row, row_of, stored_slices
+from tgospa_eval.campaign.row import Row, row_of, row_to_judge, stored_slices
 from tgospa_eval.campaign.store import stored_steps
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import fault_of
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.errors import InputError, TgospaError
+from tgospa_eval.engines.engine import spread
+from tgospa_eval.engines.processes import Processes
+from tgospa_eval.errors import InputError, SolverError, TgospaError
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.proof import PROOF_FOLDER
 from tgospa_eval.results.evaluation import RESULT_SCHEMA, Evaluation
@@ -64,17 +66,22 @@ class JobTask:
         the batch, which it sees if it shares its folder.
     settings_file : SettingsFile, optional
         The configuration file that set options of the batch.
+    page, quiet, verbose : bool
+        Of a gate, whether a page is made, and which lines there are for the user.
     """
 
     job: Job
     options: Request
-    key: str
+    key: str = ""
     folder: str | None = None
     proof: bool = False
     per_step: bool = False
     base: str = ""
     store: str = ""
     settings_file: SettingsFile | None = None
+    page: bool = False
+    quiet: bool = True
+    verbose: bool = False
 
     @property
     def is_written(self) -> bool:
@@ -256,3 +263,95 @@ def _written(result: Evaluation, task: JobTask, folder: str | None) -> Row:
     except OSError as error:
         return {NOT_WRITTEN: fault_of(error)}
     return {}
+
+
+# -------------------------------------------------------------------------------------------------
+# Rows for a gate, from this process or from several.
+
+PATIENCE = 2.0
+"""Seconds of work before processes are started, which takes about as long."""
+
+SHOWN = 10.0
+"""Seconds between two lines of progress."""
+
+Work = Callable[[], Evaluation]
+Run = Callable[[Work, Stopwatch], Evaluation]
+"""Runs the work of one job; the command line shows how far it is, and lets Ctrl-C stop it."""
+
+
+def judged_row(
+    task: JobTask, run: Run | None = None, say: Callable[[str], None] | None = None
+) -> Row:
+    """The row of a job of a gate, with its name, page and lines for the user.
+
+    `say` gets lines at once. In place of values there may be an ``error``.
+    """
+    from tgospa_eval.api.evaluate import evaluate_sides, read_sides  # here: the parent does without
+    from tgospa_eval.api.notices import about_run
+    from tgospa_eval.api.resolve import make_settings
+
+    begin, lines = time.monotonic(), list[str]()
+    say = say or lines.append
+    files = task.job.truth, task.job.estimate
+
+    def notify(notice: Notice) -> None:
+        if notice.code or not task.quiet:
+            say(str(notice))
+
+    try:
+        settings, stopwatch = make_settings(task.options), Stopwatch()
+        if not task.quiet:
+            stopwatch.notify = say
+
+        def work() -> Evaluation:
+            sides = read_sides(settings, *files, stopwatch, notify)
+            return evaluate_sides(settings, sides, stopwatch, notify)
+
+        result = run(work, stopwatch) if run else work()
+        for text in about_run(result, settings, stopwatch, verbose=task.verbose):
+            say(text)
+        row = row_to_judge(result)
+        if task.folder is not None:
+            from tgospa_eval.reports.files import PROOF, write_texts
+            from tgospa_eval.reports.proofs import proof_files  # here: few ask for proofs
+
+            texts = proof_files(result, task.options.given)
+            write_texts(texts, task.folder, PROOF, force=False, option="--proof")
+        if task.page:
+            from tgospa_eval.reports.html import page  # here: for folders only
+
+            row["page"] = page(result, files)
+    except TgospaError as error:
+        row = {"error": error}
+    return {**row, "name": task.job.name, "seconds": time.monotonic() - begin, "lines": lines}
+
+
+def lost_row(task: JobTask) -> Row:
+    """The row of a job whose process died, also when nothing else was worked on."""
+    return {"error": SolverError("its process died"), "name": task.job.name, "lines": ()}
+
+
+def judged_rows(
+    tasks: Sequence[JobTask], notify: Callable[[str, str], None], run: Run | None
+) -> Iterator[Row]:
+    """Rows as they are ready: of this process at first, and of several if that takes long.
+
+    `notify` gets lines, each with the name of its job.
+    """
+    begin = shown = time.monotonic()
+    done = 0
+    for task in tasks:
+        if done and len(tasks) - done > 1 and time.monotonic() - begin > PATIENCE:
+            break
+        yield judged_row(task, run, partial(notify, task.job.name))
+        done += 1
+    rest = [replace(task, options=replace(task.options, jobs=1)) for task in tasks[done:]]
+    engine = Processes(tasks[0].options.jobs if tasks else None)
+    for row in spread(judged_row, rest, lost_row, engine) if rest else ():
+        yield row
+        done += 1
+        now = time.monotonic()
+        if not tasks[0].quiet and now - shown > SHOWN:
+            left = (now - begin) / done * (len(tasks) - done)
+            shown = now
+            notify("", f"{done} of {len(tasks)} pairs, about {left:.0f} s left")

@@ -355,7 +355,7 @@ def solvers_on(
     stopwatch.stage = "solve/lp"
     stopwatch.progress.begin(prepared.parameters.root)
     warm_up(chosen)
-    found = compare_solvers(prepared, chosen, stopwatch.progress)
+    found = [made for made, _ in compare_solvers(prepared, chosen, stopwatch.progress)]
     for solver in chosen[len(found) :]:
         left_out[name_of(solver)] = "interrupted before its turn"
     once = {name: stopwatch.spans.get(span, 0.0) for name, span in ONCE.items()}

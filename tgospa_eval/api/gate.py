@@ -9,11 +9,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval._version import __version__
+from tgospa_eval.api.batch_row import JobTask, Run, judged_rows
 from tgospa_eval.api.evaluate import evaluate
-from tgospa_eval.api.gate_pairs import Answer, PairTask, Run, answers_of
 from tgospa_eval.api.keywords import KEYWORDS, with_options
 from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, SETTINGS, Request, Values, typed
-from tgospa_eval.campaign.gate.accept import accepting_options, without_option
 from tgospa_eval.campaign.gate.baseline import (
     Baseline,
     Measured,
@@ -21,16 +20,17 @@ from tgospa_eval.campaign.gate.baseline import (
     load,
     make_entry,
     measured,
-    measured_row,
     parse,
 )
 from tgospa_eval.campaign.gate.groups import judge_groups
 from tgospa_eval.campaign.gate.outcome import (
     PairOutcome,
     Report,
+    accepting_options,
     judged_outcome,
     leftover,
     updated_outcome,
+    without_option,
 )
 from tgospa_eval.campaign.gate.report import GATE_REPORTS, finding_record
 from tgospa_eval.campaign.gate.rules import OF_NEES, Rule, Verdict, parse_rules, split_rules
@@ -38,12 +38,12 @@ from tgospa_eval.campaign.gate.suite import (
     ONLY_PAIR,
     SEED,
     GroupTable,
-    Pair,
     load_suite,
     make_group,
 )
 from tgospa_eval.campaign.gate.target import Target
-from tgospa_eval.campaign.row import Row, job_name, labels_of
+from tgospa_eval.campaign.pairs import Job
+from tgospa_eval.campaign.row import Row, job_name, labels_of, row_to_judge
 from tgospa_eval.campaign.store import SETTINGS_FILE, Store
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
@@ -72,10 +72,10 @@ RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
 
 ACCURACY_KEYS = tuple(name.replace("_", "-") for name in ACCURACY)
 
-Evaluated = tuple[Measured | TgospaError, Mapping[str, object], Mapping[str, Any]]
-"""Values of a pair or what is wrong with it, the options that made them, more for its outcome."""
+Evaluated = tuple[Row, Mapping[str, object]]
+"""The row of a pair, and the options that made it."""
 
-Evaluate = Callable[[Sequence[Pair], Baseline], Iterator[Evaluated]]
+Evaluate = Callable[[Sequence[Job], Baseline], Iterator[Evaluated]]
 """Answers of pairs, in their order; a baseline may have options of them."""
 
 
@@ -136,11 +136,11 @@ class GateOptions(Values):
         """Whether an update is about this pair."""
         return not self.only or any(fnmatchcase(name, pattern) for pattern in self.only)
 
-    def prefix(self, pair: Pair) -> str:
+    def prefix(self, pair: Job) -> str:
         """What a line about a pair begins with: its name, where there are several."""
         return f"{clipped(pair.name)}: " if self.suite else ""
 
-    def resolve(self, pair: Pair, entry: Json | None, path: str) -> dict[str, object]:
+    def resolve(self, pair: Job, entry: Json | None, path: str) -> dict[str, object]:
         """The options of a pair that are no defaults, by field."""
         inherited = dict(entry["options"]) if entry else {}
         for key in (key for key in PATHS_GIVEN if inherited.get(key)):
@@ -152,7 +152,7 @@ class GateOptions(Values):
             **self.given("commandline", "environment"),
         }
 
-    def tables(self, pairs: Sequence[Pair], groups: Sequence[GroupTable]) -> list[GroupTable]:
+    def tables(self, pairs: Sequence[Job], groups: Sequence[GroupTable]) -> list[GroupTable]:
         """The groups of a suite, or those of the command line, which have its rules.
 
         Raises
@@ -179,7 +179,7 @@ class GateOptions(Values):
         seed, confidence = self.seed_label or SEED, self.confidence or GroupTable.confidence
         return [make_group(pattern, texts, confidence, seed, labels, f"--group {self.group}")]
 
-    def rules(self, pair: Pair, *, baseline: bool = True, default: bool = True) -> list[Rule]:
+    def rules(self, pair: Job, *, baseline: bool = True, default: bool = True) -> list[Rule]:
         """The rules of a pair; `default`: whether the usual one holds where none is given.
 
         Raises
@@ -218,7 +218,7 @@ def judge_all(
     truth: str | None,
     estimate: str | None,
     notify: Callable[[str], None],
-    run: Run = lambda work, _: work(),
+    run: Run | None = None,
 ) -> Report:
     """Judge a pair of files, the pairs of a suite or the jobs of a store; or make the baseline.
 
@@ -248,7 +248,7 @@ def judge_all(
         table = _store_rows(folder)
         settings = _store_options(folder)
         pairs = [
-            Pair(
+            Job(
                 name=name,
                 truth=row["truth"],
                 estimate=row["estimate"],
@@ -258,15 +258,9 @@ def judge_all(
             for name, row in table.items()
         ]
 
-        def evaluated(pairs: Sequence[Pair], _: Baseline) -> Iterator[Evaluated]:
+        def evaluated(pairs: Sequence[Job], _: Baseline) -> Iterator[Evaluated]:
             for row in (table[pair.name] for pair in pairs):
-                warnings = tuple(Notice(**record) for record in json.loads(row["warnings"]))
-                about = {"seconds": float(row["seconds"]), "warnings": warnings}
-                used = _row_options(row, settings, path or "")
-                try:
-                    yield measured_row(row), used, about
-                except TgospaError as error:
-                    yield error, used, about
+                yield row, _row_options(row, settings, path or "")
 
         old = load_baseline(path) if path else None
         return _report(gate, pairs, [], path or "", old, evaluated, folder)
@@ -298,11 +292,11 @@ def judge_all(
 def _with_faults(
     gate: GateOptions,
     target: Target,
-    pairs: Sequence[Pair],
+    pairs: Sequence[Job],
     groups: Sequence[GroupTable],
     old: Baseline | None,
     path: str,
-) -> Iterator[Pair]:
+) -> Iterator[Job]:
     """The pairs; those whose files are not the target's have a fault, or are new."""
     known, seeds = old or {}, {table.seed for table in gate.tables(pairs, groups)}
 
@@ -358,7 +352,7 @@ def _check_options(gate: GateOptions, path: str) -> None:
 
 def _report(
     gate: GateOptions,
-    pairs: Sequence[Pair],
+    pairs: Sequence[Job],
     groups: Sequence[GroupTable],
     path: str,
     old: Baseline | None,
@@ -401,7 +395,7 @@ def _report(
 
 
 def _judged(
-    pairs: Sequence[Pair],
+    pairs: Sequence[Job],
     groups: Sequence[GroupTable],
     path: str,
     baseline: Baseline | None,
@@ -416,7 +410,7 @@ def _judged(
     labels |= {pair.name: pair.labels for pair in pairs}
     results: dict[str, Measured] = {}
     outcomes: dict[str, PairOutcome] = {}
-    chosen: list[Pair] = []
+    chosen: list[Job] = []
     tables = {
         pair.name: [table for table in groups if table.has(pair.labels) and not pair.is_new]
         for pair in pairs
@@ -428,7 +422,8 @@ def _judged(
             chosen.append(pair)
         else:
             outcomes[pair.name] = PairOutcome.of(pair, Verdict.INCOMPARABLE, missing)
-    for pair, (now, _, about) in zip(chosen, evaluated(chosen, old), strict=True):
+    for pair, (row, _) in zip(chosen, evaluated(chosen, old), strict=True):
+        now, about = _measured(row)
         entry = old.get(pair.name)
         if isinstance(now, TgospaError):
             about = {"status": now.exit_status, **about}
@@ -454,6 +449,18 @@ def _judged(
     return judged + leftover(old, named, Verdict.INCOMPARABLE, note)
 
 
+def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
+    """Values of a row or what is wrong with it, and more for its outcome."""
+    about: dict[str, Any] = {name: row[name] for name in ("seconds", "page") if name in row}
+    if "error" in row:
+        return row["error"], about
+    about["warnings"] = tuple(Notice(**record) for record in json.loads(row["warnings"]))
+    try:
+        return measured(row), about
+    except TgospaError as error:
+        return error, about
+
+
 MAX_PAGES = 200
 """Pairs of which each has a page; of more those have one that do not pass."""
 
@@ -466,7 +473,7 @@ NEW = (
 
 def _updated(
     gate: GateOptions,
-    pairs: Sequence[Pair],
+    pairs: Sequence[Job],
     path: str,
     baseline: Baseline | None,
     evaluated: Evaluate,
@@ -483,7 +490,8 @@ def _updated(
     if not chosen and not any(map(gate.chosen, old)):
         raise ConfigError(f"--only {' --only '.join(gate.only)}: no pair is called so")
     new, outcomes = dict(old), []
-    for pair, (now, options, about) in zip(chosen, evaluated(chosen, old), strict=True):
+    for pair, (row, options) in zip(chosen, evaluated(chosen, old), strict=True):
+        now, about = _measured(row)
         before = old.get(pair.name)
         try:
             if isinstance(now, TgospaError):
@@ -511,13 +519,13 @@ def _pairs(
     estimate: str | None,
     notify: Callable[[str], None],
     target: Target | None,
-) -> tuple[list[Pair], list[GroupTable], str | None]:
+) -> tuple[list[Job], list[GroupTable], str | None]:
     """The pairs, one of two files or those of a suite; groups and the baseline of the suite."""
     path = gate.suite
     if truth is not None and estimate is not None:
         if path and gate.sources["suite"] == "commandline":
             raise ConfigError("give TRUTH ESTIMATE or --suite, not both")
-        return [Pair(name=ONLY_PAIR, truth=truth, estimate=estimate)], [], None
+        return [Job(name=ONLY_PAIR, truth=truth, estimate=estimate)], [], None
     if truth is not None or not path:
         name = "TRUTH" if truth is None else "ESTIMATE"
         raise ConfigError(
@@ -532,34 +540,39 @@ def _pairs(
 
 def _evaluated(
     gate: GateOptions,
-    pairs: Sequence[Pair],
+    pairs: Sequence[Job],
     old: Baseline,
     path: str,
     groups: Sequence[GroupTable],
     notify: Callable[[str], None],
-    run: Run,
+    run: Run | None,
 ) -> Iterator[Evaluated]:
     """Pairs of files, read and evaluated, by processes where that takes long."""
     given: dict[str, dict[str, object]] = {}
-    tasks: list[PairTask] = []
-    waiting: dict[str, Answer] = {}
+    tasks: list[JobTask] = []
+    waiting: dict[str, Row] = {}
+    prefixes = {"": ""} | {pair.name: gate.prefix(pair) for pair in pairs}
+
+    def say(name: str, text: str) -> None:
+        notify(prefixes[name] + text)
+
     for pair in pairs:
         try:
             given[pair.name] = gate.resolve(pair, old.get(pair.name), path)
             tasks.append(_task(gate, pair, given[pair.name], groups))
         except TgospaError as error:
-            waiting[pair.name] = pair.name, error, False, {}, ()
-    answers = answers_of(tasks, notify, run)
+            waiting[pair.name] = {"error": error, "lines": ()}
+    rows = judged_rows(tasks, say, run)
     keys = {name: key for key, name in NAMES.items()}
     for pair in pairs:
         while pair.name not in waiting:
-            answer = next(answers)
-            waiting[answer[0]] = answer
-        _, now, finished, about, lines = waiting.pop(pair.name)
-        for text in lines:
-            notify(gate.prefix(pair) + text)
-        if isinstance(now, TgospaError):
-            yield now, {}, about
+            row = next(rows)
+            waiting[row["name"]] = row
+        row = waiting.pop(pair.name)
+        for text in row["lines"]:
+            say(pair.name, text)
+        if "error" in row:
+            yield row, {}
             continue
         # Settings of a solver that did not reach its accuracy are left out: a later run would
         # inherit them.
@@ -567,22 +580,22 @@ def _evaluated(
             keys[name]: value
             for name, value in given[pair.name].items()
             if keys[name] not in WITHOUT_EFFECT and value not in (None, ())
-            if finished or keys[name] not in ACCURACY_KEYS
+            if row["status"] == "done" or keys[name] not in ACCURACY_KEYS
         }
-        used = {key: now.parameters[name] for key, name in CHOSEN_BY_DATA.items()}
-        yield now, _portable(recorded | used, path), about
+        yield row, _portable(recorded | _chosen_by_data(row), path)
 
 
-CHOSEN_BY_DATA = {"cutoff": "cutoff", "switch-penalty": "switch_penalty"}
-"""Options that a baseline has in any case, by their names; and parameters."""
+def _chosen_by_data(row: Row) -> dict[str, object]:
+    """Options that a baseline has in any case."""
+    return {"cutoff": row["cutoff"], "switch-penalty": row["switch_penalty"]}
 
 
 def _task(
     gate: GateOptions,
-    pair: Pair,
+    pair: Job,
     given: Mapping[str, object],
     groups: Sequence[GroupTable],
-) -> PairTask:
+) -> JobTask:
     """The task of a pair with these options."""
     rules = [*gate.rules(pair, default=False), *(rule for table in groups for rule in table.rules)]
     nees = {"with_": NEES} if any(rule.path in OF_NEES for rule in rules) else {}
@@ -592,12 +605,11 @@ def _task(
 
         of = "baseline" if gate.update_baseline else "run"
         folder = os.path.join(gate.proof, of, *([folder_name(pair.name)] if gate.suite else []))
-    return PairTask(
-        pair=pair,
+    return JobTask(
+        job=pair,
         options=Request.of({**given, **nees}),
-        proof=folder,
+        folder=folder,
         page=gate.output is not None,
-        prefix=gate.prefix(pair),
         quiet=gate.quiet,
         verbose=gate.verbose,
     )
@@ -642,7 +654,7 @@ def load_baseline(path: str) -> Baseline | None:
         return load(path)
     settings = _store_options(path)
     return {
-        name: make_entry(measured_row(row), _row_options(row, settings, path), labels_of(row))
+        name: make_entry(measured(row), _row_options(row, settings, path), labels_of(row))
         for name, row in _store_rows(path).items()
         if row["status"] != "failed"
     }
@@ -714,8 +726,7 @@ def _store_options(folder: str) -> dict[str, object]:
 def _row_options(row: Row, of_all: Mapping[str, object], path: str) -> dict[str, object]:
     """Options of a job as a baseline records them, by their names in a configuration file."""
     own = {key.replace("_", "-"): value for key, value in json.loads(row["options"]).items()}
-    used = {"cutoff": row["cutoff"], "switch-penalty": row["switch_penalty"]}
-    return _portable({**of_all, **own, **used}, path)
+    return _portable({**of_all, **own, **_chosen_by_data(row)}, path)
 
 
 # -------------------------------------------------------------------------------------------------
@@ -872,28 +883,26 @@ def gate(
     old = load(path)
     if old and ONLY_PAIR not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name another")
-    pair = Pair(name=ONLY_PAIR, truth=_called(truth, "truth"), estimate=_called(estimate, ""))
+    pair = Job(name=ONLY_PAIR, truth=_called(truth, "truth"), estimate=_called(estimate, ""))
     judge_by.rules(pair)  # wrong ones before any work
     kept = old[ONLY_PAIR]["options"] if old else {}
     inherited = {name: kept[key] for key, name in INHERITED.items() if key in kept}
     given: dict[str, Any] = {**inherited, **options}
     result = evaluate(truth, estimate, **given)
     plain = {key: given.get(name) for key, name in INHERITED.items()}
-    used = result.proof.parameters
+    row = row_to_judge(result)
+    measured(row)  # raises at once what a report would say
     recorded = {
         **{key: value for key, value in plain.items() if isinstance(value, (str, float, int))},
-        "cutoff": used.cutoff,
-        "switch-penalty": used.switch_penalty,
+        **_chosen_by_data(row),
     }
-    now = measured(result)
-    about = {"warnings": result.warnings, "seconds": 0.0}
     report = _report(
         judge_by,
         [pair],
         [],
         path,
         old,
-        lambda pairs, _: ((now, recorded, about) for _ in pairs),
+        lambda pairs, _: ((row, recorded) for _ in pairs),
         "",
     )
     return GateResult(report=_in_python(report), result=result)

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.campaign.grouping import in_words, labels_of, shown_labels, with_parameters
-from tgospa_eval.campaign.row import LABEL
+from tgospa_eval.campaign.row import LABEL, in_words, label_names, shown_labels, with_parameters
 from tgospa_eval.campaign.statistics import CONFIDENCE, LEAST_PAIRS, NUMBERS_AT_ONCE, intervals
 from tgospa_eval.campaign.store import COST_COLUMNS, CURVE_COLUMNS
 from tgospa_eval.common.arrays import Floats, Ints, Mask
@@ -80,7 +79,7 @@ def rms_curves(
         return [], []
     rows, differing = with_parameters(rows)
     valued = rows[rows["status"] != "failed"]
-    there = [name for name in by if name in labels_of(rows)]
+    there = [name for name in by if name in label_names(rows)]
     keys = [*(LABEL + name for name in there), *differing]
     heads = [*shown_labels(there, {KIND_COLUMN, *POINT_COLUMNS, *differing}), *differing]
     grouped = valued.assign(_all="").groupby(keys or "_all", sort=True, dropna=False)

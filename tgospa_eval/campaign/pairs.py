@@ -10,6 +10,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from pathlib import Path
+from typing import Any
 
 from tgospa_eval.common import patterns
 from tgospa_eval.common.frozen import dataclass
@@ -53,20 +54,32 @@ class Job:
         What tells it from others: the values of the fields, or columns of the manifest.
     truth, estimate : str
         Paths.
-    options : mapping of str to str
+    options : mapping
         Its own options, by their names on the command line.
     frames : pair of int, optional
         First and last frame of its sequence, where a benchmark declares them.
+    name : str
+        Under which the baseline of a gate knows it.
+    rules : dict of str to tuple of str
+        Of ``fail-on``, ``warn-on`` and ``max`` those that the suite of a gate sets.
+    fault : str
+        Why there are no such files: the pattern finds none.
+    is_new : bool
+        Whether the target that judges has no baseline to judge it by, or no truth.
     """
 
-    labels: Mapping[str, str]
-    truth: str
-    estimate: str
-    options: Mapping[str, str] = field(default_factory=dict)
+    truth: str = ""
+    estimate: str = ""
+    labels: Mapping[str, str] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
     frames: tuple[int, int] | None = None
+    name: str = ""
+    rules: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    fault: str = ""
+    is_new: bool = False
 
     @property
-    def name(self) -> str:
+    def title(self) -> str:
         """Its labels in a line."""
         return "/".join(self.labels.values()) or self.estimate
 
@@ -371,7 +384,7 @@ def of_manifest(path: str, options: Collection[str]) -> BatchPlan:
         key = (*job.labels.items(), *job.options.items())
         if key in seen:
             raise InputError(
-                f"{path}: two rows are {quoted(job.name)}; a column tells them apart, such as run"
+                f"{path}: two rows are {quoted(job.title)}; a column tells them apart, such as run"
             )
         seen.add(key)
     return BatchPlan(jobs=tuple(jobs), faults=tuple(faults))

@@ -1,15 +1,14 @@
 """Several estimates of one truth: proven order, and what the differences are made of.
 
-With several runs of each (Monte Carlo) costs are averaged over the runs, and roots are taken last:
-``tgospa`` is (mean total)^(1/p), its normalised form (mean of total / T)^(1/p), for p = 2 the root
-of the mean square over runs. Averages of brackets bracket the averages. Ranked is the normalised
-form, in which each run counts the same however long it is; where runs differ in length the order of
-the mean totals may be another, and `opposed` marks it.
+With several runs of each (Monte Carlo) costs are added over the runs, and roots are taken last:
+``tgospa`` is (mean total)^(1/p), its normalised form (sum of totals / sum of steps)^(1/p), for
+p = 2 the root of the mean square over runs. Sums of brackets bracket the sums. All have the same
+runs: by either form the order is that of the sums, in a comparison, a batch and groups of a gate.
 """
 
 import itertools
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +16,14 @@ import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.campaign import SCHEMA
-from tgospa_eval.campaign.grouping import ESTIMATE_DIGEST, pair_numbers, same_data, truths
-from tgospa_eval.campaign.row import LABEL, covariances_of
+from tgospa_eval.campaign.row import (
+    ESTIMATE_DIGEST,
+    LABEL,
+    covariances_of,
+    pair_numbers,
+    same_data,
+    truths,
+)
 from tgospa_eval.campaign.statistics import (
     CONFIDENCE,
     LEAST_PAIRS,
@@ -35,7 +40,7 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import EQUAL, Interval, places, second_less_first, verdict
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.common.words import counted, natural, number
+from tgospa_eval.common.words import natural, number
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.formats.times import TimeError
@@ -402,18 +407,14 @@ def ranking_document(
     }
     shares = 1 / np.array(steps, float)
     lower, upper = costs["total_lower"] * shares, costs["total"] * shares
-    ends = zip(lower.mean(axis=1).tolist(), upper.mean(axis=1).tolist(), strict=True)
-    normal = [Interval(lower=low, upper=high) for low, high in ends]
+    normal = _combined((costs["total_lower"], costs["total"]), 1.0, sum(steps))
     ranked = sorted(range(len(names)), key=lambda k: (normal[k].upper, normal[k].lower))
     digests = [
         [item.run["input"]["estimate"]["sha256"] for item in runs] for runs in entrants.values()
     ]
     equal = _same(names, digests, costs["total_lower"], costs["total"])
 
-    def verdict_of(a: int, b: int) -> str:
-        return "equal" if (a, b) in equal else verdict(normal[a], normal[b])
-
-    place = places(normal, lambda *pair: verdict_of(*pair) == "equal")
+    verdicts, place = _proven(normal, equal)
     estimates = []
     for k in ranked:
         runs = entrants[names[k]]
@@ -429,7 +430,7 @@ def ranking_document(
         # The second less the first, which has the smaller value.
         per_step: Json = {"total": [difference.lower, difference.upper]}
         for name in PARTS:
-            per_step[name] = float(np.mean((costs[name][b] - costs[name][a]) / steps))
+            per_step[name] = float((costs[name][b] - costs[name][a]).sum() / sum(steps))
         change, count = upper[b] - upper[a], len(steps)
         # Steps that cost the same but for rounding are neither better nor worse.
         clear = EQUAL * np.concatenate([np.maximum(total[a], total[b]) for total in totals])
@@ -438,8 +439,7 @@ def ranking_document(
             {
                 "first": names[a],
                 "second": names[b],
-                "verdict": verdict_of(a, b),
-                "opposed": bool(costs["total"][b].mean() < costs["total"][a].mean() * (1 - EQUAL)),
+                "verdict": verdicts[a, b],
                 "per_step": per_step,
                 "steps": {
                     "better": int((more < -clear).sum()),
@@ -494,8 +494,7 @@ def _estimate(
     """What the document has of one estimate; means over its runs, roots last."""
     means = {part: float(values.mean()) for part, values in costs.items()}
     roots = {
-        part: float(np.mean(values / np.array(steps, float)) ** (1 / order))
-        for part, values in costs.items()
+        part: float((values.sum() / sum(steps)) ** (1 / order)) for part, values in costs.items()
     }
     step = _means([run.against for run in runs if run.against is not None])
     item: Json = {
@@ -652,32 +651,11 @@ def _ranking(
         parameters=parameters,
         left_out=tuple(sorted(set(all_names) - set(names), key=natural)),
     )
-    yield from _opposed(common, column, names)
     items: list[Json] = []
     for name in names:
         costs, nees = covariances_of(common[common[column] == name])
         items.append({"name": name, **costs, NEES: nees and nees.record()})
     yield from map(str, about_covariances(items))
-
-
-def _opposed(common: "pd.DataFrame", column: str, names: Sequence[str]) -> Iterator[str]:
-    """A warning where each job counts the same, as in `compare`, and the order is another one."""
-    if common["judged.steps"].nunique() < 2:
-        return
-    shares = common["total_upper"] / common["judged.steps"].clip(lower=1)
-    means = shares.groupby(common[column]).mean()
-    pairs = [
-        (first, second)
-        for first, second in itertools.combinations(names, 2)
-        if means[second] < means[first] * (1 - EQUAL)
-    ]
-    if pairs:
-        (first, second), *others = pairs
-        more = f", and {counted(len(others), 'more pair')} are so" if others else ""
-        yield (
-            f"warning: {first} is before {second} by combined, in which long jobs count more, but "
-            f"has the larger mean of costs per step, in which each job counts the same{more}"
-        )
 
 
 def _side_by_side(
@@ -720,24 +698,19 @@ def _orders(
     compared = list(itertools.combinations(range(size), 2))
     equal = _same(names, *_data(common, column, names))
     same = np.array([pair in equal for pair in compared])
+    verdicts, proven = _proven(values, equal)
     comparisons: list[Json] = []
-    for (a, b), alike in zip(compared, same, strict=True):
-        difference = NOTHING if alike else second_less_first(values[a], values[b])
+    for a, b in compared:
+        difference = NOTHING if (a, b) in equal else second_less_first(values[a], values[b])
         comparisons.append(
             {
                 "first": names[a],
                 "second": names[b],
-                "verdict": "equal" if alike else verdict(values[a], values[b]),
+                "verdict": verdicts[a, b],
                 "difference": [difference.lower, difference.upper],
                 **dict.fromkeys(("lower", "upper", "p_value", "p_holm", "significant")),
             }
         )
-    alike = {
-        frozenset(pair)
-        for pair, row in zip(compared, comparisons, strict=True)
-        if row["verdict"] == "equal"
-    }
-    proven = places(values, lambda *pair: frozenset(pair) in alike)
     sure: list[Any] = [None] * size
     inferred: list[Any] = sure
     if totals[0].shape[1] >= LEAST_PAIRS:
@@ -759,6 +732,17 @@ def _orders(
         )
     ]
     return entries, comparisons
+
+
+def _proven(
+    values: Sequence[Interval], same: Collection[tuple[int, int]]
+) -> tuple[dict[tuple[int, int], str], list[Places]]:
+    """Verdicts of all pairs, by their numbers, and places; `same` are those of the same data."""
+    verdicts: dict[tuple[int, int], str] = {
+        pair: "equal" if pair in same else verdict(*(values[k] for k in pair))
+        for pair in itertools.permutations(range(len(values)), 2)
+    }
+    return verdicts, places(values, lambda *pair: verdicts[pair] == "equal")
 
 
 def _combined(totals: tuple[Floats, Floats], order: float, per: Floats | float) -> list[Interval]:

@@ -1,7 +1,7 @@
 """The row of an evaluation: what a store keeps of a result, tables add up and a gate judges."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,12 +19,16 @@ from tgospa_eval.common.documents import (
     one_of,
     or_null,
 )
+from tgospa_eval.common.interval import Interval, equal, overlap
+from tgospa_eval.errors import SolverError
+from tgospa_eval.evaluation.by_class import EvaluationByClass
 from tgospa_eval.results.consistency import NEES, STORED_NEES, NeesSums, fits_sums
 from tgospa_eval.results.contradictions import UNLIKE_COUNTS, contradictions
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.numbers import SPLIT_PARTS
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS
 from tgospa_eval.results.saved import (
+    ACCURACY,
     JUDGED,
     NEES_SUMS,
     NOTICE,
@@ -33,7 +37,7 @@ from tgospa_eval.results.saved import (
     SLICING,
     slices_fault,
 )
-from tgospa_eval.text import clipped
+from tgospa_eval.text import clipped, quoted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -88,6 +92,19 @@ def row_of(result: Evaluation) -> Row:
         **result.split_parts,
         **({} if result.nees is None else result.nees.row()),
         **{f"with.{name}": value for name, value in result.sums.items()},
+    }
+
+
+def row_to_judge(result: Evaluation) -> Row:
+    """The row that a gate judges, with those of classes that are evaluated apart."""
+    parts = result.results if isinstance(result, EvaluationByClass) else {}
+    return {
+        **row_of(result),
+        "classes": {name: row_of(part) for name, part in parts.items()},
+        "status": "done" if result.finished else "open",
+        "message": str(result.solver["status"]),
+        "warnings": json.dumps([notice.record() for notice in result.warnings]),
+        "version": result.version,
     }
 
 
@@ -161,6 +178,9 @@ OF_SOME: dict[str, FieldKind] = {
     **dict.fromkeys((STORED_NEES, STORED_SLICES, "not_written"), or_null(TEXT)),
     "per_step.rows": or_null(COUNT),
     "per_step.curve": or_null(FLAG),
+    "iterations": or_null(COUNT),
+    "seconds.prepare": or_null(COST),
+    **dict.fromkeys(("entropic.dual", "entropic.cost"), or_null(NUMBER)),
 }
 """Columns that some jobs have."""
 
@@ -292,3 +312,140 @@ def _contradictions(
         for row, value in enumerate(table[name].to_pylist()):
             if value != parameters[row][name]:
                 yield row, f"{name} is {value}, but parameters.{name} is {parameters[row][name]}"
+
+
+# -------------------------------------------------------------------------------------------------
+# Rows that belong together: those that differ in nothing but the labels that are compared.
+
+TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "estimate"))
+"""Columns with digests of the sides (`tracks.judged.digest`)."""
+
+
+READ_AS_GIVEN = (
+    *("time", "class", "region", "truth_class", "estimate_class", "time_tolerance"),
+    *("where", "truth_where", "estimate_where", "day_begins"),
+    *("time_offset", "time_scale", "unit_scale", "max_gap"),
+    *("on_duplicate", "on_invalid", "fix_cov", "missing_cov", "inner_cov", "decimal", "steps"),
+    "ignore_regions",
+)
+"""Parameters that say how a file is read, or come from what is in it: each job may have its own."""
+
+
+def label_names(rows: "pd.DataFrame") -> list[str]:
+    """Names of the labels."""
+    return [name.removeprefix(LABEL) for name in rows.columns if name.startswith(LABEL)]
+
+
+def shown_labels(names: Sequence[str], taken: Collection[str]) -> list[str]:
+    """Names of labels as columns beside others: one that is called like these keeps ``label.``."""
+    return [LABEL + name if name in taken or name.startswith(LABEL) else name for name in names]
+
+
+def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
+    """The rows, and names of columns with parameters in which jobs that have a value differ.
+
+    Jobs in which these differ are never added up, nor compared. A parameter that a job does not
+    have is a dash, and so is any of a job without a value.
+    """
+    having = rows[rows["status"] != "failed"]
+    differing = [name for name in PARAMETER_COLUMNS if having[name].nunique() > 1]
+    if "parameters" not in having:
+        return rows, differing
+    found = {text: json.loads(text) for text in having["parameters"].dropna().unique()}
+    names = {name for settings in found.values() for name in settings}
+    for name in sorted(names - {*PARAMETER_COLUMNS, *ACCURACY, *READ_AS_GIVEN}):
+        shown = {text: in_words(settings.get(name)) for text, settings in found.items()}
+        if len(set(shown.values())) > 1:
+            rows = rows.assign(**{name: rows["parameters"].map(shown).fillna("-")})
+            differing.append(name)
+    return rows, differing
+
+
+def in_words(value: object) -> str:
+    """A parameter, as a table shows it."""
+    if isinstance(value, list):
+        return ",".join(map(in_words, value))
+    if isinstance(value, dict):
+        return ",".join(f"{name}={in_words(item)}" for name, item in value.items())
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, str):
+        return value
+    return "-" if value is None else json.dumps(value)
+
+
+def truths(rows: "pd.DataFrame") -> "pd.Series[str]":
+    """What truth each job has: the digest of its data, or its path where there is none."""
+    import pandas as pd
+
+    paths = rows["truth"]
+    if TRUTH_DIGEST not in rows:
+        return paths
+    digests = rows[TRUTH_DIGEST]
+    # A job that failed has no digest; others with the same file may.
+    known = pd.Series(digests.to_numpy(), index=paths).dropna()
+    known = known[~known.index.duplicated(keep="last")]
+    return digests.fillna(paths.map(known)).fillna(paths)
+
+
+def same_data(
+    names: tuple[str, str],
+    digests: tuple[Sequence[str], Sequence[str]],
+    brackets: tuple[Sequence[Interval], Sequence[Interval]],
+) -> bool:
+    """Whether two results that are judged alike are of the same estimates, so that both are equal.
+
+    Parameters
+    ----------
+    names : pair of str
+        What they are called, for the message.
+    digests : pair of sequence of str
+        Of the estimate of each run; blank where there is none.
+    brackets : pair of sequence of Interval
+        Of the value of each run, in one unit.
+
+    Raises
+    ------
+    SolverError
+        The values of a run are proven to differ, and yet its data are the same.
+    """
+    alike = [bool(own) and own == other for own, other in zip(*digests, strict=True)]
+    for same, own, other in zip(alike, *brackets, strict=True):
+        if same and not (overlap(own, other) or equal(own, other)):
+            shown = " and ".join(f"[{one.lower:.12g}, {one.upper:.12g}]" for one in (own, other))
+            raise SolverError(
+                f"{' and '.join(map(quoted, names))} have the same data, and their brackets "
+                f"{shown} have no value in common: one of them is wrong; evaluate both again with "
+                "this version"
+            )
+    return bool(alike) and all(alike)
+
+
+def pair_numbers(
+    rows: "pd.DataFrame",
+    compared: Sequence[str],
+    parameters: Sequence[str] = (),
+    *,
+    truth: bool = True,
+) -> "pd.Series[int]":
+    """A number for each job, the same for those that agree in truth, parameters and other labels.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of a store.
+    compared : sequence of str
+        Labels in which they may differ.
+    parameters : sequence of str
+        Columns in which they may not.
+    truth : bool
+        Whether they need the same truth.
+    """
+    rest = [LABEL + name for name in label_names(rows) if name not in compared]
+    same = rows[[*rest, *parameters]].assign(_truth=truths(rows) if truth else "")
+    numbers = same.groupby(list(same), dropna=False).ngroup()
+    own = rows[[LABEL + name for name in compared]].assign(_pair=numbers)
+    if own.duplicated().any():  # options of their own tell them apart
+        same = same.assign(_options=rows["options"])
+        numbers = same.groupby(list(same), dropna=False).ngroup()
+    return numbers

@@ -4,22 +4,25 @@ What counts are truths, for jobs of one truth are not independent of each other,
 there is one truth alone.
 """
 
-from collections.abc import Iterator
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from functools import reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.campaign.grouping import truths
+from tgospa_eval.campaign.row import truths
 from tgospa_eval.common.arrays import Floats
 
 if TYPE_CHECKING:
     import pandas as pd
 
 PERMUTATIONS = 9999
-"""Flips that are drawn, where all are not fewer."""
+"""Exchanges that are drawn, where all are not fewer."""
 
 PERMUTATION_SEED = 1
-"""The same batch has the same tables."""
+"""The same data have the same p values."""
 
 CONFIDENCE = 0.95
 """Level of the intervals; tests are significant below what is left of 1."""
@@ -27,11 +30,11 @@ CONFIDENCE = 0.95
 LEAST_PAIRS = 6
 """With fewer no two-sided p value can be below 0.05: the least is 2 / 2^n."""
 
-TIE = 1e-14
-"""Of the sum of all differences, of either sign: sums that differ by less are equal."""
+TIE = 1e-12
+"""Of the sum of all sizes: sums that differ by less are equal."""
 
 NUMBERS_AT_ONCE = 4_000_000
-"""Numbers that are flipped at once."""
+"""Numbers that are exchanged at once."""
 
 TOTAL_ENDS = ["total_lower", "total_upper"]
 """Columns of the bracket of a total."""
@@ -127,40 +130,94 @@ def p_values(lower: Floats, upper: Floats) -> Floats:
     array, shape (tests,)
         The largest for any values between the bounds.
     """
-    count, size = lower.shape
-    sides = np.concatenate([upper, -lower])
-    observed = sides.sum(axis=1)
-    # Sums that are equal in exact numbers count as equal.
-    observed += TIE * np.abs(sides).sum(axis=1)
-    flips, every = permutations_of(size), 1 << size if size < PERMUTATIONS.bit_length() else 0
-    at_most, rng = np.zeros(len(sides), np.int64), np.random.default_rng(PERMUTATION_SEED)
-    for part in _portions(flips, size):
-        if every:
-            numbers = np.arange(part.start, part.stop, dtype=np.uint64)
-            flipped = numbers[:, None] >> np.arange(size, dtype=np.uint64) & np.uint64(1)
-        else:
-            shape = part.stop - part.start, -(-size // 8)
-            octets = rng.integers(0, 256, shape, np.uint8)
-            flipped = np.unpackbits(octets, axis=1, count=size)
-        sums = (1.0 - 2.0 * flipped) @ sides.T
-        at_most += np.count_nonzero(sums <= observed, axis=0)
-    # The data as they are is one of the flips: drawn ones may lack it.
-    less = at_most / every if every else (at_most + 1) / (flips + 1)
-    both: Floats = np.minimum(1.0, 2 * np.minimum(less[:count], less[count:]))
+    sides = np.concatenate([-upper, lower]).T
+    tails = exchanged_p_values([(sides, 0)], np.abs(sides).sum(axis=0))
+    both: Floats = np.minimum(1.0, 2 * tails.reshape(2, -1).min(axis=0))
     return both
 
 
-def _portions(count: int, size: int) -> Iterator[slice]:
-    """Some of so many draws of so many numbers at a time."""
+Exchangeable = tuple[Floats, int]
+"""Values (n, tests) that can be exchanged with each other, and how many of them, the first ones,
+are on the side whose sum is tested; 0 for differences of pairs, whose signs can be flipped."""
+
+
+def exchanged_p_values(strata: Sequence[Exchangeable], size: Floats | float) -> Floats:
+    """One-sided p values that sums are too large, under all exchanges or, of many, drawn ones.
+
+    The statistic is the sum of the first side less that of the other, brought to as many values;
+    strata are added up. SciPy has this for one stratum, and without allowance for rounding.
+
+    Parameters
+    ----------
+    strata : sequence of Exchangeable
+        At least one.
+    size : float or array, shape (tests,)
+        Of the numbers that are added: sums that differ by `TIE` of it are equal.
+
+    Returns
+    -------
+    array, shape (tests,)
+    """
+    signs = [_signs(len(values), first) for values, first in strata]
+    observed = sum(row @ values for row, (values, _) in zip(signs, strata, strict=True))
+    least = observed - TIE * size
+    if math.prod(exchanges(len(values), first) for values, first in strata) <= PERMUTATIONS:
+        each = (_all_exchanges(len(values), first) @ values for values, first in strata)
+        sums = reduce(lambda a, b: (a[:, None] + b).reshape(-1, b.shape[1]), each)
+        shares: Floats = np.count_nonzero(sums >= least, axis=0) / len(sums)
+        return shares
+    rng, above = np.random.default_rng(PERMUTATION_SEED), np.zeros(strata[0][0].shape[1])
+    for draws in _portions(PERMUTATIONS, sum(map(len, signs))):
+        drawn = (
+            _drawn(draws, row, first, rng) @ values
+            for row, (values, first) in zip(signs, strata, strict=True)
+        )
+        above += np.count_nonzero(sum(drawn) >= least, axis=0)
+    # The data as they are is one of the exchanges: drawn ones may lack it.
+    drawn_shares: Floats = np.divide(above + 1, PERMUTATIONS + 1)
+    return drawn_shares
+
+
+def exchanges(count: int, first: int) -> int:
+    """How many exchanges there are of so many values."""
+    return math.comb(count, first) if first else 1 << count
+
+
+def _signs(count: int, first: int) -> Floats:
+    """The share of each value in the statistic, as the data are."""
+    others = -first / (count - first) if first else 1.0
+    return np.concatenate([np.ones(first), np.full(count - first, others)])
+
+
+def _all_exchanges(count: int, first: int) -> Floats:
+    """The same under every exchange, a row for each."""
+    if not first:
+        numbers = np.arange(1 << count)[:, None] >> np.arange(count)
+        return np.where(numbers & 1, -1.0, 1.0)
+    which = np.array(list(itertools.combinations(range(count), first)))
+    rows = np.tile(_signs(count, first)[-1], (len(which), count))
+    np.put_along_axis(rows, which, 1.0, axis=1)
+    return rows
+
+
+def _drawn(draws: int, signs: Floats, first: int, rng: np.random.Generator) -> Floats:
+    """The same under so many random exchanges."""
+    count = len(signs)
+    if first:
+        return rng.permuted(np.broadcast_to(signs, (draws, count)), axis=1)
+    octets = rng.integers(0, 256, (draws, -(-count // 8)), np.uint8)
+    return np.where(np.unpackbits(octets, axis=1, count=count), -1.0, 1.0)
+
+
+def _portions(count: int, size: int) -> Iterator[int]:
+    """How many of so many draws of so many numbers are made at a time."""
     width = max(1, NUMBERS_AT_ONCE // size)
-    yield from (slice(low, min(low + width, count)) for low in range(0, count, width))
+    yield from (min(width, count - done) for done in range(0, count, width))
 
 
 def permutations_of(pairs: int) -> int:
     """How many flips are tried: all, if they are no more; none of too few."""
-    if pairs < LEAST_PAIRS:
-        return 0
-    return PERMUTATIONS if pairs >= PERMUTATIONS.bit_length() else 1 << pairs
+    return 0 if pairs < LEAST_PAIRS else min(1 << pairs, PERMUTATIONS)
 
 
 def holm(p_values: Floats, weights: Floats | None = None) -> Floats:

@@ -293,7 +293,9 @@ class Store:
         try:
             import pyarrow  # noqa: F401  (here: the extra may be missing)
         except ModuleNotFoundError:
-            raise ConfigError(f"batch needs the extra parquet: {install('parquet')}") from None
+            raise ConfigError(
+                f"a store of rows needs the extra parquet: {install('parquet')}"
+            ) from None
 
     def open(self, settings: Mapping[str, Any]) -> None:
         """Begin, or go on with the same settings.
@@ -317,11 +319,13 @@ class Store:
                         json.dumps(settings, indent=1, sort_keys=True) + "\n", encoding="utf-8"
                     )
             (self.folder / PART_FOLDER).mkdir(exist_ok=True)
-        old = self.settings()
+        old, new = self.settings(), {**settings}
+        for one in (old, new):
+            one |= {f"options.{name}": value for name, value in one.pop("options").items()}
         differing = [
-            f"{key} was {json.dumps(old.get(key))}, is {json.dumps(settings.get(key))}"
-            for key in sorted({*old, *settings} - {"version", "settings_file"})
-            if old.get(key) != settings.get(key)
+            f"{key} was {json.dumps(old.get(key))}, is {json.dumps(new.get(key))}"
+            for key in sorted({*old, *new} - {"version", "settings_file"})
+            if old.get(key) != new.get(key)
         ]
         if differing:
             raise ConfigError(

@@ -10,15 +10,18 @@ import json
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.campaign.grouping import (
-    labels_of,
+from tgospa_eval.campaign.ranking import rankings
+from tgospa_eval.campaign.row import (
+    LABEL,
+    STORED_SLICES,
+    covariances_of,
+    job_name,
+    label_names,
     pair_numbers,
     shown_labels,
     truths,
     with_parameters,
 )
-from tgospa_eval.campaign.ranking import rankings
-from tgospa_eval.campaign.row import LABEL, STORED_SLICES, covariances_of, job_name
 from tgospa_eval.campaign.statistics import confidence
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, natural
@@ -142,13 +145,13 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     ConfigError
         There is no such label.
     """
-    check_labels(by, labels_of(rows))
+    check_labels(by, label_names(rows))
     if not len(rows) or (rows["status"] == "failed").all():
         return BatchTables(rows=rows, groups=rows.iloc[:0], by=tuple(by))
     import pandas as pd
 
     rows, parameters = with_parameters(rows)
-    filled = rows.fillna({LABEL + name: "" for name in labels_of(rows)})
+    filled = rows.fillna({LABEL + name: "" for name in label_names(rows)})
     having = filled[filled["status"] != "failed"]
     # Of a job without value the parameters are not known.
     heads, numbers = _groups(having if parameters else filled, by, parameters)

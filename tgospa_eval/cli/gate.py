@@ -276,7 +276,7 @@ def _write_folder(gate: "GateOptions", report: "Report") -> None:
     ConfigError
         It cannot be written.
     """
-    from tgospa_eval.campaign.gate.page import gate_files  # here: for folders only
+    from tgospa_eval.campaign.gate.report import gate_files
     from tgospa_eval.campaign.gate.suite import SEED
     from tgospa_eval.reports.files import GATE, write_texts
 

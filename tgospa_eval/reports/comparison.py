@@ -100,7 +100,7 @@ def estimates_columns(document: Json) -> Columns:
 def pairs_columns(document: Json) -> Columns:
     """A row for each pair of estimates: the second less the first, costs per step."""
     pairs = document["pairs"]
-    table = columns(pairs, ("first", "second", "verdict", "opposed"))
+    table = columns(pairs, ("first", "second", "verdict"))
     for k, end in enumerate(("lower", "upper")):
         table[f"per_step_total_{end}"] = [pair["per_step"]["total"][k] for pair in pairs]
     table |= columns([pair["per_step"] for pair in pairs], PARTS, "per_step_")
@@ -210,17 +210,6 @@ def _pair_tables(document: Json) -> Iterator[Table]:
     yield Table(head=(f"vs {first}", *head)[:columns], rows=rows)
 
 
-def opposed(document: Json) -> Iterator[str]:
-    """Warnings: pairs whose mean totals are the other way round, for runs differ in length."""
-    for pair in document["pairs"]:
-        if pair["opposed"]:
-            yield (
-                f"warning: {pair['first']} is before {pair['second']} by TGOSPA per step, in "
-                "which each run counts the same, but has the larger mean total, in which long runs "
-                "count more"
-            )
-
-
 def _against_tables(document: Json) -> Iterator[Table]:
     """TGOSPA, per-step GOSPA, and the two rules, for each estimate."""
     order = document["parameters"]["order"]
@@ -270,7 +259,6 @@ def _ranking_notes(document: Json) -> Iterator[str]:
             ]
         )
     yield SPLIT_NOTE
-    yield from opposed(document)
     name = f"{estimates[0]['name']}: " if len(estimates) > 1 else ""
     for sentence in estimates[0].get("differences", ()):
         yield name + sentence

@@ -111,7 +111,7 @@ STUDY = Kind(
     name="study",
     document="compare.json",
     names=("compare.json", "compare.csv", "report.md", "error_over_epsilon.png", "scaling.png"),
-    log="runs.jsonl",
+    log=f"runs/{manifest.STORE}",
     opens=("report.md",),
 )
 GATE = Kind(

@@ -107,8 +107,9 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     def here(change: Callable[[Solver, Json], Json] = lambda _, made: made) -> None:
         run_here = solver_runs.run_here
 
-        def run(prepared: Prepared, solver: Solver, progress: Progress) -> Json:
-            return change(solver, run_here(prepared, solver, progress))
+        def run(prepared: Prepared, solver: Solver, progress: Progress) -> solver_runs.Run:
+            made, result = run_here(prepared, solver, progress)
+            return change(solver, made), result
 
         monkeypatch.setattr(solver_runs, "run_here", run)
 
@@ -314,9 +315,10 @@ def test_runs_are_averaged_before_the_root(write: Write, invoke: Invoke, tmp_pat
 
 
 def test_what_is_ranked_is_shown(write: Write, invoke: Invoke, tmp_path: Path) -> None:
-    """Runs of 1 and 4 steps. Costs of a: 4 and 0, of b: 0 and 8 = 4 * 2.
+    """Runs of 1 and 4 steps. Costs of a: 4 and 0, of b: 0 and 8 = 4 * 2; per step 4/5 and 8/5.
 
-    Per step, mean of runs: a (4/1 + 0/4) / 2 = 2, b (0/1 + 8/4) / 2 = 1; mean totals 2 and 4.
+    Long runs count more, as in a batch and in groups of a gate. Were each run to count the same, b
+    would be the first: a (4/1 + 0/4) / 2 = 2, b (0/1 + 8/4) / 2 = 1.
     """
     for k, lengths in ((1, 1), (2, 4)):
         (tmp_path / f"{k}").mkdir()
@@ -328,17 +330,24 @@ def test_what_is_ranked_is_shown(write: Write, invoke: Invoke, tmp_path: Path) -
     answer = invoke(*call, "--format", "json")
     document = json.loads(answer.out)
     best, other = document["estimates"]
-    assert (best["name"], best["total"], other["total"]) == ("b", *map(pytest.approx, (4, 2)))
+    assert (best["name"], best["total"], other["total"]) == ("a", *map(pytest.approx, (2, 4)))
     assert document["ranked_by"] == "normalised.tgospa"
     pair = document["pairs"][0]
-    assert pair["per_step"]["total"] == pytest.approx([1, 1])
-    assert (pair["verdict"], pair["opposed"]) == ("less", True)
-    warning = "warning: b is before a by TGOSPA per step, in which each run counts the same"
-    assert warning in answer.err
+    assert best["normalised"]["tgospa"] == pytest.approx((4 / 5) ** 0.5)
+    assert pair["per_step"]["total"] == pytest.approx([4 / 5, 4 / 5])
+    assert pair["verdict"] == "less"
+    assert "is before" not in answer.err
+    jobs = ("batch", "--truth", "{run}/gt.csv", "--estimate", "{run}/{name}.csv", "-c", "5")
+    asked = ("-g", "1", "-q", "-o", "rows", "--by", "name", "--format", "json")
+    ranking = json.loads(invoke(*jobs, *asked).out)["ranking"]
+    assert [item["name"] for item in ranking] == ["a", "b"]
+    assert [item["per_step"] for item in ranking] == pytest.approx(
+        [item["normalised"]["tgospa"] for item in document["estimates"]]
+    )
     lines = invoke(*call, "-q").out.splitlines()
     head = next(line for line in lines if "place" in line)
     assert head.split()[:6] == ["per", "step,", "RMS", "of", "2", "place"]
-    assert lines[lines.index(head) + 1].split()[:3] == ["b", "1", "1"]
+    assert lines[lines.index(head) + 1].split()[:3] == ["a", "1", "0.894427"]
 
 
 @pytest.mark.parametrize("grid", ["estimate", "common"])

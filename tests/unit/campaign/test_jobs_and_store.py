@@ -150,7 +150,7 @@ def test_the_store_keeps_the_last_row_that_is_done(tmp_path: Path) -> None:
     store.add([stored_row("c", "done", 5, **{"label.run": "b"})])  # b, with a file that has changed
     assert store.rows()["key"].tolist() == ["a", "c"]
     store.open(settings_of(5.0))
-    with pytest.raises(ConfigError, match=r"options was {\"cutoff\": 5.0}, is {\"cutoff\": 6.0}"):
+    with pytest.raises(ConfigError, match=r"options.cutoff was 5.0, is 6.0"):
         store.open(settings_of(6.0))
     with pytest.raises(InputError, match="holds no batch: "):
         Store(str(tmp_path)).settings()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tgospa_eval.campaign.gate.permutation import Stratum, fewest, noticeable, p_value
+from tgospa_eval.campaign.gate.groups import Stratum, fewest, noticeable, p_value
 
 
 def stratum(allowed, now, *, paired: bool = True) -> Stratum:

@@ -14,9 +14,10 @@ from pathlib import Path
 import pytest
 from answer import Answer
 
-from tgospa_eval.campaign import solver_runs, study
-from tgospa_eval.campaign.study import LOG_NAME, Log, opened, spread
-from tgospa_eval.errors import ConfigError, SolverError
+from tgospa_eval.campaign import solver_runs
+from tgospa_eval.campaign.solver_runs import spread
+from tgospa_eval.campaign.store import Store, locked
+from tgospa_eval.errors import SolverError
 from tgospa_eval.simulation import Scene, Tracker
 
 Invoke = Callable[..., Answer]
@@ -24,20 +25,10 @@ SMALL = ("compare", "--simulate", "--targets", "3,6", "--steps", "10,20", "--run
          "--epsilon", "0.1,0.03", "--jobs", "1", "-q")  # fmt: skip
 
 
-def records(folder: Path) -> list[dict]:
-    lines = (folder / LOG_NAME).read_text(encoding="utf-8").splitlines()
-    return [json.loads(line) for line in lines[1:]]
-
-
 def timeless(folder: Path) -> list[dict]:
-    """Records without what differs from run to run."""
-    found = []
-    for record in records(folder):
-        record.pop("prepare_seconds")
-        for run in record["runs"]:
-            run.pop("seconds")
-        found.append(record)
-    return found
+    """Rows without what differs from run to run."""
+    rows = Store(str(folder / "runs")).rows()
+    return rows.drop(columns=["seconds", "seconds.prepare", "finished"]).to_dict("records")
 
 
 @pytest.fixture(autouse=True)
@@ -61,20 +52,20 @@ def test_killed_study_goes_on(tmp_path: Path, environment: dict[str, str], invok
         env=environment,
         stdout=subprocess.DEVNULL,
     )
-    while not (killed / LOG_NAME).exists() or len(records(killed)) < 3:
+    while len(list(killed.glob("runs/jobs/part-*.parquet"))) < 3:
         assert process.poll() is None
         time.sleep(0.02)
     process.send_signal(signal.SIGKILL)
     process.wait()
-    text = (killed / LOG_NAME).read_text(encoding="utf-8")
-    kept = text.splitlines()[:4]
-    # as if the kill had come in the middle of a line
-    (killed / LOG_NAME).write_text("\n".join(kept) + '\n{"targets": 6, "st', encoding="utf-8")
+    kept = {part: part.read_bytes() for part in killed.glob("runs/jobs/part-*.parquet")}
     for folder in (killed, whole):
         assert invoke(*SMALL, "-o", str(folder)).status == 0
-    assert (killed / LOG_NAME).read_text(encoding="utf-8").splitlines()[:4] == kept
-    assert timeless(killed) == timeless(whole)
-    assert len(records(whole)) == 12
+    assert all(part.read_bytes() == content for part, content in kept.items())
+    wanted = timeless(whole)
+    of_whole = {row["key"]: repr(row) for row in wanted}
+    of_killed = {row["key"]: repr(row) for row in timeless(killed)}
+    assert {key: of_killed[key] for key in of_whole} == of_whole
+    assert len(wanted) == 12 * 3
     document = json.loads((killed / "compare.json").read_text(encoding="utf-8"))
     assert [(s["targets"], s["steps"]) for s in document["sizes"]] == [
         (3, 10), (3, 20), (6, 10), (6, 20),
@@ -82,8 +73,19 @@ def test_killed_study_goes_on(tmp_path: Path, environment: dict[str, str], invok
     # more runs are added to those that are there
     more = invoke(*SMALL, "--runs", "4", "-o", str(whole), "--format", "json")
     assert json.loads(more.out)["runs"] == 4
-    assert timeless(whole)[:12] == timeless(killed)
+    assert len(timeless(whole)) == 16 * 3
     assert os.listdir(killed) == os.listdir(whole)
+
+
+def test_rows_of_a_study_are_those_of_a_batch(tmp_path: Path, invoke: Invoke) -> None:
+    """They can be added up and ranked: all solvers prove the same values."""
+    assert invoke(*SMALL, "-o", str(tmp_path / "study")).status == 0
+    report = invoke(
+        "batch", "report", str(tmp_path / "study/runs"), "--by", "solver", "--format", "json"
+    )
+    ranking = json.loads(report.out)["ranking"]
+    assert {item["name"] for item in ranking} == {"certified", "sinkhorn 0.1", "sinkhorn 0.03"}
+    assert ranking[0]["jobs"] == 12
 
 
 def test_another_setting_is_refused(tmp_path: Path, invoke: Invoke) -> None:
@@ -92,15 +94,15 @@ def test_another_setting_is_refused(tmp_path: Path, invoke: Invoke) -> None:
     assert invoke(*small).status == 0
     for options, name in (
         (["--seed", "1"], "seed"),
-        (["-c", "5"], "parameters.cutoff"),
-        (["--scenario", "crossing"], "scene.scenario"),
+        (["-c", "5"], "parameters"),
+        (["--scenario", "crossing"], "scene"),
         (["--epsilon", "0.1"], "solvers"),
     ):
         answer = invoke(*small, *options)
         assert answer.status == 2
-        assert f"is of a study with another {name} (" in answer.err
+        assert f"holds a batch with other settings: options.{name} was " in answer.err
     assert "1 scene is there, going on" in invoke(*small).err
-    assert len(records(tmp_path / "study")) == 1
+    assert len(timeless(tmp_path / "study")) == 5
 
 
 @pytest.mark.parametrize(
@@ -122,23 +124,22 @@ def test_sizes_are_checked_together(options: list[str], message: str, invoke: In
 
 def test_scenes_are_counted_one_by_one() -> None:
     """A list of so many would not fit into memory."""
-    made = study.Study(
+    made = solver_runs.Study(
         scene=Scene(), tracker=Tracker(), seed=0, parameters=None, distance=None, solvers=(),
         targets=(2,), steps=(5,), runs=10**12,
     )  # fmt: skip
     assert list(itertools.islice(made.wanted(), 2)) == [(2, 5, 1), (2, 5, 2)]
 
 
-def test_files_of_others_beside_a_log(tmp_path: Path, invoke: Invoke) -> None:
+def test_files_of_others_are_left_as_they_are(tmp_path: Path, invoke: Invoke) -> None:
     small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", ".")
-    (tmp_path / LOG_NAME).touch()
     (tmp_path / "report.md").write_text("mine", encoding="utf-8")
     answer = invoke(*small)
     assert (answer.status, "is not empty" in answer.err) == (2, True)
     (tmp_path / "report.md").unlink()
-    assert invoke(*small).status == 0  # killed before its first line
+    assert invoke(*small).status == 0
     for left in tmp_path.iterdir():  # as if killed before the report
-        if left.name != LOG_NAME:
+        if left.name != "runs":
             left.unlink()
     (tmp_path / "report.md").write_text("mine", encoding="utf-8")
     answer = invoke(*small)
@@ -146,39 +147,13 @@ def test_files_of_others_beside_a_log(tmp_path: Path, invoke: Invoke) -> None:
     assert (tmp_path / "report.md").read_text(encoding="utf-8") == "mine"
 
 
-def test_damaged_and_foreign_files_are_refused(tmp_path: Path, invoke: Invoke) -> None:
-    small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", ".")
-    (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")
-    assert "is not empty" in invoke(*small).err
-    (tmp_path / LOG_NAME).write_text('{"a": 1}\n', encoding="utf-8")
-    assert "not the file of a study" in invoke(*small).err
-    (tmp_path / LOG_NAME).unlink()
-    assert invoke(*small, "--force").status == 0
-    with (tmp_path / LOG_NAME).open("a", encoding="utf-8") as file:
-        file.write("garbage\n")
-    answer = invoke(*small)
-    assert (answer.status, "line 3: no record of this study" in answer.err) == (2, True)
-    # a record that lacks something, and one whose run is no whole run
-    header, whole = (tmp_path / LOG_NAME).read_text(encoding="utf-8").splitlines()[:2]
-    for name in ("runs", "occupied", "sizes"):
-        missing = {key: value for key, value in json.loads(whole).items() if key != name}
-        (tmp_path / LOG_NAME).write_text(f"{header}\n{json.dumps(missing)}\n", encoding="utf-8")
-        answer = invoke(*small)
-        assert (answer.status, "line 2: no record of this study" in answer.err) == (2, True)
-    missing = json.loads(whole)
-    missing["runs"][0].pop("total")
-    (tmp_path / LOG_NAME).write_text(f"{header}\n{json.dumps(missing)}\n", encoding="utf-8")
-    assert "line 2: no record of this study" in invoke(*small).err
-    assert (tmp_path / "notes.txt").read_text(encoding="utf-8") == "mine"
-
-
 def test_failing_and_contradicting_scenes_are_counted(
     tmp_path: Path, invoke: Invoke, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of four scenes the first cannot be made, a solver fails in the second, the third is wrong."""
-    kept = {"prepare": study.prepare, "run_here": solver_runs.run_here}
+    kept = {"prepare": solver_runs.prepare, "run_here": solver_runs.run_here}
     scenes = iter(range(1, 5))
-    at = [0]
+    at, elsewhere = [0], []
 
     def prepare(*sides, **options):
         at[0] = next(scenes)
@@ -191,10 +166,11 @@ def test_failing_and_contradicting_scenes_are_counted(
         if solver.name == "sinkhorn" and at[0] == 2:
             raise SolverError("gave up")
         if solver.name == "sinkhorn" and at[0] == 3:
-            return made | {"total_lower": 0.0, "total": 1e-3}
+            return made[0], elsewhere[0]
+        elsewhere.append(made[1])
         return made
 
-    monkeypatch.setattr(study, "prepare", prepare)
+    monkeypatch.setattr(solver_runs, "prepare", prepare)
     monkeypatch.setattr(solver_runs, "run_here", run_here)
     call = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "4", "--epsilon",
             "0.1", "-q", "-o", str(tmp_path), "--format", "json")  # fmt: skip
@@ -207,33 +183,18 @@ def test_failing_and_contradicting_scenes_are_counted(
     certified, sinkhorn = size["solvers"]
     assert (certified["failed"], sinkhorn["failed"]) == (1, 2)
     assert size["normalised"]["tgospa"] > 1
-    statuses = [record["runs"][1]["status"] for record in records(tmp_path)]
-    assert statuses[:2] == ["failed: out of memory", "failed: gave up"]
+    messages = [row["message"] for row in timeless(tmp_path) if row["status"] == "failed"]
+    assert messages == ["failed: out of memory", "failed: out of memory", "failed: gave up"]
     again = invoke(*call)  # records of failures are records, too
     assert json.loads(again.out) == document
     assert "2 scenes left out" in " ".join(invoke(*call[:-2]).out.split())
 
 
-@pytest.mark.parametrize("content", ["mine, without an end of line", "{'", "\x00\x01"])
-def test_foreign_files_are_left_as_they_are(content: str, tmp_path: Path) -> None:
-    """Not even what has no line of its own is cut off; the begin of our own first line is."""
-    (tmp_path / LOG_NAME).write_text(content, encoding="utf-8")
-    with pytest.raises(ConfigError, match="not the file of a study"):
-        Log(str(tmp_path), {"solvers": []})
-    assert (tmp_path / LOG_NAME).read_text(encoding="utf-8") == content
-    (tmp_path / LOG_NAME).write_text('{"mach', encoding="utf-8")
-    Log(str(tmp_path), {"solvers": []})
-    assert json.loads((tmp_path / LOG_NAME).read_text(encoding="utf-8"))["settings"]
-
-
-def test_one_process_at_a_time(tmp_path: Path) -> None:
-    with opened(str(tmp_path), {"solvers": []}) as log:
-        with (
-            pytest.raises(ConfigError, match="another process is at work on it"),
-            opened(str(tmp_path), {"solvers": []}),
-        ):
-            pass
-        assert log.known == {}
+def test_one_process_at_a_time(tmp_path: Path, invoke: Invoke) -> None:
+    small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", ".")
+    assert invoke(*small).status == 0
+    with locked(tmp_path / "runs", (1, 1)):
+        assert "another process is at work on it" in invoke(*small).err
 
 
 def test_report(tmp_path: Path, invoke: Invoke) -> None:

@@ -177,15 +177,6 @@ def test_holm_by_hand() -> None:
 # --- rankings -------------------------------------------------------------------------------------
 
 
-def test_an_order_that_is_another_one_where_jobs_count_the_same_is_warned_of() -> None:
-    """By hand: 10 + 30 < 2 + 40 added up; per step 10 / 10 + 30 / 100 > 2 / 10 + 40 / 100."""
-    rows = table({"a": [10.0, 30.0], "b": [2.0, 40.0]})
-    assert not tabulated(rows, ["tracker"]).notes  # all jobs have 10 steps
-    rows.loc[rows["label.sequence"] == "s1", "judged.steps"] = 100.0
-    (note,) = tabulated(rows, ["tracker"]).notes
-    assert note.startswith("warning: a is before b by combined, in which long jobs count more")
-
-
 def test_ranking_and_interval_by_hand() -> None:
     tables = tabulated(table({"c": C, "a": A, "b": B}), ["tracker"])
     ranking = only(tables)

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from tgospa_eval import ConfigError, SolverError, compare, evaluate, gate
-from tgospa_eval.campaign.grouping import same_data
+from tgospa_eval.campaign.row import same_data
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.ignored import NOT_JUDGED, marked

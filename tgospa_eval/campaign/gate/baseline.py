@@ -3,21 +3,17 @@
 import json
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from typing import Any, TypeAlias
 
 from tgospa_eval.campaign.gate.rules import PROVEN, SPLIT, Value
-from tgospa_eval.campaign.grouping import ESTIMATE_DIGEST, same_data
-from tgospa_eval.campaign.row import Row, row_of
+from tgospa_eval.campaign.row import ESTIMATE_DIGEST, Row, same_data
 from tgospa_eval.common.documents import ANYTHING, COST, TEXT, Maybe, document_of
 from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.evaluation.by_class import EvaluationByClass
 from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.contradictions import contradiction
-from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, unlike
 from tgospa_eval.text import clipped
@@ -101,16 +97,6 @@ ROUNDING_GAP = 1e-9
 """Relative gap of certified that is about as narrow as rounding."""
 
 
-def measured(result: Evaluation) -> Measured:
-    """What a gate judges of a result."""
-    status = str(result.solver["status"])
-    now = measured_row(row_of(result) | {"version": result.version, "message": status})
-    if not isinstance(result, EvaluationByClass):
-        return now
-    classes = {name: values_of(row_of(part), part.scale) for name, part in result.results.items()}
-    return replace(now, classes=classes)
-
-
 def values_of(numbers: Mapping[str, float], scale: float) -> dict[str, Value]:
     """Values that rules can name, with their brackets.
 
@@ -138,8 +124,8 @@ def values_of(numbers: Mapping[str, float], scale: float) -> dict[str, Value]:
     return found
 
 
-def measured_row(row: Row) -> Measured:
-    """What a gate judges of a row of a store.
+def measured(row: Row) -> Measured:
+    """What a gate judges of a row.
 
     Raises
     ------
@@ -147,11 +133,12 @@ def measured_row(row: Row) -> Measured:
         Estimates said what of them is not judged.
     """
     nees, parameters = NeesSums.of_row(row), json.loads(row["parameters"])
+    scale = row["cutoff"] ** row["order"]
     refuse_own_marks(parameters.get("ignore", ()), "gate")
     return Measured(
         nees=nees,
-        values=values_of(row, row["cutoff"] ** row["order"]) | nees_values(nees),
-        classes={},
+        values=values_of(row, scale) | nees_values(nees),
+        classes={name: values_of(part, scale) for name, part in row.get("classes", {}).items()},
         bounds=(row["lower_bound"], row["upper_bound"]),
         parameters=parameters,
         judged=judged_of(row),

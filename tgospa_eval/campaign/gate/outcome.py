@@ -1,7 +1,9 @@
 """What a gate found: one outcome for each pair, and what the user should know."""
 
+import glob
 import math
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from typing import Any, Self
 
@@ -26,11 +28,12 @@ from tgospa_eval.campaign.gate.rules import (
     meanings,
     worst,
 )
-from tgospa_eval.campaign.gate.suite import Pair
+from tgospa_eval.campaign.gate.suite import GroupTable
+from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
-from tgospa_eval.common.words import number
+from tgospa_eval.common.words import natural, number
 from tgospa_eval.errors import SolverError
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.saved import unlike
@@ -94,7 +97,7 @@ class PairOutcome:
     page: str = ""
 
     @classmethod
-    def of(cls, pair: Pair, verdict: Verdict, *notes: str, **about: Any) -> Self:
+    def of(cls, pair: Job, verdict: Verdict, *notes: str, **about: Any) -> Self:
         """Of a pair, with notes, and further fields."""
         names = {"name": pair.name, "truth": pair.truth, "estimate": pair.estimate}
         about = {"status": STATUS[verdict], **names, "labels": pair.labels, **about}
@@ -172,7 +175,7 @@ class Report:
 
 
 def judged_outcome(
-    pair: Pair,
+    pair: Job,
     now: Measured,
     entry: Json | None,
     rules: Iterable[Rule],
@@ -210,7 +213,7 @@ def combined_outcome(
     more: Iterable[str] = (),
 ) -> PairOutcome:
     """Verdict, findings and notes of a group; faults are why it cannot be compared."""
-    pair, faults = Pair(name=name, truth="", estimate=""), list(faults)
+    pair, faults = Job(name=name), list(faults)
     if faults:
         return PairOutcome.of(pair, Verdict.INCOMPARABLE, *faults, group=True)
     found = [one or _unknown(rule) for one, rule in zip(findings, rules, strict=True)]
@@ -244,7 +247,7 @@ def _unknown(rule: Rule) -> Finding:
 
 
 def updated_outcome(
-    pair: Pair, before: Json | None, entry: Json, now: Measured, **about: Any
+    pair: Job, before: Json | None, entry: Json, now: Measured, **about: Any
 ) -> PairOutcome:
     """What an update of a baseline changes; `about` has further fields."""
     notes = _update_notes(before, entry, now)
@@ -393,7 +396,7 @@ def leftover(
     old: Baseline, names: Container[str], verdict: Verdict, note: str
 ) -> list[PairOutcome]:
     """Outcomes of pairs of the baseline that are not among these names."""
-    gone = (Pair(name=name, truth="", estimate="") for name in old if name not in names)
+    gone = (Job(name=name) for name in old if name not in names)
     return [PairOutcome.of(pair, verdict, note) for pair in gone]
 
 
@@ -412,3 +415,71 @@ def _update_notes(before: Json | None, entry: Json, now: Measured) -> Iterator[s
             f"the bracket is open, relative gap {now.relative_gap:.2g}: the gate is as loose as "
             "the upper bound"
         )
+
+
+# -------------------------------------------------------------------------------------------------
+# The options that accept what a gate found, for the command that it proposes.
+
+
+def without_option(arguments: Sequence[str], option: str) -> list[str]:
+    """Arguments without an option that has a value."""
+    kept = [text for text in arguments if not text.startswith(f"{option}=")]
+    if option in kept:
+        at = kept.index(option)
+        del kept[at : at + 2]
+    return kept
+
+
+def accepting_options(
+    outcomes: Iterable[PairOutcome],
+    groups: Sequence[GroupTable],
+    pairs: Sequence[Job],
+    old: Baseline,
+) -> list[str]:
+    """The options that accept what failed or may be tightened, and nothing else."""
+    there = {pair.name: pair for pair in pairs}
+    labels = {name: entry.get("labels", {}) for name, entry in old.items()}
+    labels |= {name: pair.labels for name, pair in there.items()}
+
+    def meant(bad: Iterable[PairOutcome]) -> set[str]:
+        names = set[str]()
+        for one in bad:
+            if not one.group:
+                names.add(one.name)
+                continue
+            lost = one.verdict is Verdict.INCOMPARABLE
+            names |= {
+                name
+                for name, own in labels.items()
+                if any(one.name in (t.group_of(own), f"all of {t.name}") for t in groups)
+                if not lost or (name in there) != (name in old)
+            }
+        return names
+
+    names = meant(
+        one
+        for one in outcomes
+        if one.verdict is Verdict.INCOMPARABLE
+        or any(found.verdict is Verdict.FAIL for found in one.findings)
+    )
+    if not names and not any(one.status for one in outcomes):
+        names = meant(one for one in outcomes if any(found.improved for found in one.findings))
+    if not names:
+        return []
+    some = [] if names >= there.keys() else _patterns(names, {*there, *old})
+    chosen = [text for pattern in some for text in ("--only", pattern)]
+    return ["--update-baseline", *(["--prune"] if names - there.keys() else []), *chosen]
+
+
+def _patterns(names: set[str], everything: set[str]) -> list[str]:
+    """Patterns that match these names and none of the others: `slow/*` where all of it is meant."""
+    all_of, meant_of = (
+        Counter(name.partition("/")[0] for name in some if "/" in name)
+        for some in (everything, names)
+    )
+    found = dict[str, None]()  # in order, each once
+    for name in sorted(names, key=natural):
+        head, slash, _ = name.partition("/")
+        whole = slash and 1 < all_of[head] == meant_of[head]
+        found[f"{glob.escape(head)}/*" if whole else glob.escape(name)] = None
+    return [*found]

@@ -5,13 +5,14 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import takewhile
 from textwrap import TextWrapper
+from urllib.parse import quote
 
 from tgospa_eval.campaign.gate.outcome import PairOutcome, Report, texts
 from tgospa_eval.campaign.gate.rules import Finding, Inference, Verdict
-from tgospa_eval.campaign.gate.suite import ONLY_PAIR
+from tgospa_eval.campaign.gate.suite import ONLY_PAIR, SEED
 from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.files import is_missing, named, patience
-from tgospa_eval.common.words import counted, number
+from tgospa_eval.common.words import counted, natural, number
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports import rendering as escape
 from tgospa_eval.reports.rendering import (
@@ -26,7 +27,7 @@ from tgospa_eval.reports.rendering import (
     xml,
 )
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.text import clipped, ending, listed, visible
+from tgospa_eval.text import as_unicode, clipped, ending, listed, visible
 
 SCHEMA = "tgospa-eval/gate/1"
 WIDTHS = (16, 20, 11, 11, 11, 0)
@@ -494,3 +495,102 @@ def _output(lines: Iterable[str]) -> str:
 
 def _attributes(values: dict[str, str]) -> str:
     return "".join(f' {name}="{xml(value)}"' for name, value in values.items())
+
+
+# -------------------------------------------------------------------------------------------------
+# The folder of a gate: a page with verdicts and changes, and the pages of pairs.
+
+LEVELS = (0.01, 0.03, 0.1, 0.3)
+"""Relative changes from which on a cell is darker."""
+
+
+def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
+    """The files of the folder by name.
+
+    Parameters
+    ----------
+    report : Report
+        What the gate found.
+    seed : str
+        The label in which runs of one scene differ.
+    """
+    pages = {one.page_name: one.page for one in report.outcomes if one.page}
+    return {
+        "gate.json": json_report(report),
+        "gate.md": markdown(report),
+        PAGE: page(report, seed),
+        **pages,
+    }
+
+
+def page(report: Report, seed: str) -> str:
+    """The page of all pairs: words and numbers from a template, without a script."""
+    from tgospa_eval.reports.html import (  # here: for folders only
+        environment,
+        inlined,
+        page_colours,
+    )
+
+    rows = [
+        {
+            "name": title(outcome),
+            "link": _link(outcome),
+            "rule": rule,
+            "numbers": [*map(number_of, values), change(values) or ""] if rule else [""] * 4,
+            "verdict": verdict + ("" if proven else ", split, not proven"),
+            "passes": verdict == Verdict.PASS,
+        }
+        for outcome, rule, values, verdict, proven in rows_of(report)
+    ]
+    seeds, grid = _grid(report, seed)
+    html = (
+        environment()
+        .get_template("gate.html.j2")
+        .render(
+            report=report,
+            headline=headline(report),
+            accept_title=accept_title(report),
+            beside=report.told(),
+            failing=[row for row in rows if not row["passes"]],
+            passing=[row for row in rows if row["passes"]],
+            notes=list(notes_of(report)),
+            seeds=seeds,
+            grid=grid,
+            style=page_colours() + inlined("page.css") + inlined("batch.css"),
+        )
+    )
+    return as_unicode(html)
+
+
+def _link(outcome: PairOutcome) -> str:
+    return quote(outcome.page_name)
+
+
+def _grid(report: Report, seed: str) -> tuple[list[str], list[tuple[str, list[Json]]]]:
+    """Seeds, and for each scene a cell for each seed; nothing without values."""
+    found: dict[str, dict[str, PairOutcome]] = {}
+    for one in report.outcomes:
+        if one.values and not one.group:
+            scene = "/".join(text for label, text in one.labels.items() if label != seed)
+            found.setdefault(scene if seed in one.labels else one.name, {})[
+                one.labels.get(seed, "")
+            ] = one
+    seeds = sorted({name for runs in found.values() for name in runs}, key=natural)
+    return seeds, [
+        (scene, [_grid_cell(runs.get(name)) for name in seeds])
+        for scene, runs in sorted(found.items(), key=lambda item: natural(item[0]))
+    ]
+
+
+def _grid_cell(one: PairOutcome | None) -> Json:
+    if one is None:
+        return {"text": "", "level": "", "link": ""}
+    ends = one.base, one.values["total"].upper
+    share = ends[1] / ends[0] - 1 if ends[0] else 0.0
+    level = sum(abs(share) >= least for least in LEVELS)
+    kind = "worse" if share > 0 else "better"
+    return {
+        "text": change(ends) or "-",
+        "level": f"{kind}{level}" if level else "",
+        "link": _link(one),
+    }

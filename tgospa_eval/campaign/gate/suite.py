@@ -3,12 +3,13 @@
 import os
 import re
 from collections.abc import Container, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from typing import TypeAlias
 
 from tgospa_eval.campaign.gate.rules import Rule, parse_rules, split_rules
 from tgospa_eval.campaign.gate.target import Target
+from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.common import config, patterns
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
@@ -31,38 +32,6 @@ Table: TypeAlias = dict[str, object]
 
 Rules: TypeAlias = Mapping[str, tuple[str, ...]]
 """Texts of rules by `RULE_KEYS`."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Pair:
-    """Two files to evaluate against each other.
-
-    Parameters
-    ----------
-    name : str
-        Under which the baseline knows it.
-    truth, estimate : str
-        Paths.
-    options : dict
-        Options of the evaluation that the suite sets, by their names in a configuration file.
-    rules : dict of str to tuple of str
-        Of ``fail-on``, ``warn-on`` and ``max`` those that the suite sets.
-    fault : str
-        Why there are no such files: the pattern finds none.
-    labels : dict of str to str
-        What the fields of its patterns stand for.
-    is_new : bool
-        Whether the target that judges has no baseline to judge it by, or no truth.
-    """
-
-    name: str
-    truth: str
-    estimate: str
-    options: Mapping[str, object] = field(default_factory=dict)
-    rules: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    fault: str = ""
-    labels: Mapping[str, str] = field(default_factory=dict)
-    is_new: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +66,7 @@ class GroupTable:
 
 def load_suite(
     path: str, known: Mapping[str, bool], target: Target | None = None
-) -> tuple[list[Pair], list[GroupTable], str | None, list[str]]:
+) -> tuple[list[Job], list[GroupTable], str | None, list[str]]:
     """Pairs and groups of a suite, its baseline if it names one, notices of what is passed over.
 
     Paths are relative to its folder; pairs are in its order, those of one pattern by name.
@@ -134,7 +103,7 @@ def load_suite(
     for number, table in enumerate(_tables(document, "limits", path), start=1):
         pairs = _limited(pairs, table, f"{path}, limits {number}")
     groups = _tables(document, "group", path)
-    seen: dict[str, Pair] = {}
+    seen: dict[str, Job] = {}
     for pair in pairs:
         if pair.fault:
             continue
@@ -158,7 +127,7 @@ def _tables(document: Table, key: str, path: str) -> list[Table]:
     return tables
 
 
-def _limited(pairs: Sequence[Pair], table: Table, where: str) -> list[Pair]:
+def _limited(pairs: Sequence[Job], table: Table, where: str) -> list[Job]:
     """All pairs, those that match with the rules of the table."""
     _check(table, LIMITS_KEYS, where)
     match, own = _text(table, "match", where), _rules(table, where)
@@ -178,7 +147,7 @@ def _merged(rules: Rules, own: Rules) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def _group(table: Table, pairs: Sequence[Pair], where: str) -> GroupTable:
+def _group(table: Table, pairs: Sequence[Job], where: str) -> GroupTable:
     """A table of groups; its labels are those of some pair."""
     _check(table, GROUP_KEYS, where)
     name = _text(table, "name", where) if "name" in table else "all"
@@ -231,7 +200,7 @@ def _pairs(
     folder: str,
     common: tuple[Table, dict[str, tuple[str, ...]]],
     notices: list[str],
-) -> Iterator[Pair]:
+) -> Iterator[Job]:
     """The pairs of one table: one, or one for each file that its pattern finds; more notices."""
     _check(table, PAIR_KEYS, where)
     truth, estimate = (_text(table, key, where) for key in ("truth", "estimate"))
@@ -255,7 +224,7 @@ def _pairs(
     if not found or not groups:
         pattern, theirs = os.path.join(folder, truth), os.path.join(folder, estimate)
         fault = f"{where}: no file is like {quoted(theirs if found else pattern)}"
-        yield Pair(name=name, truth=pattern, estimate=theirs, fault=fault)
+        yield Job(name=name, truth=pattern, estimate=theirs, fault=fault)
     known_truths = {tuple(values.items()) for values in found}
     alone = [
         file
@@ -268,10 +237,10 @@ def _pairs(
     for file, _ in estimates.files if others else ():
         if patterns.is_ambiguous(estimate, file):
             fault = f"{where}: the fields of {quoted(estimate)} fit {file} in two ways"
-            yield Pair(name=file, truth=os.path.join(folder, truth), estimate=file, fault=fault)
+            yield Job(name=file, truth=os.path.join(folder, truth), estimate=file, fault=fault)
             return
     for values in (group | own for group in groups for own in found):
-        yield Pair(
+        yield Job(
             name=patterns.fill(name, values) or ONLY_PAIR,
             truth=os.path.join(folder, patterns.fill(truth, values)),
             estimate=os.path.join(folder, patterns.fill(estimate, values)),
@@ -281,7 +250,7 @@ def _pairs(
         )
 
 
-def _lost(table: Table, folder: str, target: Target) -> Iterator[Pair]:
+def _lost(table: Table, folder: str, target: Target) -> Iterator[Job]:
     """Pairs by patterns, whose truths or trackers the target has and the working tree lacks."""
     truth, estimate = str(table["truth"]), str(table["estimate"])
     needed, given = ({*patterns.fields(text)} for text in (truth, estimate))
@@ -292,7 +261,7 @@ def _lost(table: Table, folder: str, target: Target) -> Iterator[Pair]:
         of_truth = os.path.join(folder, patterns.fill(truth, other)) if other else None
         if own is not None or (of_truth and target.has(of_truth)):
             fault = f"there is no such file, and {target.where} has it"
-            yield Pair(name=path, truth=truth, estimate=estimate, fault=fault)
+            yield Job(name=path, truth=truth, estimate=estimate, fault=fault)
 
 
 def _groups(files: Sequence[Mapping[str, str]], others: list[str]) -> list[dict[str, str]]:

@@ -12,8 +12,16 @@ from tgospa_eval.api.places import find_place
 from tgospa_eval.api.resolve import make_settings
 from tgospa_eval.campaign.pairs import compared_runs, short_names
 from tgospa_eval.campaign.ranking import steps_columns, steps_costs
-from tgospa_eval.campaign.solver_runs import check_solvers
-from tgospa_eval.campaign.study import Study, carry_out, machine, opened, study_document
+from tgospa_eval.campaign.solver_runs import (
+    Keep,
+    Scenes,
+    Study,
+    carry_out,
+    check_solvers,
+    machine,
+    opened,
+    study_document,
+)
 from tgospa_eval.cli.shared.click_options import OutputOptions
 from tgospa_eval.cli.shared.progress import new_stopwatch, run
 from tgospa_eval.cli.shared.streams import emit, notifier, print_notice, shielded
@@ -26,7 +34,7 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.guess import file_of
 from tgospa_eval.plots import figures
 from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
-from tgospa_eval.reports.comparison import opposed, pairs_columns, render, study_report
+from tgospa_eval.reports.comparison import pairs_columns, render, study_report
 from tgospa_eval.reports.files import COMPARISON, STUDY, Files, probe_folder
 from tgospa_eval.reports.rendering import csv_text
 from tgospa_eval.results.records import Json, json_text
@@ -218,8 +226,6 @@ def show_ranking(found: Ranked, output: OutputOptions) -> bool:
     times, costs = steps_costs(entrants)
     in_order = {item["name"]: costs[item["name"]] for item in answer["estimates"] if costs}
     show(answer, output, estimate_pictures(in_order, times), tables)
-    for text in () if output.quiet else opposed(answer):
-        print_notice(text)
     unfinished = [
         f"{path}: {made['status']}"
         for item in answer["estimates"]
@@ -313,20 +319,20 @@ def study_sizes(
     stopwatch = Stopwatch()
     for notice in slow_notice():
         notifier(quiet=quiet)(notice)
-    with nullcontext() if folder is None else opened(folder, study.settings) as log:
+    nothing = nullcontext[tuple[Scenes, Keep]](({}, lambda _: None))
+    with nothing if folder is None else opened(folder, study) as (known, keep):
 
         def work() -> Json:
             def notify(text: str, share: float) -> None:
                 stopwatch.stage = text
                 stopwatch.progress.done(share)
 
-            known = {} if log is None else log.known
-            keep = (lambda _: None) if log is None else log.keep
             return study_document(study, carry_out(study, known, keep, notify), machine())
 
-        if not quiet and log is not None and log.known:
-            scenes = counted(len(log.known), "scene is", "scenes are")
-            print_notice(f"{log.path}: {scenes} there, going on")
+        if not quiet and known:
+            print_notice(
+                f"{folder}: {counted(len(known), 'scene is', 'scenes are')} there, going on"
+            )
         answer = run(work, stopwatch, show=not quiet)
         show(answer, output, study_pictures(answer))
     for size, length, number, *pair in answer["contradictions"]:
