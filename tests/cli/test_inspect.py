@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tgospa_eval import Trajectories
-from tgospa_eval.plots.plane import plot_inspection
+from tgospa_eval.show.plane import plot_inspection
 
 Run = Callable[..., Any]
 Write = Callable[[str, str], str]

@@ -24,9 +24,9 @@ from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.evaluation.prepare import fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance
-from tgospa_eval.plots.result_pictures import DRAWN
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.metric_family import Parameters
+from tgospa_eval.show.pictures import DRAWN
 from tgospa_eval.solvers import Solver, batches, certified
 from tgospa_eval.solvers.block_costs import share_of_digits
 from tgospa_eval.solvers.certified import Certified
@@ -225,7 +225,7 @@ def test_a_narrow_bracket_of_long_work_is_worth_a_word(capsys: pytest.CaptureFix
 WATCHED = """
 import sys, threading
 from tgospa_eval.cli.shared import progress
-from tgospa_eval.plots import result_pictures
+from tgospa_eval.show import pictures as result_pictures
 
 waiting, update = [], progress.Display.update
 
@@ -337,7 +337,7 @@ PROGRAMMES = (
 )
 PROOF = f"{SWEEPS}; from tgospa_eval.evaluation import evaluate; evaluate.certify = and_never_end"
 READING = "from tgospa_eval.api import resolve; resolve.Settings.read = and_never_end"
-DRAWING = "from tgospa_eval.reports import html; html.page = and_never_end"
+DRAWING = "from tgospa_eval.show import html; html.page = and_never_end"
 HARD = ("-c", "25", "-g", "2", "--time", "0:15")
 """Of a crowd: what no solver settles without work."""
 

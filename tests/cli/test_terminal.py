@@ -15,7 +15,7 @@ import pytest
 from browser import PATIENCE
 
 from tgospa_eval import evaluate
-from tgospa_eval.reports.result_text import BLOCKS, SIGNS, report, sparkline, table
+from tgospa_eval.show.result_text import BLOCKS, SIGNS, report, sparkline, table
 
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 

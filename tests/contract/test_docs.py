@@ -20,7 +20,7 @@ from checkout import ROOT
 
 from tgospa_eval.cli import main
 from tgospa_eval.cli.shared import progress
-from tgospa_eval.plots import figures
+from tgospa_eval.show import figures
 
 README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "docs").rglob("*.md"))]

@@ -17,8 +17,8 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.engines.engine import spread
 from tgospa_eval.engines.processes import Processes
 from tgospa_eval.errors import SolverError, TgospaError
-from tgospa_eval.reports.files import PROOF, write_texts
 from tgospa_eval.results.evaluation import Evaluation
+from tgospa_eval.show.files import PROOF, write_texts
 
 PATIENCE = 2.0
 """Seconds of work before processes are started, which takes about as long."""
@@ -92,12 +92,12 @@ def evaluate_pair(
             say(text)
         now, finished, about["warnings"] = measured(result), result.finished, result.warnings
         if task.proof is not None:
-            from tgospa_eval.reports.proofs import proof_files  # here: few ask for proofs
+            from tgospa_eval.show.proofs import proof_files  # here: few ask for proofs
 
             texts = proof_files(result, task.options.given)
             write_texts(texts, task.proof, PROOF, force=False, option="--proof")
         if task.page:
-            from tgospa_eval.reports.html import page  # here: for folders only
+            from tgospa_eval.show.html import page  # here: for folders only
 
             about["page"] = page(result, files)
     except TgospaError as error:

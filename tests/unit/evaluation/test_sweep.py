@@ -364,8 +364,8 @@ def test_pictures_of_the_folder(
 
 def test_what_the_picture_shows() -> None:
     pytest.importorskip("matplotlib")
-    from tgospa_eval.plots.comparison import sweep_figure
-    from tgospa_eval.plots.figures import pictures
+    from tgospa_eval.show.comparison_charts import sweep_figure
+    from tgospa_eval.show.figures import pictures
 
     truth, estimate = scene(2, 3, 4, 12, side=10.0)
     found = sweep(truth, estimate, cutoff=[1, 2, 4, 8, 16], switch_penalty=2, unit="$m")

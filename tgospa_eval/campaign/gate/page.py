@@ -21,8 +21,8 @@ from tgospa_eval.campaign.gate.report import (
 from tgospa_eval.campaign.gate.rules import Verdict
 from tgospa_eval.campaign.gate.suite import SEED
 from tgospa_eval.common.words import natural
-from tgospa_eval.reports.html import environment, inlined, page_colours
 from tgospa_eval.results.records import Json
+from tgospa_eval.show.html import environment, inlined, page_colours
 from tgospa_eval.text import as_unicode
 
 LEVELS = (0.01, 0.03, 0.1, 0.3)

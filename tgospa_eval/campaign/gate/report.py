@@ -13,8 +13,9 @@ from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.files import is_missing, named, patience
 from tgospa_eval.common.words import counted, number
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.reports import rendering as escape
-from tgospa_eval.reports.rendering import (
+from tgospa_eval.results.records import Json, json_text
+from tgospa_eval.show import rendering as escape
+from tgospa_eval.show.rendering import (
     WIDTH,
     Row,
     Table,
@@ -25,7 +26,6 @@ from tgospa_eval.reports.rendering import (
     workflow_property,
     xml,
 )
-from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.text import clipped, ending, listed, visible
 
 SCHEMA = "tgospa-eval/gate/1"

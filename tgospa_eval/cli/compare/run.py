@@ -24,12 +24,12 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted, parsed, parsed_whole
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.guess import file_of
-from tgospa_eval.plots import figures
-from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
-from tgospa_eval.reports.comparison import opposed, pairs_columns, render, study_report
-from tgospa_eval.reports.files import COMPARISON, STUDY, Files, probe_folder
-from tgospa_eval.reports.rendering import csv_text
 from tgospa_eval.results.records import Json, json_text
+from tgospa_eval.show import figures
+from tgospa_eval.show.comparison import opposed, pairs_columns, render, study_report
+from tgospa_eval.show.comparison_charts import estimate_pictures, solver_pictures, study_pictures
+from tgospa_eval.show.files import COMPARISON, STUDY, Files, probe_folder
+from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.simulation import COLUMNS, Scene
 from tgospa_eval.simulation.settings import usual_tracker
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class

@@ -12,7 +12,8 @@ from tgospa_eval.cli.shared.streams import interrupted, print_notice, shielded
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.proof import PROOF_FOLDER
-from tgospa_eval.reports.files import (
+from tgospa_eval.results.evaluation import Evaluation
+from tgospa_eval.show.files import (
     GEOJSON,
     PROOF_FILES,
     RESULT,
@@ -22,10 +23,9 @@ from tgospa_eval.reports.files import (
     result_texts,
     write_texts,
 )
-from tgospa_eval.results.evaluation import Evaluation
 
 if TYPE_CHECKING:
-    from tgospa_eval.plots.result_pictures import Pictures
+    from tgospa_eval.show.pictures import Pictures
 
 
 def write_output(
@@ -122,7 +122,7 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
     """
     if output.pictures == "none":
         return None
-    from tgospa_eval.plots.result_pictures import Pictures, names_in  # here: for pictures only
+    from tgospa_eval.show.pictures import Pictures, names_in  # here: for pictures only
 
     parts, plane = output.components, output.plane
     with named_options():
@@ -136,7 +136,7 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
 
 def can_draw(*, quiet: bool) -> bool:
     """Whether pictures can be drawn; prints a notice if not."""
-    from tgospa_eval.plots import figures  # here: for folders only
+    from tgospa_eval.show import figures  # here: for folders only
 
     if not figures.available() and not quiet:
         print_notice(figures.MISSING)
@@ -164,19 +164,19 @@ def write_folder(
         notify("report.html", 0.0)
         texts = result_texts(result, names)
         if output.proof:
-            from tgospa_eval.reports.proofs import proof_files  # here: only where asked for
+            from tgospa_eval.show.proofs import proof_files  # here: only where asked for
 
             notify(PROOF_FOLDER, 0.0)
             proof = proof_files(result, options.given)
             texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in proof.items()}
         if output.geojson:
             notify(GEOJSON, 0.0)
-            from tgospa_eval.reports.geojson import geojson  # lazy: slow to import
+            from tgospa_eval.show.geojson import geojson  # lazy: slow to import
 
             texts |= {GEOJSON: geojson(result)}
         if wanted is None:
             return texts
-        from tgospa_eval.plots.result_pictures import result_pictures
+        from tgospa_eval.show.pictures import result_pictures
 
         return {**texts, **result_pictures(result, wanted, notify)}
 
