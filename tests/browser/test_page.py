@@ -14,7 +14,8 @@ from tests.support.partitioned import partitioned
 from tgospa_eval import Sinkhorn, evaluate
 from tgospa_eval.api.result import Result, ResultInParts
 from tgospa_eval.common.frozen import recast
-from tgospa_eval.show import palette, plot_data
+from tgospa_eval.show import plot_data
+from tgospa_eval.show import style as palette
 
 
 @pytest.fixture(scope="module")

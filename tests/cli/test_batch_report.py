@@ -93,7 +93,7 @@ def test_without_pictures_the_rest_is_written(
     invoke: Invoke, runs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     invoke(*BATCH, "--per-step")
-    monkeypatch.setattr("tgospa_eval.show.figures.available", lambda: False)
+    monkeypatch.setattr("tgospa_eval.show.style.available", lambda: False)
     answer = invoke("batch", "report", "r", "-o", "q", "--pictures", "png")
     assert answer.status == 0
     assert "no pictures: they need the extra plot: " in answer.err

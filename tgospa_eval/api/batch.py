@@ -66,8 +66,8 @@ from tgospa_eval.text import as_unicode, listed, quoted
 if TYPE_CHECKING:
     import pandas as pd
 
+    from tgospa_eval.show.charts import Pictures
     from tgospa_eval.show.curves import BandKind
-    from tgospa_eval.show.pictures import Pictures
 
 REPORT_FOLDER = "reports"
 
@@ -667,6 +667,6 @@ def batch_files(
         files["slices.csv"] = csv_text(slices_of_groups(tables))
     if wanted is None:
         return files
-    from tgospa_eval.show.batch_charts import batch_pictures  # here: it draws
+    from tgospa_eval.show.charts import pictures  # here: it draws
 
-    return files | batch_pictures(tables, wanted, notify)
+    return files | pictures("batch", tables, wanted, notify)

@@ -189,7 +189,7 @@ class Showable(Evaluation):
         return self._plot("worst", style=style, components=components)
 
     def _plot(self, name: str, **options: Any) -> "Figure":
-        from tgospa_eval.show.pictures import plot  # lazy: slow to import
+        from tgospa_eval.show.charts import plot  # lazy: slow to import
 
         return plot(self, name, **options)
 
@@ -240,7 +240,7 @@ class Showable(Evaluation):
         ConfigError
             The folder cannot be written, or holds files of others.
         """
-        from tgospa_eval.show.pictures import save  # lazy: jinja2 is slow to import
+        from tgospa_eval.show.files import save  # lazy: jinja2 is slow to import
 
         save(self, folder, force=force)
 

@@ -62,9 +62,9 @@ class Association(Pairing):
 
         Parameters, errors and return value are those of `Result.plot_plane`.
         """
-        from tgospa_eval.show.pictures import association_plane  # lazy: slow to import
+        from tgospa_eval.show.charts import plot  # lazy: slow to import
 
-        return association_plane(self, columns=columns, style=style)
+        return plot(self, "plane", columns=columns, style=style)
 
     def to_html(self, names: tuple[str, str] = ("A", "B")) -> str:
         """A page that loads nothing; `names` are those of the sides."""
@@ -80,7 +80,7 @@ class Association(Pairing):
         ConfigError
             The folder holds something else, and `force` is false; or it cannot be written.
         """
-        from tgospa_eval.show.pictures import save  # lazy: slow to import
+        from tgospa_eval.show.files import save  # lazy: slow to import
 
         save(self, folder, force=force)
 

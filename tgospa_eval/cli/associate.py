@@ -128,8 +128,7 @@ def command(
     from tgospa_eval.common.config import settings_field
     from tgospa_eval.common.writing import write_file
     from tgospa_eval.results.records import json_text
-    from tgospa_eval.show.files import ASSOCIATION, check_file, probe_folder
-    from tgospa_eval.show.pictures import association_files
+    from tgospa_eval.show.files import ASSOCIATION, association_files, check_file, probe_folder
     from tgospa_eval.show.rendering import csv_text
     from tgospa_eval.show.sensors import association_text
 

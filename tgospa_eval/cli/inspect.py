@@ -64,8 +64,8 @@ def command(
     output = OutputOptions.of(options)
     request = Request.of({"switch_penalty": 0.0, **options})
     if plot is not None:
-        from tgospa_eval.show.figures import FILES, MISSING, available
         from tgospa_eval.show.files import check_file
+        from tgospa_eval.show.style import FILES, MISSING, available
 
         endings = [f".{kind}" for kind in FILES]
         ending = check_file(plot, "--plot", force=True, others=paths, endings=endings)
@@ -98,11 +98,10 @@ def _write_picture(
 ) -> None:
     """Draw what was read."""
     from tgospa_eval.common.writing import write_file
-    from tgospa_eval.show.figures import written
-    from tgospa_eval.show.plane import plot_inspection  # matplotlib takes a second
+    from tgospa_eval.show.drawing import written  # matplotlib takes a second
+    from tgospa_eval.show.plane import draw_inspection
     from tgospa_eval.show.style import styled
 
-    made = plot_inspection(sides, unit=unit)
     with styled():
-        data = written(made, kind)
+        data = written(draw_inspection(sides, unit), kind)
     write_file(path, data, "--plot")

@@ -19,7 +19,7 @@ from tgospa_eval.common.words import THOUSANDS, natural, number
 from tgospa_eval.results.records import PARTS, Json, Part
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.show.curves import RmsCurve
-from tgospa_eval.show.palette import HEAT_LEVELS
+from tgospa_eval.show.style import HEAT_LEVELS
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -34,8 +34,8 @@ from tgospa_eval.show.curves import (
     on_one_axis,
 )
 from tgospa_eval.show.html import environment, inlined, page_colours
-from tgospa_eval.show.palette import DARK, HEAT_LEVELS, LIGHT, TRACK_COLOURS, heat_shades
 from tgospa_eval.show.phrases import ORDERS, equal_names, order_in_words, place_in_words
+from tgospa_eval.show.style import DARK, HEAT_LEVELS, LIGHT, TRACK_COLOURS, heat_shades
 from tgospa_eval.show.time_axis import ROOM, upward
 from tgospa_eval.text import as_unicode
 

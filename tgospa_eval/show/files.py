@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from tgospa_eval.common import manifest
 from tgospa_eval.common.files import named
@@ -17,17 +17,20 @@ from tgospa_eval.evaluation.pair import explanation_of
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.slices import slices_columns
+from tgospa_eval.sensors.association import Pairing
+from tgospa_eval.show.charts import CHARTS, pictures
 from tgospa_eval.show.rendering import csv_text
+from tgospa_eval.show.style import FILES
 
 Files: TypeAlias = Mapping[str, str | bytes | Path]
 """Contents by name; a path is of a file that is taken as it is."""
 
-PICTURES = ("png", "svg", "pdf")
+PICTURES = tuple(FILES)
 AS_FORMAT = {".json": "json", ".csv": "csv", ".md": "markdown", ".tex": "latex"}
 
 
-def _files(names: str, *kinds: str) -> tuple[str, ...]:
-    return tuple(f"{name}.{kind}" for name, kind in product(names.split(), kinds))
+def _files(names: Iterable[str], *kinds: str) -> tuple[str, ...]:
+    return tuple(f"{name}.{kind}" for name, kind in product(names, kinds))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +78,8 @@ RESULT = Kind(
     document="result.json",
     names=(
         "result.json",
-        *_files("per_step assignments switches per_truth per_estimate timings", "csv"),
+        *("per_step.csv", "assignments.csv", "switches.csv", "per_truth.csv", "per_estimate.csv"),
+        "timings.csv",
         "report.html",
     ),
     log=WORK_LOG,
@@ -90,7 +94,7 @@ SWEEP = Kind(
     name="sweep",
     document="sweep.json",
     names=("sweep.json", "sweep.csv"),
-    opens=_files("sweep", *PICTURES),
+    opens=_files(CHARTS["sweep"], *PICTURES),
 )
 ASSOCIATION = Kind(
     name="associate",
@@ -102,15 +106,15 @@ COMPARISON = Kind(
     name="compare",
     document="compare.json",
     names=(
-        *("compare.json", *_files("compare per_step pairs", "csv")),
-        *_files("time_over_error error_over_epsilon convergence cumulative", "png"),
+        *("compare.json", "compare.csv", "per_step.csv", "pairs.csv"),
+        *_files((*CHARTS["solvers"], *CHARTS["estimates"]), "png"),
     ),
     opens=("time_over_error.png", "cumulative.png"),
 )
 STUDY = Kind(
     name="study",
     document="compare.json",
-    names=("compare.json", "compare.csv", "report.md", "error_over_epsilon.png", "scaling.png"),
+    names=("compare.json", "compare.csv", "report.md", *_files(CHARTS["study"], "png")),
     log="runs.jsonl",
     opens=("report.md",),
 )
@@ -123,7 +127,7 @@ GATE = Kind(
 BATCH = Kind(
     name="batch",
     document="report.html",
-    names=("report.html", "curve.csv", "slices.csv", *_files("parts heat curve", "png")),
+    names=("report.html", "curve.csv", "slices.csv", *_files(CHARTS["batch"], "png")),
     log=manifest.STORE,
     opens=("report.html",),
 )
@@ -425,3 +429,34 @@ def check_file(
     if endings and ending not in endings:
         raise ConfigError(f"{option} {path}: must end in {', '.join(endings)}")
     return ending
+
+
+def save(result: Evaluation | Pairing, folder: "str | os.PathLike[str]", *, force: bool) -> None:
+    """`Result.save`: the result folder, with what the extras that are installed can draw."""
+    path, kind = os.fspath(folder), RESULT if isinstance(result, Evaluation) else ASSOCIATION
+    try:
+        probe_folder(path, kind, force=force, option="folder")
+        if isinstance(result, Pairing):
+            files = association_files(result)
+        else:
+            files = {**result_texts(result), **result_pictures(result)}
+        write_texts(files, path, kind, force=force, option="folder")
+    except ConfigError as error:
+        raise ConfigError(str(error).replace("--force", "force=True")) from None
+
+
+def result_pictures(result: Evaluation, *wanted: Any) -> dict[str, bytes]:
+    """The pictures of a result folder; see `pictures`."""
+    parts = " in parts" if isinstance(result, PartitionedResult) else ""
+    return pictures(f"result{parts}", result, *wanted)
+
+
+def association_files(
+    found: Pairing, names: tuple[str, str] = ("A", "B")
+) -> dict[str, str | bytes | Path]:
+    """Page, table and, with the extra, picture of an association, by name."""
+    from tgospa_eval.show.html import association_page  # lazy: jinja2 is slow to import
+
+    files: dict[str, str | bytes | Path] = {"report.html": association_page(found, names)}
+    files["associations.csv"] = csv_text(found.associations_table())
+    return files | pictures("associate", found)

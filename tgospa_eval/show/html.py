@@ -23,7 +23,6 @@ from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import PARTS, Columns, Json
 from tgospa_eval.sensors.association import Pairing
 from tgospa_eval.show.other_metrics import other_table, similarity
-from tgospa_eval.show.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
 from tgospa_eval.show.plot_data import PlotData, binned, plot_data
 from tgospa_eval.show.result_text import (
     SPLIT_WORDS,
@@ -35,6 +34,7 @@ from tgospa_eval.show.result_text import (
 )
 from tgospa_eval.show.sensors import association_text
 from tgospa_eval.show.slices import about_slices, share, shown_slices
+from tgospa_eval.show.style import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
 from tgospa_eval.text import as_unicode
 
 SCRIPTS = (

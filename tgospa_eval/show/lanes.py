@@ -1,14 +1,19 @@
 """Swim-lanes: who followed whom. A lane for each truth, below them estimates with false steps."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.text import Text
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.show.figures import boxes, figure, stairs
+from tgospa_eval.show.drawing import boxes, figure, legend, literal, stairs, titled
 from tgospa_eval.show.overtime import MARGIN, time_axis
-from tgospa_eval.show.palette import TRACK_COLOURS
 from tgospa_eval.show.plot_data import FREE, NONE, DrawnSide, PlotData
 from tgospa_eval.show.style import (
     FALSE,
@@ -17,17 +22,9 @@ from tgospa_eval.show.style import (
     MISSED,
     NOT_JUDGED,
     SOFT,
+    TRACK_COLOURS,
     Style,
-    legend,
-    literal,
-    titled,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.collections import PolyCollection
-    from matplotlib.figure import Figure
 
 VECTOR_SHAPES = 4000
 """Shapes of a kind that are drawn as such in vector files; more become dots."""
@@ -79,7 +76,7 @@ class Lanes:
         return places[track]
 
 
-def draw_lanes(seen: PlotData, style: Style) -> "Figure":
+def draw_lanes(seen: PlotData, style: Style) -> Figure:
     """A lane for each truth, and lanes of false tracks below."""
     truths = arranged(seen.truth, np.arange(len(seen.truth.ids)), style.lanes, 1)
     wrong = np.flatnonzero(np.asarray(seen.estimate.table["unassigned_count"], float) > 0)
@@ -130,10 +127,8 @@ def arranged(side: DrawnSide, tracks: Ints, most: int, first: int) -> Lanes:
     )
 
 
-def _put(axis: "Axes", corners: Floats, name: str, **looks: Any) -> "PolyCollection":
+def _put(axis: Axes, corners: Floats, name: str, **looks: Any) -> PolyCollection:
     """One collection; what is too much for a vector file becomes dots there."""
-    from matplotlib.collections import PolyCollection
-
     polygons: Any = corners  # as an array: ten times as fast as a list
     made = PolyCollection(polygons, label=name, **looks)
     made.set_rasterized(len(corners) > VECTOR_SHAPES)
@@ -143,8 +138,8 @@ def _put(axis: "Axes", corners: Floats, name: str, **looks: Any) -> "PolyCollect
 
 
 def _bars(
-    axis: "Axes", lanes: Lanes, seen: PlotData, style: Style, *, pixel: float, whole: bool
-) -> "dict[str, Artist]":
+    axis: Axes, lanes: Lanes, seen: PlotData, style: Style, *, pixel: float, whole: bool
+) -> dict[str, Artist]:
     """Stretches that are assigned, and as frames those that are not; returns entries of a legend.
 
     Where there are more steps than can be distinguished, `whole` is false, and those that are not
@@ -174,8 +169,6 @@ def _bars(
         name = f"{lanes.side.name}/{kind}"
         handles[kind] = _put(axis, corners, name, linewidths=thin, **FILLS[kind])
     elif unassigned.any():
-        from matplotlib.patches import Patch
-
         handles[f"share of steps {kind}"] = Patch(facecolor=MISSED if truth else FALSE)
     free = np.isfinite(place_of) & run.get("unjudged", run["other"] == FREE).astype(bool)
     if free.any():
@@ -212,7 +205,7 @@ def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
     return np.repeat(chosen[kept], length).astype(np.int64), first + np.arange(length.sum())
 
 
-def _shares(axis: "Axes", lanes: Lanes, seen: PlotData, columns: int, colour: str) -> None:
+def _shares(axis: Axes, lanes: Lanes, seen: PlotData, columns: int, colour: str) -> None:
     """What hangs from the top of a lane: the share of the steps of a column that are wrong."""
     lane, step = _unassigned(lanes, lanes.place(lanes.side.run["track"]))
     if not len(lane):
@@ -227,7 +220,7 @@ def _shares(axis: "Axes", lanes: Lanes, seen: PlotData, columns: int, colour: st
     _put(axis, boxes(left, right, top, top + tall), f"{lanes.side.name}/share", **looks)
 
 
-def _errors(axis: "Axes", lanes: Lanes, seen: PlotData, columns: int) -> None:
+def _errors(axis: Axes, lanes: Lanes, seen: PlotData, columns: int) -> None:
     """Error as a share of the cutoff: a darker foot of the bar, the largest of each column."""
     row = lanes.side.row
     place = lanes.place(row["track"])
@@ -245,7 +238,7 @@ def _errors(axis: "Axes", lanes: Lanes, seen: PlotData, columns: int) -> None:
     _put(axis, boxes(left, right, low - tall, low), "truth/error", **looks)
 
 
-def _others(axis: "Axes", lanes: Lanes, seen: PlotData, columns: int) -> None:
+def _others(axis: Axes, lanes: Lanes, seen: PlotData, columns: int) -> None:
     """The last lane: how many of the tracks without a lane of their own are wrong, as a height."""
     if not len(lanes.others):
         return
@@ -274,8 +267,8 @@ def _seen_switches(place: Floats, switches: dict[str, Ints], columns: int, steps
 
 
 def _switches(
-    axis: "Axes", truths: Lanes, seen: PlotData, style: Style, columns: int
-) -> "dict[str, Artist]":
+    axis: Axes, truths: Lanes, seen: PlotData, style: Style, columns: int
+) -> dict[str, Artist]:
     """Triangles at the top of the lanes; small ones for parts of a switch."""
     switches = seen.switches
     if not len(switches["step"]):
@@ -294,12 +287,10 @@ def _switches(
     return {"switch (small: half of one)" if (switches["mass"] < 0.99).any() else "switch": marks}
 
 
-def _names(axis: "Axes", lanes: Lanes, seen: PlotData, letters: float, room: float) -> None:
+def _names(axis: Axes, lanes: Lanes, seen: PlotData, letters: float, room: float) -> None:
     """Ids of the other side inside stretches where there is room, the longest first."""
     if letters < 4 or not seen.steps:
         return
-    from matplotlib.text import Text
-
     run, truth = lanes.side.run, lanes.side.name == "truth"
     other = seen.estimate if truth else seen.truth
     place = lanes.place(run["track"])
@@ -320,7 +311,7 @@ def _names(axis: "Axes", lanes: Lanes, seen: PlotData, letters: float, room: flo
         axis.add_artist(text)
 
 
-def _ids(axis: "Axes", groups: tuple[Lanes, ...], letters: float) -> None:
+def _ids(axis: Axes, groups: tuple[Lanes, ...], letters: float) -> None:
     """Names of the lanes."""
     places: list[float] = []
     names: list[str] = []

@@ -2,23 +2,20 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, PathPatch
+from matplotlib.path import Path
 
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import number
 from tgospa_eval.results.numbers import SPREAD
-from tgospa_eval.show.figures import COLOURS, boxes, counted, figure, stairs
-from tgospa_eval.show.palette import LIGHT
+from tgospa_eval.show.drawing import boxes, counted, figure, legend, literal, power, stairs, titled
 from tgospa_eval.show.plot_data import KINDS, DrawnSide, PlotData, binned
-from tgospa_eval.show.style import FILLS, LINES, SOFT, Style, legend, literal, power, titled
+from tgospa_eval.show.style import COLOURS, FILLS, LIGHT, LINES, SOFT, Style
 from tgospa_eval.show.time_axis import TimeAxis
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 
 TINY = 1e-300
 
@@ -26,7 +23,7 @@ MARGIN = 0.8
 """Inches beside the axes, about."""
 
 
-def draw_costs(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
+def draw_costs(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure:
     """Stacked bars of each step, or of the costliest of several."""
     made, ((axis,),) = figure(style.width, style.low)
     costs = {name: np.asarray(seen.document["costs"][name], float) for name in parts}
@@ -66,9 +63,11 @@ def draw_costs(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
     return made
 
 
-def draw_nees(seen: PlotData, style: Style) -> "Figure":
+def draw_nees(seen: PlotData, style: Style) -> Figure | None:
     """NEES of each step with its band; below it of particles the ranks of the truth."""
-    found = seen.document["nees"]
+    found = seen.document.get("nees")
+    if found is None:
+        return None
     ranks = np.array(found["ranks"], float)
     made, axes = figure(style.width, style.low * (1 + bool(len(ranks))), rows=1 + bool(len(ranks)))
     axis = axes[0][0]
@@ -101,7 +100,7 @@ def draw_nees(seen: PlotData, style: Style) -> "Figure":
     return made
 
 
-def draw_cumulative(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
+def draw_cumulative(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure:
     """The root of the mean cost of the steps up to each."""
     values = {name: seen.document["curve"][name] for name in (*parts, "total")}
     made, axis = _draw_lines(seen, style, seen.time.at, values, "per step, so far")
@@ -109,9 +108,11 @@ def draw_cumulative(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figu
     return made
 
 
-def draw_windows(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
+def draw_windows(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure | None:
     """The root of the mean cost of each window."""
-    found = seen.document["windows"]
+    found = seen.document.get("windows")
+    if found is None:
+        return None
     first, last = (seen.time.at[np.asarray(found[name], int)] for name in ("first", "last"))
     values = {name: found["lines"][name] for name in (*parts, "total")}
     made, axis = _draw_lines(seen, style, (first + last) / 2, values, "per step of the window")
@@ -121,7 +122,7 @@ def draw_windows(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure"
 
 def _draw_lines(
     seen: PlotData, style: Style, at: Floats, values: Mapping[str, Sequence[float]], name: str
-) -> "tuple[Figure, Axes]":
+) -> tuple[Figure, Axes]:
     """A line for each part and for the total."""
     made, ((axis,),) = figure(style.width, style.low)
     dot = {"marker": "o", "markersize": 4} if len(at) == 1 else {}  # one point is no line
@@ -147,7 +148,7 @@ def _with_gaps(begin: Floats, end: Floats, *values: Floats) -> tuple[Floats, lis
     return places, [np.insert(value, gaps, np.nan) for value in values]
 
 
-def time_axis(axis: "Axes", seen: PlotData, style: Style, *, upright: bool = False) -> None:
+def time_axis(axis: Axes, seen: PlotData, style: Style, *, upright: bool = False) -> None:
     """From the first step to the last, with the times as names."""
     begin, end = seen.time.edges
     ends = (float(begin[0]), float(end[-1])) if seen.steps else (-0.5, 0.5)
@@ -157,7 +158,7 @@ def time_axis(axis: "Axes", seen: PlotData, style: Style, *, upright: bool = Fal
 
 
 def name_times(
-    axis: "Axes", clock: TimeAxis, ends: tuple[float, float], width: float, *, upright: bool = False
+    axis: Axes, clock: TimeAxis, ends: tuple[float, float], width: float, *, upright: bool = False
 ) -> None:
     """Ends, ticks and name of an axis of time in a picture of so many inches."""
     letters = float(axis.xaxis.label.get_fontsize())
@@ -176,10 +177,8 @@ THICK = 0.36
 """Half the height of a bar; bars are 1 apart."""
 
 
-def draw_worst(seen: PlotData, style: Style, parts: Sequence[str]) -> "Figure":
+def draw_worst(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure:
     """Bars of the costliest steps, truths and estimates."""
-    from matplotlib.patches import Patch
-
     shared = seen.time.shared
     lists = {
         "steps": _costliest(
@@ -230,12 +229,9 @@ def _costliest(
 
 
 def _bars(
-    axis: "Axes", names: list[str], costs: dict[str, Floats], rows: int, *, beside: bool
+    axis: Axes, names: list[str], costs: dict[str, Floats], rows: int, *, beside: bool
 ) -> None:
     """Stacked bars, costliest above, with the sum at the end of each; room for so many."""
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path
-
     place, end = np.arange(len(names), dtype=float), np.zeros(len(names))
     for part, cost in costs.items():
         kept = cost > 0

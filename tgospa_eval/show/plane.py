@@ -3,17 +3,19 @@
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.errors import ConfigError
-from tgospa_eval.show.figures import boxes as corners
-from tgospa_eval.show.figures import figure
+from tgospa_eval.show.drawing import boxes as corners
+from tgospa_eval.show.drawing import figure, legend, literal, titled
 from tgospa_eval.show.overtime import time_axis
-from tgospa_eval.show.palette import TRACK_COLOURS
 from tgospa_eval.show.plot_data import (
     NONE,
     TIME,
@@ -23,18 +25,12 @@ from tgospa_eval.show.plot_data import (
     is_box,
     is_map,
     map_stretch,
+    plane_columns,
     with_centres,
 )
-from tgospa_eval.show.style import FALSE, INK, MISSED, SOFT, Style, legend, literal, styled, titled
-from tgospa_eval.text import quoted
+from tgospa_eval.show.style import FALSE, INK, MISSED, SOFT, TRACK_COLOURS, Style
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 
 FEW = 30
 """Trajectories up to which shapes do not hide one another."""
@@ -152,11 +148,9 @@ def ellipses(middle: Floats, sizes: Floats, power: float = 2.0) -> Floats:
 
 
 def surroundings(
-    axis: "Axes", plane: Plane, rows: dict[str, Ints], speck: float
-) -> "dict[str, Artist]":
+    axis: Axes, plane: Plane, rows: dict[str, Ints], speck: float
+) -> dict[str, Artist]:
     """Draw shapes and particles of these states, and how many are shown; entries of a legend."""
-    from matplotlib.collections import PolyCollection
-
     handles: dict[str, Artist] = {}
     told: list[str] = []
     large = plane.style.titles
@@ -295,11 +289,10 @@ Mark = tuple[str, Floats, Floats, dict[str, Any]]
 """Kind of event, places, looks."""
 
 
-def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = None) -> "Figure":
+def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = None) -> Figure:
     """Trajectories with misses, false targets and switches."""
     boxes = seen.document["boxes"]
-    boxes = seen.document["boxes"]
-    across, up = plane_columns(seen.document["columns"], columns, boxes=boxes)
+    across, up = plane_columns(seen.document["columns"], columns)
     plane = Plane(seen=seen, across=across, up=up, style=style)
     places = plane.places
     sides = [side for side in seen.sides if side.name in places]
@@ -345,7 +338,7 @@ def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = Non
     return made
 
 
-def _name_axes(axis: "Axes", plane: Plane) -> None:
+def _name_axes(axis: Axes, plane: Plane) -> None:
     """Names of both directions."""
     for name, which, upright in ((plane.across, axis.xaxis, False), (plane.up, axis.yaxis, True)):
         if name == TIME:
@@ -354,10 +347,8 @@ def _name_axes(axis: "Axes", plane: Plane) -> None:
             which.set_label_text(_named(name, plane.seen.document["unit"]), parse_math=False)
 
 
-def _enlarged(axis: "Axes", plane: Plane, rows: dict[str, Ints]) -> "dict[str, Artist]":
+def _enlarged(axis: Axes, plane: Plane, rows: dict[str, Ints]) -> dict[str, Artist]:
     """These states with all that is around them, and lines between those that are assigned."""
-    from matplotlib.collections import PolyCollection
-
     seen, place = plane.seen, plane.places
     around = {side.name: plane.around(side, rows[side.name]) for side in seen.sides}
     handles = surroundings(axis, plane, around, 2 * SPECK)
@@ -395,30 +386,6 @@ def _enlarged(axis: "Axes", plane: Plane, rows: dict[str, Ints]) -> "dict[str, A
     return handles
 
 
-def plane_columns(
-    known: Sequence[str], asked: Sequence[str] | None, *, boxes: bool
-) -> tuple[str, str]:
-    """What is across and up.
-
-    Raises
-    ------
-    ConfigError
-        `asked` names an unknown column, or not exactly two.
-    """
-    names = [*known, *(("centre x", "centre y") if boxes else ()), TIME]
-    if asked is not None:
-        odd = [name for name in asked if name not in names]
-        if odd or len(asked) != 2 or isinstance(asked, str):
-            text = asked if isinstance(asked, str) else ",".join(asked)
-            raise ConfigError(f"plane {quoted(text)}: must be two of {', '.join(names)}")
-        return asked[0], asked[1]
-    if boxes:
-        return "centre x", "centre y"
-    if is_map(known):
-        return "lon", "lat"
-    return (known[0], known[1]) if len(known) > 1 else (TIME, known[0] if known else TIME)
-
-
 def _extent(values: list[Floats]) -> float:
     known = np.concatenate([*values, np.zeros(0)])
     return float(np.ptp(known)) if len(known) and np.ptp(known) > 0 else 1.0
@@ -435,14 +402,14 @@ def unit_scale(across: str, up: str, stretch: float) -> float | None:
 
 
 def _lines(
-    axis: "Axes",
+    axis: Axes,
     side: DrawnSide,
     place: Floats,
     style: Style,
     seen: PlotData,
     many: bool,
     fade: float,
-) -> "dict[str, Artist]":
+) -> dict[str, Artist]:
     """A line for each stretch of steps, those of estimates in turn in several colours."""
     row, truth = side.row, side.name == "truth"
     if not len(row["track"]):
@@ -476,8 +443,8 @@ def _lines(
 
 
 def _events(
-    axis: "Axes", seen: PlotData, places: dict[str, Floats], style: Style
-) -> "dict[str, Artist]":
+    axis: Axes, seen: PlotData, places: dict[str, Floats], style: Style
+) -> dict[str, Artist]:
     """Crosses, triangles and diamonds where something is wrong."""
     marks: list[Mark] = []
     for side, (name, looks) in zip(seen.sides, MARKS.items(), strict=True):
@@ -503,7 +470,7 @@ def _events(
     }
 
 
-def _grouped(axis: "Axes", seen: PlotData, marks: list[Mark], style: Style) -> "dict[str, Artist]":
+def _grouped(axis: Axes, seen: PlotData, marks: list[Mark], style: Style) -> dict[str, Artist]:
     """A mark for each kind and place, whose area is the number of events there."""
     wide = _extent([x for _, x, _, _ in marks]) / CELLS
     tall = _extent([y for _, _, y, _ in marks]) / CELLS
@@ -566,9 +533,7 @@ PRESENCE = "trajectory"
 """What is up where the time is across."""
 
 
-def plot_inspection(
-    sides: Sequence[tuple[str, Trajectories]], *, unit: str = "", style: str = "screen"
-) -> "Figure":
+def draw_inspection(sides: Sequence[tuple[str, Trajectories]], unit: str = "") -> Figure:
     """Trajectories in the plane, and a line for each over the times at which it has states.
 
     Parameters
@@ -577,55 +542,47 @@ def plot_inspection(
         Name and content of the truth, and of an estimate.
     unit : str
         Of the states.
-    style : {"screen", "paper"}
-        As of other pictures.
-
-    Raises
-    ------
-    ConfigError
-        matplotlib is not installed.
     """
     columns = sides[0][1].columns
     boxes, stretch = is_box(columns), 1.0
-    across, up = plane_columns(columns, None, boxes=boxes)
+    across, up = plane_columns(columns, None)
     if is_map(columns):
         latitudes = [side.state[:, columns.index("lat")] for _, side in sides]
         stretch = map_stretch(np.concatenate(latitudes))
     timed = [side for _, side in sides if len(side.times)]
     first = min(timed, key=lambda side: side.times[0], default=sides[0][1])
-    with styled(style):
-        made, ((plane, presence),) = figure(INCHES_ACROSS, INCHES_UP, 1, 2)
-        handles: dict[str, Artist] = {}
-        below = 0
-        for (name, side), looks in zip(sides, LOOKS, strict=False):
-            order = np.argsort(side.track, kind="stable")
-            track, step = side.track[order], side.step[order]
-            breaks = np.flatnonzero((np.diff(track) != 0) | (np.diff(step) > 1)) + 1
-            seconds = side.clock != "number" and len(side.times)
-            times = (side.times - first.times[0]) / SECOND if seconds else side.times
-            axes = with_centres(dict(zip(columns, side.state[order].T, strict=True)))
-            axes[TIME] = np.asarray(times[step], float)
-            axes[PRESENCE] = np.asarray(below + track, float)
-            x, y, t, place = (
-                np.insert(axes[key], breaks, np.nan) for key in (across, up, TIME, PRESENCE)
-            )
-            handles[literal(name)] = plane.plot(x, y, marker=".", markersize=2, **looks)[0]
-            presence.plot(t, place, marker="|", markersize=3, **looks)
-            below += len(side.ids)
-        dated = timed and timed[0].clock != "number"
-        _name(plane, _named(across, unit), _named(up, unit))
-        _name(presence, f"s since {literal(str(first.shown[0]))}" if dated else TIME, PRESENCE)
-        presence.invert_yaxis()
-        if below <= NAMED:
-            ids = [literal(str(name)) for _, side in sides for name in side.ids.tolist()]
-            presence.set_yticks(range(below), ids, parse_math=False)
-        scale = unit_scale(across, up, stretch)
-        if scale is not None:
-            plane.set_aspect(scale, adjustable="datalim")
-        if boxes:
-            plane.invert_yaxis()
-        legend(made, list(handles.values()), list(handles), 2)
-        return made
+    made, ((plane, presence),) = figure(INCHES_ACROSS, INCHES_UP, 1, 2)
+    handles: dict[str, Artist] = {}
+    below = 0
+    for (name, side), looks in zip(sides, LOOKS, strict=False):
+        order = np.argsort(side.track, kind="stable")
+        track, step = side.track[order], side.step[order]
+        breaks = np.flatnonzero((np.diff(track) != 0) | (np.diff(step) > 1)) + 1
+        seconds = side.clock != "number" and len(side.times)
+        times = (side.times - first.times[0]) / SECOND if seconds else side.times
+        axes = with_centres(dict(zip(columns, side.state[order].T, strict=True)))
+        axes[TIME] = np.asarray(times[step], float)
+        axes[PRESENCE] = np.asarray(below + track, float)
+        x, y, t, place = (
+            np.insert(axes[key], breaks, np.nan) for key in (across, up, TIME, PRESENCE)
+        )
+        handles[literal(name)] = plane.plot(x, y, marker=".", markersize=2, **looks)[0]
+        presence.plot(t, place, marker="|", markersize=3, **looks)
+        below += len(side.ids)
+    dated = timed and timed[0].clock != "number"
+    _name(plane, _named(across, unit), _named(up, unit))
+    _name(presence, f"s since {literal(str(first.shown[0]))}" if dated else TIME, PRESENCE)
+    presence.invert_yaxis()
+    if below <= NAMED:
+        ids = [literal(str(name)) for _, side in sides for name in side.ids.tolist()]
+        presence.set_yticks(range(below), ids, parse_math=False)
+    scale = unit_scale(across, up, stretch)
+    if scale is not None:
+        plane.set_aspect(scale, adjustable="datalim")
+    if boxes:
+        plane.invert_yaxis()
+    legend(made, list(handles.values()), list(handles), 2)
+    return made
 
 
 def _named(column: str, unit: str) -> str:
@@ -633,7 +590,7 @@ def _named(column: str, unit: str) -> str:
     return literal(column) + inside
 
 
-def _name(axis: "Axes", across: str, up: str) -> None:
+def _name(axis: Axes, across: str, up: str) -> None:
     axis.xaxis.set_label_text(across, parse_math=False)
     axis.yaxis.set_label_text(up, parse_math=False)
     for spine in ("left", "bottom"):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.clouds.transport import merged, resample_cloud
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.by_class import EvaluationByClass
 from tgospa_eval.evaluation.pair import PairEvaluation, explanation_of
 from tgospa_eval.formats.columns.headers import BOX
@@ -30,6 +31,7 @@ from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
 from tgospa_eval.sensors.association import Pairing
 from tgospa_eval.show.time_axis import TimeAxis, moments, readable
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.covariances import size_of
 
@@ -84,6 +86,29 @@ KINDS = {"truth": "missed", "estimate": "false"}
 
 RUN = ("track", "begin", "end", "other")
 """What there is of each stretch of one assignment."""
+
+
+def plane_columns(known: Sequence[str], asked: Sequence[str] | None) -> tuple[str, str]:
+    """What is across and up.
+
+    Raises
+    ------
+    ConfigError
+        `asked` names an unknown column, or not exactly two.
+    """
+    boxes = is_box(known)
+    names = [*known, *(("centre x", "centre y") if boxes else ()), TIME]
+    if asked is not None:
+        odd = [name for name in asked if name not in names]
+        if odd or len(asked) != 2 or isinstance(asked, str):
+            text = asked if isinstance(asked, str) else ",".join(asked)
+            raise ConfigError(f"plane {quoted(text)}: must be two of {', '.join(names)}")
+        return asked[0], asked[1]
+    if boxes:
+        return "centre x", "centre y"
+    if is_map(known):
+        return "lon", "lat"
+    return (known[0], known[1]) if len(known) > 1 else (TIME, known[0] if known else TIME)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

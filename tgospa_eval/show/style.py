@@ -1,21 +1,121 @@
-"""What pictures of a kind have in common: sizes, fills, words. No data."""
+"""The looks of all that is shown: colours of pages and pictures, patterns, sizes. No data.
 
-from collections.abc import Iterator, Mapping, Sequence
+Colours are distinct without full colour vision: the parts of the cost differ in lightness as well
+as in hue, and have patterns besides.
+"""
+
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import field
-from typing import TYPE_CHECKING, Any
+from importlib.util import find_spec
+from typing import Any
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.numbers import SPREAD
-from tgospa_eval.show.figures import DOTS, MISSING, available
-from tgospa_eval.show.palette import LIGHT
 from tgospa_eval.text import quoted
 
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+LIGHT: Mapping[str, str] = {
+    "paper": "#ffffff",
+    "ink": "#16191d",
+    "soft": "#50575f",
+    "grid": "#e3e6ea",
+    "localisation": "#4d86c2",
+    "missed": "#b83a00",
+    "false": "#6d35b0",
+    "switch": "#16191d",
+}
+"""On white paper."""
+
+DARK: Mapping[str, str] = {
+    "paper": "#14171a",
+    "ink": "#eceff2",
+    "soft": "#a9b2bb",
+    "grid": "#2b3036",
+    "localisation": "#5b93d0",
+    "missed": "#ff9152",
+    "false": "#d3b4ff",
+    "switch": "#f4f6f8",
+}
+"""On a dark screen."""
+
+TRACK_COLOURS = (
+    "#2569a8",
+    "#b2574e",
+    "#087957",
+    "#8463b0",
+    "#855e02",
+    "#067a91",
+    "#994569",
+    "#578032",
+    "#4c60aa",
+    "#ae5d31",
+    "#00766d",
+    "#975c9f",
+)
+"""Of estimates, in turn, on white: neighbours are far apart in hue; white letters are legible."""
+
+DARK_TRACK_COLOURS = (
+    "#79b6f4",
+    "#fdaa9f",
+    "#66c7a0",
+    "#d0b1fe",
+    "#d6a95b",
+    "#63d4f1",
+    "#e893b4",
+    "#a7d287",
+    "#96aef7",
+    "#fdac84",
+    "#4dc8ba",
+    "#e5abec",
+)
+"""The same on a dark screen, for dark letters."""
+
+
+def variables(colours: Mapping[str, str], tracks: tuple[str, ...]) -> str:
+    """Declarations of CSS, ``--missed: #b83a00`` and ``--track-0`` to the last."""
+    named = {**colours, **{f"track-{k}": colour for k, colour in enumerate(tracks)}}
+    return " ".join(f"--{name}: {colour};" for name, colour in named.items())
+
+
+HEAT_LEVELS = 9
+"""Shades from paper on."""
+
+_DARKEST = {LIGHT["paper"]: 0.85, DARK["paper"]: 0.6}
+"""How much of the full colour the darkest shade has: letters are legible on it."""
+
+
+def heat_shades(colours: Mapping[str, str]) -> tuple[str, ...]:
+    """Shades of one colour, from little to much."""
+    paper, full = (bytes.fromhex(colours[name][1:]) for name in ("paper", "localisation"))
+    most = _DARKEST[colours["paper"]]
+    shares = (most * k / (HEAT_LEVELS - 1) for k in range(HEAT_LEVELS))
+    return tuple(
+        "#" + "".join(f"{round(a + share * (b - a)):02x}" for a, b in zip(paper, full, strict=True))
+        for share in shares
+    )
+
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Okabe and Ito: distinguished by those who do not see all colours, and in print."""
+
+MARKERS = "osD^vPX"
+DOTS = 150
+"""Dots per inch."""
+
+MISSING = f"no pictures: they need the extra plot: {install('plot')}"
+
+FILES: Mapping[str, dict[str, Any]] = {
+    "png": {},
+    "svg": {"metadata": {"Creator": None, "Date": None}},
+    "pdf": {"metadata": {"Creator": None, "Producer": None, "CreationDate": None}},
+}
+"""Formats, and what is left out of each: nothing depends on the time or on who made it."""
+
+
+def available() -> bool:
+    """Whether matplotlib is installed."""
+    return find_spec("matplotlib") is not None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +149,7 @@ class Style:
     bars: int
     lanes: int
     worst: int
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any]
 
 
 _BOTH = {"axes.titley": 1.0}
@@ -128,31 +228,3 @@ def styled(name: str = "screen") -> Iterator[Style]:
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(STYLES[name].settings)
         yield STYLES[name]
-
-
-def titled(axis: "Axes", style: Style, title: str, about: str = "") -> None:
-    """What is to be seen, and of what, where pictures have titles."""
-    if not style.titles:
-        return
-    axis.set_title(title, loc="left", fontsize="medium", fontweight="bold", parse_math=False)
-    axis.set_title(about, loc="right", fontsize="small", color=SOFT, parse_math=False)
-
-
-def legend(made: "Figure", handles: "Sequence[Artist]", names: list[str], columns: int) -> None:
-    """Above the axes, where it hides nothing."""
-    if handles:
-        tight: Any = {"columnspacing": 1.2, "handletextpad": 0.5, "borderpad": 0.1}
-        where: Any = {"loc": "outside upper left", "frameon": False, "fontsize": "small"}
-        made.legend(handles, names, ncols=columns, **where, **tight)
-
-
-def literal(text: str, most: int = 24) -> str:
-    """A text of the user's on one line; of a long one the ends, of which the last matters more."""
-    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
-    return text if len(text) <= most else f"{text[: most // 3]}…{text[-(most - most // 3 - 1) :]}"
-
-
-def power(unit: str, order: float) -> str:
-    """The unit of a cost in brackets, with a space in front; nothing without unit."""
-    raised = {1.0: "", 2.0: "²", 3.0: "³"}.get(float(order), f"^{order:g}")
-    return f" ({literal(unit)}{raised})" if unit else ""

@@ -17,7 +17,8 @@ from tgospa_eval.results import partitioned as module
 from tgospa_eval.results.partitioned import PartitionedResult, StoredTables
 from tgospa_eval.results.saved import read_result
 from tgospa_eval.show import html, plot_data
-from tgospa_eval.show.pictures import plot, save
+from tgospa_eval.show.charts import plot
+from tgospa_eval.show.files import save
 from tgospa_eval.show.result_text import REPORTS
 from tgospa_eval.simulation import Scene, Tracker, simulate
 

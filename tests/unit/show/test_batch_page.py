@@ -10,8 +10,8 @@ from tgospa_eval.results.records import Json, Time
 from tgospa_eval.show.batch import MOST_SQUARES, heat_of
 from tgospa_eval.show.batch_page import curve_charts
 from tgospa_eval.show.curves import RmsCurve
-from tgospa_eval.show.palette import DARK, HEAT_LEVELS, LIGHT, heat_shades
 from tgospa_eval.show.phrases import first_names, order_in_words
+from tgospa_eval.show.style import DARK, HEAT_LEVELS, LIGHT, heat_shades
 from tgospa_eval.show.time_axis import nice
 
 

@@ -6,8 +6,16 @@ pytest.importorskip("matplotlib")
 
 import itertools
 
-from tgospa_eval.show import comparison_charts as comparison
-from tgospa_eval.show import figures
+from tgospa_eval.show.charts import CHARTS, Pictures, pictures
+from tgospa_eval.show.several import FLOOR
+from tgospa_eval.show.style import styled
+
+
+def drawn(kind: str, subject: object) -> dict:
+    """By name all pictures that show something."""
+    with styled() as style:
+        made = {n: Pictures().drawn(chart, subject, style) for n, chart in CHARTS[kind].items()}
+    return {name: figure for name, figure in made.items() if figure is not None}
 
 
 def run(solver: str, epsilon: float | None, error: float, seconds: float) -> dict:
@@ -64,31 +72,31 @@ STUDY = {"sizes": [size(m, t) for m in (20, 10) for t in (100, 50)]}
 
 
 def test_solver_pictures() -> None:
-    made = comparison.solver_pictures(DOCUMENT)
+    made = drawn("solvers", DOCUMENT)
     assert list(made) == ["time_over_error", "error_over_epsilon", "convergence"]
-    found = data(made["error_over_epsilon"]().axes[0])
+    found = data(made["error_over_epsilon"].axes[0])
     assert found == {
         "upper bound (TGOSPA)": ([0.01, 0.1], [1e-4, 1e-2]),
         "lower bound": ([0.01, 0.1], [2e-4, 2e-2]),
         "entropic value": ([0.01, 0.1], [5e-4, 5e-2]),
         "its cost, without entropy": ([0.01, 0.1], [4e-4, 4e-2]),
     }
-    found = data(made["time_over_error"]().axes[0])
-    assert found["certified"] == ([comparison.FLOOR], [1.25])  # no error has no logarithm
+    found = data(made["time_over_error"].axes[0])
+    assert found["certified"] == ([FLOOR], [1.25])  # no error has no logarithm
     assert found["sinkhorn 0.1"] == ([1e-2], [0.625])
-    lines = made["convergence"]().axes[0].get_lines()
-    assert list(lines[0].get_ydata()) == pytest.approx([0.2, comparison.FLOOR])
+    lines = made["convergence"].axes[0].get_lines()
+    assert list(lines[0].get_ydata()) == pytest.approx([0.2, FLOOR])
     assert list(lines[1].get_ydata()) == pytest.approx([0.1, 0.01])
 
 
 def test_study_pictures() -> None:
-    made = comparison.study_pictures(STUDY)
-    time, error, time_steps, _ = made["scaling"]().axes
+    made = drawn("study", STUDY)
+    time, error, time_steps, _ = made["scaling"].axes
     assert data(time)["certified"] == ([10, 20], [10, 20])  # at the most steps
     assert data(time_steps)["sinkhorn 0.1"] == ([50, 100], [50, 100])
     assert "certified" not in data(error)  # named below the threshold instead
     assert "certified: below 1e-09" in error.get_title(loc="left")
-    found = data(made["error_over_epsilon"]().axes[0])
+    found = data(made["error_over_epsilon"].axes[0])
     assert found["m = 20"] == ([0.01, 0.1], [1e-5, 2e-2])
     assert found["m = 20, entropic value"] == ([0.01, 0.1], [0.125, 0.25])
 
@@ -106,31 +114,31 @@ def test_what_failed_is_not_drawn() -> None:
         }
         for size in STUDY["sizes"]
     ]
-    assert comparison.study_pictures({"sizes": failed}) == {}
+    assert drawn("study", {"sizes": failed}) == {}
     mixed = {"sizes": [STUDY["sizes"][3], *failed[:3]]}
-    assert len(figures.pictures(comparison.study_pictures(mixed))) == 2
+    assert len(pictures("study", mixed)) == 2
 
 
 def test_estimates() -> None:
-    made = comparison.estimate_pictures({"_a$b": [1.0, 2.0, 0.0], "c": [0.0, 5.0, 1.0]}, [7, 8, 9])
-    lines = made["cumulative"]().axes[0].get_lines()
+    made = drawn("estimates", ([7, 8, 9], {"_a$b": [1.0, 2.0, 0.0], "c": [0.0, 5.0, 1.0]}))
+    lines = made["cumulative"].axes[0].get_lines()
     assert [list(line.get_ydata()) for line in lines] == [[1, 3, 3], [0, 5, 6]]
     assert lines[0].get_xdata().tolist() == [7, 8, 9]  # times, not numbers of steps
-    assert [text.get_text() for text in made["cumulative"]().legends[0].get_texts()] == [
-        r"_a\$b: 3", "c: 6",
+    assert [text.get_text() for text in made["cumulative"].legends[0].get_texts()] == [
+        "_a$b: 3", "c: 6",
     ]  # fmt: skip
-    assert figures.pictures(comparison.estimate_pictures({"_a$b": [1.0]}, [1]))
-    assert not comparison.estimate_pictures({}, [])
-    assert not comparison.estimate_pictures({"nothing": []}, [])
+    assert pictures("estimates", ([1], {"_a$b": [1.0]}))
+    assert not drawn("estimates", ([], {}))
+    assert not drawn("estimates", ([], {"nothing": []}))
 
 
 def test_no_panel_is_empty() -> None:
     """Where nobody errs there is no picture of errors, and times are drawn as bars."""
     none = {"error": 0.0, "lower_error": 0.0, "history": [], "entropic": None}
     runs = [run | none for run in DOCUMENT["runs"]]
-    made = comparison.solver_pictures({**DOCUMENT, "runs": runs})
+    made = drawn("solvers", {**DOCUMENT, "runs": runs})
     assert list(made) == ["time_over_error"]
-    widths = [bar.get_width() for bar in made["time_over_error"]().axes[0].patches]
+    widths = [bar.get_width() for bar in made["time_over_error"].axes[0].patches]
     assert widths == [1.25, 0.625, 2.5]
     exact = [
         {
@@ -141,15 +149,15 @@ def test_no_panel_is_empty() -> None:
         }
         for size in STUDY["sizes"]
     ]
-    made = comparison.study_pictures({"sizes": exact})
+    made = drawn("study", {"sizes": exact})
     assert list(made) == ["scaling"]
-    assert [len(axis.get_lines()) for axis in made["scaling"]().axes] == [3, 3]
+    assert [len(axis.get_lines()) for axis in made["scaling"].axes] == [3, 3]
 
 
 @pytest.mark.parametrize(("low", "high"), [(2e-3, 6e-3), (3e-3, 4e-2), (1e-2, 80.0)])
 def test_names_of_ticks_do_not_overlap(low: float, high: float) -> None:
     runs = [run("certified", None, 0.0, low), run("sinkhorn", 0.1, 3e-9, high)]
-    made = comparison.time_over_error({**DOCUMENT, "runs": runs})
+    made = drawn("solvers", {**DOCUMENT, "runs": runs})["time_over_error"]
     made.draw_without_rendering()
     for which, side in ((made.axes[0].xaxis, "x"), (made.axes[0].yaxis, "y")):
         texts = [*which.get_ticklabels(), *which.get_ticklabels(minor=True)]
@@ -162,9 +170,9 @@ def test_names_of_ticks_do_not_overlap(low: float, high: float) -> None:
 def test_pictures_are_the_same_bytes() -> None:
     import matplotlib as mpl
 
-    once = figures.pictures(comparison.study_pictures(STUDY))
+    once = pictures("study", STUDY)
     with mpl.rc_context({"font.size": 20, "lines.linewidth": 9}):
-        again = figures.pictures(comparison.study_pictures(STUDY))
+        again = pictures("study", STUDY)
         assert mpl.rcParams["font.size"] == 20
     assert once == again
     assert list(once) == ["error_over_epsilon.png", "scaling.png"]

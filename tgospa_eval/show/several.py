@@ -1,25 +1,38 @@
-"""Pictures of `compare`: errors, times and convergence of solvers; takes its documents."""
+"""Pictures of several evaluations: of `compare` from its documents, of sweeps and batches."""
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterable, Mapping, Sequence
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
+
+from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import number
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Json, Time
 from tgospa_eval.results.sweep import Point, Sweep
-from tgospa_eval.show.figures import COLOURS, MARKERS, Draw, figure, label
+from tgospa_eval.show.batch import BatchTables
+from tgospa_eval.show.curves import CURVE_KINDS, LINE_NAMES, RmsCurve, on_one_axis
+from tgospa_eval.show.drawing import figure, label, legend, literal, power, titled
 from tgospa_eval.show.overtime import name_times
-from tgospa_eval.show.palette import LIGHT
-from tgospa_eval.show.time_axis import TimeAxis, moments
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
-    from matplotlib.figure import Figure
-
+from tgospa_eval.show.style import (
+    COLOURS,
+    FILLS,
+    LIGHT,
+    MARKERS,
+    SOFT,
+    TRACK_COLOURS,
+    Style,
+    heat_shades,
+)
+from tgospa_eval.show.time_axis import ROOM, TimeAxis, moments
 
 FLOOR = 1e-9
 """Errors below count as none; they are drawn here."""
@@ -31,32 +44,17 @@ TEMPERATURE = "temperature ε, fraction of $c^p$"
 AT_FLOOR = f"errors below {FLOOR:g} are drawn at {FLOOR:g}"
 
 
-def solver_pictures(document: Json) -> Draw:
-    """By file name, those pictures that have something to show; none if there is no true value."""
-    if document["referee"] is None:
-        return {}
-    draw = {"time_over_error": partial(time_over_error, document)}
-    runs = _temperatures(document)
-    if len(runs) > 1 and _seen(
-        value
-        for run in runs
-        for value in (run["error"], run["lower_error"], (run["entropic"] or {}).get("error"))
-    ):
-        draw["error_over_epsilon"] = partial(error_over_epsilon, document)
-    if any(len(run["history"]) > 1 for run in document["runs"]):
-        draw["convergence"] = partial(convergence, document)
-    return draw
-
-
-def _seen(errors: Iterable[float | None]) -> bool:
+def _seen(*errors: Iterable[float | None]) -> bool:
     """Whether one of them is more than none."""
-    return any(error is not None and error > FLOOR for error in errors)
+    return any(error is not None and error > FLOOR for each in errors for error in each)
 
 
-def error_over_epsilon(document: Json) -> "Figure":
+def draw_errors(document: Json, style: Style) -> Figure | None:
     """How far the bounds of `sinkhorn` are from what all runs prove, by temperature."""
-    made, ((axis,),) = figure(5.2, 3.6)
-    runs = sorted(_temperatures(document), key=_epsilon)
+    runs = sorted(
+        (run for run in document["runs"] if run["epsilon"] is not None and run["seconds"]),
+        key=_epsilon,
+    )
     x = [*map(_epsilon, runs)]
     lines = {
         "upper bound (TGOSPA)": [floored(run["error"]) for run in runs],
@@ -66,6 +64,9 @@ def error_over_epsilon(document: Json) -> "Figure":
             floored((run["entropic"] or {}).get("cost_error")) for run in runs
         ],
     }
+    if document["referee"] is None or len(runs) < 2 or not _seen(*list(lines.values())[:3]):
+        return None
+    made, ((axis,),) = figure(5.2, 3.6)
     for k, (title, y) in enumerate(lines.items()):
         axis.plot(x, y, f"-{MARKERS[k]}", color=COLOURS[k], label=title, clip_on=False, zorder=3)
     _ticks(axis, x)
@@ -75,8 +76,10 @@ def error_over_epsilon(document: Json) -> "Figure":
     return made
 
 
-def time_over_error(document: Json) -> "Figure":
+def draw_time_over_error(document: Json, style: Style) -> Figure | None:
     """What an accuracy costs: solving and proof; bars of the time where nobody errs."""
+    if document["referee"] is None:
+        return None
     runs = [run for run in document["runs"] if run["seconds"] is not None]
     if not _seen(run["error"] for run in runs):
         return _times(runs)
@@ -93,7 +96,7 @@ def time_over_error(document: Json) -> "Figure":
     return made
 
 
-def _times(runs: Sequence[Json]) -> "Figure":
+def _times(runs: Sequence[Json]) -> Figure:
     made, ((axis,),) = figure(6.2, 0.9 + 0.3 * len(runs))
     place, spent = range(len(runs)), [_spent(run) for run in runs]
     axis.barh(place, spent, 0.6, color=COLOURS[0])
@@ -119,12 +122,13 @@ def _epsilon(run: Json) -> float:
     return run["epsilon"] or 0.0
 
 
-def convergence(document: Json) -> "Figure":
+def draw_convergence(document: Json, style: Style) -> Figure | None:
     """Bounds of `sinkhorn` while it sweeps, against what all runs prove."""
-    made, ((axis,),) = figure(5.2, 3.6)
-    assert document["referee"] is not None
-    referee = document["referee"]["total"]
     runs = [run for run in document["runs"] if run["history"]]
+    if document["referee"] is None or all(len(run["history"]) < 2 for run in runs):
+        return None
+    made, ((axis,),) = figure(5.2, 3.6)
+    referee = document["referee"]["total"]
     for k, run in enumerate(runs):
         sweeps = [check["sweep"] for check in run["history"]]
         above = [_relative(check["upper"] - referee["lower"], referee) for check in run["history"]]
@@ -139,10 +143,8 @@ def convergence(document: Json) -> "Figure":
     return made
 
 
-def error_axis(axis: "Axes", *, vertical: bool = True) -> None:
+def error_axis(axis: Axes, *, vertical: bool = True) -> None:
     """A logarithmic axis of errors, by powers of ten, that says what stands at its end."""
-    from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
-
     which = axis.yaxis if vertical else axis.xaxis
     (axis.set_yscale if vertical else axis.set_xscale)("log")
     low, high = axis.get_ylim() if vertical else axis.get_xlim()
@@ -160,10 +162,8 @@ def error_axis(axis: "Axes", *, vertical: bool = True) -> None:
         axis.annotate(AT_FLOOR, (0, 0), xytext=(0, -44), **looks)
 
 
-def seconds_axis(which: "Axis") -> None:
+def seconds_axis(which: Axis) -> None:
     """A logarithmic upright axis of times, written out: 0.2 and not 2 times a power of ten."""
-    from matplotlib.ticker import LogLocator, NullFormatter
-
     which.axes.set_yscale("log")
     low, high = which.get_view_interval()
     subs = (1, 2, 5) if high < 300 * low else (1,)
@@ -181,38 +181,23 @@ def _relative(difference: float, referee: Json) -> float:
     return max(difference / referee["upper"], FLOOR) if referee["upper"] > 0 else FLOOR
 
 
-def _temperatures(document: Json) -> Sequence[Json]:
-    return [
-        run for run in document["runs"] if run["epsilon"] is not None and run["seconds"] is not None
-    ]
+# -------------------------------------------------------------------------------------------------
+# A scaling study.
 
 
-# --- study ----------------------------------------------------------------------------------------
+def _solved(document: Json) -> bool:
+    """Whether not all failed, or contradict each other."""
+    runs = (run for size in document["sizes"] for run in size["solvers"])
+    return any(run["seconds"]["mean"] is not None for run in runs)
 
 
-def study_pictures(document: Json) -> Draw:
-    """By file name, those pictures that have something to show."""
-    sizes = document["sizes"]
-    draw: dict[str, Callable[[], Figure]] = {}
-    temperatures = [s for s in sizes[0]["solvers"] if s["epsilon"] is not None]
-    if not any(s["seconds"]["mean"] is not None for size in sizes for s in size["solvers"]):
-        return {}  # all failed, or all contradict each other
-    errors = (
-        s[name]["max"]
-        for size in sizes
-        for s in size["solvers"]
-        if s["epsilon"] is not None
-        for name in ("error", "entropic_error")
-    )
-    if len(temperatures) > 1 and _seen(errors):
-        draw["error_over_epsilon"] = partial(study_errors, document)
-    if len(sizes) > 1:
-        draw["scaling"] = partial(scaling, document)
-    return draw
-
-
-def study_errors(document: Json) -> "Figure":
+def draw_study_errors(document: Json, style: Style) -> Figure | None:
     """Error over temperature, a line for each number of targets, at the largest number of steps."""
+    runs = [s for size in document["sizes"] for s in size["solvers"] if s["epsilon"] is not None]
+    errors = (run[name]["max"] for run in runs for name in ("error", "entropic_error"))
+    several = len(runs) > len(document["sizes"])
+    if not (_solved(document) and several and _seen(errors)):
+        return None
     made, ((axis,),) = figure(5.2, 3.6)
     longest = max(size["steps"] for size in document["sizes"])
     sizes = [size for size in document["sizes"] if size["steps"] == longest]
@@ -232,9 +217,11 @@ def study_errors(document: Json) -> "Figure":
     return made
 
 
-def scaling(document: Json) -> "Figure":
+def draw_scaling(document: Json, style: Style) -> Figure | None:
     """Time and error over targets at the most steps, and over steps at the most targets."""
     sizes = document["sizes"]
+    if len(sizes) < 2 or not _solved(document):
+        return None
     most = {name: max(size[name] for size in sizes) for name in SIZES}
     rows = []
     for varied, fixed in zip(SIZES, SIZES[::-1], strict=True):
@@ -277,7 +264,7 @@ def scaling(document: Json) -> "Figure":
     return made
 
 
-def _errors(axis: "Axes", varied: str, chosen: Sequence[Json]) -> list[str]:
+def _errors(axis: Axes, varied: str, chosen: Sequence[Json]) -> list[str]:
     """Lines of the errors of those that have any; returns the names of the others."""
     exact = []
     for k, run in enumerate(chosen[0]["solvers"]):
@@ -293,7 +280,7 @@ def _errors(axis: "Axes", varied: str, chosen: Sequence[Json]) -> list[str]:
     return exact
 
 
-def _ticks(axis: "Axes", x: Sequence[float], form: str = "g") -> None:
+def _ticks(axis: Axes, x: Sequence[float], form: str = "g") -> None:
     """A logarithmic axis that names these values, and no others."""
     axis.set_xscale("log")
     axis.set_xticks(x, [f"{value:{form}}" for value in x], minor=False)
@@ -301,7 +288,7 @@ def _ticks(axis: "Axes", x: Sequence[float], form: str = "g") -> None:
 
 
 def _line(
-    axis: "Axes",
+    axis: Axes,
     x: Sequence[float],
     values: Sequence[Json],
     k: int,
@@ -325,16 +312,17 @@ def _line(
     axis.plot(x, mean, line, marker=MARKERS[k % len(MARKERS)], ms=5, color=colour, label=name)
 
 
-# --- estimates ------------------------------------------------------------------------------------
+# -------------------------------------------------------------------------------------------------
+# Estimates of one truth.
 
 
-def estimate_pictures(series: Mapping[str, Sequence[float]], times: Sequence[Time]) -> Draw:
-    """By file name: where the estimates part. `series` holds the costs of the steps by name."""
-    return {"cumulative": partial(cumulative, series, times)} if any(series.values()) else {}
-
-
-def cumulative(series: Mapping[str, Sequence[float]], times: Sequence[Time]) -> "Figure":
-    """Cost up to each step, a line for each estimate."""
+def draw_cumulative(
+    costs_of_steps: tuple[Sequence[Time], Mapping[str, Sequence[float]]], style: Style
+) -> Figure | None:
+    """Cost up to each step, a line for each estimate: of times and costs by name."""
+    times, series = costs_of_steps
+    if not any(series.values()):
+        return None
     made, ((axis,),) = figure(6.2, 3.3 + 0.2 * len(series))
     lines, names = [], []  # kept here: names that begin with _ are hidden from a legend
     time = TimeAxis(times=times, axis=moments(times))
@@ -344,18 +332,12 @@ def cumulative(series: Mapping[str, Sequence[float]], times: Sequence[Time]) -> 
         colour, dashes = COLOURS[k % len(COLOURS)], ("-", "--", ":", "-.")[k // len(COLOURS) % 4]
         dot = "o" if len(total) == 1 else ""
         lines += axis.plot(time.at, total, dashes + dot, color=colour, clip_on=False)
-        names.append(f"{_literal(name)}: {number(total[-1])}")
+        names.append(f"{literal(name, 30)}: {number(total[-1])}")
     axis.set_ylim(0, None)
     label(axis, "", "cost of all steps so far", "Where the estimates part")
     name_times(axis, time, (begin[0], end[-1]), 6.2)
-    made.legend(lines, names, loc="outside upper left", frameon=False)
+    legend(made, lines, names, 1)
     return made
-
-
-def _literal(name: str) -> str:
-    """A name of the user's, short and without formulas."""
-    name = plain(name)
-    return name if len(name) <= 30 else "..." + name[-27:]
 
 
 # -------------------------------------------------------------------------------------------------
@@ -371,7 +353,7 @@ LOGARITHMIC = 0.25
 """An axis is logarithmic if half of its values lie in so much of it."""
 
 
-def sweep_figure(found: Sweep) -> "Figure":
+def draw_sweep(found: Sweep, style: Style) -> Figure:
     """Small multiples: the value and the four costs above, counts below the costs.
 
     A grey band is where the counts of missed and false targets do not change.
@@ -397,19 +379,14 @@ def sweep_figure(found: Sweep) -> "Figure":
         axis.set_ylim(0, None)
     made.supxlabel(
         AXIS_NAMES[found.parameter]
-        + (f" ({plain(found.unit)})" if found.unit else "")
+        + (f" ({literal(found.unit)})".replace("$", r"\$") if found.unit else "")
         + ("; grey: missed and false do not change in number" if band is not None else ""),
         fontsize="medium",
     )
     return made
 
 
-def plain(text: str) -> str:
-    """A text of the user's without formulas."""
-    return "".join(c if c.isprintable() else "?" for c in text).replace("$", r"\$")
-
-
-def _value(axis: "Axes", x: list[float], points: Sequence[Point]) -> None:
+def _value(axis: Axes, x: list[float], points: Sequence[Point]) -> None:
     """TGOSPA; its bracket where it is seen."""
     upper = [point.tgospa for point in points]
     lower = [point.lower_bound for point in points]
@@ -419,7 +396,7 @@ def _value(axis: "Axes", x: list[float], points: Sequence[Point]) -> None:
     label(axis, "", "", "TGOSPA")
 
 
-def _sweep_line(axis: "Axes", x: list[float], y: list[float], k: int) -> None:
+def _sweep_line(axis: Axes, x: list[float], y: list[float], k: int) -> None:
     axis.plot(x, y, "-", marker=MARKERS[k], ms=4, color=LIGHT[PARTS[k]], clip_on=False)
 
 
@@ -427,3 +404,166 @@ def _crowded(x: list[float]) -> bool:
     """Whether values crowd at the low end, as evenly spaced logarithms do."""
     middle = sorted(x)[len(x) // 2]
     return len(x) > 2 and x[0] > 0 and middle - x[0] < LOGARITHMIC * (x[-1] - x[0])
+
+
+# -------------------------------------------------------------------------------------------------
+# Of a batch: values side by side, what costs are made of, curves over steps.
+
+DASHES_OF_LINES = ("-", "--", ":", "-.")
+MOST_BARS = 40
+
+PANEL = 0.62
+"""Height of one of many panels, of one that is alone."""
+
+ROW = 0.21
+"""Inches of a row with letters."""
+
+
+def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Figure | None:
+    """RMS-TGOSPA of runs over time, with bands; a panel for each kind.
+
+    Parameters
+    ----------
+    tables : BatchTables
+        Has the curves.
+    style : Style
+        Sizes.
+    parts : bool
+        Whether to draw the parts instead, one below the other, the kinds side by side.
+    """
+    unit = tables.unit
+    lines: Sequence[str] = PARTS if parts else ("total",)
+    curves = [(track, curve) for track, curve in tables.drawn_curves if lines[0] in curve.rms]
+    if not curves:
+        return None
+    kinds = [kind for kind in CURVE_KINDS if any(curve.kind == kind for _, curve in curves)]
+    if parts:
+        made, axes = figure(style.width, PANEL * style.low * len(lines), len(lines), len(kinds))
+        for axis, kind in zip(axes[0], kinds, strict=True):
+            axis.set_title(CURVE_KINDS[kind], fontsize="medium", loc="left")
+    else:
+        made, axes = figure(style.width, style.low * len(kinds), len(kinds))
+        axes = axes.T
+        titled(axes[0, 0], style, "Root mean square over the runs")
+    clock, places, ends = on_one_axis([curve for _, curve in curves])
+    drawn: dict[str, Artist] = {}
+    for (row, column), axis in np.ndenumerate(axes):
+        name, kind = lines[row], kinds[column]
+        top = 0.0
+        for (track, curve), at in zip(curves, places, strict=True):
+            if curve.kind == kind:
+                group = literal(curve.name or "all jobs")
+                drawn[group] = _draw_line(axis, at, curve, name, track)
+                top = max(top, curve.top(name))
+        axis.set_ylim(0, ROOM * top or 1.0)
+        name_times(axis, clock, ends, style.width / (len(kinds) if parts else 1))
+        about = LINE_NAMES[name].removeprefix("RMS ").replace(" error", "\nerror")
+        about += "" if parts else f"\n{CURVE_KINDS[kind]}"
+        if not (parts and column):
+            axis.set_ylabel(f"{about} ({literal(unit)})" if unit else about, parse_math=False)
+        if parts and row + 1 < len(lines):
+            axis.set_xlabel("")
+    legend(made, list(drawn.values()), list(drawn), 4 if style.titles else 3)
+    return made
+
+
+def draw_curve_parts(tables: BatchTables, style: Style) -> Figure | None:
+    """The same of the parts."""
+    return draw_curves(tables, style, parts=True)
+
+
+def _draw_line(axis: Axes, at: Floats, curve: RmsCurve, name: str, track: int) -> Artist:
+    """A line with its band."""
+    colour = TRACK_COLOURS[track % len(TRACK_COLOURS)]
+    if name in curve.bands:
+        axis.fill_between(at, *curve.bands[name], color=colour, alpha=0.16, linewidth=0)
+    looks: dict[str, Any] = {
+        "color": colour,
+        "linestyle": DASHES_OF_LINES[track % len(DASHES_OF_LINES)],
+    }
+    looks |= {"marker": "o"} if len(at) == 1 else {}
+    return axis.plot(at, curve.rms[name], clip_on=False, **looks)[0]
+
+
+def draw_parts(tables: BatchTables, style: Style) -> Figure | None:
+    """Cost per step of each group, stacked."""
+    shown = [(group["name"] or "all jobs", group["costs"]) for group in tables.shown_groups]
+    shown = shown[:MOST_BARS]
+    if not shown:
+        return None
+    orders = tables.rows["order"].dropna().unique()
+    unit = power(tables.unit, orders[0]) if len(orders) == 1 else ""
+    made, ((axis,),) = figure(style.width, 1.1 + ROW * 1.5 * len(shown))
+    places = np.arange(len(shown))
+    left = np.zeros(len(shown))
+    bars = []
+    for name in PARTS:
+        sizes = np.array([parts[name] for _, parts in shown])
+        bars.append(axis.barh(places, sizes, 0.62, left=left, **FILLS[name]))
+        left += sizes
+    _names(axis, [name for name, _ in shown], upright=True)
+    axis.grid(visible=False, axis="y")
+    axis.set_xlabel(f"cost per step{unit}", parse_math=False)
+    titled(axis, style, "What the cost is made of")
+    legend(made, bars, list(PARTS), 4)
+    return made
+
+
+def draw_heat(tables: BatchTables, style: Style) -> Figure | None:
+    """Value per step of each cell; of many rows those lie across, without numbers."""
+    heat, unit = tables.heat, tables.unit
+    if heat is None or heat["ends"] is None:
+        return None
+
+    def value(cell: Json | None) -> float:
+        if cell is None or cell["value"] is None:
+            return np.nan
+        return float(cell["level"] if heat["scales"] > 1 else cell["value"].upper)
+
+    values = np.array([[value(cell) for cell in row] for row in heat["cells"]])
+    if heat["squares"]:
+        values = values.T
+    high = ROW * len(values) * (2 if heat["squares"] else 1)
+    made, ((axis,),) = figure(style.width, 1.3 + high)
+    axis.grid(visible=False)
+    colours = ListedColormap(heat_shades(LIGHT))
+    seen = axis.pcolormesh(np.ma.masked_invalid(values), cmap=colours, rasterized=heat["squares"])
+    what = f"TGOSPA per step ({literal(unit)})" if unit else "TGOSPA per step"
+    bar = made.colorbar(seen, ticks=[] if heat["scales"] > 1 else None)
+    own = ", least to largest of the same parameters" if heat["scales"] > 1 else ""
+    bar.set_label(what + own, parse_math=False)
+    axis.set_ylim(len(values), 0)
+    if heat["squares"]:
+        _names(axis, heat["columns"], upright=True, shift=0.5)
+        axis.set_xlabel(f"{literal(heat['down'], 40)}, in order", parse_math=False)
+    else:
+        _names(axis, heat["columns"], upright=False, shift=0.5)
+        _names(axis, heat["rows"], upright=True, shift=0.5)
+        _numbers(axis, heat)
+    for side in axis.spines.values():
+        side.set_visible(False)
+    titled(axis, style, f"{literal(heat['down'])} by {literal(heat['across'])}")
+    return made
+
+
+def _numbers(axis: Axes, heat: Json) -> None:
+    """The value in each cell, bold where it is proven to be the best of its row."""
+    for k, row in enumerate(heat["cells"]):
+        for column, cell in enumerate(row):
+            if cell is None:
+                continue
+            weight = "bold" if cell["best"] else "normal"
+            axis.text(
+                column + 0.5, k + 0.5, cell["text"], ha="center", va="center", fontsize="small",
+                fontweight=weight, color=LIGHT["ink"] if cell["value"] else SOFT,
+            )  # fmt: skip
+
+
+def _names(axis: Axes, names: Sequence[str], *, upright: bool, shift: float = 0.0) -> None:
+    """Names of rows, the first on top, or of columns."""
+    which = axis.yaxis if upright else axis.xaxis
+    places = np.arange(len(names)) + shift
+    which.set_ticks(places, [literal(name, 30) for name in names], parse_math=False)
+    which.set_tick_params(length=0)
+    if upright and not shift:
+        axis.set_ylim(len(names) - 0.5, -0.5)
