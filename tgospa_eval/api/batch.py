@@ -55,19 +55,17 @@ from tgospa_eval.evaluation.slicing import parse_slices
 from tgospa_eval.formats import runs_inside
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.formats.options import parse_moments
-from tgospa_eval.show.batch import BatchTables
+from tgospa_eval.show.batch import BANDS, BatchTables, curves_csv
 from tgospa_eval.show.batch_text import batch_report, slices_of_groups
-from tgospa_eval.show.curves import BANDS, curves_csv
-from tgospa_eval.show.files import BATCH, Files, write_texts
-from tgospa_eval.show.proofs import folder_name
+from tgospa_eval.show.files import BATCH, Files, folder_name, write_texts
 from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.text import as_unicode, listed, quoted
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from tgospa_eval.show.batch import BandKind
     from tgospa_eval.show.charts import Pictures
-    from tgospa_eval.show.curves import BandKind
 
 REPORT_FOLDER = "reports"
 
@@ -660,7 +658,7 @@ def batch_files(
 
     tables = replace(tables, settings=store.settings(), link=link)
     notify("report.html", 0.0)
-    files: dict[str, str | bytes] = {"report.html": batch_page(tables)}
+    files: dict[str, str | bytes] = {"report.html": batch_page(tables, draws=wanted is not None)}
     if tables.curves:
         files["curve.csv"] = curves_csv(tables.curves)
     if tables.slices:

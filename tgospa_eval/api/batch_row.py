@@ -246,7 +246,7 @@ def _written(result: Evaluation, task: JobTask, folder: str | None) -> Row:
         result = replace(result, files={"truth": task.job.truth, "estimate": task.job.estimate})
         texts = result_texts(result, (task.job.truth, task.job.estimate))
         if task.proof:
-            from tgospa_eval.show.proofs import proof_files
+            from tgospa_eval.show.files import proof_files
 
             files = proof_files(result, task.options.given)
             texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in files.items()}

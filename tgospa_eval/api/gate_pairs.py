@@ -92,7 +92,7 @@ def evaluate_pair(
             say(text)
         now, finished, about["warnings"] = measured(result), result.finished, result.warnings
         if task.proof is not None:
-            from tgospa_eval.show.proofs import proof_files  # here: few ask for proofs
+            from tgospa_eval.show.files import proof_files  # here: few ask for proofs
 
             texts = proof_files(result, task.options.given)
             write_texts(texts, task.proof, PROOF, force=False, option="--proof")

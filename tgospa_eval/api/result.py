@@ -266,9 +266,9 @@ class Proof(PairProof):
         SolverError
             A checker finds that it does not prove what it claims.
         """
-        from tgospa_eval.show.proofs import save  # lazy: slow to import
+        from tgospa_eval.show.files import save_proof  # lazy: slow to import
 
-        save(self, folder, force=force)
+        save_proof(self, folder, force=force)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

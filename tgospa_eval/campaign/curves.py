@@ -20,7 +20,7 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.words import counted
 from tgospa_eval.formats.times import TimeError, places
 from tgospa_eval.results.records import Time
-from tgospa_eval.show.curves import (
+from tgospa_eval.show.batch import (
     KIND_COLUMN,
     POINT_COLUMNS,
     Band,

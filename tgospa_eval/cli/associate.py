@@ -130,7 +130,7 @@ def command(
     from tgospa_eval.results.records import json_text
     from tgospa_eval.show.files import ASSOCIATION, association_files, check_file, probe_folder
     from tgospa_eval.show.rendering import csv_text
-    from tgospa_eval.show.sensors import association_text
+    from tgospa_eval.show.result_text import association_text
 
     options |= {"force": force}
     request = Request.of(of_pairs(options))

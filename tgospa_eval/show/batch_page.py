@@ -4,15 +4,16 @@ Words and numbers from a template, without a script; the page loads nothing. Eve
 from the user passes through the autoescape of the template.
 """
 
+import base64
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import counted, number
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.show.batch import (
+    BANDS,
     NARROW,
     BatchTables,
     Ranking,
@@ -26,112 +27,14 @@ from tgospa_eval.show.batch_text import (
     other_tables,
     slice_tables,
 )
-from tgospa_eval.show.curves import (
-    BANDS,
-    CURVE_KINDS,
-    LINE_NAMES,
-    RmsCurve,
-    on_one_axis,
-)
+from tgospa_eval.show.charts import Pictures, pictures
 from tgospa_eval.show.html import environment, inlined, page_colours
 from tgospa_eval.show.phrases import ORDERS, equal_names, order_in_words, place_in_words
 from tgospa_eval.show.style import DARK, HEAT_LEVELS, LIGHT, TRACK_COLOURS, heat_shades
-from tgospa_eval.show.time_axis import ROOM, upward
 from tgospa_eval.text import as_unicode
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-MOST_POINTS = 400
-"""Of a line; of more times every second, third ... is drawn."""
-
-ROOM_FOR_TIMES = 60
-"""Room for the names of times."""
-
-
-def curve_charts(
-    curves: Sequence[tuple[int, RmsCurve]], unit: str
-) -> list[tuple[Json, list[Json]]]:
-    """A chart of each kind of curves, with one for each of its parts.
-
-    Parameters
-    ----------
-    curves : sequence of (int, RmsCurve)
-        With the number of the colour of each.
-    unit : str
-        Of the values.
-    """
-    found: list[tuple[Json, list[Json]]] = []
-    if not curves:
-        return found
-    clock, places, (first, last) = on_one_axis([curve for _, curve in curves])
-    percent = 100.0 / (last - first)
-    marks, names, about_time = clock.ticks(first, last, ROOM_FOR_TIMES)
-    across = [
-        {"at": percent * (at - first), "text": name} for at, name in zip(marks, names, strict=True)
-    ]
-    for kind, about in CURVE_KINDS.items():
-        lines: dict[str, list[_Drawn]] = {}
-        for (track, curve), at in zip(curves, places, strict=True):
-            for name in curve.rms if curve.kind == kind else ():
-                lines.setdefault(name, []).append((track, curve, percent * (at - first)))
-        if lines:
-            total, *parts = (
-                _chart(f"{LINE_NAMES[name]} {about}", name, drawn, unit, (across, about_time))
-                for name, drawn in lines.items()
-            )
-            found.append((total, parts))
-    return found
-
-
-_Drawn = tuple[int, RmsCurve, Floats]
-"""The number of a colour, the curve, and where its times are, in percent."""
-
-
-def _chart(
-    title: str, name: str, drawn: Sequence[_Drawn], unit: str, across: tuple[list[Json], str]
-) -> Json:
-    """Lines of the whole cost or a part, with axes; of many times one in `stride` is drawn."""
-    top = ROOM * max(curve.top(name) for _, curve, _ in drawn) or 1.0
-    stride = -(-max(len(at) for *_, at in drawn) // MOST_POINTS)
-    runs = sorted({curve.runs for _, curve, _ in drawn})
-    return {
-        "title": title,
-        "lines": [_line(name, each, top, stride, unit) for each in drawn],
-        "up": upward(top, 5),
-        "across": across[0],
-        "stride": stride,
-        "runs": (f"{runs[0]:,} to " if len(runs) > 1 else "") + counted(runs[-1], "run"),
-        "across_name": across[1],
-    }
-
-
-def _line(name: str, drawn: _Drawn, top: float, stride: int, unit: str) -> Json:
-    """Paths of SVG of a line and of what is around it, and its last value if of several steps."""
-    track, curve, at = drawn
-    size = len(at)
-    chosen = sorted({*range(0, size, stride), size - 1})
-    x = at[chosen].tolist()
-    if size == 1:  # a dash, which can be seen
-        chosen, x = [0, 0], [0.0, 100.0]
-
-    def path(values: Sequence[float]) -> str:
-        places = zip(x, (100.0 * (1.0 - values[k] / top) for k in chosen), strict=True)
-        return "L".join(f"{across:.2f} {up:.2f}" for across, up in places)
-
-    around = ""
-    if name in curve.bands:
-        low, high = map(path, curve.bands[name])
-        around = f"M{high}L{'L'.join(reversed(low.split('L')))}Z"
-    last = number(curve.rms[name][-1], 4)
-    return {
-        "name": curve.name,
-        "track": track,
-        "path": f"M{path(curve.rms[name])}",
-        "band": around,
-        "last": f"{last} {unit}".strip() if curve.kind != "step" else "",
-    }
 
 
 METRIC_COLUMNS = ("distance", "cutoff", "order", "switch_penalty")
@@ -144,12 +47,10 @@ COSTLIEST = 10
 ALL_PAIRS = 5
 """Most that are compared each with each; of more every one is with the next."""
 
-DASHES_OF_TRACKS = ("none", "9 3", "2.5 3", "10 3 2 3")
-"""In turn, so that neighbours differ without colour."""
 
-
-def batch_page(tables: BatchTables) -> str:
-    """The whole page."""
+def batch_page(tables: BatchTables, *, draws: bool) -> str:
+    """The whole page, with curves if it draws any."""
+    curves = pictures("page of a batch", tables, Pictures(formats=("svg",))) if draws else {}
     rows, groups = tables.rows, tables.shown_groups
     # Of several sets of parameters none is that of the batch.
     ranking = tables.rankings[0] if len(tables.rankings) == 1 else None
@@ -158,6 +59,7 @@ def batch_page(tables: BatchTables) -> str:
         sentence = order_in_words("the combined value", ranking.entries, ranking.comparisons)
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
+    runs = sorted({curve.runs for _, curve in tables.drawn_curves})
     html = (
         environment()
         .get_template("batch.html.j2")
@@ -182,7 +84,10 @@ def batch_page(tables: BatchTables) -> str:
             heat=tables.heat,
             levels=HEAT_LEVELS,
             tracks=len(TRACK_COLOURS),
-            charts=curve_charts(tables.drawn_curves, tables.unit),
+            images=[base64.b64encode(image).decode() for image in curves.values()],
+            curves_shown=len({curve.name for _, curve in tables.drawn_curves}),
+            least_runs=f"{runs[0]:,} to " if len(runs) > 1 else "",
+            runs=counted(max(runs, default=0), "run"),
             bands=[BANDS[curve.band] for curve in tables.curves[:1]],
             curve_groups=len({curve.name for curve in tables.curves}),
             costliest=list(_costliest(tables, valued)),
@@ -208,10 +113,7 @@ def _shades() -> str:
     )
     levels = "\n".join(f".h{k} {{ background: var(--heat-{k}); }}" for k in range(HEAT_LEVELS))
     tracks = "\n".join(
-        f".c{k} {{ background: var(--track-{k}); }} .curve.t{k} {{ stroke: var(--track-{k}); "
-        f"stroke-dasharray: {DASHES_OF_TRACKS[k % len(DASHES_OF_TRACKS)]}; }} "
-        f".band.t{k} {{ fill: var(--track-{k}); }}"
-        for k in range(len(TRACK_COLOURS))
+        f".c{k} {{ background: var(--track-{k}); }}" for k in range(len(TRACK_COLOURS))
     )
     return (
         f":root {{ {light} }}\n"

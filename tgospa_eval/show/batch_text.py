@@ -15,16 +15,10 @@ from tgospa_eval.show.batch import (
     BatchTables,
     Ranking,
     bracket,
+    curves_json,
     interval,
     parameters_in_words,
     value_in_words,
-)
-from tgospa_eval.show.curves import curves_json
-from tgospa_eval.show.other_metrics import (
-    covariances_table,
-    direction,
-    grouped_table,
-    other_records,
 )
 from tgospa_eval.show.phrases import (
     MOST_NAMED,
@@ -37,7 +31,14 @@ from tgospa_eval.show.phrases import (
     place_in_words,
 )
 from tgospa_eval.show.rendering import Document, Table, rendered
-from tgospa_eval.show.slices import about_slices, group_tables
+from tgospa_eval.show.side_tables import (
+    about_slices,
+    covariances_table,
+    direction,
+    group_tables,
+    grouped_table,
+    other_records,
+)
 from tgospa_eval.text import listed
 
 if TYPE_CHECKING:

@@ -49,6 +49,10 @@ _RESULT = {
         "there are no windows: evaluate with window=, the steps of each",
     ),
 }
+_CURVES = {
+    "curve": Chart("several:draw_curves"),
+    "curve-parts": Chart("several:draw_curve_parts"),
+}
 
 CHARTS: Mapping[str, Mapping[str, Chart]] = {
     "result": _RESULT,
@@ -68,9 +72,9 @@ CHARTS: Mapping[str, Mapping[str, Chart]] = {
     "batch": {
         "parts": Chart("several:draw_parts"),
         "heat": Chart("several:draw_heat"),
-        "curve": Chart("several:draw_curves"),
-        "curve-parts": Chart("several:draw_curve_parts"),
+        **_CURVES,
     },
+    "page of a batch": _CURVES,
 }
 """By kind of subject and name of file; of data in parts no tracks are drawn."""
 

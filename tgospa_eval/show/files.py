@@ -1,11 +1,13 @@
 """The result as files: JSON, CSV tables, the report; whole or absent."""
 
+import hashlib
 import os
 from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
 from typing import Any, TypeAlias
+from urllib.parse import quote
 
 from tgospa_eval.common import manifest
 from tgospa_eval.common.files import named
@@ -13,14 +15,17 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.common.writing import FRESH, is_left, turn, unique, writing
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.pair import explanation_of
+from tgospa_eval.evaluation.by_class import EvaluationByClass
+from tgospa_eval.evaluation.pair import PairEvaluation, explanation_of
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
+from tgospa_eval.results.proof import PairProof
 from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.sensors.association import Pairing
 from tgospa_eval.show.charts import CHARTS, pictures
 from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.show.style import FILES
+from tgospa_eval.text import as_unicode
 
 Files: TypeAlias = Mapping[str, str | bytes | Path]
 """Contents by name; a path is of a file that is taken as it is."""
@@ -460,3 +465,89 @@ def association_files(
     files: dict[str, str | bytes | Path] = {"report.html": association_page(found, names)}
     files["associations.csv"] = csv_text(found.associations_table())
     return files | pictures("associate", found)
+
+
+# -------------------------------------------------------------------------------------------------
+# Proof folders of a result: one, or one for each class.
+
+
+NO_NAME = "%20"
+"""Folder of objects without a class: no name is quoted so."""
+
+LONGEST_NAME = 200
+"""Characters of a name as that of a folder; file systems take 255 with the digest of the rest."""
+
+
+def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, str]:
+    """The files of a proof folder, or of one for each class, by path in it.
+
+    Parameters
+    ----------
+    result : Evaluation
+        Of one evaluation, or of several classes.
+    options : mapping of str to object
+        How the files were read and compared: `Request` that are no defaults.
+
+    Raises
+    ------
+    ConfigError
+        A proof folder has no place for what was evaluated.
+    SolverError
+        A checker finds that a folder does not prove what it claims.
+    """
+    from tgospa_eval.proof.write import check_proofs, proof_texts  # lazy: slow to import
+
+    files: dict[str, str] = {}
+    written = []
+    for folder, part, origin in sorted(_proven_parts(result), key=lambda part: part[0]):
+        origin |= {
+            "options": dict(options),
+            "judged": part.judged,
+            "inputs": {
+                role: {"path": as_unicode(str(result.files[role])), "sha256": record["sha256"]}
+                for role, record in part.input.items()
+            },
+        }
+        texts = proof_texts(part.proof, origin)
+        written.append(texts)
+        files |= {f"{folder}{name}": text for name, text in texts.items()}
+    check_proofs(written)
+    return files
+
+
+def _proven_parts(result: Evaluation) -> list[tuple[str, PairEvaluation, dict[str, object]]]:
+    """Folder, result, and what the proof says of where it comes from."""
+    if isinstance(result, EvaluationByClass):
+        return [
+            (f"{folder_name(name)}/", part, {"class": name, "classes": list(result.results)})
+            for name, part in result.results.items()
+        ]
+    assert isinstance(result, PairEvaluation)
+    return [("", result, {})]
+
+
+def folder_name(name: str) -> str:
+    """A name of the user's as that of a folder in a folder; different names stay different."""
+    text = quote(name, safe=" ")
+    if text.startswith("."):
+        text = f"%2E{text[1:]}"
+    if len(text) > LONGEST_NAME:
+        text = f"{text[:LONGEST_NAME]}%~{hashlib.sha256(name.encode()).hexdigest()[:16]}"
+    return text or NO_NAME
+
+
+def save_proof(proof: PairProof, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
+    """Write one proof folder: `Proof.save_proof`.
+
+    Raises
+    ------
+    ConfigError
+        The folder cannot be written, or holds files of others, or has no place for the result.
+    SolverError
+        A checker finds that it does not prove what it claims.
+    """
+    from tgospa_eval.proof.write import check_proofs, proof_texts  # lazy: slow to import
+
+    texts = proof_texts(proof)
+    check_proofs([texts])
+    write_texts(texts, os.fspath(folder), PROOF, force=force, option="folder")

@@ -20,20 +20,18 @@ from tgospa_eval.common.words import number, sizes_in_words
 from tgospa_eval.evaluation.pair import explanation_of
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.partitioned import PartitionedResult
-from tgospa_eval.results.records import PARTS, Columns, Json
 from tgospa_eval.sensors.association import Pairing
-from tgospa_eval.show.other_metrics import other_table, similarity
-from tgospa_eval.show.plot_data import PlotData, binned, plot_data
+from tgospa_eval.show.plot_data import PlotData, plot_data
 from tgospa_eval.show.result_text import (
     SPLIT_WORDS,
+    association_text,
     meaning,
     part_rows,
     repair_notes,
     repair_table,
     similarity_in_words,
 )
-from tgospa_eval.show.sensors import association_text
-from tgospa_eval.show.slices import about_slices, share, shown_slices
+from tgospa_eval.show.side_tables import about_slices, other_table, share, shown_slices, similarity
 from tgospa_eval.show.style import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
 from tgospa_eval.text import as_unicode
 
@@ -214,15 +212,8 @@ def _flat(record: Mapping[str, object], before: str = "") -> dict[str, str]:
     return lines
 
 
-BARS = 140
-"""Bars of the chart of a notebook, at most; of more steps the costliest of several are shown."""
-
-CHART_WIDTH, CHART_HEIGHT = 560, 56
-
-
 def card(result: Evaluation) -> str:
-    """What a notebook shows: a headline, the four parts, and the cost of each step."""
-    per_step = result.table("per_step")
+    """What a notebook shows: a headline and the four parts."""
     rows = [row[:4] for row in part_rows(result)]
     rows.append(("total", number(result.total), result.share(result.total), ""))
     notes = [
@@ -232,33 +223,4 @@ def card(result: Evaluation) -> str:
         *filter(None, [result.not_judged]),
     ]
     template = environment().get_template("card.html.j2")
-    return template.render(result=result, notes=notes, rows=rows, colours=LIGHT, **_bars(per_step))
-
-
-def _bars(per_step: Columns) -> Json:
-    """Stacked bars as paths; where there are many steps the costliest of several stands for them.
-
-    They stand on white, for a notebook does not say whether its paper is light or dark.
-    """
-    costs = np.array([per_step[name] for name in PARTS], float)
-    total = costs.sum(axis=0)
-    high = float(total.max(initial=0.0))
-    if not high > 0:
-        return {"label": "", "paths": dict.fromkeys(PARTS, "")}
-    first, chosen = binned(total, BARS)
-    tall = costs[:, chosen] / high * CHART_HEIGHT
-    wide, tops = CHART_WIDTH / len(chosen), CHART_HEIGHT - np.cumsum(tall, axis=0)
-    right, left = f"h{wide * 0.85:.1f}", f"h{-wide * 0.85:.1f}"
-    paths = {
-        name: "".join(
-            f"M{k * wide:.1f} {tops[part, k]:.1f}{right}v{tall[part, k]:.1f}{left}z"
-            for k in np.flatnonzero(tall[part] > 0).tolist()
-        )
-        for part, name in enumerate(PARTS)
-    }
-    together = -(-len(total) // len(first))
-    times = per_step["t"]
-    label = f"cost of each step from {times[0]} to {times[-1]}, at most {number(high)}"
-    if together > 1:
-        label += f"; each bar is the dearest of {together}"
-    return {"label": label, "paths": paths, "width": CHART_WIDTH, "height": CHART_HEIGHT}
+    return template.render(result=result, notes=notes, rows=rows, colours=LIGHT)

@@ -1,11 +1,10 @@
 """A result in words: as text of 80 columns, with colours on a terminal, and as a document.
 
-The text is plain ASCII but for the user's own words. A terminal gets colours, the cost over time
-and the worst steps as well; where it cannot show the blocks of a sparkline ASCII signs stand in.
+The text is plain ASCII but for the user's own words. A terminal gets colours.
 """
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +15,8 @@ from tgospa_eval.evaluation.pair import explanation_of
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
-from tgospa_eval.results.numbers import costliest
 from tgospa_eval.results.records import PARTS, Columns
-from tgospa_eval.show.other_metrics import other_table, similarity
+from tgospa_eval.sensors.association import Pairing
 from tgospa_eval.show.phrases import PART_HEADS, parameters_of
 from tgospa_eval.show.rendering import (
     WIDTH,
@@ -32,7 +30,13 @@ from tgospa_eval.show.rendering import (
     text_lines,
     wrap,
 )
-from tgospa_eval.show.slices import about_slices, slices_lines, slices_table
+from tgospa_eval.show.side_tables import (
+    about_slices,
+    other_table,
+    similarity,
+    slices_lines,
+    slices_table,
+)
 from tgospa_eval.text import ending, visible
 
 SHOWN = 5
@@ -76,7 +80,7 @@ def blocks(result: Evaluation) -> dict[str, list[str]]:
         "parts": _parts,
         "classes": _classes,
         "scale": _scale,
-        "worst": worst,
+        "worst": _worst,
         "switches": _switches,
         "curve": _curve,
         "windows": _windows,
@@ -196,7 +200,7 @@ def document(result: Evaluation) -> Document:
         lines=[result.parameters_in_words()],
         tables=tables,
         notes=[
-            *_typical(result),
+            *filter(None, ["; ".join(f"{name} {value}" for name, value, _ in _each(result))]),
             *filter(None, [result.not_judged]),
             *scored,
             *(() if result.nees is None else (f"NEES {result.nees.in_words}",)),
@@ -230,27 +234,21 @@ def _classes(result: Evaluation) -> Iterator[str]:
     yield from map(clip, text_lines(Table(head=head, rows=rows, widths=(15, *[10] * 6))))
 
 
-def _typical(result: Evaluation) -> Iterator[str]:
-    """The value per step, and per object and step, in a sentence."""
+def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
+    """The value per step, and per object and step: the name, the value, by what the total is."""
     judged, order = result.judged_on, result.proof.parameters.order
-    if judged.steps and judged.truth_states:
-        each = result.quantity((result.total / judged.truth_states) ** (1 / order))
-        per_step = result.quantity(result.normalised["tgospa"])
-        yield f"per step {per_step}; per object and step {each}"
+    if judged.steps:
+        value = result.quantity(result.normalised["tgospa"])
+        yield "per step", value, counted(judged.steps, "step")
+        if judged.truth_states:
+            value = result.quantity((result.total / judged.truth_states) ** (1 / order))
+            states = counted(judged.truth_states, "state")
+            yield "per object and step", value, f"{states} of the truth"
 
 
 def _scale(result: Evaluation) -> Iterator[str]:
-    judged = result.judged_on
-    if judged.steps:
-        order = result.proof.parameters.order
-        per_step = result.quantity(result.normalised["tgospa"])
-        yield f"  per step             {per_step}  (total / {counted(judged.steps, 'step')})^(1/p)"
-        if judged.truth_states:
-            typical = result.quantity((result.total / judged.truth_states) ** (1 / order))
-            states = counted(judged.truth_states, "state")
-            yield from wrap(
-                f"  per object and step  {typical}  (total / {states} of the truth)^(1/p)", " " * 23
-            )
+    for name, value, by in _each(result):
+        yield from wrap(f"  {name:<19}  {value}  (total / {by})^(1/p)", " " * 23)
     if result.nees is not None:
         yield from wrap(f"  NEES                 {result.nees.in_words}", " " * 23)
     if result.calibration is not None:
@@ -363,12 +361,12 @@ def _repairs(result: Evaluation) -> Iterator[str]:
 WORST = {"steps": "worst steps", "truth": "worst truths", "estimates": "worst estimates"}
 
 
-def worst(result: Evaluation, kinds: Iterable[str] = WORST) -> list[str]:
+def _worst(result: Evaluation) -> list[str]:
     """The worst of each kind by name, on as many lines as they need."""
     found = result.worst(SHOWN)
     rows = [
         (f"{WORST[kind]:<15}", "  ".join(clip(str(name), WIDTH - 19) for name in found[kind]))
-        for kind in kinds
+        for kind in WORST
         if found[kind]
     ]
     return text_lines(Table(head=rows[0], rows=rows[1:], align="ll", wrapped=(1,))) if rows else []
@@ -469,25 +467,14 @@ def explanation_document(found: Explanation) -> Document:
 # -------------------------------------------------------------------------------------------------
 # The same for a terminal, with looks.
 
-BLOCKS = " ▁▂▃▄▅▆▇█"
-SIGNS = " .:-=+*#@"
-GRAPH = 62
-GRAPH_BEFORE = "scale"
-"""The block above which the cost over time is drawn."""
-
 BOLD, DIM, GREEN, YELLOW = "1", "2", "32", "33"
 PART_LOOKS = {"localisation": "34", "missed": "31", "false": "35", "switch": YELLOW}
 """Codes of colours and weights (SGR)."""
 
 
-def report(result: Evaluation, encoding: str) -> str:
-    """The text with colours, unless `NO_COLOR` is set; `encoding` is that of stdout."""
-    ramp = BLOCKS if encoding.casefold().startswith("utf") else SIGNS
-    shown: list[list[str]] = []
-    for name, lines in blocks(result).items():
-        if name == GRAPH_BEFORE:
-            shown.append(list(_graph(result, ramp)))
-        shown.append(_styled(result, name, lines))
+def report(result: Evaluation) -> str:
+    """The text with colours, unless `NO_COLOR` is set."""
+    shown = (_styled(result, name, lines) for name, lines in blocks(result).items())
     return "\n\n".join("\n".join(lines) for lines in shown if lines) + "\n"
 
 
@@ -495,38 +482,6 @@ def _looking(text: str, *codes: str) -> str:
     if not text or not codes or os.environ.get("NO_COLOR"):
         return text
     return f"\x1b[{';'.join(codes)}m{text}\x1b[0m"
-
-
-def sparkline(values: list[float], high: float, ramp: str = BLOCKS, width: int = GRAPH) -> str:
-    """The values as heights from 0 to `high`; what is not 0 is never shown as nothing.
-
-    Where there are more values than `width` each sign stands for the largest of several.
-    """
-    together = max(1, -(-len(values) // width))
-    tops = [max(values[k : k + together]) for k in range(0, len(values), together)]
-    most = len(ramp) - 1
-    levels = (0 if top <= 0 else max(1, round(top / high * most)) for top in tops)
-    return "".join(ramp[level] for level in levels)
-
-
-def _graph(result: Evaluation, ramp: str) -> Iterator[str]:
-    """A row for the whole cost and each part, all to one scale, over the times."""
-    table = result.table("per_step")
-    high = max(table["total"], default=0.0)
-    if not high > 0:
-        return
-    steps = len(table["t"])
-    together = max(1, -(-steps // GRAPH))
-    each = f", each sign the largest of {together}" if together > 1 else ""
-    yield f"  cost of each step, to {number(high)}{each}"
-    for name in ("total", *PARTS):
-        if any(table[name]):
-            graph = sparkline(table[name], high, ramp)
-            yield f"  {name:<14}  {_looking(graph, PART_LOOKS.get(name, BOLD))}"
-    first, last = str(table["t"][0]), str(table["t"][-1])
-    wide = -(-steps // together)
-    gap = max(1, wide - len(first) - len(last))
-    yield _looking(clip(f"  {'t':<14}  {first}{' ' * gap}{last if steps > 1 else ''}"), DIM)
 
 
 def _styled(result: Evaluation, name: str, lines: list[str]) -> list[str]:
@@ -537,24 +492,7 @@ def _styled(result: Evaluation, name: str, lines: list[str]) -> list[str]:
         return [*(_looking(line, BOLD, colour) for line in claim), sizes]
     if name == "parts":
         return [_part(result, line) for line in lines]
-    if name == "worst":  # with costs and counts of the steps, for which the plain table has no room
-        return [*_worst_steps(result), *map(visible, worst(result, ("truth", "estimates")))]
     return [_looking(line, DIM) for line in lines] if name in ("meaning", "footer") else lines
-
-
-def _worst_steps(result: Evaluation) -> Iterator[str]:
-    table, counts = result.table("per_step"), result.proof.breakdown
-    chosen = costliest(list(range(len(table["t"]))), np.array(table["total"]), SHOWN)
-    if not chosen:
-        return
-    parts = counts.missed_count, counts.false_count, counts.switch_count
-    rows = [
-        (str(table["t"][k]), number(table["total"][k], 5), *(number(part[k], 4) for part in parts))
-        for k in chosen
-    ]
-    head = (f"{'worst steps':<17}{'t':>12}", "cost", "missed", "false", "switches")
-    yield from map(clip, text_lines(Table(head=head, rows=rows, align="r" * 5)))
-    yield ""
 
 
 def _part(result: Evaluation, line: str) -> str:
@@ -564,3 +502,71 @@ def _part(result: Evaluation, line: str) -> str:
     weight = () if getattr(result, name) else (DIM,)
     before, after = line.split(name, 1)
     return before + _looking(name, *weight, PART_LOOKS[name]) + _looking(after, *weight)
+
+
+# -------------------------------------------------------------------------------------------------
+# What associate and reduce computed.
+
+
+Spread = dict[str, float]
+"""Smallest, median and largest of some numbers, by these names: min, median, max."""
+
+ROWS = 40
+"""Rows that a table on stdout shows at most."""
+
+ROUNDING = 1e-9
+"""Shift of a mean, as a share of the distance to the cloud, that is nothing but rounding."""
+
+
+def association_text(found: Pairing, *, rows: bool = True) -> str:
+    """Counts, and the associations in columns."""
+    count, (rest_a, rest_b) = int(found.chosen.sum()), found.unassigned
+    lines = [
+        f"{count} associated, {rest_a} of A and {rest_b} of B alone, in "
+        f"{counted(len(found.first.times), 'step')}",
+        f"sum {found.total:.6g}: distances, and {found.cutoff / 2:g} for each state that stays "
+        "alone\n",
+    ]
+    if rows:
+        table = list(zip(*found.associations_table().values(), strict=True))
+        lines += _aligned(("t", "A", "B", "distance", "of means"), table)
+    return "\n".join(lines) + "\n"
+
+
+def reduction_text(counts: Mapping[str, int], change: Mapping[str, Spread | None]) -> str:
+    """What changed, on the whole; the arguments are parts of the document."""
+    shown = {
+        "Wasserstein distance to the cloud": change["wasserstein"],
+        "sliced Wasserstein distance": change["sliced_wasserstein"],
+        "shift of the mean": change["mean_shift"],
+    }
+    rows = [(name, value["median"], value["max"]) for name, value in shown.items() if value]
+    lines = [
+        f"{counted(counts['clouds'], 'cloud')}, {counted(counts['particles'], 'particle')} -> "
+        f"{counts['kept']}\n"
+    ]
+    if len(rows) > 1 and rows[-1][2] <= ROUNDING * rows[-2][2]:
+        lines += [*_aligned(("", "median", "largest"), rows[:-1]), "means kept"]
+    else:
+        lines += _aligned(("", "median", "largest"), rows)
+    kept = change["trace_kept"]
+    if kept:
+        lines.append(
+            f"kept of the trace of the covariance: {100 * kept['median']:.4g} %, at least "
+            f"{100 * kept['min']:.4g} %"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _aligned(head: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
+    """Aligned columns; of many rows the first ones."""
+    table = Table(head=head, rows=[list(map(_cell, row)) for row in rows[:ROWS]])
+    lines = text_lines(table, "") if rows else []
+    rest = len(rows) - ROWS
+    return [*lines, f"and {rest} more; all of them: --format csv"] if rest > 0 else lines
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

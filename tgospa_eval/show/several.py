@@ -18,8 +18,7 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import number
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Json, Time
 from tgospa_eval.results.sweep import Point, Sweep
-from tgospa_eval.show.batch import BatchTables
-from tgospa_eval.show.curves import CURVE_KINDS, LINE_NAMES, RmsCurve, on_one_axis
+from tgospa_eval.show.batch import CURVE_KINDS, LINE_NAMES, BatchTables, RmsCurve, on_one_axis
 from tgospa_eval.show.drawing import figure, label, legend, literal, power, titled
 from tgospa_eval.show.overtime import name_times
 from tgospa_eval.show.style import (

@@ -9,7 +9,6 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import number
 from tgospa_eval.results.records import Json, Time
 
 UNEVEN = 5.0
@@ -89,12 +88,6 @@ def uneven(values: Floats) -> bool:
 
 ROOM = 1.05
 """Height of a chart, as a multiple of what is in it."""
-
-
-def upward(top: float, count: int) -> list[dict[str, object]]:
-    """Ticks at about so many round numbers from 0 to the top: places in percent, and texts."""
-    return [{"at": 100.0 * (1.0 - y / top), "text": number(y, 4)} for y in nice(0.0, top, count)]
-
 
 CLOCK = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200)
 """Round numbers of seconds within a day."""

@@ -1,15 +1,12 @@
 """Shades, numbers and axes of the page of a batch."""
 
 import itertools
-import re
 
 import pandas as pd
 import pytest
 
 from tgospa_eval.results.records import Json, Time
-from tgospa_eval.show.batch import MOST_SQUARES, heat_of
-from tgospa_eval.show.batch_page import curve_charts
-from tgospa_eval.show.curves import RmsCurve
+from tgospa_eval.show.batch import MOST_SQUARES, RmsCurve, heat_of, on_one_axis
 from tgospa_eval.show.phrases import first_names, order_in_words
 from tgospa_eval.show.style import DARK, HEAT_LEVELS, LIGHT, heat_shades
 from tgospa_eval.show.time_axis import nice
@@ -143,37 +140,14 @@ def curve(times: list[Time], rms: list[float], group: str = "a") -> RmsCurve:
     )
 
 
-def test_a_chart_is_in_percent() -> None:
-    ((chart, (part,)),) = curve_charts([(0, curve([0, 10, 20], [1.0, 2.0, 1.0]))], "m")
-    (line,) = chart["lines"]
-    assert line["path"] == "M0.00 76.19L50.00 52.38L100.00 76.19"
-    assert line["band"].startswith("M0.00 52.38L50.00 4.76L100.00 52.38L100.00 100.00")
-    assert {(0.0, "0"), (50.0, "10"), (100.0, "20")} <= {
-        (t["at"], t["text"]) for t in chart["across"]
-    }
-    assert (chart["title"], chart["across_name"]) == ("RMS-TGOSPA per time step", "time")
-    assert part["title"] == "RMS missed target error per time step"
-    assert part["lines"] == chart["lines"]
-    assert curve_charts([], "m") == []
-
-
 def test_curves_of_other_times_share_an_axis() -> None:
-    both = [(0, curve([0, 8], [1.0, 2.0])), (1, curve([2, 4.0], [1.0, 2.0], "b"))]
-    ((chart, _),) = curve_charts(both, "")
-    first, second = (re.findall(r"[ML]([\d.]+) ", line["path"]) for line in chart["lines"])
-    assert first == ["0.00", "100.00"]
-    assert second == ["25.00", "50.00"]
-    # Of one time there is a dash that can be seen; times of several kinds are steps.
-    both = [(0, curve(["2026-01-01T00:00:00"], [1.0])), (1, curve([2, 3], [1.0, 2.0], "b"))]
-    ((chart, _),) = curve_charts(both, "")
-    first, second = (re.findall(r"[ML]([\d.]+) ", line["path"]) for line in chart["lines"])
-    assert first == second == ["0.00", "100.00"]
-
-
-def test_a_long_chart_is_thinned() -> None:
-    ((chart, _),) = curve_charts([(0, curve(list(range(1000)), [1.0] * 1000))], "")
-    assert chart["stride"] == 3
-    assert chart["lines"][0]["path"].count(" ") == 334
+    both = [curve([0, 8], [1.0, 2.0]), curve([2, 4.0], [1.0, 2.0], "b")]
+    _, places, ends = on_one_axis(both)
+    assert [at.tolist() for at in places] == [[0, 8], [2, 4]]
+    assert ends == (0, 8)
+    # Times of several kinds are steps.
+    _, places, _ = on_one_axis([curve(["2026-01-01T00:00:00"], [1.0]), curve([2, 3], [1.0, 2.0])])
+    assert [at.tolist() for at in places] == [[1], [1, 2]]
 
 
 def test_sentences_name_few_of_many() -> None:

@@ -1,6 +1,5 @@
 """From the values of the options to a result, and the result to stdout and files."""
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -138,6 +137,6 @@ def _print(result: Evaluation, output: OutputOptions) -> None:
     if name == "table" and on_terminal():
         from tgospa_eval.show.result_text import report  # here: for terminals only
 
-        emit(report(result, sys.stdout.encoding or "ascii"), "colours")
+        emit(report(result), "colours")
     else:
         emit(REPORTS[name](result), name)

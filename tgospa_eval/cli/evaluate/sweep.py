@@ -16,9 +16,9 @@ from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.show.charts import pictures
+from tgospa_eval.show.comparison import sweep_document
 from tgospa_eval.show.files import SWEEP, Files, probe_folder
 from tgospa_eval.show.rendering import csv_text, rendered
-from tgospa_eval.show.sweep import sweep_document
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:

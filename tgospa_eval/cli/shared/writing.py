@@ -162,7 +162,7 @@ def write_folder(
         notify("report.html", 0.0)
         texts = {**result_texts(result, names)}
         if output.proof:
-            from tgospa_eval.show.proofs import proof_files  # here: only where asked for
+            from tgospa_eval.show.files import proof_files  # here: only where asked for
 
             notify(PROOF_FOLDER, 0.0)
             proof = proof_files(result, options.given)
