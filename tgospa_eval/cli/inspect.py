@@ -98,10 +98,7 @@ def _write_picture(
 ) -> None:
     """Draw what was read."""
     from tgospa_eval.common.writing import write_file
-    from tgospa_eval.show.drawing import written  # matplotlib takes a second
-    from tgospa_eval.show.plane import draw_inspection
-    from tgospa_eval.show.style import styled
+    from tgospa_eval.show.charts import Pictures, pictures
 
-    with styled():
-        data = written(draw_inspection(sides, unit), kind)
+    (data,) = pictures("inspect", (sides, unit), Pictures(formats=(kind,))).values()
     write_file(path, data, "--plot")

@@ -22,7 +22,7 @@ from tgospa_eval.results.records import PARTS, Columns, Json, Part, Time, record
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.show.style import HEAT_LEVELS
-from tgospa_eval.show.time_axis import TimeAxis, moments
+from tgospa_eval.show.time_axis import TimeAxis
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -142,7 +142,7 @@ def on_one_axis(
         times = [k + 1 for own in found for k in own.tolist()]
     _, first = np.unique(np.concatenate(found), return_index=True)
     union = [times[k] for k in first.tolist()]
-    axis = TimeAxis(times=union, axis=moments(union))
+    axis = TimeAxis.of(union)
     at = axis.at
     room = 0.0 if len(at) > 1 else 0.5
     ends = float(at[0]) - room, float(at[-1]) + room

@@ -201,11 +201,10 @@ def _sums_table(tables: BatchTables) -> Table:
             ends = zip(groups["confidence_lower"], groups["confidence_upper"], strict=True)
             columns.append([_interval(*both) for both in ends])
             heads.append(INTERVAL)
-    named = len(tables.heads)
     return Table(
         head=heads,
         rows=list(zip(*columns, strict=True)),
-        align="l" * named + "r" * (len(heads) - named),
+        labels=len(tables.heads),
         bold=best_cells(compared, _rivals(tables, rows)),
     )
 
@@ -227,7 +226,7 @@ def _parts_table(tables: BatchTables) -> Table:
     return Table(
         head=(*heads.values(), "total", *PART_HEADS),
         rows=[(*tables.named(row), *own) for row, own in zip(rows, numbers, strict=True)],
-        align="l" * len(heads) + "rrrrr",
+        labels=len(heads),
         bold=best_cells({len(heads): totals}, _rivals(tables, rows)),
     )
 
@@ -280,7 +279,7 @@ def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
     per_step = [bracket(item, "per_step") for item in entries]
     yield Table(
         head=(ranking.label, *ranking.parameters, "proven place", "combined", "per step"),
-        align="l" * (1 + len(of)) + "rrr",
+        labels=1 + len(of),
         rows=[
             (
                 item["name"],
@@ -307,7 +306,7 @@ def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
                 *ranking.parameters,
                 *("difference", INTERVAL, "p (Holm)", "statistical place"),
             ),
-            align="l" * (1 + len(of)) + "rrrr",
+            labels=1 + len(of),
             rows=[
                 (best, *of, "", "", "", places[best]),
                 *(

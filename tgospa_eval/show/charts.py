@@ -58,6 +58,7 @@ CHARTS: Mapping[str, Mapping[str, Chart]] = {
     "result": _RESULT,
     "result in parts": {name: _RESULT[name] for name in ("costs", "cumulative", "nees")},
     "associate": {"plane": _PLANE},
+    "inspect": {"inspection": Chart("plane:draw_inspection")},
     "sweep": {"sweep": Chart("several:draw_sweep")},
     "estimates": {"cumulative": Chart("several:draw_cumulative")},
     "solvers": {

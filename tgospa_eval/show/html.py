@@ -25,6 +25,7 @@ from tgospa_eval.show.plot_data import PlotData, plot_data
 from tgospa_eval.show.result_text import (
     SPLIT_WORDS,
     association_text,
+    class_table,
     meaning,
     part_rows,
     repair_notes,
@@ -127,8 +128,8 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
         "score": "" if result.calibration is None else similarity_in_words(result),
         "parts": _parts(result),
         "per_step": result.quantity(result.normalised["tgospa"]),
-        "classes": list(zip(*result.table("per_class").values(), strict=True)),
-        "others": other_table(result.with_).rows,
+        "classes": class_table(result),
+        "others": other_table(result.with_),
         "similarity": list(similarity(result.with_)),
         "shown_slices": shown_slices,
         "share": share,

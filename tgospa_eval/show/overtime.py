@@ -196,7 +196,7 @@ def draw_worst(seen: PlotData, style: Style, parts: Sequence[str]) -> Figure:
         axes = columns[:, 0]
         axes[0].get_gridspec().set_height_ratios(rows)
     for axis, (title, (names, costs)) in zip(axes, lists.items(), strict=True):
-        _bars(axis, names, costs, style.worst if beside else max(len(names), 4), beside=beside)
+        bars(axis, names, costs, style.worst if beside else 4, room=1.22 if beside else 1.1)
         label = f"{title} {literal(shared)}…" if shared and title == "steps" else title
         axis.set_ylabel(label, fontweight="bold", parse_math=False)
     unit = power(seen.document["unit"], seen.document["order"])
@@ -228,28 +228,33 @@ def _costliest(
     return [names[k] for k in order], {name: cost[order] for name, cost in chosen.items()}
 
 
-def _bars(
-    axis: Axes, names: list[str], costs: dict[str, Floats], rows: int, *, beside: bool
+def bars(
+    axis: Axes,
+    names: Sequence[str],
+    costs: Mapping[str, Floats],
+    rows: int = 0,
+    letters: int = 20,
+    room: float = 1.1,
 ) -> None:
-    """Stacked bars, costliest above, with the sum at the end of each; room for so many."""
+    """Stacked bars from above, with the sum at the end of each; room for so many rows and words."""
     place, end = np.arange(len(names), dtype=float), np.zeros(len(names))
     for part, cost in costs.items():
         kept = cost > 0
         if kept.any():
-            bars = boxes(end[kept], (end + cost)[kept], place[kept] - THICK, place[kept] + THICK)
+            corners = boxes(end[kept], (end + cost)[kept], place[kept] - THICK, place[kept] + THICK)
             # One artist for all: of each bar the hatches are made anew.
-            path = Path.make_compound_path_from_polys(bars)
+            path = Path.make_compound_path_from_polys(corners)
             axis.add_artist(PathPatch(path, linewidth=0.5, label=part, **FILLS[part]))
         end = end + cost
     for at, total in zip(place, end, strict=True):
         axis.text(total, at, f" {number(total, 4)}", va="center", fontsize="small")
-    axis.set_ylim(max(rows, 1) - 0.4, -0.6)
-    axis.set_xlim(0, float(end.max(initial=0.0)) * (1.22 if beside else 1.1) or 1.0)
+    axis.set_ylim(max(rows, len(names), 1) - 0.4, -0.6)
+    axis.set_xlim(0, float(end.max(initial=0.0)) * room or 1.0)
     axis.grid(visible=False, axis="y")
     axis.tick_params(axis="y", length=0)
     axis.locator_params(axis="x", nbins=4)
     counted(axis.xaxis)
-    axis.set_yticks(place, [literal(name, 20) for name in names], parse_math=False)
+    axis.set_yticks(place, [literal(name, letters) for name in names], parse_math=False)
     if not names:
         axis.annotate("none", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center")
         axis.set_xticks([])

@@ -533,16 +533,20 @@ PRESENCE = "trajectory"
 """What is up where the time is across."""
 
 
-def draw_inspection(sides: Sequence[tuple[str, Trajectories]], unit: str = "") -> Figure:
+def draw_inspection(
+    subject: tuple[Sequence[tuple[str, Trajectories]], str],
+    style: Style,  # noqa: ARG001
+) -> Figure:
     """Trajectories in the plane, and a line for each over the times at which it has states.
 
     Parameters
     ----------
-    sides : sequence of (str, Trajectories)
-        Name and content of the truth, and of an estimate.
-    unit : str
-        Of the states.
+    subject : sequence of (str, Trajectories), and str
+        Name and content of the truth, and of an estimate; the unit of the states.
+    style : Style
+        Has no influence on the sizes.
     """
+    sides, unit = subject
     columns = sides[0][1].columns
     boxes, stretch = is_box(columns), 1.0
     across, up = plane_columns(columns, None)

@@ -130,7 +130,9 @@ class Table:
     rows : sequence of rows
         As many cells each, or fewer.
     align : str
-        ``l`` or ``r`` for each column; by default the first is text, the others are numbers.
+        ``l`` or ``r`` for each column; by default labels are text, the others are numbers.
+    labels : int
+        How many first columns tell rows apart.
     widths : sequence of int
         Of the columns in plain text, with the blanks between them; by default as they need.
     bold : frozenset of (int, int)
@@ -145,6 +147,7 @@ class Table:
     head: Row
     rows: Sequence[Row]
     align: str = ""
+    labels: int = 1
     widths: Sequence[int] = ()
     bold: frozenset[tuple[int, int]] = frozenset()
     ruled: tuple[int, ...] = ()
@@ -153,7 +156,7 @@ class Table:
     @property
     def sides(self) -> str:
         """``l`` or ``r`` for each column."""
-        return self.align or "l".ljust(len(self.head), "r")
+        return self.align or ("l" * self.labels).ljust(len(self.head), "r")
 
 
 def table_of(columns: Mapping[str, Sequence[str]], **looks: Any) -> Table:
@@ -371,7 +374,7 @@ def _fitted(table: Table) -> list[str]:
             [_short(row[0], first), *(apart[k] + row[k] for k in columns)] for row in rows
         ]
         wide = (first, *(widths[k] + 2 for k in columns))
-        align = "".join(table.sides[k] for k in (0, *columns)) if table.align else ""
+        align = "".join(table.sides[k] for k in (0, *columns))
         lines += ["", *text_lines(Table(head=head, rows=found, widths=wide, align=align))]
     return lines[1:]
 

@@ -222,16 +222,20 @@ REPORTS: dict[str, Callable[[Evaluation], str]] = {
 """What ``--format`` prints of a result; a member needs a line in the docs."""
 
 
-def _classes(result: Evaluation) -> Iterator[str]:
-    classes = result.table("per_class")
-    if not classes:
-        return
-    head = ("class", "TGOSPA", "total", *PART_HEADS)
+def class_table(result: Evaluation) -> Table | None:
+    """A row for each class, where they are evaluated apart."""
+    columns = result.table("per_class")
     rows = [
         (name or "(blank)", *(number(value, 5) for value in values))
-        for name, *values in zip(*classes.values(), strict=True)
+        for name, *values in zip(*columns.values(), strict=True)
     ]
-    yield from map(clip, text_lines(Table(head=head, rows=rows, widths=(15, *[10] * 6))))
+    head = ("class", "TGOSPA", "total", *PART_HEADS)
+    return Table(head=head, rows=rows, widths=(15, *[10] * 6)) if columns else None
+
+
+def _classes(result: Evaluation) -> Iterator[str]:
+    table = class_table(result)
+    yield from map(clip, text_lines(table) if table else ())
 
 
 def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:

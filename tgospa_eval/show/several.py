@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
 from tgospa_eval.common.arrays import Floats
@@ -20,7 +21,7 @@ from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Json, Time
 from tgospa_eval.results.sweep import Point, Sweep
 from tgospa_eval.show.batch import CURVE_KINDS, LINE_NAMES, BatchTables, RmsCurve, on_one_axis
 from tgospa_eval.show.drawing import figure, label, legend, literal, power, titled
-from tgospa_eval.show.overtime import name_times
+from tgospa_eval.show.overtime import bars, name_times
 from tgospa_eval.show.style import (
     COLOURS,
     FILLS,
@@ -31,7 +32,7 @@ from tgospa_eval.show.style import (
     Style,
     heat_shades,
 )
-from tgospa_eval.show.time_axis import ROOM, TimeAxis, moments
+from tgospa_eval.show.time_axis import ROOM, TimeAxis
 
 FLOOR = 1e-9
 """Errors below count as none; they are drawn here."""
@@ -50,28 +51,39 @@ def _seen(*errors: Iterable[float | None]) -> bool:
 
 def draw_errors(document: Json, style: Style) -> Figure | None:
     """How far the bounds of `sinkhorn` are from what all runs prove, by temperature."""
-    runs = sorted(
-        (run for run in document["runs"] if run["epsilon"] is not None and run["seconds"]),
-        key=_epsilon,
-    )
-    x = [*map(_epsilon, runs)]
+    runs = [run for run in document["runs"] if run["epsilon"] is not None and run["seconds"]]
+    runs.sort(key=_epsilon)
+    entropic = [run["entropic"] or {} for run in runs]
     lines = {
-        "upper bound (TGOSPA)": [floored(run["error"]) for run in runs],
-        "lower bound": [floored(run["lower_error"]) for run in runs],
-        "entropic value": [floored((run["entropic"] or {}).get("error")) for run in runs],
-        "its cost, without entropy": [
-            floored((run["entropic"] or {}).get("cost_error")) for run in runs
-        ],
+        "upper bound (TGOSPA)": [run["error"] for run in runs],
+        "lower bound": [run["lower_error"] for run in runs],
+        "entropic value": [each.get("error") for each in entropic],
+        "its cost, without entropy": [each.get("cost_error") for each in entropic],
     }
     if document["referee"] is None or len(runs) < 2 or not _seen(*list(lines.values())[:3]):
         return None
+    return _by_temperature(
+        {
+            name: (k, runs, [{"mean": error, "deviation": None} for error in errors])
+            for k, (name, errors) in enumerate(lines.items())
+        }
+    )
+
+
+def _by_temperature(
+    lines: Mapping[str, tuple[int, Sequence[Json], Sequence[Json]]], where: str = ""
+) -> Figure:
+    """Errors over the temperatures of runs; those of a number have a colour, all but one dashes."""
     made, ((axis,),) = figure(5.2, 3.6)
-    for k, (title, y) in enumerate(lines.items()):
-        axis.plot(x, y, f"-{MARKERS[k]}", color=COLOURS[k], label=title, clip_on=False, zorder=3)
-    _ticks(axis, x)
+    numbers: list[int] = []
+    for name, (k, runs, errors) in lines.items():
+        _line(axis, [*map(_epsilon, runs)], errors, k, name, FLOOR, "--" if k in numbers else "-")
+        numbers.append(k)
+    _ticks(axis, [*map(_epsilon, runs)])
     error_axis(axis)
-    label(axis, TEMPERATURE, ERROR, "Error of sinkhorn by temperature")
-    axis.legend(frameon=False)
+    label(axis, TEMPERATURE, ERROR, f"Error of sinkhorn by temperature{where}")
+    if axis.lines:
+        axis.legend(frameon=False)
     return made
 
 
@@ -97,17 +109,8 @@ def draw_time_over_error(document: Json, style: Style) -> Figure | None:
 
 def _times(runs: Sequence[Json]) -> Figure:
     made, ((axis,),) = figure(6.2, 0.9 + 0.3 * len(runs))
-    place, spent = range(len(runs)), [_spent(run) for run in runs]
-    axis.barh(place, spent, 0.6, color=COLOURS[0])
-    for at, seconds in zip(place, spent, strict=True):
-        axis.annotate(
-            f" {seconds:.3g}", (seconds, at), va="center", fontsize="small", annotation_clip=False
-        )
-    axis.set_yticks(place, [run["name"] for run in runs])
-    axis.tick_params(axis="y", length=0)
-    axis.grid(visible=False, axis="y")
-    axis.set_ylim(len(runs) - 0.4, -0.6)
-    axis.set_xlim(0, max(spent, default=0.0) * 1.1 or 1.0)
+    spent = np.array(list(map(_spent, runs)))
+    bars(axis, [run["name"] for run in runs], {"localisation": spent}, letters=30)
     label(axis, SPENT, "", f"Time; all errors are below {FLOOR:g}")
     return made
 
@@ -197,23 +200,14 @@ def draw_study_errors(document: Json, style: Style) -> Figure | None:
     several = len(runs) > len(document["sizes"])
     if not (_solved(document) and several and _seen(errors)):
         return None
-    made, ((axis,),) = figure(5.2, 3.6)
     longest = max(size["steps"] for size in document["sizes"])
     sizes = [size for size in document["sizes"] if size["steps"] == longest]
-    sizes.sort(key=itemgetter("targets"))
-    for k, size in enumerate(sizes):
+    lines = {}
+    for k, size in enumerate(sorted(sizes, key=itemgetter("targets"))):
         runs = sorted((run for run in size["solvers"] if run["epsilon"] is not None), key=_epsilon)
-        x = [*map(_epsilon, runs)]
-        name = f"m = {size['targets']:,}"
-        _line(axis, x, [run["error"] for run in runs], k, name, FLOOR)
-        values = [run["entropic_error"] for run in runs]
-        _line(axis, x, values, k, f"{name}, entropic value", FLOOR, "--")
-    _ticks(axis, x)
-    error_axis(axis)
-    label(axis, TEMPERATURE, ERROR, f"Error of sinkhorn by temperature, T = {longest:,}")
-    if axis.lines:
-        axis.legend(frameon=False)
-    return made
+        for name, error in (("", "error"), (", entropic value", "entropic_error")):
+            lines[f"m = {size['targets']:,}{name}"] = k, runs, [run[error] for run in runs]
+    return _by_temperature(lines, f", T = {longest:,}")
 
 
 def draw_scaling(document: Json, style: Style) -> Figure | None:
@@ -257,9 +251,7 @@ def draw_scaling(document: Json, style: Style) -> Figure | None:
         title = f"{axes[0, 0].get_title(loc='left')}; all errors are below {FLOOR:g}"
         axes[0, 0].set_title(title, fontsize="medium", loc="left")
     handles, names = axes[0, 0].get_legend_handles_labels()
-    if names:
-        beside = min(len(names), 3 * columns)
-        made.legend(handles, names, loc="outside upper center", ncols=beside, frameon=False)
+    legend(made, handles, names, 3 * columns)
     return made
 
 
@@ -308,7 +300,8 @@ def _line(
     high = [m + s for m, s in zip(mean, spread, strict=True)]
     colour = COLOURS[k % len(COLOURS)]
     axis.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
-    axis.plot(x, mean, line, marker=MARKERS[k % len(MARKERS)], ms=5, color=colour, label=name)
+    looks: dict[str, Any] = {"ms": 5, "color": colour, "label": name, "clip_on": False}
+    axis.plot(x, mean, line, marker=MARKERS[k % len(MARKERS)], **looks)
 
 
 # -------------------------------------------------------------------------------------------------
@@ -324,7 +317,7 @@ def draw_cumulative(
         return None
     made, ((axis,),) = figure(6.2, 3.3 + 0.2 * len(series))
     lines, names = [], []  # kept here: names that begin with _ are hidden from a legend
-    time = TimeAxis(times=times, axis=moments(times))
+    time = TimeAxis.of(times)
     begin, end = time.edges
     for k, (name, costs) in enumerate(series.items()):
         total = list(itertools.accumulate(costs))
@@ -493,18 +486,11 @@ def draw_parts(tables: BatchTables, style: Style) -> Figure | None:
     orders = tables.rows["order"].dropna().unique()
     unit = power(tables.unit, orders[0]) if len(orders) == 1 else ""
     made, ((axis,),) = figure(style.width, 1.1 + ROW * 1.5 * len(shown))
-    places = np.arange(len(shown))
-    left = np.zeros(len(shown))
-    bars = []
-    for name in PARTS:
-        sizes = np.array([parts[name] for _, parts in shown])
-        bars.append(axis.barh(places, sizes, 0.62, left=left, **FILLS[name]))
-        left += sizes
-    _names(axis, [name for name, _ in shown], upright=True)
-    axis.grid(visible=False, axis="y")
+    costs = {str(name): np.array([parts[name] for _, parts in shown], float) for name in PARTS}
+    bars(axis, [name for name, _ in shown], costs, letters=30)
     axis.set_xlabel(f"cost per step{unit}", parse_math=False)
     titled(axis, style, "What the cost is made of")
-    legend(made, bars, list(PARTS), 4)
+    legend(made, [Patch(**FILLS[name]) for name in PARTS], list(PARTS), 4)
     return made
 
 
@@ -533,11 +519,11 @@ def draw_heat(tables: BatchTables, style: Style) -> Figure | None:
     bar.set_label(what + own, parse_math=False)
     axis.set_ylim(len(values), 0)
     if heat["squares"]:
-        _names(axis, heat["columns"], upright=True, shift=0.5)
+        _names(axis, heat["columns"], upright=True)
         axis.set_xlabel(f"{literal(heat['down'], 40)}, in order", parse_math=False)
     else:
-        _names(axis, heat["columns"], upright=False, shift=0.5)
-        _names(axis, heat["rows"], upright=True, shift=0.5)
+        _names(axis, heat["columns"], upright=False)
+        _names(axis, heat["rows"], upright=True)
         _numbers(axis, heat)
     for side in axis.spines.values():
         side.set_visible(False)
@@ -558,11 +544,9 @@ def _numbers(axis: Axes, heat: Json) -> None:
             )  # fmt: skip
 
 
-def _names(axis: Axes, names: Sequence[str], *, upright: bool, shift: float = 0.0) -> None:
+def _names(axis: Axes, names: Sequence[str], *, upright: bool) -> None:
     """Names of rows, the first on top, or of columns."""
     which = axis.yaxis if upright else axis.xaxis
-    places = np.arange(len(names)) + shift
+    places = np.arange(len(names)) + 0.5
     which.set_ticks(places, [literal(name, 30) for name in names], parse_math=False)
     which.set_tick_params(length=0)
-    if upright and not shift:
-        axis.set_ylim(len(names) - 0.5, -0.5)

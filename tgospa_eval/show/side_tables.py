@@ -81,7 +81,7 @@ def grouped_table(
                 (*name, *(_value(part, record[key]) for key, part in shown))
                 for name, record in zip(names, found, strict=True)
             ],
-            align="l" * len(head) + "r" * len(shown),
+            labels=len(head),
             bold=best_cells(
                 {
                     len(head) + k: _falls_short(part, [record[key][part] for record in found])
@@ -111,7 +111,7 @@ def covariances_table(
     columns["band"] = [band_in_words(record["lower"], record["upper"], "-") for record in found]
     columns["in 95 %"] = [f"{record['inside']:.1%}" for record in found]
     columns["verdict"] = [record["verdict"] for record in found]
-    yield table_of(columns, align="l" * len(head) + "r" * (len(columns) - len(head)))
+    yield table_of(columns, labels=len(head))
 
 
 def _falls_short(part: str, values: Sequence[float]) -> list[Interval]:
@@ -222,7 +222,7 @@ def group_tables(
         yield Table(
             head=(f"by {by}", *heads, *SLICE_HEAD[1:]),
             rows=[row for name in in_order(found) for row in found[name]],
-            align="l" * (1 + len(heads)) + "r" * len(SLICE_HEAD[1:]),
+            labels=1 + len(heads),
         )
 
 

@@ -111,6 +111,11 @@ class TimeAxis:
     times: Sequence[Time]
     axis: Json
 
+    @classmethod
+    def of(cls, times: Sequence[Time]) -> "TimeAxis":
+        """The axis of times as they were read."""
+        return cls(times=times, axis=moments(times))
+
     @cached_property
     def labels(self) -> list[str]:
         """The times as they are written."""
