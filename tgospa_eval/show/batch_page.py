@@ -30,6 +30,7 @@ from tgospa_eval.show.batch_text import (
 from tgospa_eval.show.charts import Pictures, pictures
 from tgospa_eval.show.html import environment, inlined, page_colours
 from tgospa_eval.show.phrases import ORDERS, equal_names, order_in_words, place_in_words
+from tgospa_eval.show.side_tables import share
 from tgospa_eval.show.style import DARK, HEAT_LEVELS, LIGHT, TRACK_COLOURS, heat_shades
 from tgospa_eval.text import as_unicode
 
@@ -96,7 +97,7 @@ def batch_page(tables: BatchTables, *, draws: bool) -> str:
             orders=ORDERS,
             number=number,
             of_expected=of_expected,
-            share=_share,
+            share=share,
             per_step=_per_step,
             settings=_settings(tables),
             style=page_colours() + _shades() + inlined("page.css") + inlined("batch.css"),
@@ -196,10 +197,6 @@ def _pairs(tables: BatchTables, ranking: Ranking) -> Iterator[Json]:
         if len(ranking.entries) <= ALL_PAIRS or (pair["first"], pair["second"]) in near:
             low, high = pair["difference"]
             yield {**pair, "difference": tables.between(Interval(lower=low, upper=high))}
-
-
-def _share(cost: float, total: float) -> str:
-    return f"{100 * cost / total:.0f} %" if total else "-"
 
 
 def _costliest(

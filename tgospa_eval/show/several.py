@@ -17,14 +17,15 @@ from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import number
-from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Json, Time
-from tgospa_eval.results.sweep import Point, Sweep
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
+from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.show.batch import CURVE_KINDS, LINE_NAMES, BatchTables, RmsCurve, on_one_axis
 from tgospa_eval.show.drawing import figure, label, legend, literal, power, titled
 from tgospa_eval.show.overtime import bars, name_times
 from tgospa_eval.show.style import (
     COLOURS,
     FILLS,
+    INK,
     LIGHT,
     MARKERS,
     SOFT,
@@ -93,7 +94,11 @@ def draw_time_over_error(document: Json, style: Style) -> Figure | None:
         return None
     runs = [run for run in document["runs"] if run["seconds"] is not None]
     if not _seen(run["error"] for run in runs):
-        return _times(runs)
+        made, ((axis,),) = figure(6.2, 0.9 + 0.3 * len(runs))
+        spent = np.array([_spent(run) for run in runs])
+        bars(axis, [run["name"] for run in runs], {"localisation": spent}, letters=30)
+        label(axis, SPENT, "", f"Time; all errors are below {FLOOR:g}")
+        return made
     made, ((axis,),) = figure(6.2, 3.6)
     solvers = list(dict.fromkeys(run["solver"] for run in runs))
     for k, run in enumerate(runs):
@@ -107,17 +112,8 @@ def draw_time_over_error(document: Json, style: Style) -> Figure | None:
     return made
 
 
-def _times(runs: Sequence[Json]) -> Figure:
-    made, ((axis,),) = figure(6.2, 0.9 + 0.3 * len(runs))
-    spent = np.array(list(map(_spent, runs)))
-    bars(axis, [run["name"] for run in runs], {"localisation": spent}, letters=30)
-    label(axis, SPENT, "", f"Time; all errors are below {FLOOR:g}")
-    return made
-
-
 def _spent(run: Json) -> float:
-    seconds = run["seconds"]
-    return 0.0 if seconds is None else seconds["solve"] + seconds["certify"]
+    return float(run["seconds"]["solve"] + run["seconds"]["certify"])
 
 
 def _epsilon(run: Json) -> float:
@@ -132,13 +128,15 @@ def draw_convergence(document: Json, style: Style) -> Figure | None:
     made, ((axis,),) = figure(5.2, 3.6)
     referee = document["referee"]["total"]
     for k, run in enumerate(runs):
-        sweeps = [check["sweep"] for check in run["history"]]
-        above = [_relative(check["upper"] - referee["lower"], referee) for check in run["history"]]
-        below = [_relative(referee["upper"] - check["lower"], referee) for check in run["history"]]
-        colour = COLOURS[k % len(COLOURS)]
+        history = run["history"]
+        sweeps = [check["sweep"] for check in history]
+        above = [_relative(check["upper"] - referee["lower"], referee) for check in history]
+        below = [_relative(referee["upper"] - check["lower"], referee) for check in history]
+        looks: dict[str, Any] = {"marker": MARKERS[k % 7], "ms": 4}
+        looks["color"] = COLOURS[k % len(COLOURS)]
         title = run["name"] if run["epsilon"] is None else f"ε = {run['epsilon']:g}"
-        axis.plot(sweeps, above, "-", marker=MARKERS[k % 7], ms=4, color=colour, label=title)
-        axis.plot(sweeps, below, "--", marker=MARKERS[k % 7], ms=4, color=colour, mfc="white")
+        axis.plot(sweeps, above, "-", label=title, **looks)
+        axis.plot(sweeps, below, "--", mfc="white", **looks)
     error_axis(axis)
     label(axis, "sweeps", ERROR, "Convergence: upper bound (solid), lower bound (dashed)")
     axis.legend(frameon=False, fontsize="small")
@@ -350,23 +348,30 @@ def draw_sweep(found: Sweep, style: Style) -> Figure:
 
     A grey band is where the counts of missed and false targets do not change.
     """
-    points = found.points
-    x = [point.value for point in points]
+    table: Columns = found.columns()
+    x = [point.value for point in found.points]
     made, axes = figure(11.0, 4.6, rows=2, columns=4)
-    for axis, name in zip(axes[0], PARTS, strict=True):
-        _sweep_line(axis, x, [getattr(point, name) for point in points], PARTS.index(name))
-        label(axis, "", "cost" if name == PARTS[0] else "", name)
-    _value(axes[1, 0], x, points)
-    for axis, name in zip(axes[1, 1:], COUNTED_PARTS, strict=True):
-        _sweep_line(
-            axis, x, [getattr(point, f"{name}_count") for point in points], PARTS.index(name)
-        )
-        label(axis, "", "", f"number, {name}")
+    panels = {name: name for name in PARTS} | {"TGOSPA": "tgospa"}
+    panels |= {f"number, {name}": f"{name}_count" for name in COUNTED_PARTS}
+    for k, (axis, (title, name)) in enumerate(zip(axes.flat, panels.items(), strict=True)):
+        at = k % len(PARTS)
+        looks: dict[str, Any] = {"marker": MARKERS[at], "ms": 4, "clip_on": False}
+        looks["color"] = INK if name == "tgospa" else LIGHT[PARTS[at]]
+        axis.plot(x, table[name], "-", **looks)
+        if name == "tgospa" and not found.certified:
+            lower, upper = table["lower_bound"], table[name]
+            axis.fill_between(x, lower, upper, color=INK, alpha=0.15, linewidth=0)
+        label(axis, "", "" if k else "cost", title)
     band = found.unchanged("missed_count", "false_count")
+    # Values crowd at the low end, as evenly spaced logarithms do.
+    low, middle, high = x[0], sorted(x)[len(x) // 2], x[-1]
+    crowded = len(x) > 2 and low > 0 and middle - low < LOGARITHMIC * (high - low)
     for axis in axes.flat:
         if band is not None:
-            axis.axvspan(*(x[k] for k in band), color="#eeeeee", zorder=0, linewidth=0)
-        if _crowded(x):
+            axis.axvspan(
+                *(x[k] for k in band), color=LIGHT["grid"], alpha=0.6, zorder=0, linewidth=0
+            )
+        if crowded:
             _ticks(axis, (x[0], x[len(x) // 2], x[-1]), ".3g")
         axis.set_ylim(0, None)
     made.supxlabel(
@@ -376,26 +381,6 @@ def draw_sweep(found: Sweep, style: Style) -> Figure:
         fontsize="medium",
     )
     return made
-
-
-def _value(axis: Axes, x: list[float], points: Sequence[Point]) -> None:
-    """TGOSPA; its bracket where it is seen."""
-    upper = [point.tgospa for point in points]
-    lower = [point.lower_bound for point in points]
-    axis.plot(x, upper, "-", marker="o", ms=4, color="#000000", clip_on=False)
-    if not all(point.certified for point in points):
-        axis.fill_between(x, lower, upper, color="#000000", alpha=0.15, linewidth=0)
-    label(axis, "", "", "TGOSPA")
-
-
-def _sweep_line(axis: Axes, x: list[float], y: list[float], k: int) -> None:
-    axis.plot(x, y, "-", marker=MARKERS[k], ms=4, color=LIGHT[PARTS[k]], clip_on=False)
-
-
-def _crowded(x: list[float]) -> bool:
-    """Whether values crowd at the low end, as evenly spaced logarithms do."""
-    middle = sorted(x)[len(x) // 2]
-    return len(x) > 2 and x[0] > 0 and middle - x[0] < LOGARITHMIC * (x[-1] - x[0])
 
 
 # -------------------------------------------------------------------------------------------------

@@ -24,6 +24,13 @@ LIGHT: Mapping[str, str] = {
     "missed": "#b83a00",
     "false": "#6d35b0",
     "switch": "#16191d",
+    "panel": "#f6f7f9",
+    "line": "#c9ced4",
+    "accent": "#0b5cad",
+    "chosen": "#0b5cad22",
+    "truth": "#50575f",
+    "label": "#ffffff",
+    "good": "#17692e",
 }
 """On white paper."""
 
@@ -36,6 +43,13 @@ DARK: Mapping[str, str] = {
     "missed": "#ff9152",
     "false": "#d3b4ff",
     "switch": "#f4f6f8",
+    "panel": "#1d2125",
+    "line": "#454c54",
+    "accent": "#7db7f5",
+    "chosen": "#7db7f533",
+    "truth": "#a9b2bb",
+    "label": "#101214",
+    "good": "#73d28d",
 }
 """On a dark screen."""
 
