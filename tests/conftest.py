@@ -57,7 +57,7 @@ for module in pkgutil.walk_packages(tgospa_eval.__path__, "tgospa_eval."):
 QUICKSTART = SAMPLES / "quickstart"
 
 NO_PICTURES = {"TGOSPA_EVAL_PICTURES": "none"}
-"""They take longer than what most tests are about; tests/unit/plots draws them."""
+"""They take longer than what most tests are about; tests/unit/show draws them."""
 
 
 NEW_OBJECTS = 50_000

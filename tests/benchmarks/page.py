@@ -10,7 +10,7 @@ from scenes import Scene
 from yardsticks import CUTOFF, ORDER, SWITCH_PENALTY
 
 from tgospa_eval import evaluate
-from tgospa_eval.reports.html import page
+from tgospa_eval.show.html import page
 
 PART = "page"
 SCENES = (Scene(200, 1_000, 900.0),)

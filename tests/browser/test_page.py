@@ -13,9 +13,9 @@ from pages import NASTY, address, detail, ink, labels, texts
 from tests.support.partitioned import partitioned
 from tgospa_eval import Sinkhorn, evaluate
 from tgospa_eval.api.result import Result, ResultInParts
-from tgospa_eval.common import palette
 from tgospa_eval.common.frozen import recast
-from tgospa_eval.reports import plot_data
+from tgospa_eval.show import plot_data
+from tgospa_eval.show import style as palette
 
 
 @pytest.fixture(scope="module")

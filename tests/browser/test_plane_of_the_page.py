@@ -16,8 +16,8 @@ from tgospa_eval.api.result import Result
 from tgospa_eval.api.sensors import Association
 from tgospa_eval.common.frozen import recast
 from tgospa_eval.distances import CloudWasserstein
-from tgospa_eval.reports import plot_data as spreads
 from tgospa_eval.sensors import association
+from tgospa_eval.show import plot_data as spreads
 from tgospa_eval.tracks.clouds import Clouds
 
 

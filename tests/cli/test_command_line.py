@@ -386,7 +386,7 @@ def test_a_small_evaluation_imports_little(
 
 def test_option_choices_are_the_members() -> None:
     # Spelled out in the options, because importing the members would make --help slow.
-    from tgospa_eval.reports import REPORTS
+    from tgospa_eval.show.result_text import REPORTS
     from tgospa_eval.solvers import SOLVERS
 
     assert tuple(SOLVERS) == options.SOLVERS

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tgospa_eval import Trajectories
-from tgospa_eval.plots.plane import plot_inspection
+from tgospa_eval.show.plane import draw_inspection
+from tgospa_eval.show.style import STYLES
 
 Run = Callable[..., Any]
 Write = Callable[[str, str], str]
@@ -163,7 +164,7 @@ def test_lines_break_where_a_track_has_a_hole() -> None:
     states = np.full((4, 2, 2), np.nan)
     states[[0, 1, 3], 0] = [[0, 0], [1, 0], [4, 4]]
     states[[0, 2], 1] = [[9, 9], [9, 5]]
-    made = plot_inspection([("t.csv", Trajectories.from_array(states))])
+    made = draw_inspection(([("t.csv", Trajectories.from_array(states))], ""), STYLES["screen"])
     plane, presence = made.axes
     wanted = [0, 1, np.nan, 4, np.nan, 9, np.nan, 9]
     np.testing.assert_array_equal(plane.lines[0].get_xdata(), wanted)
@@ -177,7 +178,7 @@ def test_a_map_has_equal_scales() -> None:
     pytest.importorskip("matplotlib")
     states = np.array([[[59.0, 10.0]], [[61.0, 12.0]]])
     side = Trajectories.from_array(states, ("lat", "lon"))
-    plane = plot_inspection([("t.csv", side)]).axes[0]
+    plane = draw_inspection(([("t.csv", side)], ""), STYLES["screen"]).axes[0]
     assert plane.get_aspect() == pytest.approx(2)
 
 

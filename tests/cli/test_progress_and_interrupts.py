@@ -24,9 +24,9 @@ from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.evaluation.prepare import fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance
-from tgospa_eval.plots.result_pictures import DRAWN
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.metric_family import Parameters
+from tgospa_eval.show.charts import CHARTS
 from tgospa_eval.solvers import Solver, batches, certified
 from tgospa_eval.solvers.block_costs import share_of_digits
 from tgospa_eval.solvers.certified import Certified
@@ -225,7 +225,7 @@ def test_a_narrow_bracket_of_long_work_is_worth_a_word(capsys: pytest.CaptureFix
 WATCHED = """
 import sys, threading
 from tgospa_eval.cli.shared import progress
-from tgospa_eval.plots import result_pictures
+from tgospa_eval.show import drawing
 
 waiting, update = [], progress.Display.update
 
@@ -240,7 +240,7 @@ def when_shown(*_):
     return b""
 
 progress.SILENT = 0.0
-progress.Display.update, result_pictures.written = updated, when_shown
+progress.Display.update, drawing.written = updated, when_shown
 from tgospa_eval.cli import main
 main(sys.argv[1:])
 """
@@ -269,8 +269,8 @@ def test_pictures_are_named_while_they_are_drawn(
     *shown, last = [part.strip() for part in err.strip().split("\r")]
     drawing = [part for part in shown if ".png" in part]
     names = list(dict.fromkeys(part.partition(",")[0] for part in drawing))
-    assert names == [f"drawing {name}.png" for name in DRAWN]
-    assert drawing[-1].startswith("drawing worst.png, 80 % done, ")
+    assert names == [f"drawing {name}.png" for name in [*CHARTS["result"]][:5]]
+    assert drawing[-1].startswith("drawing worst.png, 57 % done, ")
     assert shown[-1] == ""  # over the last one
     assert "wrote 8 files and 5 pictures to out" in last
 
@@ -337,7 +337,7 @@ PROGRAMMES = (
 )
 PROOF = f"{SWEEPS}; from tgospa_eval.evaluation import evaluate; evaluate.certify = and_never_end"
 READING = "from tgospa_eval.api import resolve; resolve.Settings.read = and_never_end"
-DRAWING = "from tgospa_eval.reports import html; html.page = and_never_end"
+DRAWING = "from tgospa_eval.show import html; html.page = and_never_end"
 HARD = ("-c", "25", "-g", "2", "--time", "0:15")
 """Of a crowd: what no solver settles without work."""
 

@@ -1,4 +1,4 @@
-"""What a terminal gets: the table in colours, with graphs; and what a pipe goes on getting."""
+"""What a terminal gets: the table in colours; and what a pipe goes on getting."""
 
 import os
 import pty
@@ -15,7 +15,7 @@ import pytest
 from browser import PATIENCE
 
 from tgospa_eval import evaluate
-from tgospa_eval.reports.result_text import BLOCKS, SIGNS, report, sparkline, table
+from tgospa_eval.show.result_text import report, table
 
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -46,7 +46,7 @@ def on_terminal(
     return shown.decode().replace("\r\n", "\n")
 
 
-def test_a_terminal_gets_graphs_of_80_columns(
+def test_a_terminal_gets_colours_and_80_columns(
     quickstart: tuple[str, str], tmp_path: Path, environment: dict[str, str]
 ) -> None:
     more = "--curve", "--window", "12"
@@ -54,16 +54,13 @@ def test_a_terminal_gets_graphs_of_80_columns(
     assert "\x1b[1;32mTGOSPA = 42.5352" in shown
     lines = COLOUR.sub("", shown).splitlines()
     assert max(map(len, lines)) <= 80
-    graph = next(line for line in lines if line.startswith("  switch  ") and "▁" in line)
-    assert graph[18:].rstrip() == "     ▁   ▁                        ▄"  # steps 8, 12, 37 from 3
-    assert any(re.fullmatch(r" +8 +112\.5 +2 +0 +0\.5", line) for line in lines)
     assert any("1: 101 -> 103" in line for line in lines)
     assert any(line.startswith("TGOSPA per step of the steps up to each of 56") for line in lines)
     assert any(line.startswith("TGOSPA of 9 windows of 12 steps") for line in lines)
 
 
-UNLIKE = ("  worst steps", "  seconds ")
-"""Lines that a terminal has otherwise, or that no two runs share."""
+UNLIKE = "  seconds "
+"""A line that no two runs share."""
 
 
 def kept(text: str) -> list[str]:
@@ -149,7 +146,6 @@ def test_long_stamps_lose_no_digit_that_tells_them_apart(
     assert f"\n  {stamps[4]} to {stamps[7]}\n" in plain  # a window, with a line of its own
     monkeypatch.setenv("FORCE_COLOR", "1")
     lively = COLOUR.sub("", invoke(*given).out)
-    assert re.search(rf"\n +{stamps[8]} +[\d.]+ +0 +0 +0\n", lively)
     assert max(map(len, (plain + lively).splitlines())) <= 80
 
 
@@ -215,19 +211,6 @@ def test_colours_can_be_declined(
 def test_a_pipe_gets_the_plain_table(run: Callable, quickstart: tuple[str, str]) -> None:
     out = run(*quickstart, env={"FORCE_COLOR": ""}).out
     assert out.isascii()
-    assert "cost of each step" not in out
-
-
-def test_ascii_stands_in(run: Callable, quickstart: tuple[str, str]) -> None:
-    out = run(*quickstart, env={"FORCE_COLOR": "1", "PYTHONIOENCODING": "ascii"}).out
-    assert out.isascii()
-    assert "=#=##" in out
-
-
-def test_sparkline() -> None:
-    assert sparkline([0, 1e-9, 4, 8], 8, BLOCKS) == " ▁▄█"
-    assert sparkline([0, 1e-9, 4, 8], 8, SIGNS) == " .=@"
-    assert sparkline([1, 8, 0, 2, 0], 8, BLOCKS, width=3) == "█▂ "  # the largest of two
 
 
 def test_ids_are_no_markup_and_lines_are_those_of_the_table() -> None:
@@ -236,12 +219,6 @@ def test_ids_are_no_markup_and_lines_are_those_of_the_table() -> None:
         {"id": ["[red]x[/red]", "[/]"] * 2, "t": [0, 0, 1, 1], "x": [0.0, 9.0, 0.0, 9.0]}
     )
     result = evaluate(rows, rows.iloc[:0], cutoff=2.0, order=1)
-    shown = COLOUR.sub("", report(result, "utf-8"))
+    shown = COLOUR.sub("", report(result))
     assert "[/]  [red]x[/red]" in shown
-    kept = [line for line in table(result).splitlines() if not line.startswith("  worst steps")]
-    assert set(kept) <= set(shown.splitlines())
-
-
-def test_nothing_has_no_graph() -> None:
-    nothing = np.zeros((0, 0, 2))
-    assert "cost of each step" not in report(evaluate(nothing, nothing, cutoff=1.0), "utf-8")
+    assert shown == table(result)

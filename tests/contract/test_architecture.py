@@ -14,7 +14,7 @@ from tgospa_eval.api import options
 from tgospa_eval.cli.shared import click_options
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.formats import FORMATS
-from tgospa_eval.reports import REPORTS
+from tgospa_eval.show.result_text import REPORTS
 from tgospa_eval.solvers import SOLVERS, solver_class
 
 

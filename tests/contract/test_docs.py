@@ -20,7 +20,7 @@ from checkout import ROOT
 
 from tgospa_eval.cli import main
 from tgospa_eval.cli.shared import progress
-from tgospa_eval.plots import figures
+from tgospa_eval.show import drawing
 
 README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "docs").rglob("*.md"))]
@@ -111,7 +111,7 @@ def test_a_page_from_its_top(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(progress, "FIRST", math.inf)  # a busy machine would show how far it is
     # Figures are made, and not drawn, which takes two thirds of the time.
-    monkeypatch.setattr(figures, "written", lambda *_: b"")
+    monkeypatch.setattr(drawing, "written", lambda *_: b"")
     shell, names = Shell(capfd, monkeypatch), dict[str, object]()
     for language, text in blocks(page):
         if language == "python":

@@ -54,19 +54,17 @@ from tgospa_eval.evaluation.slicing import parse_slices
 from tgospa_eval.formats import runs_inside
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.formats.options import parse_moments
-from tgospa_eval.reports.batch import BatchTables
-from tgospa_eval.reports.batch_text import batch_report, slices_of_groups
-from tgospa_eval.reports.curves import BANDS, curves_csv
-from tgospa_eval.reports.files import BATCH, Files, write_texts
-from tgospa_eval.reports.proofs import folder_name
-from tgospa_eval.reports.rendering import csv_text
+from tgospa_eval.show.batch import BANDS, BatchTables, curves_csv
+from tgospa_eval.show.batch_text import batch_report, slices_of_groups
+from tgospa_eval.show.files import BATCH, Files, folder_name, write_texts
+from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.text import as_unicode, listed, quoted
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tgospa_eval.plots.result_pictures import Pictures
-    from tgospa_eval.reports.curves import BandKind
+    from tgospa_eval.show.batch import BandKind
+    from tgospa_eval.show.charts import Pictures
 
 REPORT_FOLDER = "reports"
 
@@ -646,7 +644,7 @@ def batch_files(
     notify : callable
         Gets what is made next, and the share that is done.
     """
-    from tgospa_eval.reports.batch_page import batch_page  # here: only where it is written
+    from tgospa_eval.show.batch_page import batch_page  # here: only where it is written
 
     def link(row: Mapping[Any, Any]) -> str:
         """Where the report of a job is, seen from the page; nothing if there is none."""
@@ -659,13 +657,13 @@ def batch_files(
 
     tables = replace(tables, settings=store.settings(), link=link)
     notify("report.html", 0.0)
-    files: dict[str, str | bytes] = {"report.html": batch_page(tables)}
+    files: dict[str, str | bytes] = {"report.html": batch_page(tables, draws=wanted is not None)}
     if tables.curves:
         files["curve.csv"] = curves_csv(tables.curves)
     if tables.slices:
         files["slices.csv"] = csv_text(slices_of_groups(tables))
     if wanted is None:
         return files
-    from tgospa_eval.plots.batch import batch_pictures  # here: it draws
+    from tgospa_eval.show.charts import pictures  # here: it draws
 
-    return files | batch_pictures(tables, wanted, notify)
+    return files | pictures("batch", tables, wanted, notify)

@@ -246,14 +246,14 @@ def _written(result: Evaluation, task: JobTask, folder: str | None) -> Row:
     """
     if folder is None:
         return {}
-    from tgospa_eval.reports.files import RESULT, result_texts, write_texts
+    from tgospa_eval.show.files import RESULT, result_texts, write_texts
 
     try:
         Path(folder).parent.mkdir(parents=True, exist_ok=True)
         result = replace(result, files={"truth": task.job.truth, "estimate": task.job.estimate})
         texts = result_texts(result, (task.job.truth, task.job.estimate))
         if task.proof:
-            from tgospa_eval.reports.proofs import proof_files
+            from tgospa_eval.show.files import proof_files
 
             files = proof_files(result, task.options.given)
             texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in files.items()}
@@ -312,13 +312,16 @@ def judged_row(
             say(text)
         row = row_to_judge(result)
         if task.folder is not None:
-            from tgospa_eval.reports.files import PROOF, write_texts
-            from tgospa_eval.reports.proofs import proof_files  # here: few ask for proofs
+            from tgospa_eval.show.files import (
+                PROOF,
+                proof_files,  # here: few ask for proofs
+                write_texts,
+            )
 
             texts = proof_files(result, task.options.given)
             write_texts(texts, task.folder, PROOF, force=False, option="--proof")
         if task.page:
-            from tgospa_eval.reports.html import page  # here: for folders only
+            from tgospa_eval.show.html import page  # here: for folders only
 
             row["page"] = page(result, files)
     except TgospaError as error:

@@ -39,10 +39,10 @@ from tgospa_eval.evaluation.other_metrics import Others, joined, other_metrics
 from tgospa_eval.evaluation.prepare import Prepared, prepare
 from tgospa_eval.evaluation.sides import TrajectoriesLike, as_solver
 from tgospa_eval.formats import Reading
-from tgospa_eval.reports.comparison import estimates_columns, pairs_columns, render, solvers_columns
 from tgospa_eval.results.consistency import ABOUT_COVARIANCES
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import MADE_BY, read_result, saved_result, unlike
+from tgospa_eval.show.comparison import estimates_columns, pairs_columns, render, solvers_columns
 from tgospa_eval.solvers import SOLVERS, Solver
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.ignored import refuse_own_marks

@@ -601,7 +601,7 @@ def _task(
     nees = {"with_": NEES} if any(rule.path in OF_NEES for rule in rules) else {}
     folder = None
     if gate.proof is not None:
-        from tgospa_eval.reports.proofs import folder_name  # here: few ask for proofs
+        from tgospa_eval.show.files import folder_name  # here: few ask for proofs
 
         of = "baseline" if gate.update_baseline else "run"
         folder = os.path.join(gate.proof, of, *([folder_name(pair.name)] if gate.suite else []))

@@ -1,8 +1,8 @@
 """Evaluations as users hold them: records with methods that show, save, split and explain."""
 
-from typing import TYPE_CHECKING, NoReturn
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from tgospa_eval import plots
 from tgospa_eval.common.frozen import dataclass, recast
 from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.errors import ConfigError
@@ -18,8 +18,10 @@ from tgospa_eval.results.slices import Slicing
 if TYPE_CHECKING:
     import os
 
-    from tgospa_eval.reports.plot_data import PlotData
+    from matplotlib.figure import Figure
+
     from tgospa_eval.results.gradient import Gradient
+    from tgospa_eval.show.plot_data import PlotData
 
 PUBLIC = (
     *(*DOCUMENTED, *SPLIT_PARTS, "worst", "warnings", "notices", "results"),
@@ -72,29 +74,140 @@ class Showable(Evaluation):
         with spoken_in_python(reads=False):
             return slices_of(self, by)
 
-    plot_costs = plots.plot_costs
-    plot_cumulative = plots.plot_cumulative
-    plot_lanes = plots.plot_lanes
-    plot_plane = plots.plot_plane
-    plot_nees = plots.plot_nees
-    plot_windows = plots.plot_windows
-    plot_worst = plots.plot_worst
+    def plot_costs(
+        self, *, style: str = "screen", components: Sequence[str] | None = None
+    ) -> "Figure":
+        """Cost of each step, stacked: localisation, missed, false, switch.
+
+        Where there are more steps than can be distinguished each bar is the costliest of several,
+        and the axis says of how many.
+
+        Parameters
+        ----------
+        style : {"screen", "paper"}
+            With a title; or small, for one column of a journal.
+        components : sequence of str, optional
+            Parts of the cost that are drawn, of ``"localisation"``, ``"missed"``, ``"false"``,
+            ``"switch"``; all by default.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Belongs to no window.
+
+        Raises
+        ------
+        ConfigError
+            A name is unknown, or matplotlib is not installed.
+        """
+        return self._plot("costs", style=style, components=components)
+
+    def plot_cumulative(
+        self, *, style: str = "screen", components: Sequence[str] | None = None
+    ) -> "Figure":
+        """Normalised cumulative cost: at each step the root of the mean cost of the steps up to it.
+
+        The assignment is that of the whole recording, unless the curve was asked for; the last
+        value of the total is ``normalised["tgospa"]``. Parameters, errors and return value are
+        those of `plot_costs`; the total is always drawn.
+        """
+        return self._plot("cumulative", style=style, components=components)
+
+    def plot_lanes(self, *, style: str = "screen") -> "Figure":
+        """A lane for each truth with the estimates that follow it, and lanes of false tracks below.
+
+        A gap with a frame is missed, a triangle is a switch, the darker foot of a bar is the error
+        as a share of the cutoff. Of more trajectories than have room the costliest have lanes, and
+        the others share one, in which a height says how many of them are missed, or false.
+        Parameters, errors and return value are those of `plot_costs`.
+        """
+        return self._plot("lanes", style=style)
+
+    def plot_plane(
+        self, *, columns: tuple[str, str] | None = None, style: str = "screen"
+    ) -> "Figure":
+        """Trajectories in two of the state columns, with misses, false targets and switches.
+
+        Boxes, ellipses that hold 95 % of a normal distribution, and particles are drawn here and
+        there along few trajectories where the states have such and the two columns show them. A
+        second panel shows all of those around the assigned pair that is farthest apart.
+
+        Parameters
+        ----------
+        columns : pair of str, optional
+            What is across and up: state columns, ``"t"`` for the time, of boxes ``"centre x"`` and
+            ``"centre y"``. By default the first two columns, the centres of boxes, ``lon`` and
+            ``lat``; of a single column it over the time.
+        style : {"screen", "paper"}
+            With a title; or small, for one column of a journal.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Belongs to no window.
+
+        Raises
+        ------
+        ConfigError
+            A column or the style is unknown, or matplotlib is not installed.
+        """
+        return self._plot("plane", columns=columns, style=style)
+
+    def plot_nees(self, *, style: str = "screen") -> "Figure":
+        """NEES of each step with its 95 % band; of particles also the ranks of the truth.
+
+        Errors and return value are those of `plot_costs`.
+
+        Raises
+        ------
+        ConfigError
+            There is no NEES.
+        """
+        return self._plot("nees", style=style)
+
+    def plot_windows(
+        self, *, style: str = "screen", components: Sequence[str] | None = None
+    ) -> "Figure":
+        """Sliding windows: at the middle of each the root of its mean cost, as `windows` has it.
+
+        Parameters, errors and return value are those of `plot_costs`; the total is always drawn.
+
+        Raises
+        ------
+        ConfigError
+            Windows were not asked for.
+        """
+        return self._plot("windows", style=style, components=components)
+
+    def plot_worst(
+        self, *, style: str = "screen", components: Sequence[str] | None = None
+    ) -> "Figure":
+        """The costliest steps, truths and estimates, and what they cost.
+
+        Parameters, errors and return value are those of `plot_costs`; only `components` count.
+        """
+        return self._plot("worst", style=style, components=components)
+
+    def _plot(self, name: str, **options: Any) -> "Figure":
+        from tgospa_eval.show.charts import plot  # lazy: slow to import
+
+        return plot(self, name, **options)
 
     @property
     def drawn(self) -> "PlotData":
-        """What page and pictures draw: `reports.plot_data.PlotData`."""
-        from tgospa_eval.reports.plot_data import plot_data  # lazy: slow to import
+        """What page and pictures draw: `show.plot_data.PlotData`."""
+        from tgospa_eval.show.plot_data import plot_data  # lazy: slow to import
 
         return plot_data(self)
 
     def _repr_html_(self) -> str:
-        from tgospa_eval.reports.html import card  # lazy: jinja2 is slow to import
+        from tgospa_eval.show.html import card  # lazy: jinja2 is slow to import
 
         return card(self)
 
     def to_html(self) -> str:
         """The report as one page that loads nothing."""
-        from tgospa_eval.reports.html import page  # lazy: jinja2 is slow to import
+        from tgospa_eval.show.html import page  # lazy: jinja2 is slow to import
 
         return page(self)
 
@@ -106,7 +219,7 @@ class Showable(Evaluation):
         ConfigError
             The states are not on the Earth, or it is a sum of several evaluations.
         """
-        from tgospa_eval.reports.geojson import geojson  # lazy: slow to import
+        from tgospa_eval.show.geojson import geojson  # lazy: slow to import
 
         return geojson(self)
 
@@ -127,7 +240,7 @@ class Showable(Evaluation):
         ConfigError
             The folder cannot be written, or holds files of others.
         """
-        from tgospa_eval.plots.result_pictures import save  # lazy: jinja2 is slow to import
+        from tgospa_eval.show.files import save  # lazy: jinja2 is slow to import
 
         save(self, folder, force=force)
 
@@ -153,9 +266,9 @@ class Proof(PairProof):
         SolverError
             A checker finds that it does not prove what it claims.
         """
-        from tgospa_eval.reports.proofs import save  # lazy: slow to import
+        from tgospa_eval.show.files import save_proof  # lazy: slow to import
 
-        save(self, folder, force=force)
+        save_proof(self, folder, force=force)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

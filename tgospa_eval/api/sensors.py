@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tgospa_eval.evaluation.sides import Components, TrajectoriesLike
-    from tgospa_eval.reports.plot_data import PlotData
+    from tgospa_eval.show.plot_data import PlotData
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,8 +50,8 @@ class Association(Pairing):
 
     @property
     def drawn(self) -> "PlotData":
-        """What page and picture draw: `reports.plot_data.PlotData`."""
-        from tgospa_eval.reports.plot_data import plot_data  # lazy: slow to import
+        """What page and picture draw: `show.plot_data.PlotData`."""
+        from tgospa_eval.show.plot_data import plot_data  # lazy: slow to import
 
         return plot_data(self)
 
@@ -62,13 +62,13 @@ class Association(Pairing):
 
         Parameters, errors and return value are those of `Result.plot_plane`.
         """
-        from tgospa_eval.plots.result_pictures import association_plane  # lazy: slow to import
+        from tgospa_eval.show.charts import plot  # lazy: slow to import
 
-        return association_plane(self, columns=columns, style=style)
+        return plot(self, "plane", columns=columns, style=style)
 
     def to_html(self, names: tuple[str, str] = ("A", "B")) -> str:
         """A page that loads nothing; `names` are those of the sides."""
-        from tgospa_eval.reports.html import association_page  # lazy: jinja2 is slow to import
+        from tgospa_eval.show.html import association_page  # lazy: jinja2 is slow to import
 
         return association_page(self, names)
 
@@ -80,7 +80,7 @@ class Association(Pairing):
         ConfigError
             The folder holds something else, and `force` is false; or it cannot be written.
         """
-        from tgospa_eval.plots.result_pictures import save  # lazy: slow to import
+        from tgospa_eval.show.files import save  # lazy: slow to import
 
         save(self, folder, force=force)
 

@@ -18,7 +18,8 @@ from tgospa_eval.campaign.store import COST_COLUMNS, CURVE_COLUMNS
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.words import counted
 from tgospa_eval.formats.times import TimeError, places
-from tgospa_eval.reports.curves import (
+from tgospa_eval.results.records import Time
+from tgospa_eval.show.batch import (
     KIND_COLUMN,
     POINT_COLUMNS,
     Band,
@@ -26,7 +27,6 @@ from tgospa_eval.reports.curves import (
     CurveKind,
     RmsCurve,
 )
-from tgospa_eval.results.records import Time
 from tgospa_eval.text import listed
 
 if TYPE_CHECKING:

@@ -52,13 +52,13 @@ from tgospa_eval.problem.gospa import (
     partners,
     per_step_gospa,
 )
-from tgospa_eval.reports.batch import Places, Ranking
-from tgospa_eval.reports.other_metrics import COMPARED
-from tgospa_eval.reports.phrases import RULES, Rule
 from tgospa_eval.results.consistency import NEES, NeesSums
 from tgospa_eval.results.numbers import MEAN, SPLIT_PARTS, SPREAD, outward
 from tgospa_eval.results.records import PARTS, Columns, Json, OtherMetrics, Time
 from tgospa_eval.results.saved import of_metric
+from tgospa_eval.show.batch import Places, Ranking
+from tgospa_eval.show.phrases import RULES, Rule
+from tgospa_eval.show.side_tables import COMPARED
 from tgospa_eval.tracks.alignment import Times
 from tgospa_eval.tracks.ignored import OWN_MARKS
 from tgospa_eval.tracks.judged import DIGESTS, JUDGE_ALIKE, incomparable, judged_of

@@ -27,11 +27,11 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.states import connected_components
-from tgospa_eval.reports.batch import BatchTables, Ranking
 from tgospa_eval.results.consistency import STORED_NEES
 from tgospa_eval.results.numbers import MEAN
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, OtherMetrics
 from tgospa_eval.results.slices import Slicing, added_up
+from tgospa_eval.show.batch import BatchTables, Ranking
 
 if TYPE_CHECKING:
     import pandas as pd

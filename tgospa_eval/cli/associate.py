@@ -127,11 +127,10 @@ def command(
     from tgospa_eval.cli.shared.writing import write_output
     from tgospa_eval.common.config import settings_field
     from tgospa_eval.common.writing import write_file
-    from tgospa_eval.plots.result_pictures import association_files
-    from tgospa_eval.reports.files import ASSOCIATION, check_file, probe_folder
-    from tgospa_eval.reports.rendering import csv_text
-    from tgospa_eval.reports.sensors import association_text
     from tgospa_eval.results.records import json_text
+    from tgospa_eval.show.files import ASSOCIATION, association_files, check_file, probe_folder
+    from tgospa_eval.show.rendering import csv_text
+    from tgospa_eval.show.result_text import association_text
 
     options |= {"force": force}
     request = Request.of(of_pairs(options))

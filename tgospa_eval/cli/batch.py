@@ -22,7 +22,7 @@ from tgospa_eval.errors import ConfigError
 
 if TYPE_CHECKING:
     from tgospa_eval.campaign.store import Store
-    from tgospa_eval.reports.batch import BatchTables
+    from tgospa_eval.show.batch import BatchTables
 
 OF_REPORT = {
     *("paths", "by", "mean_of_roots", "band", "output", "force", "format_", "pictures", "style"),
@@ -148,7 +148,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     """
     from tgospa_eval.api.batch import BatchOptions, evaluate_batch, tables_of
     from tgospa_eval.campaign.store import Store
-    from tgospa_eval.reports.batch_text import batch_report
+    from tgospa_eval.show.batch_text import batch_report
 
     output = OutputOptions.of(options)
     if paths[:1] == ("report",):
@@ -188,7 +188,7 @@ def _write(store: "Store", tables: "BatchTables", output: OutputOptions) -> None
     """
     from tgospa_eval.api.batch import batch_files
     from tgospa_eval.cli.shared.writing import can_draw, wanted_pictures, write_output
-    from tgospa_eval.reports.files import BATCH
+    from tgospa_eval.show.files import BATCH
 
     folder = output.output
     if folder is None or not len(tables.rows):

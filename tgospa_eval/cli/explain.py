@@ -106,10 +106,10 @@ def command(
     from tgospa_eval.cli.shared.streams import emit, print_notice
     from tgospa_eval.common.writing import write_file
     from tgospa_eval.formats.write import TABLES
-    from tgospa_eval.reports.files import check_file
-    from tgospa_eval.reports.rendering import rendered
-    from tgospa_eval.reports.result_text import explanation_document
     from tgospa_eval.results.explanation import Explanation
+    from tgospa_eval.show.files import check_file
+    from tgospa_eval.show.rendering import rendered
+    from tgospa_eval.show.result_text import explanation_document
 
     if output is not None:
         others = truth, estimate

@@ -181,7 +181,7 @@ def _run(
     from tgospa_eval.campaign.gate.report import GATE_REPORTS
     from tgospa_eval.campaign.gate.rules import Verdict, worst
     from tgospa_eval.cli.shared.progress import run
-    from tgospa_eval.reports.files import GATE, probe_folder
+    from tgospa_eval.show.files import GATE, probe_folder
 
     def run_shown(work: "Callable[[], Evaluation]", stopwatch: "Stopwatch") -> "Evaluation":
         result = run(work, stopwatch, show=not output.quiet)
@@ -232,7 +232,7 @@ def _run(
 def _printed(report: "Report", format: str) -> str:
     """The report for stdout; a table in the columns that there are."""
     from tgospa_eval.campaign.gate.report import GATE_REPORTS, table
-    from tgospa_eval.reports.rendering import WIDTH
+    from tgospa_eval.show.rendering import WIDTH
 
     if format != "table":
         return GATE_REPORTS[format](report)
@@ -278,7 +278,7 @@ def _write_folder(gate: "GateOptions", report: "Report") -> None:
     """
     from tgospa_eval.campaign.gate.report import gate_files
     from tgospa_eval.campaign.gate.suite import SEED
-    from tgospa_eval.reports.files import GATE, write_texts
+    from tgospa_eval.show.files import GATE, write_texts
 
     assert gate.output is not None
     files = gate_files(report, gate.seed_label or SEED)

@@ -55,8 +55,8 @@ def command(
     from tgospa_eval.common.config import settings_field
     from tgospa_eval.common.progress import Stopwatch
     from tgospa_eval.inspection import inspect
-    from tgospa_eval.reports.inspection import table
     from tgospa_eval.results.records import Json, json_text
+    from tgospa_eval.show.inspection import table
 
     if ctx.get_parameter_source("on_duplicate") is ParameterSource.DEFAULT:
         options["on_duplicate"] = "first"
@@ -64,8 +64,8 @@ def command(
     output = OutputOptions.of(options)
     request = Request.of({"switch_penalty": 0.0, **options})
     if plot is not None:
-        from tgospa_eval.plots.figures import FILES, MISSING, available
-        from tgospa_eval.reports.files import check_file
+        from tgospa_eval.show.files import check_file
+        from tgospa_eval.show.style import FILES, MISSING, available
 
         endings = [f".{kind}" for kind in FILES]
         ending = check_file(plot, "--plot", force=True, others=paths, endings=endings)
@@ -98,11 +98,7 @@ def _write_picture(
 ) -> None:
     """Draw what was read."""
     from tgospa_eval.common.writing import write_file
-    from tgospa_eval.plots.figures import written
-    from tgospa_eval.plots.plane import plot_inspection  # matplotlib takes a second
-    from tgospa_eval.plots.style import styled
+    from tgospa_eval.show.charts import Pictures, pictures
 
-    made = plot_inspection(sides, unit=unit)
-    with styled():
-        data = written(made, kind)
+    (data,) = pictures("inspect", (sides, unit), Pictures(formats=(kind,))).values()
     write_file(path, data, "--plot")

@@ -71,11 +71,11 @@ def command(source: str, target: str, *, size: int, force: bool, **options: Any)
     from tgospa_eval.common.config import settings_field
     from tgospa_eval.common.writing import write_file
     from tgospa_eval.formats.write import TABLES
-    from tgospa_eval.reports.files import check_file
-    from tgospa_eval.reports.rendering import csv_text
-    from tgospa_eval.reports.sensors import reduction_text
     from tgospa_eval.results.records import json_text, records
     from tgospa_eval.sensors.reduction import CHANGES, HISTORY
+    from tgospa_eval.show.files import check_file
+    from tgospa_eval.show.rendering import csv_text
+    from tgospa_eval.show.result_text import reduction_text
 
     request, output = Request.of(options), OutputOptions.of(options)
     ending = check_file(target, "OUT", force=force, others=[source], endings=TABLES)

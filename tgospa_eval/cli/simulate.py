@@ -16,7 +16,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import visible
 
 if TYPE_CHECKING:
-    from tgospa_eval.reports.files import Kind
+    from tgospa_eval.show.files import Kind
     from tgospa_eval.tracks.trajectories import Trajectories
 
 # Spelled out here, because importing the members costs numpy; a test holds them together.
@@ -206,7 +206,7 @@ def command(
 
 
 def _kind(names: Collection[str]) -> "Kind":
-    from tgospa_eval.reports.files import Kind
+    from tgospa_eval.show.files import Kind
 
     return Kind(name="simulate", document=next(iter(names)), names=names)
 
@@ -224,7 +224,7 @@ def _size_of(side: "Trajectories", what: str) -> str:
 def _make_setting(folder: str, name: str, seed: int, *, force: bool) -> tuple[str, ...]:
     """Write one run of a setting; what was made, and the command that evaluates it."""
     from tgospa_eval.formats.write import csv_text
-    from tgospa_eval.reports.files import probe_folder, write_texts
+    from tgospa_eval.show.files import probe_folder, write_texts
     from tgospa_eval.simulation.settings import PUBLISHED, run_setting
 
     names = "truth.csv", "estimate.csv", "measurements.csv"
@@ -269,7 +269,7 @@ def _make_scene(
     import numpy as np
 
     from tgospa_eval.formats.write import WRITERS
-    from tgospa_eval.reports.files import probe_folder, write_texts
+    from tgospa_eval.show.files import probe_folder, write_texts
     from tgospa_eval.simulation import Scene, Tracker, simulate
     from tgospa_eval.simulation.settings import usual_tracker
 

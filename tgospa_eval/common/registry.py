@@ -115,9 +115,14 @@ class Registry(Mapping[str, T], Generic[T]):
             ) from fault
 
     def _load(self, name: str, place: str) -> T:
-        module, _, attribute = place.partition(":")
-        value: Any = import_module(module)
-        return self._make(name, attrgetter(attribute)(value) if attribute else value)
+        return self._make(name, load(place))
+
+
+def load(place: str) -> Any:
+    """What is at ``"module:attribute"``, imported now."""
+    module, _, attribute = place.partition(":")
+    value: Any = import_module(module)
+    return attrgetter(attribute)(value) if attribute else value
 
 
 def lazy(package: str, home: Mapping[str, str]) -> Callable[[str], Any]:

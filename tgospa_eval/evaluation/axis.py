@@ -167,7 +167,7 @@ def _resampled(
     )
     made, estimate, held = make(ticks), axis.sides[1], None
     if len(estimate.step) and len(ticks.times):
-        from tgospa_eval.tracks.held import hold  # here: few want it
+        from tgospa_eval.tracks.interpolation import hold  # here: few want it
 
         def truth_at(side: Trajectories) -> Trajectories:
             return replace_times(make(side).side, side)

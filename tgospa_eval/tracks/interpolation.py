@@ -1,20 +1,37 @@
-"""One side at the stamps of the other: linear between the own states of each track."""
+"""One side at the stamps of the other: states on a line between those of a track, or held."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.tracks.alignment import Times, apart_of, comparable, joined_to, within
+from tgospa_eval.tracks.alignment import (
+    TimeMatching,
+    Times,
+    apart_of,
+    comparable,
+    joined_to,
+    within,
+)
 from tgospa_eval.tracks.attributes import chosen
 from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.held import Held
 from tgospa_eval.tracks.ignored import AWAY, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
 HALF_TURN = 180.0
 """Largest longitude."""
+
+
+RUN = 1.5
+"""Periods between two rows of a track that are one run."""
+
+SLACK = 1e-9
+"""Of a period: a step that is so near to the end of a report is in the next."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -215,3 +232,83 @@ def _mixed(first: Floats, second: Floats, share: Floats) -> Floats:
     """On the straight line from one to the other, without overflow."""
     share = share[:, None]
     return np.asarray((1 - share) * first + share * second)
+
+
+def hold(
+    truth: Trajectories,
+    estimate: Trajectories,
+    ticks: Trajectories,
+    matching: TimeMatching,
+    truth_at: Callable[[Trajectories], Trajectories],
+    names: tuple[str, str],
+) -> tuple[Trajectories, Held]:
+    """The estimate on a common clock, by the reports that hold there.
+
+    Inside a run of a track a report holds up to the middle between it and its neighbours, at the
+    ends of a run for half a period. So n regular reports hold for n periods, and a single one for
+    one.
+
+    Parameters
+    ----------
+    truth, estimate : Trajectories
+        As they were read.
+    ticks : Trajectories
+        The steps of the clock.
+    matching : TimeMatching
+        Step of the clock; longest gap inside a run; period, where one is declared.
+    truth_at : callable
+        The truth at the stamps of a side.
+    names : pair of str
+        Of estimate and option, for messages.
+
+    Raises
+    ------
+    ConfigError
+        A single report could fall between two steps.
+    InputError
+        The stamps cannot be compared.
+    """
+    mine, theirs = comparable(estimate, ticks, names)
+    second = SECOND if estimate.clock != "number" else 1
+    origin = mine[0]
+    own, clock = ((times - origin) / second for times in (mine, theirs))
+    order = np.argsort(estimate.track, kind="stable")  # rows are in the order of time
+    track, time = estimate.track[order], own[estimate.step[order]]
+    same, gap = track[1:] == track[:-1], np.diff(time)
+    step = float(matching.resample or 0.0)
+    period = float(matching.period) if matching.period else _period(gap[same], step)
+    if step > period * (1 + SLACK):
+        shown = number(period, 6)
+        raise ConfigError(
+            f"--resample {step:g}: a report of {names[0]} holds for its period, {shown}, and "
+            f"could fall between two steps; give at most {shown}, or --period if it is longer"
+        )
+    limit = float(matching.run) if matching.run else RUN * period
+    joined = same & (gap <= limit * (1 + SLACK))
+    half = np.where(joined, gap / 2, np.where(same, np.minimum(gap, period) / 2, period / 2))
+    middle = time[:-1] + half
+    after = np.append(middle, time[-1:] + period / 2)
+    before = np.append(time[:1] - period / 2, np.where(joined, middle, time[1:] - half))
+    begin, end = (np.searchsorted(clock, ends - SLACK * period) for ends in (before, after))
+    count = end - begin
+    steps, row = concatenated(begin, count), np.repeat(order, count)
+    order = np.lexsort((estimate.track[row], steps))
+    linked = np.zeros(len(time), bool)
+    linked[1:] |= joined
+    linked[:-1] |= joined
+    held = Held(
+        reports=estimate,
+        row=row[order],
+        truths=truth.ids,
+        truth_at=truth_at,
+        period=period,
+        declared=bool(matching.period),
+        alone=int(np.count_nonzero(~linked)),
+    )
+    side = estimate.chosen(row[order], steps[order], ticks.times, ticks.labels, ticks.clock)
+    return side, held
+
+
+def _period(gaps: Floats, step: float) -> float:
+    """The median interval of a track's reports, of two the shorter; else that of the clock."""
+    return float(np.quantile(gaps, 0.5, method="lower")) if len(gaps) else step

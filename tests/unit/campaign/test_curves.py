@@ -13,8 +13,8 @@ from tgospa_eval.campaign.curves import rms_curves
 from tgospa_eval.campaign.statistics import intervals
 from tgospa_eval.campaign.store import COST_COLUMNS, CURVE_COLUMNS
 from tgospa_eval.cli.batch import BAND_KINDS
-from tgospa_eval.reports.curves import BANDS, BandKind, RmsCurve, curves_csv, curves_json
 from tgospa_eval.results.records import PARTS
+from tgospa_eval.show.batch import BANDS, BandKind, RmsCurve, curves_csv, curves_json
 
 Steps = dict[str, float]
 """Cost by time."""

@@ -35,7 +35,7 @@ def timeless(folder: Path) -> list[dict]:
 def _no_pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """They take most of the time, and are looked at in one test."""
     if request.node.name != "test_report":
-        monkeypatch.setattr("tgospa_eval.plots.figures.available", lambda: False)
+        monkeypatch.setattr("tgospa_eval.show.style.available", lambda: False)
 
 
 def test_spread() -> None:

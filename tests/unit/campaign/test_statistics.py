@@ -21,9 +21,9 @@ from tgospa_eval.campaign.statistics import (
     p_values,
 )
 from tgospa_eval.campaign.sums import tabulated
-from tgospa_eval.reports import REPORTS
-from tgospa_eval.reports.batch import BatchTables, Ranking
-from tgospa_eval.reports.batch_text import batch_report
+from tgospa_eval.show.batch import BatchTables, Ranking
+from tgospa_eval.show.batch_text import batch_report
+from tgospa_eval.show.result_text import REPORTS
 
 COLUMNS = {
     "status": "done", "certified": True, "distance": "euclidean", "cutoff": 5.0, "order": 2.0,

@@ -364,12 +364,11 @@ def test_pictures_of_the_folder(
 
 def test_what_the_picture_shows() -> None:
     pytest.importorskip("matplotlib")
-    from tgospa_eval.plots.comparison import sweep_figure
-    from tgospa_eval.plots.figures import pictures
+    from tgospa_eval.show.charts import pictures, plot
 
     truth, estimate = scene(2, 3, 4, 12, side=10.0)
     found = sweep(truth, estimate, cutoff=[1, 2, 4, 8, 16], switch_penalty=2, unit="$m")
-    axes = sweep_figure(found).axes
+    axes = plot(found, "sweep", "sweep").axes
     assert [axis.get_title(loc="left") for axis in axes[:4]] == list(PARTS)
     shown = {axis.get_title(loc="left"): axis.get_lines()[0].get_ydata() for axis in axes}
     for part in PARTS:
@@ -380,6 +379,6 @@ def test_what_the_picture_shows() -> None:
         ]
     assert list(shown["TGOSPA"]) == [point.tgospa for point in found.points]
     assert all(axis.get_xscale() == "log" for axis in axes)
-    first, second = (pictures({"sweep": lambda: sweep_figure(found)}) for _ in range(2))
+    first, second = (pictures("sweep", found) for _ in range(2))
     assert first == second
     assert first["sweep.png"].startswith(b"\x89PNG")

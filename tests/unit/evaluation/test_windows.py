@@ -18,7 +18,6 @@ from tgospa_eval import Certified, Exact, evaluate
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.endings import Alone
 from tgospa_eval.evaluation.request import Sliding
-from tgospa_eval.plots import plot_windows
 
 Invoke = Callable[..., Answer]
 Write = Callable[[str, str], str]
@@ -329,7 +328,7 @@ def test_the_picture_needs_windows() -> None:
     assert [line.get_xdata().tolist() for line in axis.lines] == [[0.5, 1.5, 2.5]] * 2
     assert axis.lines[1].get_ydata() == pytest.approx([18**0.5] * 3, abs=1e-5)
     with pytest.raises(ConfigError, match="there are no windows"):
-        plot_windows(evaluate(np.zeros((3, 1, 2)), np.zeros((3, 1, 2))))
+        evaluate(np.zeros((3, 1, 2)), np.zeros((3, 1, 2))).plot_windows()
 
 
 def test_the_page_of_no_window(invoke: Invoke, write: Write) -> None:

@@ -13,12 +13,13 @@ from tgospa_eval import Result, evaluate
 from tgospa_eval.errors import InputError
 from tgospa_eval.partitioned import tables
 from tgospa_eval.partitioned import tables as by_time
-from tgospa_eval.plots import plot_costs, plot_cumulative
-from tgospa_eval.plots.result_pictures import save
-from tgospa_eval.reports import REPORTS, html, plot_data
 from tgospa_eval.results import partitioned as module
 from tgospa_eval.results.partitioned import PartitionedResult, StoredTables
 from tgospa_eval.results.saved import read_result
+from tgospa_eval.show import html, plot_data
+from tgospa_eval.show.charts import plot
+from tgospa_eval.show.files import save
+from tgospa_eval.show.result_text import REPORTS
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
 TABLES = ("per_truth", "per_estimate", "switches", "assignments")
@@ -125,9 +126,9 @@ def test_page_and_pictures_show_means_over_stretches_of_steps(
     assert data["worst"]["t"] == worst["steps"]
     for name, ids in (("truth", worst["truth"]), ("estimate", worst["estimates"])):
         assert data["tracks"][name]["id"] == ids
-    figure = plot_costs(stored)
+    figure = plot(stored, "costs")
     assert figure.axes[0].get_xlabel().endswith("; a bar is the mean of 8 steps")
-    lines = plot_cumulative(stored).axes[0].lines
+    lines = plot(stored, "cumulative").axes[0].lines
     assert lines[0].get_ydata()[-1] == pytest.approx(curve[lines[0].get_label()][-1])
 
 

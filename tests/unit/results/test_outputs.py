@@ -15,9 +15,9 @@ import pandas as pd
 import pytest
 
 from tgospa_eval import Result, Trajectories, __version__, evaluate, read_trajectories
-from tgospa_eval.reports import REPORTS
-from tgospa_eval.reports.rendering import csv_text
 from tgospa_eval.results.records import Columns
+from tgospa_eval.show.rendering import csv_text
+from tgospa_eval.show.result_text import REPORTS
 
 Invoke = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]

@@ -106,7 +106,7 @@ class PairOutcome:
     @property
     def page_name(self) -> str:
         """Where its page is in the folder of a gate; blank without one."""
-        from tgospa_eval.reports.proofs import folder_name  # here: for folders only
+        from tgospa_eval.show.files import folder_name  # here: for folders only
 
         return f"pairs/{folder_name(self.name)}.html" if self.page else ""
 

@@ -14,8 +14,9 @@ from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.files import is_missing, named, patience
 from tgospa_eval.common.words import counted, natural, number
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.reports import rendering as escape
-from tgospa_eval.reports.rendering import (
+from tgospa_eval.results.records import Json, json_text
+from tgospa_eval.show import rendering as escape
+from tgospa_eval.show.rendering import (
     WIDTH,
     Row,
     Table,
@@ -26,7 +27,6 @@ from tgospa_eval.reports.rendering import (
     workflow_property,
     xml,
 )
-from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.text import as_unicode, clipped, ending, listed, visible
 
 SCHEMA = "tgospa-eval/gate/1"
@@ -525,7 +525,7 @@ def gate_files(report: Report, seed: str = SEED) -> dict[str, str]:
 
 def page(report: Report, seed: str) -> str:
     """The page of all pairs: words and numbers from a template, without a script."""
-    from tgospa_eval.reports.html import (  # here: for folders only
+    from tgospa_eval.show.html import (  # here: for folders only
         environment,
         inlined,
         page_colours,

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from tgospa_eval.api.compare import PairReader, Ranked, rank_saved, ranked, solvers_on
 from tgospa_eval.api.notices import slow_notice
@@ -32,12 +32,11 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted, parsed, parsed_whole
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.guess import file_of
-from tgospa_eval.plots import figures
-from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
-from tgospa_eval.reports.comparison import pairs_columns, render, study_report
-from tgospa_eval.reports.files import COMPARISON, STUDY, Files, probe_folder
-from tgospa_eval.reports.rendering import csv_text
 from tgospa_eval.results.records import Json, json_text
+from tgospa_eval.show.charts import pictures
+from tgospa_eval.show.comparison import pairs_columns, render, study_report
+from tgospa_eval.show.files import COMPARISON, STUDY, Files, probe_folder
+from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.simulation import COLUMNS, Scene
 from tgospa_eval.simulation.settings import usual_tracker
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
@@ -53,7 +52,7 @@ TEMPERATURES = "0.1,0.05,0.03,0.01"
 def show(
     answer: Json,
     output: OutputOptions,
-    draw: figures.Draw,
+    drawn: Any = None,
     tables: Callable[[], Mapping[str, str]] = dict,
 ) -> None:
     """Print the document, and write the folder if one was asked for.
@@ -64,8 +63,8 @@ def show(
         The document.
     output : OutputOptions
         What to print, and where to write.
-    draw : mapping of str to callable
-        By name what makes a figure, where matplotlib is there.
+    drawn : object, optional
+        What pictures are of; the document by default.
     tables : callable
         Makes further files by name.
     """
@@ -74,15 +73,16 @@ def show(
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("the pictures", 0.0)
-        pictures = figures.pictures(draw) if can_draw(quiet=output.quiet) else {}
+        can_draw(quiet=output.quiet)
+        shown = pictures(answer["kind"], answer if drawn is None else drawn)
         files: dict[str, str | bytes] = {
             "compare.json": json_text(answer),
             "compare.csv": render(answer, "csv"),
             **tables(),
-            **pictures,
+            **shown,
         }
         if answer["kind"] == "study":
-            names = [name.removesuffix(".png") for name in pictures]
+            names = [name.removesuffix(".png") for name in shown]
             files["report.md"] = study_report(answer, names)
         return files
 
@@ -225,7 +225,7 @@ def show_ranking(found: Ranked, output: OutputOptions) -> bool:
 
     times, costs = steps_costs(entrants)
     in_order = {item["name"]: costs[item["name"]] for item in answer["estimates"] if costs}
-    show(answer, output, estimate_pictures(in_order, times), tables)
+    show(answer, output, (times, in_order), tables)
     unfinished = [
         f"{path}: {made['status']}"
         for item in answer["estimates"]
@@ -262,7 +262,7 @@ def compare_files(
         pairs.stopwatch,
         show=not output.quiet,
     )
-    show(answer, output, solver_pictures(answer))
+    show(answer, output)
     if not answer["agree"]:
         print_notice(
             "brackets do not overlap: " + "; ".join(map(" and ".join, answer["contradictions"]))
@@ -334,7 +334,7 @@ def study_sizes(
                 f"{folder}: {counted(len(known), 'scene is', 'scenes are')} there, going on"
             )
         answer = run(work, stopwatch, show=not quiet)
-        show(answer, output, study_pictures(answer))
+        show(answer, output)
     for size, length, number, *pair in answer["contradictions"]:
         print_notice(
             f"brackets do not overlap: {' and '.join(pair)}, run {number} of {size} targets, "

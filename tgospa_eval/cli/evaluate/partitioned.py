@@ -28,8 +28,8 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.partitioned.input.listing import state_of, stored
 from tgospa_eval.partitioned.run import SCANNED, MemoryTooSmallError
 from tgospa_eval.partitioned.tasks import removing
-from tgospa_eval.reports.files import WORK_FOLDER, WORK_LOG
 from tgospa_eval.results.partitioned import IN_PARTS, STORED_TABLES, name_of
+from tgospa_eval.show.files import WORK_FOLDER, WORK_LOG
 
 TABLE_FILES = (*map(name_of, STORED_TABLES[:-1]), f"{IN_PARTS}/part-00000.parquet")
 """Names in the folder of -o that must not be of others."""

@@ -1,6 +1,5 @@
 """From the values of the options to a result, and the result to stdout and files."""
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -15,8 +14,8 @@ from tgospa_eval.cli.shared.streams import emit, notifier, on_terminal, print_no
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.pair import PairEvaluation
-from tgospa_eval.reports import REPORTS
 from tgospa_eval.results.evaluation import Evaluation
+from tgospa_eval.show.result_text import REPORTS
 
 if TYPE_CHECKING:
     from tgospa_eval.results.explanation import Explanation
@@ -136,8 +135,8 @@ def _print(result: Evaluation, output: OutputOptions) -> None:
     """The result to stdout."""
     name = output.format_
     if name == "table" and on_terminal():
-        from tgospa_eval.reports.result_text import report  # here: for terminals only
+        from tgospa_eval.show.result_text import report  # here: for terminals only
 
-        emit(report(result, sys.stdout.encoding or "ascii"), "colours")
+        emit(report(result), "colours")
     else:
         emit(REPORTS[name](result), name)

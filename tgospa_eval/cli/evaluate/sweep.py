@@ -14,16 +14,15 @@ from tgospa_eval.cli.shared.streams import emit, notifier, print_notice
 from tgospa_eval.cli.shared.writing import can_draw, wanted_pictures, write_output
 from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.plots import figures
-from tgospa_eval.plots.comparison import sweep_figure
-from tgospa_eval.reports.files import SWEEP, Files, probe_folder
-from tgospa_eval.reports.rendering import csv_text, rendered
-from tgospa_eval.reports.sweep import sweep_document
 from tgospa_eval.results.sweep import Sweep
+from tgospa_eval.show.charts import pictures
+from tgospa_eval.show.comparison import sweep_document
+from tgospa_eval.show.files import SWEEP, Files, probe_folder
+from tgospa_eval.show.rendering import csv_text, rendered
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
-    from tgospa_eval.plots.result_pictures import Pictures
+    from tgospa_eval.show.charts import Pictures
 
 SWEPT = {
     "c": "cutoff",
@@ -186,7 +185,7 @@ def _show(found: Sweep, output: OutputOptions, wanted: "Pictures | None") -> Non
             "sweep.csv": csv_text(found.columns()),
         }
         if wanted is not None and can_draw(quiet=output.quiet):
-            files |= figures.pictures({"sweep": lambda: sweep_figure(found)}, wanted.formats)
+            files |= pictures("sweep", found, wanted)
         return files
 
     write_output(output, SWEEP, make)

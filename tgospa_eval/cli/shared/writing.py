@@ -12,20 +12,21 @@ from tgospa_eval.cli.shared.streams import interrupted, print_notice, shielded
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.proof import PROOF_FOLDER
-from tgospa_eval.reports.files import (
+from tgospa_eval.results.evaluation import Evaluation
+from tgospa_eval.show.files import (
     GEOJSON,
     PROOF_FILES,
     RESULT,
     Files,
     Kind,
     probe_folder,
+    result_pictures,
     result_texts,
     write_texts,
 )
-from tgospa_eval.results.evaluation import Evaluation
 
 if TYPE_CHECKING:
-    from tgospa_eval.plots.result_pictures import Pictures
+    from tgospa_eval.show.charts import Pictures
 
 
 def write_output(
@@ -98,12 +99,9 @@ def probed_folder(
         It cannot, or something is wrong with what is to go into it.
     """
     wanted = wanted_pictures(output)
-    windows = options.window is not None
     also += () if wanted is None else wanted.names
-    if wanted is not None and windows:
-        also += tuple(f"windows.{kind}" for kind in wanted.formats)
     also += ("curve.csv",) if options.curve else ()
-    also += ("windows.csv",) if windows else ()
+    also += ("windows.csv",) if options.window is not None else ()
     also += ("per_class.csv",) if options.by else ()
     also += ("explanation.json", "explanation.csv") if options.explain else ()
     also += (GEOJSON,) if output.geojson else ()
@@ -122,25 +120,25 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
     """
     if output.pictures == "none":
         return None
-    from tgospa_eval.plots.result_pictures import Pictures, names_in  # here: for pictures only
+    from tgospa_eval.show.charts import Pictures  # here: for pictures only
 
-    parts, plane = output.components, output.plane
+    given = (output.pictures, output.components, output.plane)
+    formats, components, columns = (
+        None if text is None else tuple(map(str.strip, text.split(","))) for text in given
+    )
     with named_options():
         return Pictures(
-            formats=names_in(output.pictures),
-            style=output.style,
-            components=None if parts is None else names_in(parts),
-            columns=None if plane is None else names_in(plane),
+            formats=formats or (), style=output.style, components=components, columns=columns
         )
 
 
 def can_draw(*, quiet: bool) -> bool:
     """Whether pictures can be drawn; prints a notice if not."""
-    from tgospa_eval.plots import figures  # here: for folders only
+    from tgospa_eval.show import style  # here: for folders only
 
-    if not figures.available() and not quiet:
-        print_notice(figures.MISSING)
-    return figures.available()
+    if not style.available() and not quiet:
+        print_notice(style.MISSING)
+    return style.available()
 
 
 @contextmanager
@@ -162,22 +160,18 @@ def write_folder(
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("report.html", 0.0)
-        texts = result_texts(result, names)
+        texts = {**result_texts(result, names)}
         if output.proof:
-            from tgospa_eval.reports.proofs import proof_files  # here: only where asked for
+            from tgospa_eval.show.files import proof_files  # here: only where asked for
 
             notify(PROOF_FOLDER, 0.0)
             proof = proof_files(result, options.given)
             texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in proof.items()}
         if output.geojson:
             notify(GEOJSON, 0.0)
-            from tgospa_eval.reports.geojson import geojson  # lazy: slow to import
+            from tgospa_eval.show.geojson import geojson  # lazy: slow to import
 
             texts |= {GEOJSON: geojson(result)}
-        if wanted is None:
-            return texts
-        from tgospa_eval.plots.result_pictures import result_pictures
-
-        return {**texts, **result_pictures(result, wanted, notify)}
+        return texts | ({} if wanted is None else result_pictures(result, wanted, notify))
 
     write_output(output, RESULT, make)

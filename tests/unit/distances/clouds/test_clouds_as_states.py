@@ -41,9 +41,9 @@ from tgospa_eval.distances.clouds.distance import reduced
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.write import TABLES
-from tgospa_eval.plots.plane import Plane, ellipses
-from tgospa_eval.plots.style import STYLES
 from tgospa_eval.sensors import association
+from tgospa_eval.show.plane import Plane, ellipses
+from tgospa_eval.show.style import STYLES
 from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.clouds import Cloud, Clouds
 from tgospa_eval.tracks.covariances import unpack

@@ -1,0 +1,546 @@
+"""What is shown of a batch: sums of groups, a proven order, a statistical one, curves over time.
+
+Proven is what holds for these files; statistical is what they say of others like them. Tables, page
+and pictures are made of this.
+"""
+
+import json
+import math
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from tgospa_eval.common.arrays import Floats
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.interval import Interval
+from tgospa_eval.common.words import THOUSANDS, natural, number
+from tgospa_eval.formats.times import TimeError, places
+from tgospa_eval.results.records import PARTS, Columns, Json, Part, Time, records
+from tgospa_eval.results.slices import Slicing
+from tgospa_eval.show.rendering import csv_text
+from tgospa_eval.show.style import HEAT_LEVELS
+from tgospa_eval.show.time_axis import TimeAxis
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+CurveKind = Literal["step", "cumulative", "growing"]
+
+CURVE_KINDS: Mapping[CurveKind, str] = {
+    "step": "per time step",
+    "cumulative": "of the steps up to t",
+    "growing": "evaluated up to t",
+}
+"""What the RMS is of: costs of the step at t; their sum up to t by the steps of the horizon up to
+t; the same of an evaluation of these steps alone."""
+
+LINE_NAMES = {
+    "total": "RMS-TGOSPA",
+    "localisation": "RMS localisation error",
+    "missed": "RMS missed target error",
+    "false": "RMS false target error",
+    "switch": "RMS track switch error",
+}
+"""What is drawn of a curve, as papers call it."""
+
+BandKind = Literal["interval", "bootstrap", "percentiles", "deviation"]
+
+BANDS: Mapping[BandKind, str] = {
+    "interval": "95 % intervals of the RMS over the runs, from 6 runs on",
+    "bootstrap": "95 % bootstrap intervals of the RMS over the runs, from 6 runs on",
+    "percentiles": "the 2.5th to the 97.5th percentile of the runs",
+    "deviation": "one standard deviation of the runs to either side",
+}
+"""What bands around curves are; the first by default."""
+
+POINT_COLUMNS = (
+    *("step", "t", "runs", "rms", "lower_bound", "upper_bound", "band_low", "band_high"),
+    *(f"{part}{end}" for part in PARTS for end in ("", "_low", "_high")),
+)
+"""Of a table with a row for each time."""
+
+KIND_COLUMN = "curve"
+"""What comes before them where several curves are in one table."""
+
+Band = tuple[Sequence[float], Sequence[float]]
+"""Lower and upper ends."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RmsCurve:
+    """One curve: of the runs of a group, over the K times at which any of them has a step.
+
+    Parameters
+    ----------
+    group : mapping of str to str
+        Labels of the group, and parameters where those differ; none is called like a column.
+    kind : str
+        One of `CURVE_KINDS`.
+    times : sequence of int, float or str
+        As they were read, in order.
+    runs : int
+        How many there are; all count at each time.
+    rms : mapping of str to sequence of float
+        Root mean squares at the K times, in state units: of the whole cost, ``total``, and of its
+        parts by name; the whole alone where each point is an evaluation of its own.
+    bands : mapping of str to pair of sequence of float
+        What is around each; empty where there are too few runs.
+    bounds : pair of sequence of float, optional
+        Proven bounds of the values; None where costs are of one assignment.
+    band : str
+        What the bands are, one of `BANDS`.
+    """
+
+    group: Mapping[str, str]
+    kind: CurveKind
+    times: Sequence[Time]
+    runs: int
+    rms: Mapping[str, Sequence[float]]
+    bands: Mapping[str, Band]
+    bounds: tuple[Sequence[float], Sequence[float]] | None
+    band: BandKind
+
+    @property
+    def name(self) -> str:
+        """The group in a line."""
+        return "/".join(self.group.values())
+
+    def top(self, name: str) -> float:
+        """The largest value of the whole cost or a part, with its band."""
+        return max((*self.rms[name], *(self.bands[name][1] if name in self.bands else ())))
+
+    def table(self) -> Columns:
+        """A row for each time."""
+        size = len(self.times)
+        none = [None] * size
+        each = {
+            name: (values, *self.bands.get(name, (none, none))) for name, values in self.rms.items()
+        }
+        rms, *band = each["total"]
+        columns: list[Sequence[object]] = [range(1, size + 1), self.times, [self.runs] * size]
+        columns += [rms, *(self.bounds or (none, none)), *band]
+        columns += [column for part in PARTS for column in each.get(part, (none,) * 3)]
+        return {name: list(values) for name, values in zip(POINT_COLUMNS, columns, strict=True)}
+
+
+def on_one_axis(
+    curves: Sequence[RmsCurve],
+) -> tuple[TimeAxis, list[Floats], tuple[float, float]]:
+    """The axis of the times of all these curves, where on it those of each are, and its ends.
+
+    Times of several kinds have no order: then the axis is that of the numbers of the steps.
+    """
+    try:
+        found = places([curve.times for curve in curves])
+        times = [t for curve in curves for t in curve.times]
+    except TimeError:
+        found = [np.arange(len(curve.times)) for curve in curves]
+        times = [k + 1 for own in found for k in own.tolist()]
+    _, first = np.unique(np.concatenate(found), return_index=True)
+    union = [times[k] for k in first.tolist()]
+    axis = TimeAxis.of(union)
+    at = axis.at
+    room = 0.0 if len(at) > 1 else 0.5
+    ends = float(at[0]) - room, float(at[-1]) + room
+    return axis, [at[own] for own in found], ends
+
+
+def curves_csv(curves: Sequence[RmsCurve]) -> str:
+    """All curves in one table."""
+    table: Columns = {}
+    for curve in curves:
+        own = curve.table()
+        size = len(curve.times)
+        labels = {name: [value] * size for name, value in curve.group.items()}
+        for name, column in (labels | {KIND_COLUMN: [curve.kind] * size} | own).items():
+            table.setdefault(name, []).extend(column)
+    return csv_text(table)
+
+
+def curves_json(curves: Sequence[RmsCurve]) -> list[Json]:
+    """All curves, each with its points."""
+    return [
+        {
+            "by": dict(curve.group),
+            KIND_COLUMN: curve.kind,
+            "band": curve.band,
+            "points": records(curve.table()),
+        }
+        for curve in curves
+    ]
+
+
+Places = tuple[int, int]
+"""The best and the worst, counted from 1."""
+
+NARROW = 1e-9
+"""Relative width of a bracket below which one number is shown."""
+
+MOST_LINES = 6
+"""Groups whose curves are drawn."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranking:
+    """All values of a label in the order of `combined`.
+
+    Parameters
+    ----------
+    label : str
+        Its name.
+    entries : list of dict
+        Best first: ``name``, ``place`` (proven: best and worst), brackets of ``combined`` and
+        ``per_step``; ``confidence``, the 95 % interval of combined, and ``statistical_place``,
+        both None where there are too few pairs.
+    comparisons : list of dict
+        All pairs of them, the ``first`` has the smaller value: ``verdict`` (proven), bounds of the
+        ``difference`` of combined; ``lower`` and ``upper`` end of its 95 % interval, ``p_value``,
+        ``p_holm``, ``significant``, all None where there are too few pairs.
+    jobs, all_jobs : int
+        How many jobs of each are compared; how many there are of which one at least has a value.
+    pairs : int
+        What statistics are of: truths, or jobs if there is one truth alone.
+    truths : int
+        How many there are.
+    permutations : int
+        Of the test; 0 where there are too few pairs.
+    seed : int
+        Of those, if they are drawn.
+    parameters : mapping of str to float or str
+        Those that differ in the batch.
+    left_out : tuple of str
+        Names without any job that has a value.
+    """
+
+    label: str
+    entries: list[Json]
+    comparisons: list[Json]
+    jobs: int
+    all_jobs: int
+    pairs: int
+    truths: int
+    permutations: int
+    seed: int
+    parameters: Mapping[str, float | str] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def others(self) -> str:
+        """What a conclusion by statistics is about."""
+        return "other runs on this truth" if self.truths == 1 else "other truths"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BatchTables:
+    """Everything that is shown of a batch.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        A row for each job.
+    groups : DataFrame
+        A row for each group.
+    by : tuple of str
+        The labels that make a group; values of the first are compared.
+    parameters : tuple of str
+        Those in which jobs differ, and with them groups.
+    rankings : tuple of Ranking
+        One for each set of parameters.
+    notes : tuple of str
+        Why something is not ranked, and where settings come from.
+    slices : mapping of int to list of Slicing
+        Costs split by attributes, sums over the jobs of a group, by the number of its row.
+    curves : tuple of RmsCurve
+        Over the steps of runs, where those are stored.
+    settings : mapping of str to object
+        What was evaluated, and how; for the page and pictures.
+    link : callable
+        Where the report of the job of a row is; nothing if there is none.
+    """
+
+    rows: "pd.DataFrame"
+    groups: "pd.DataFrame"
+    by: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
+    rankings: tuple[Ranking, ...] = ()
+    notes: tuple[str, ...] = ()
+    slices: Mapping[int, Sequence[Slicing]] = field(default_factory=dict)
+    curves: tuple[RmsCurve, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    link: Callable[[Mapping[Any, Any]], str] = lambda _: ""
+
+    @property
+    def heads(self) -> dict[str, str]:
+        """Columns of `groups` that tell them apart, with the names that these are shown by."""
+        found = {
+            f"label.{name}" if f"label.{name}" in self.groups else name: name for name in self.by
+        }
+        return found | {name: name for name in self.parameters}
+
+    def named(self, row: "Mapping[Hashable, Any] | pd.Series[Any]") -> tuple[str, ...]:
+        """What tells a row of the groups from others, in words."""
+        return tuple(value_in_words(row[name]) for name in self.heads)
+
+    @property
+    def unit(self) -> str:
+        """Of the states."""
+        return str(self.settings["options"].get("unit") or "")
+
+    @property
+    def labels(self) -> list[str]:
+        """Names of the labels."""
+        columns = self.rows.columns
+        return [name.removeprefix("label.") for name in columns if name.startswith("label.")]
+
+    def values_of(self, label: str) -> "pd.Series[str]":
+        """The value of a label of each job."""
+        return self.rows[f"label.{label}"].fillna("").astype(str)
+
+    def name_of(self, row: "pd.Series[Any]") -> str:
+        """Labels of a job, and options of its own."""
+        own = json.loads(str(row["options"]))
+        texts = [str(row[f"label.{name}"]) for name in self.labels]
+        texts += [f"{key}={value}" for key, value in own.items()]
+        return "/".join(texts) or str(row["estimate"])
+
+    def quantity(self, value: float, digits: int = 6) -> str:
+        """A value with its unit."""
+        return f"{number(value, digits)} {self.unit}" if self.unit else number(value, digits)
+
+    def between(self, value: Interval, digits: int = 6) -> str:
+        """A value, or both ends where they differ."""
+        if value.upper - value.lower <= NARROW * value.upper:
+            return self.quantity(value.upper, digits)
+        return f"{number(value.lower, digits)} to {self.quantity(value.upper, digits)}"
+
+    @cached_property
+    def compared(self) -> dict[str, int]:
+        """Values of the first label, those that are ranked first, with numbers of colours."""
+        names = [entry["name"] for ranking in self.rankings for entry in ranking.entries]
+        if self.by:
+            names += sorted(self.values_of(self.by[0]).unique())
+        return {name: k for k, name in enumerate(dict.fromkeys(names))}
+
+    @cached_property
+    def shown_groups(self) -> list[Json]:
+        """All groups, in the order of the ranking.
+
+        Each has its ``name``, the number of its colour (``track``), ``jobs`` with a value and as
+        many as are ``expected``, the brackets ``per_step`` and ``rms``, the parts of the ``cost``
+        per step (``costs``), and the ``parameters`` that differ in the batch: costs of other ones
+        are no larger or smaller.
+        """
+        groups, names = self.groups, list(self.heads)
+        if self.by and len(groups):
+            first = groups[names[0]].astype(str).map(self.compared)
+            groups = groups.loc[first.sort_values(kind="stable").index]
+        found: list[Json] = []
+        for row in groups.to_dict("records"):
+            steps = max(float(row["judged.steps"]), 1.0)
+            costs: dict[Part, float] = {name: float(row[name]) / steps for name in PARTS}
+            found.append(
+                {
+                    "name": "/".join(self.named(row)),
+                    "track": self.compared.get(str(row[names[0]]), 0) if names else 0,
+                    "jobs": int(row["jobs"]),
+                    "expected": int(row["expected"]),
+                    "per_step": interval(row, "per_step"),
+                    "rms": interval(row, "rms"),
+                    "costs": costs,
+                    "cost": sum(costs.values()),
+                    "parameters": [value_in_words(row[name]) for name in self.parameters],
+                }
+            )
+        return found
+
+    @cached_property
+    def heat(self) -> Json | None:
+        """The first label of the groups across, the second or another down."""
+        labels = [*self.by, *(name for name in self.labels if name not in self.by)]
+        if len(labels) < 2:
+            return None
+        across = list(self.compared) or sorted(self.values_of(labels[0]).unique())
+        return heat_of(self.rows, (labels[1], labels[0]), across, self.link, self.parameters)
+
+    @cached_property
+    def drawn_curves(self) -> list[tuple[int, RmsCurve]]:
+        """Those of the first groups, with numbers of colours."""
+        names = list(dict.fromkeys(curve.name for curve in self.curves))
+        first = {curve.name: next(iter(curve.group.values()), "") for curve in self.curves}
+        names.sort(key=lambda name: self.compared.get(first[name], len(names)))
+        # The colour is that of the ranking, unless several lines would have it.
+        alone = len(set(first.values())) == len(names)
+        track = {
+            name: self.compared.get(first[name], k) if alone else k for k, name in enumerate(names)
+        }
+        return [
+            (track[name], curve)
+            for name in names[:MOST_LINES]
+            for curve in self.curves
+            if curve.name == name
+        ]
+
+
+def value_in_words(value: object) -> str:
+    """A label, or the value of a parameter."""
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def parameters_in_words(parameters: Mapping[str, float | str]) -> str:
+    """A set of parameters that differ in the batch, in a line."""
+    return ", ".join(f"{name} {value_in_words(value)}" for name, value in parameters.items())
+
+
+def interval(row: "Mapping[Hashable, Any] | pd.Series[Any]", name: str) -> Interval:
+    """The bracket of a value of a group."""
+    return Interval(lower=float(row[f"{name}_lower"]), upper=float(row[f"{name}_upper"]))
+
+
+def bracket(row: Mapping[str, Any], name: str) -> Interval:
+    """The bracket of a value of a row of a ranking, which is the upper end itself."""
+    return Interval(lower=row[f"{name}_lower"], upper=row[name])
+
+
+# -------------------------------------------------------------------------------------------------
+# The table of jobs, side by side.
+
+TABLE_ROWS = 60
+"""Most rows of a table with numbers; of more there are squares."""
+
+MOST_SQUARES = 1000
+"""Of each column; of more jobs those are shown that lose most."""
+
+MOST_COLUMNS = 12
+
+DIGITS = 4
+"""Of the largest value."""
+
+MOST_DECIMALS = 6
+
+VALUE_COLUMNS = ("total_lower", "total_upper", "judged.steps", "order")
+
+TINY = np.finfo(float).tiny
+
+
+def heat_of(
+    rows: "pd.DataFrame",
+    labels: tuple[str, str],
+    columns: Sequence[str],
+    link: Callable[[Mapping[Any, Any]], str],
+    parameters: Sequence[str] = (),
+) -> Json:
+    """Jobs side by side, as a table of squares or numbers.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of a store.
+    labels : pair of str
+        Names of the labels down and across.
+    columns : sequence of str
+        Values of the label across, in order; others are left out.
+    link : callable
+        Where the report of the job of a row is; nothing if there is none.
+    parameters : sequence of str
+        Columns in which rows differ: costs are not added up over these, they are named down.
+
+    Returns
+    -------
+    dict
+        ``down`` and ``across``, names of the labels, and their values, ``rows`` and ``columns``;
+        how many of these are left out, ``hidden_rows`` with the smallest values and
+        ``hidden_columns``, the last; whether there are too many for numbers (``squares``).
+        ``cells`` by row and column, None where there is no job: ``value`` is the bracket of TGOSPA
+        per step and ``text`` it in words, None and "failed" if all ``jobs`` have ``failed``;
+        ``level`` its shade, from 0; ``link`` where its report is, if it is a single job that has
+        one; ``best`` whether no other of its row can be proven to be better or equal. ``ends`` are
+        the least and the largest value, if any. ``scales`` counts sets of parameters: a shade is
+        between the least and the largest value of its own.
+    """
+    down, across = (rows[f"label.{name}"].fillna("").astype(str) for name in labels)
+    for name in parameters:
+        values = rows[name].map(value_in_words).where(rows[name].notna(), "-")
+        down = down + f" {name}=" + values
+    shown = list(columns)[:MOST_COLUMNS]
+    # Where all jobs failed there are no columns of values.
+    rows = rows.reindex(columns=list(dict.fromkeys([*rows.columns, *VALUE_COLUMNS])))
+    found = rows.assign(_row=down, _column=across)[across.isin(shown)]
+    sets = found.groupby(list(parameters), dropna=False).ngroup() if parameters else 0
+    found = found.assign(_failed=found["status"] == "failed", _set=sets, _at=np.arange(len(found)))
+    numbers = found.groupby(["_row", "_column"], sort=False).agg(
+        jobs=("_failed", "size"),
+        failed=("_failed", "sum"),
+        lower=("total_lower", "sum"),
+        upper=("total_upper", "sum"),
+        steps=("judged.steps", "sum"),
+        order=("order", "first"),
+        scale=("_set", "first"),
+        at=("_at", "first"),
+    )
+    for end in ("lower", "upper"):
+        total = numbers[end].astype(float) / numbers["steps"].astype(float).clip(lower=1.0)
+        value = total ** (1 / numbers["order"].astype(float))
+        numbers[end] = value.where(numbers["jobs"] > numbers["failed"])
+    # Of many rows those with the largest value of their set; failed jobs are infinite.
+    largest = numbers.groupby("scale")["upper"].transform("max").clip(lower=TINY)
+    share = (numbers["upper"] / largest).fillna(np.inf).groupby(level="_row").max()
+    names = sorted(share.index, key=natural)
+    kept = set(share.loc[names].nlargest(MOST_SQUARES).index)
+    numbers = numbers[numbers.index.isin(kept, level="_row")]
+    own = numbers.groupby("scale")["upper"]
+    low, width = own.transform("min"), own.transform("max") - own.transform("min")
+    shades = ((numbers["upper"] - low) / width.where(width > 0)).fillna(0.0)
+    numbers["level"] = (shades * HEAT_LEVELS).astype(int).clip(upper=HEAT_LEVELS - 1)
+    alone = numbers[(numbers["jobs"] == 1) & (numbers["failed"] == 0)]
+    links = dict(
+        zip(alone.index, map(link, found.iloc[alone["at"]].to_dict("records")), strict=True)
+    )
+    known = numbers["upper"].dropna()
+    least, most = (known.min(), known.max()) if len(known) else (0.0, 0.0)
+    cells: dict[tuple[str, str], Json] = {}
+    for item in numbers.reset_index().to_dict("records"):
+        place = item["_row"], item["_column"]
+        has = item["jobs"] > item["failed"]
+        bounds = Interval(lower=item["lower"], upper=item["upper"]) if has else None
+        cells[place] = {
+            "value": bounds,
+            "text": "failed" if bounds is None else cell_text(bounds, most),
+            "jobs": item["jobs"],
+            "failed": item["failed"],
+            "level": item["level"],
+            "link": links.get(place, ""),
+            "best": False,
+        }
+    names = [name for name in names if name in kept]
+    table = [[cells.get((name, column)) for column in shown] for name in names]
+    for row in table if len(shown) > 1 else ():
+        valued = [cell for cell in row if cell and cell["value"]]
+        for cell in valued:
+            high = cell["value"].upper
+            cell["best"] = sum(other["value"].lower <= high for other in valued) == 1
+    return {
+        "down": labels[0],
+        "across": labels[1],
+        "rows": names,
+        "columns": shown,
+        "cells": table,
+        "ends": (least, most) if len(known) else None,
+        "scales": numbers.loc[known.index, "scale"].nunique(),
+        "squares": len(names) > TABLE_ROWS,
+        "hidden_rows": len(share) - len(names),
+        "hidden_columns": len(columns) - len(shown),
+    }
+
+
+def cell_text(value: Interval, largest: float) -> str:
+    """A value with as many decimals as all have, or both ends where they differ there."""
+    decimals = max(0, DIGITS - 1 - math.floor(math.log10(largest))) if largest > 0 else 0
+    form = f",.{decimals}f"
+    if largest >= THOUSANDS or decimals > MOST_DECIMALS:
+        form = f".{DIGITS - 1}e"
+    low, high = (f"{end:{form}}" for end in (value.lower, value.upper))
+    return high if low == high else f"{low} to {high}"

@@ -1,0 +1,191 @@
+"""The list of all pictures: which there are of what, who draws them, and their files.
+
+matplotlib is imported when one is drawn.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.registry import load
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.results.evaluation import Evaluation
+from tgospa_eval.results.records import PARTS
+from tgospa_eval.sensors.association import Pairing
+from tgospa_eval.show import style as looks
+from tgospa_eval.show.style import FILES, STYLES, Style, styled
+from tgospa_eval.text import quoted
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Chart(NamedTuple):
+    """A picture: what draws it of its subject and a `Style`, as None where it shows nothing."""
+
+    draw: str
+    """Module of this folder and function."""
+    options: tuple[str, ...] = ()
+    """Of `Pictures`, that it takes too."""
+    absent: str = ""
+    """Why there is none."""
+
+
+_PARTS = ("parts",)
+_PLANE = Chart("plane:draw_plane", ("columns",))
+_RESULT = {
+    "costs": Chart("overtime:draw_costs", _PARTS),
+    "lanes": Chart("lanes:draw_lanes"),
+    "plane": _PLANE,
+    "cumulative": Chart("overtime:draw_cumulative", _PARTS),
+    "worst": Chart("overtime:draw_worst", _PARTS),
+    "nees": Chart(
+        "overtime:draw_nees",
+        absent="there is no NEES: evaluate with with_='nees', and states that have covariances",
+    ),
+    "windows": Chart(
+        "overtime:draw_windows",
+        _PARTS,
+        "there are no windows: evaluate with window=, the steps of each",
+    ),
+}
+_CURVES = {
+    "curve": Chart("several:draw_curves"),
+    "curve-parts": Chart("several:draw_curve_parts"),
+}
+
+CHARTS: Mapping[str, Mapping[str, Chart]] = {
+    "result": _RESULT,
+    "result in parts": {name: _RESULT[name] for name in ("costs", "cumulative", "nees")},
+    "associate": {"plane": _PLANE},
+    "inspect": {"inspection": Chart("plane:draw_inspection")},
+    "sweep": {"sweep": Chart("several:draw_sweep")},
+    "estimates": {"cumulative": Chart("several:draw_cumulative")},
+    "solvers": {
+        "time_over_error": Chart("several:draw_time_over_error"),
+        "error_over_epsilon": Chart("several:draw_errors"),
+        "convergence": Chart("several:draw_convergence"),
+    },
+    "study": {
+        "error_over_epsilon": Chart("several:draw_study_errors"),
+        "scaling": Chart("several:draw_scaling"),
+    },
+    "batch": {
+        "parts": Chart("several:draw_parts"),
+        "heat": Chart("several:draw_heat"),
+        **_CURVES,
+    },
+    "page of a batch": _CURVES,
+}
+"""By kind of subject and name of file; of data in parts no tracks are drawn."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pictures:
+    """What pictures are wanted, checked.
+
+    Parameters
+    ----------
+    formats : tuple of str
+        Of `FILES`; none draws nothing.
+    style : str
+        Of `STYLES`.
+    components : sequence of str, optional
+        Parts of the cost; all by default.
+    columns : pair of str, optional
+        What is across and up in the plane.
+
+    Raises
+    ------
+    ConfigError
+        A format, the style or a component has an unknown name.
+    """
+
+    formats: tuple[str, ...] = ("png",)
+    style: str = "screen"
+    components: Sequence[str] | None = None
+    columns: Sequence[str] | None = None
+
+    def __post_init__(self) -> None:
+        odd = [name for name in self.formats if name not in FILES]
+        if odd:
+            raise ConfigError(f"pictures {quoted(odd[0])}: must be of {', '.join(FILES)}, or none")
+        if self.style not in STYLES:
+            raise ConfigError(f"style {quoted(self.style)}: must be one of {', '.join(STYLES)}")
+        chosen = PARTS if self.components is None else self.components
+        if isinstance(chosen, str) or not chosen or set(chosen) - set(PARTS):
+            text = chosen if isinstance(chosen, str) else ", ".join(map(str, chosen))
+            raise ConfigError(f"components {quoted(text)}: must be of {', '.join(PARTS)}")
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The parts of the cost that are drawn, in their order."""
+        return tuple(name for name in PARTS if self.components is None or name in self.components)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The files of a result."""
+        return tuple(f"{name}.{kind}" for name in CHARTS["result"] for kind in self.formats)
+
+    def check(self, known: Sequence[str]) -> None:
+        """See that the plane can be drawn of these state columns, before any work is done.
+
+        Raises
+        ------
+        ConfigError
+            `columns` names one that the states do not have.
+        """
+        from tgospa_eval.show.plot_data import plane_columns  # lazy: slow to import
+
+        plane_columns(known, self.columns)
+
+    def drawn(self, chart: Chart, subject: Any, style: Style) -> "Figure | None":
+        """One picture, or None where it has nothing to show."""
+        if isinstance(subject, Evaluation | Pairing):
+            from tgospa_eval.show.plot_data import plot_data  # lazy: slow to import
+
+            subject = plot_data(subject)
+        options = {name: getattr(self, name) for name in chart.options}
+        made: Figure | None = load(f"tgospa_eval.show.{chart.draw}")(subject, style, **options)
+        return made
+
+
+def pictures(
+    kind: str,
+    subject: Any,
+    wanted: Pictures | None = None,
+    notify: Callable[[str, float], None] = lambda name, share: None,  # noqa: ARG005
+) -> dict[str, bytes]:
+    """Files by name: of a kind in `CHARTS` all that have something to show, each in all formats.
+
+    None without matplotlib. `notify` takes the name of each before it is written, and the share
+    that is done. One figure after the other: they hold memory.
+    """
+    wanted, charts, files = wanted or Pictures(), CHARTS[kind], dict[str, bytes]()
+    for at, (name, chart) in enumerate(
+        charts.items() if wanted.formats and looks.available() else ()
+    ):
+        with styled(wanted.style) as style:
+            from tgospa_eval.show.drawing import written  # lazy: matplotlib is slow to import
+
+            made = wanted.drawn(chart, subject, style)
+            if made is not None:
+                notify(f"{name}.{wanted.formats[0]}", at / len(charts))
+                files |= {f"{name}.{k}": written(made, k, style.dots) for k in wanted.formats}
+    return files
+
+
+def plot(subject: Any, name: str, kind: str = "result", **options: Any) -> "Figure":
+    """One picture; `options` are fields of `Pictures`.
+
+    Raises
+    ------
+    ConfigError
+        A name is unknown, matplotlib is not installed, or there is no such picture.
+    """
+    wanted, chart = Pictures(**options), CHARTS[kind][name]
+    with styled(wanted.style) as style:
+        made = wanted.drawn(chart, subject, style)
+    if made is None:
+        raise ConfigError(chart.absent)
+    return made

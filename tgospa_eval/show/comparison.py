@@ -1,0 +1,658 @@
+"""Documents of `compare` in the formats that are printed. Computes nothing that is not in them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from tgospa_eval.common.config import SettingsFile
+from tgospa_eval.common.interval import Interval
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted, number, sizes_in_words
+from tgospa_eval.results.consistency import ABOUT_COVARIANCES, NEES
+from tgospa_eval.results.numbers import MEAN, SPREAD
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, json_text
+from tgospa_eval.results.sweep import Point, Sweep
+from tgospa_eval.show.phrases import (
+    EXACT,
+    LETTERS,
+    ORDERS,
+    PART_HEADS,
+    PROOFS,
+    RULES,
+    SPLIT_NOTE,
+    TO_RANK,
+    TO_STUDY,
+    best_cells,
+    best_of,
+    columns,
+    equal_names,
+    error_of,
+    or_dash,
+    order_in_words,
+    parameters_of,
+    place_in_words,
+    size_of,
+    unit_of,
+)
+from tgospa_eval.show.rendering import Document, Table, as_markdown, rendered, table_of
+from tgospa_eval.show.side_tables import (
+    covariances_table,
+    direction,
+    grouped_table,
+    other_columns,
+)
+
+TIES = (
+    "where assignments of a step cost the same, SciPy's is taken, with the objects in the order of "
+    "their ids; other tie rules may count other switches"
+)
+
+
+def estimates_document(document: Json) -> Document:
+    """Several estimates of one truth, or one with per-step GOSPA beside it."""
+    return Document(
+        kind=_what(document),
+        title=_order(document),
+        lines=[
+            *_warned(document, of_order=True),
+            _runs(document),
+            parameters_of(document["parameters"]),
+        ],
+        tables=[
+            _normalised_table(document, places=True),
+            *_pair_tables(document),
+            *_costs_tables(document["estimates"]),
+            *_against_tables(document),
+            *_other_tables(document),
+        ],
+        notes=list(_ranking_notes(document)),
+        warnings=[*_warned(document, of_order=False)],
+    )
+
+
+def _warned(document: Json, *, of_order: bool) -> Iterator[str]:
+    """What looks wrong: with the data, or with an order by covariances, which stands beside it."""
+    for record in document["warnings"]:
+        if (record["code"] in ABOUT_COVARIANCES) is of_order:
+            yield str(Notice(**record))
+
+
+def estimates_columns(document: Json) -> Columns:
+    """A row for each estimate, plain numbers."""
+    items = document["estimates"]
+    table = columns(items, ["name"])
+    for k, end in enumerate(("best", "worst")):
+        table[f"place_{end}"] = [item["place"][k] for item in items]
+    per_step = [item["normalised"] for item in items]
+    table |= columns(per_step, per_step[0], "normalised_")
+    table |= columns(items, ("tgospa", "lower_bound", "total", "total_lower", *PARTS))
+    table |= columns([item["counts"] for item in items], items[0]["counts"], "count_")
+    if all(item.get(NEES) for item in items):
+        table |= columns([item[NEES] for item in items], ("mean", "anees", "inside"), "nees_")
+    if all(MEAN in item and SPREAD in item for item in items):
+        table |= columns(items, (MEAN, SPREAD))
+    steps = [item["per_step_gospa"] for item in items if item["per_step_gospa"] is not None]
+    if steps:
+        table["gospa_total"] = [step["total"] for step in steps]
+        for rule in RULES:
+            names = ("switches", "halves", "total", "mean")
+            table |= columns([step[rule] for step in steps], names, f"{rule}_")
+    return table | other_columns([item.get("with", {}) for item in items])
+
+
+def pairs_columns(document: Json) -> Columns:
+    """A row for each pair of estimates: the second less the first, costs per step."""
+    pairs = document["pairs"]
+    table = columns(pairs, ("first", "second", "verdict"))
+    for k, end in enumerate(("lower", "upper")):
+        table[f"per_step_total_{end}"] = [pair["per_step"]["total"][k] for pair in pairs]
+    table |= columns([pair["per_step"] for pair in pairs], PARTS, "per_step_")
+    table |= columns([pair["steps"] for pair in pairs], ("better", "worse"), "steps_")
+    names = ("mean", "standard_error", "first_less", "second_less")
+    return table | columns([pair["per_run"] for pair in pairs], names, "per_run_")
+
+
+def _order(document: Json) -> str:
+    estimates, unit = document["estimates"], unit_of(document["parameters"])
+    if len(estimates) == 1:
+        item = estimates[0]
+        value = _between(item["lower_bound"], item["tgospa"])
+        mean = "" if document["runs"] == 1 else f", of the mean total of {document['runs']} runs"
+        return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
+    return order_in_words("TGOSPA per step", estimates, document["pairs"])
+
+
+def _what(document: Json) -> str:
+    """What this is, and what to type for what it is not."""
+    count = len(document["estimates"])
+    if count > 1:
+        return f"Ranking of {count} estimates; {TO_STUDY}"
+    if document["estimates"][0]["per_step_gospa"] is not None:
+        return f"TGOSPA beside per-step GOSPA for one estimate; {TO_RANK}"
+    if document["runs"] == 1:
+        return f"TGOSPA beside other metrics for one estimate; {TO_RANK}"
+    return f"Mean over the runs of one estimate; {TO_RANK}"
+
+
+def _runs(document: Json) -> str:
+    steps = sorted(set(document["steps"]))
+    length = (
+        counted(steps[0], "step")
+        if len(steps) == 1
+        else f"{steps[0]:,} to {counted(steps[-1], 'step')}"
+    )
+    if document["runs"] == 1:
+        return f"truth {document['truth'][0]}; {length}"
+    paths = document["truth"]
+    shown = paths[0] if len(set(paths)) == 1 else f"{paths[0]} to {paths[-1]}"
+    return (
+        f"{document['runs']} runs, truth {shown}; {length} each; costs "
+        "are means over runs, roots are taken last"
+    )
+
+
+def _normalised_table(document: Json, *, places: bool = False) -> Table:
+    """What is ranked, and its parts; with places where there are several."""
+    runs, order = document["runs"], document["parameters"]["order"]
+    items = document["estimates"]
+    per_step = [item["normalised"] for item in items]
+    places = places and len(items) > 1
+    mean = "" if runs == 1 else (f", RMS of {runs}" if order == 2 else f", mean of {runs}")
+    columns = {f"per step{mean}": [item["name"] for item in items]}
+    if places:
+        equal = equal_names(document["pairs"])
+        columns["place"] = [
+            place_in_words(*item["place"], shared=item["name"] in equal) for item in items
+        ]
+    columns["TGOSPA"] = [_between(value["lower_bound"], value["tgospa"]) for value in per_step]
+    columns |= {name: [number(value[name], 4) for value in per_step] for name in PARTS}
+    best = best_of([item["place"] for item in items])
+    return table_of(columns, bold=frozenset((row, k) for row in best for k in range(2 + places)))
+
+
+def _costs_tables(estimates: list[Json]) -> Iterator[Table]:
+    """Value, total and its parts, each in its own unit; and what there is of covariances."""
+    roots = [Interval(lower=item["lower_bound"], upper=item["tgospa"]) for item in estimates]
+    totals = [Interval(lower=item["total_lower"], upper=item["total"]) for item in estimates]
+    columns = {
+        "costs": [item["name"] for item in estimates],
+        "TGOSPA": [_between(root.lower, root.upper) for root in roots],
+        "total": [_between(total.lower, total.upper) for total in totals],
+    }
+    for head, part in zip(PART_HEADS, PARTS, strict=True):
+        columns[head] = [number(item[part], 5) for item in estimates]
+    yield table_of(columns, bold=best_cells({1: roots, 2: totals}, [range(len(estimates))]))
+    yield from _covariances(estimates)
+
+
+def _covariances(estimates: list[Json]) -> Iterator[Table]:
+    names = [(item["name"],) for item in estimates]
+    return covariances_table(("covariances",), names, estimates)
+
+
+def _pair_tables(document: Json) -> Iterator[Table]:
+    """Differences to the first estimate, costs per step."""
+    first = document["estimates"][0]["name"]
+    pairs = [pair for pair in document["pairs"] if pair["first"] == first]
+    if not pairs:
+        return
+    head = ("cost/step", "order", *PART_HEADS, "steps -/+", "runs -/+")
+    columns = len(head) + (document["runs"] > 1)
+    rows = []
+    for pair in pairs:
+        difference, steps, runs = pair["per_step"], pair["steps"], pair["per_run"]
+        low, high = difference["total"]
+        cells = (
+            "+0" if pair["verdict"] == "equal" else _between(low, high, "+"),
+            ORDERS[pair["verdict"]],
+            *(f"{difference[name]:+.3g}" for name in PARTS),
+            f"{steps['better']}/{steps['worse']}",
+            f"{runs['second_less']}/{runs['first_less']}",
+        )
+        rows.append((pair["second"], *cells)[:columns])
+    yield Table(head=(f"vs {first}", *head)[:columns], rows=rows)
+
+
+def _against_tables(document: Json) -> Iterator[Table]:
+    """TGOSPA, per-step GOSPA, and the two rules, for each estimate."""
+    order = document["parameters"]["order"]
+    rows: list[tuple[str, float, float | None, float | None]] = []
+    for item in document["estimates"]:
+        step = item["per_step_gospa"]
+        if step is None:
+            return
+        name = f"{item['name']}: " if len(document["estimates"]) > 1 else ""
+        rows.append((f"{name}TGOSPA", item["total"], item["counts"]["switch"], None))
+        rows.append((f"{name}GOSPA, summed", step["total"], None, None))
+        for rule, title in RULES.items():
+            found = step[rule]
+            rows.append((f"{name}{title}", found["total"], found["switches"], found["mean"]))
+    names, totals, counts, means = zip(*rows, strict=True)
+    yield table_of(
+        {
+            "sum over steps of values^p": names,
+            "total": [number(total) for total in totals],
+            "root": [number(total ** (1 / order)) for total in totals],
+            "switches": ["" if count is None else number(count) for count in counts],
+            "mean of steps": ["" if mean is None else number(mean, 5) for mean in means],
+        }
+    )
+
+
+def _other_tables(document: Json) -> Iterator[Table]:
+    items = document["estimates"]
+    names = [(item["name"],) for item in items]
+    found = [item.get("with", {}) for item in items]
+    yield from grouped_table(("others",), names, found, [range(len(items))])
+
+
+def _ranking_notes(document: Json) -> Iterator[str]:
+    estimates = document["estimates"]
+    for item in estimates:
+        for which, made in enumerate(item["runs"], start=1):
+            if not made["finished"]:
+                run = f" run {which}" if document["runs"] > 1 else ""
+                yield f"{item['name']}{run}: {made['status']}"
+    if len(estimates) > 1:
+        found = {pair["verdict"] for pair in document["pairs"]}
+        yield "; ".join(
+            [
+                *(text for verdict, text in PROOFS.items() if verdict in found),
+                "steps -/+: at how many the estimate costs less or more than the first",
+            ]
+        )
+    yield SPLIT_NOTE
+    name = f"{estimates[0]['name']}: " if len(estimates) > 1 else ""
+    for sentence in estimates[0].get("differences", ()):
+        yield name + sentence
+    if estimates[0]["per_step_gospa"] is not None:
+        yield TIES
+    yield from direction(estimates[0].get("with", {}))
+
+
+def _between(low: float, high: float, sign: str = "") -> str:
+    """One number if both are the same as they are shown, else both."""
+    texts = [f"{value:{sign}.6g}" for value in (low, high)]
+    return texts[1] if texts[0] == texts[1] else " to ".join(texts)
+
+
+# -------------------------------------------------------------------------------------------------
+# Solvers compared on one estimate, as a document and as a table.
+
+
+def solvers_document(document: Json) -> Document:
+    """One problem through several solvers."""
+    runs = document["runs"]
+    return Document(
+        kind=f"Comparison of solvers; {TO_RANK}",
+        title=_agreement(document),
+        lines=[size_of(document["sizes"]), parameters_of(document["parameters"])],
+        tables=[
+            table_of(
+                {
+                    "run": [run["name"] for run in runs],
+                    "TGOSPA": [or_dash(run["tgospa"], ".9g") for run in runs],
+                    "lower bound": [or_dash(run["lower_bound"], ".9g") for run in runs],
+                    "error": [error_of(run["error"]) for run in runs],
+                    "bound's error": [error_of(run["lower_error"]) for run in runs],
+                    "iterations": [or_dash(run["iterations"], "d") for run in runs],
+                }
+            ),
+            *_entropic_tables(runs),
+            table_of(
+                {
+                    "seconds": [run["name"] for run in runs],
+                    **{
+                        stage: [or_dash(value, ".4f") for value in values]
+                        for stage, values in _stages(runs).items()
+                    },
+                    "MB": [
+                        or_dash(used and (used["peak"] - used["before"]) / 1e6, ".1f")
+                        for used in (run["memory"] for run in runs)
+                    ],
+                }
+            ),
+        ],
+        notes=list(_solver_notes(document)),
+        warnings=[str(Notice(**record)) for record in document["warnings"]],
+    )
+
+
+def solvers_columns(document: Json) -> Columns:
+    """A row for each run, plain numbers."""
+    runs = document["runs"]
+    names = (
+        *("name", "solver", "epsilon", "tgospa", "lower_bound", "total", "total_lower", "error"),
+        *("lower_error", *PARTS, "iterations", "status", "finished"),
+    )
+    table = columns(runs, names)
+    for name in ENTROPIC:
+        table[f"entropic_{name}"] = [run["entropic"] and run["entropic"][name] for run in runs]
+    table |= {f"{stage}_seconds": values for stage, values in _stages(runs).items()}
+    for name in ("before", "peak"):
+        table[f"{name}_bytes"] = [run["memory"] and run["memory"][name] for run in runs]
+    return table
+
+
+def _agreement(document: Json) -> str:
+    referee, unit = document["referee"], unit_of(document["parameters"])
+    if not document["agree"]:
+        pairs = "; ".join(f"{a} and {b}" for a, b in document["contradictions"])
+        return (
+            f"The brackets of {pairs} do not overlap: one of these proofs is wrong. This is an "
+            "error of this program or of its arithmetic, not of your data; please report it"
+        )
+    if referee is None:
+        return "No solver has an answer"
+    count = sum(run["total"] is not None for run in document["runs"])
+    which = "Both" if count == 2 else f"All {count}"
+    subject = "The bracket" if count == 1 else f"{which} brackets overlap; together they"
+    verb = "says" if count == 1 else "say"
+    low, high = f"{referee['lower_bound']:.9g}", f"{referee['upper_bound']:.9g}"
+    if low == high:
+        return f"{subject} {verb}: TGOSPA = {high}{unit}"
+    return f"{subject} {verb}: TGOSPA is between {low} and {high}{unit}"
+
+
+def _solver_notes(document: Json) -> Iterator[str]:
+    once = document["seconds"]
+    yield "once for all: " + ", ".join(f"{name} {value:.4f}" for name, value in once.items())
+    for run in document["runs"]:
+        if run["status"] != "solved":
+            yield f"{run['name']}: {run['status']}"
+    for name, reason in document["left_out"].items():
+        yield f"{name} left out: {reason}"
+
+
+ENTROPIC = ("primal", "dual", "cost", "error", "cost_error", "sweep", "violation")
+
+
+def _entropic_tables(runs: Sequence[Json]) -> Iterator[Table]:
+    """The value of the regularised problem, where a run has one."""
+    named = [(run["name"], run["entropic"]) for run in runs if run["entropic"] is not None]
+    if named:
+        names, found = zip(*named, strict=True)
+        yield table_of(
+            {
+                "entropic": names,
+                "value": [f"{value['dual']:.7g}" for value in found],
+                "error": [error_of(value["error"]) for value in found],
+                "cost alone": [f"{value['cost']:.7g}" for value in found],
+                "its error": [error_of(value["cost_error"]) for value in found],
+                "sweeps": [str(value["sweep"]) for value in found],
+            }
+        )
+
+
+STAGES = ("all", "prepare", "sweeps", "programme", "rest", "proof")
+"""Solving and proof together, and what they consist of."""
+
+
+def _stages(runs: Sequence[Json]) -> Columns:
+    """Seconds of each stage, of all runs."""
+    each = [_split(run["seconds"]) for run in runs]
+    return {stage: [row[k] for row in each] for k, stage in enumerate(STAGES)}
+
+
+def _split(seconds: Json | None) -> tuple[float | None, ...]:
+    """Those of one run."""
+    if seconds is None:
+        return (None,) * len(STAGES)
+    stages = seconds["stages"]
+    named = [
+        stages.get("preparation", 0.0) + stages.get("build", 0.0),
+        stages.get("sweeps", 0.0),
+        stages.get("lp", 0.0),
+    ]
+    rest = max(seconds["solve"] - sum(named), 0.0)
+    return seconds["solve"] + seconds["certify"], *named, rest, seconds["certify"]
+
+
+# -------------------------------------------------------------------------------------------------
+# A scaling study, as a document, a report and a table.
+
+
+def study_document(document: Json) -> Document:
+    """Solvers on synthetic scenes of many sizes."""
+    return Document(
+        kind="Scaling study on simulated scenes; on your files: tgospa-eval compare TRUTH A",
+        title=_study_title(document),
+        lines=list(_study_lines(document)),
+        tables=[_times_table(document), _rms_table(document)],
+        notes=list(_study_notes(document)),
+    )
+
+
+def study_report(document: Json, pictures: list[str]) -> str:
+    """The report as Markdown, with its pictures."""
+    shown = "\n\n".join(f"![{CAPTIONS[name]}]({name}.png)" for name in pictures)
+    return f"# Scaling study\n\n{as_markdown(study_document(document))}" + (
+        f"\n{shown}\n" if shown else ""
+    )
+
+
+STATISTICS = ("mean", "deviation", "max")
+ENTROPIC_SPREADS = ("entropic_error", "entropic_cost_error")
+SPREADS = ("seconds", "error", "lower_error", *ENTROPIC_SPREADS, "iterations")
+FAULTS = ("infinite_errors", "failed", "unfinished")
+FACTS = {
+    "failed": "failed",
+    "unfinished": "not finished",
+    "infinite_errors": "error without bound, not in its mean,",
+}
+
+CAPTIONS = {
+    "error_over_epsilon": "Error of sinkhorn by temperature, mean and one standard deviation",
+    "scaling": "Time and error over targets and over steps, mean and one standard deviation",
+}
+"""What the pictures of a study show, by name."""
+
+
+def study_columns(document: Json) -> Columns:
+    """A row for each size and solver, plain numbers."""
+    rows = [(size, made) for size in document["sizes"] for made in size["solvers"]]
+    table: Columns = {
+        "targets": [size["targets"] for size, _ in rows],
+        "steps": [size["steps"] for size, _ in rows],
+        "states": [size["states"]["mean"] for size, _ in rows],
+        "name": [made["name"] for _, made in rows],
+        "solver": [made["solver"] for _, made in rows],
+        "epsilon": [made["epsilon"] for _, made in rows],
+    }
+    for name in SPREADS:
+        for kind in STATISTICS:
+            table[f"{name}_{kind}"] = [made[name][kind] for _, made in rows]
+    for fault in FAULTS:
+        table[fault] = [made[fault] for _, made in rows]
+    return table | {"left_out": [size["left_out"] for size, _ in rows]}
+
+
+def _study_title(document: Json) -> str:
+    sizes, runs = document["sizes"], document["runs"]
+    if document["contradictions"]:
+        targets, steps, run, a, b = document["contradictions"][0]
+        return (
+            f"The brackets of {a} and {b} do not overlap in run {run} of {targets} targets and "
+            f"{steps} steps, and there may be more: one of these proofs is wrong. This is an error "
+            "of this program; please report it"
+        )
+    done = (
+        f"{counted(len(sizes) * runs, 'scene')} of {counted(len(sizes), 'size')}, "
+        f"{counted(runs, 'run')}{' each' if len(sizes) > 1 else ''}"
+    )
+    if any(made["failed"] for size in sizes for made in size["solvers"]):
+        return f"{done}: solvers failed, all brackets that there are overlap"
+    return f"{done}: all brackets overlap" if len(sizes[0]["solvers"]) > 1 else done
+
+
+def _study_lines(document: Json) -> Iterator[str]:
+    scene, tracker = document["scene"], document["tracker"]
+    yield (
+        f"scenario {scene['scenario']}, area {scene['area']:g}; noise {tracker['noise']:g}, "
+        f"detection {tracker['detection']:g}, swaps {tracker['swaps']:g}, fragmentation "
+        f"{tracker['fragmentation']:g}, false tracks {tracker['false_rate']:g} a step; "
+        f"seed {document['seed']}"
+    )
+    yield parameters_of(document["parameters"])
+    yield document["machine"]
+
+
+def _times_table(document: Json) -> Table:
+    """Time and error; mean and standard deviation over the runs."""
+    rows = []
+    for size in document["sizes"]:
+        for k, made in enumerate(size["solvers"]):
+            where = (str(size["targets"]), str(size["steps"])) if not k else ("", "")
+            spent = or_dash(made["seconds"]["mean"], ".3g"), _deviation(made["seconds"], ".2g")
+            error = error_of(made["error"]["mean"]), _deviation(made["error"], ".0e")
+            iterations = or_dash(made["iterations"]["mean"], ".0f")
+            below = error_of(made["lower_error"]["mean"])
+            rows.append((made["name"], *where, *spent, *error, below, iterations))
+    return Table(
+        head=("solver", "m", "T", "seconds", "+-", "error", "+-", "bound's", "iter."), rows=rows
+    )
+
+
+def _rms_table(document: Json) -> Table:
+    """The metric itself: roots per step, RMS over runs."""
+    mean = "RMS" if document["parameters"]["order"] == 2 else "mean"
+    sizes = document["sizes"]
+    columns = {
+        f"per step, {mean} of runs": [f"m = {s['targets']}, T = {s['steps']}" for s in sizes]
+    }
+    for head, name in zip(("TGOSPA", *PARTS), ("tgospa", *PARTS), strict=True):
+        columns[head] = [or_dash(size["normalised"][name], ".5g") for size in sizes]
+    return table_of(columns)
+
+
+def _study_notes(document: Json) -> Iterator[str]:
+    yield (
+        "m targets, T steps; seconds of solving and proof; error: the total is at most so much "
+        "above the true one, relative; bound's: the lower bound is at most so much below it; "
+        "+- one standard deviation over the runs"
+    )
+    yield SPLIT_NOTE
+    for size in document["sizes"]:
+        where = f"{counted(size['targets'], 'target')}, {counted(size['steps'], 'step')}"
+        if size["left_out"]:
+            yield (
+                f"{where}: {counted(size['left_out'], 'scene')} left out of the values per step, "
+                "for brackets contradict each other or there is none; contradicting ones are left "
+                "out of times and errors too"
+            )
+        for made in size["solvers"]:
+            for name, fact in FACTS.items():
+                if made[name]:
+                    yield f"{made['name']}, {where}: {fact} in {counted(made[name], 'run')}"
+
+
+def _deviation(values: Json, form: str) -> str:
+    value = values["deviation"]
+    return "-" if value is None else ("0" if value < EXACT else f"{value:{form}}")
+
+
+COLUMNS = {
+    "estimates": estimates_columns,
+    "solvers": solvers_columns,
+    "study": study_columns,
+}
+"""Of each kind of document the main table."""
+
+DOCUMENTS = {
+    "estimates": estimates_document,
+    "solvers": solvers_document,
+    "study": study_document,
+}
+"""Of each kind what people read."""
+
+
+def render(document: Json, format: str) -> str:
+    """What ``--format`` prints."""
+    kind = document["kind"]
+
+    def page(document: Json) -> Document:
+        made = DOCUMENTS[kind](document)
+        if (kind, format) == ("estimates", "latex"):  # what goes into a paper: roots, RMS over runs
+            tables = [
+                _normalised_table(document),
+                *_covariances(document["estimates"]),
+                *_other_tables(document),
+            ]
+            made = replace(made, tables=tables, notes=())
+        if "settings_file" not in document:
+            return made
+        used = str(SettingsFile(**document["settings_file"]))
+        return replace(made, warnings=[used, *made.warnings])
+
+    return rendered(format, document, page, json_text, COLUMNS[kind])
+
+
+# -------------------------------------------------------------------------------------------------
+# A sweep of a parameter.
+
+
+def sweep_document(found: Sweep) -> Document:
+    """A row for each value."""
+    points = found.points
+    columns = {LETTERS[found.parameter]: [number(point.value) for point in points]}
+    if not found.certified:
+        columns["lower bound"] = [number(point.lower_bound) for point in points]
+    columns["TGOSPA"] = [number(point.tgospa) for point in points]
+    columns["localisation"] = [number(point.localisation, 5) for point in points]
+    for part in COUNTED_PARTS:
+        columns[part] = [
+            f"{number(getattr(point, part), 5)} ({number(_count(point, part))})" for point in points
+        ]
+    return Document(
+        title=_sweep_title(found),
+        lines=[
+            f"{parameters_of(found.settings, '; ')}; {sizes_in_words(found.sizes)}",
+            "costs, and in brackets how many of each:",
+        ],
+        tables=[table_of(columns)],
+        notes=list(_sweep_notes(found)),
+        warnings=found.told,
+    )
+
+
+def _count(point: Point, part: str) -> float:
+    count: float = getattr(point, f"{part}_count")
+    return count
+
+
+def _sweep_title(found: Sweep) -> str:
+    points = found.points
+    word, letter = found.parameter.replace("_", " "), LETTERS[found.parameter]
+    first, last = (_quantity(found, k) for k in (0, -1))
+    over = f"at {letter} = {first}"
+    if len(points) > 1:
+        over = f"at {len(points)} values of the {word} from {letter} = {first} to {last}"
+    wide = [point for point in points if not point.certified]
+    if not wide:
+        return f"TGOSPA {over}, all proven exact"
+    gap = max(point.relative_gap for point in wide)
+    return (
+        f"TGOSPA {over}: {len(points) - len(wide)} exact, {len(wide)} between proven bounds (the "
+        f"totals differ by up to {number(100 * gap, 2)}%)"
+    )
+
+
+def _quantity(found: Sweep, k: int) -> str:
+    """The value at a point, with its unit if it has one."""
+    return number(found.points[k].value) + (f" {found.unit}" if found.unit else "")
+
+
+def _sweep_notes(found: Sweep) -> Iterator[str]:
+    """Where the counts do not depend on the parameter; of the best assignments only."""
+    letter = LETTERS[found.parameter]
+    if len(found.points) < 2 or not found.certified:
+        return
+    for names in (COUNTED_PARTS[:2], COUNTED_PARTS[2:]):
+        words = " and ".join("switches" if name == "switch" else name for name in names)
+        span = found.unchanged(*(f"{name}_count" for name in names))
+        if span is None:
+            yield f"{words}: the counts differ between all neighbouring values"
+            continue
+        counts = " and ".join(number(_count(found.points[span[0]], name)) for name in names)
+        low, high = (_quantity(found, k) for k in span)
+        many = span[1] - span[0] + 1
+        yield f"{words}: {counts} at all {many} values from {letter} = {low} to {high}"

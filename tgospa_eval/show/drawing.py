@@ -1,0 +1,189 @@
+"""Figures and their files, by matplotlib; no window, no global state, the same bytes."""
+
+import io
+import warnings
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import StepPatch
+from matplotlib.ticker import AutoLocator, MaxNLocator
+from PIL import Image
+
+from tgospa_eval.common.arrays import Floats
+from tgospa_eval.common.words import number
+from tgospa_eval.show.style import DOTS, FILES, LIGHT, SOFT, Style
+
+QUICK = 1
+"""Level of compression."""
+
+
+def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, Any]:
+    """An empty figure of inches, and its axes as a (rows, columns) array."""
+    grid = 0.75 * matplotlib.rcParams["grid.linewidth"]
+    made = ShownFigure(figsize=(width, height), layout="constrained", facecolor="white")
+    FigureCanvasAgg(made)
+    axes = made.subplots(rows, columns, squeeze=False)
+    for axis in axes.flat:
+        axis.grid(visible=True, which="major", color=LIGHT["grid"], linewidth=grid)
+        axis.set_axisbelow(True)
+        for side, spine in axis.spines.items():
+            spine.set_visible(side not in ("top", "right"))
+            spine.set_in_layout(False)  # on the edge of the axes, and to find that out takes long
+        counted(axis.xaxis)
+        counted(axis.yaxis)
+        axis.xaxis.set_major_locator(ApartLocator())
+    return made, axes
+
+
+def written(made: Figure, kind: str = "png", dots: int = DOTS) -> bytes:
+    """The picture as a file of one of `FILES`; to be called under `styled`.
+
+    The layout is that of a PNG whatever the format and those before, and made once.
+    """
+    # The ids of an SVG are the same each time; in a PDF fonts are those that publishers take.
+    matplotlib.rcParams.update({"svg.hashsalt": "tgospa-eval", "pdf.fonttype": 42})
+    target = io.BytesIO()
+    with warnings.catch_warnings():
+        # An id in a script that the font does not have is drawn as boxes, which says enough.
+        warnings.filterwarnings("ignore", message=".*(missing from|does not support)")
+        made.set_dpi(dots)
+        canvas, engine = FigureCanvasAgg(made), made.get_layout_engine()
+        if engine is not None:
+            engine.execute(made)
+            made.set_layout_engine("none")
+        if kind == "png":  # savefig draws everything once more before, and stores opacities too
+            canvas.draw()
+            colours = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3])
+            image = Image.fromarray(colours)
+            image.save(target, "png", compress_level=QUICK, dpi=(dots, dots))
+        else:
+            made.savefig(target, format=kind, dpi=dots, **FILES[kind])
+    return target.getvalue()
+
+
+def stairs(axis: Axes, top: Floats, edges: Floats, **looks: Any) -> StepPatch:
+    """Filled steps within limits that are set by hand: to find theirs takes longer than to draw."""
+    made = StepPatch(top, edges, fill=True, **looks)
+    axis.add_artist(made)
+    return made
+
+
+def boxes(left: Floats, right: Floats, low: Floats, high: Floats) -> Floats:
+    """Corners (N, 4, 2) of boxes."""
+    x = np.stack([left, right, right, left], axis=1)
+    return np.stack([x, np.stack([low, low, high, high], axis=1)], axis=2)
+
+
+def counted(which: Axis) -> None:
+    """Numbers on this axis are written as everywhere else."""
+    which.set_major_formatter(lambda value, _: number(float(f"{value:.10g}"), 10))
+
+
+def label(axis: Axes, x: str, y: str, title: str) -> None:
+    """Names of the axes, and what is to be seen."""
+    axis.set_xlabel(x)
+    axis.set_ylabel(y)
+    axis.set_title(title, fontsize="medium", loc="left")
+
+
+def titled(axis: Axes, style: Style, title: str, about: str = "") -> None:
+    """What is to be seen, and of what, where pictures have titles."""
+    if not style.titles:
+        return
+    axis.set_title(title, loc="left", fontsize="medium", fontweight="bold", parse_math=False)
+    axis.set_title(about, loc="right", fontsize="small", color=SOFT, parse_math=False)
+
+
+def legend(made: Figure, handles: Sequence[Artist], names: list[str], columns: int) -> None:
+    """Above the axes, where it hides nothing."""
+    if handles:
+        tight: Any = {"columnspacing": 1.2, "handletextpad": 0.5, "borderpad": 0.1}
+        where: Any = {"loc": "outside upper left", "frameon": False, "fontsize": "small"}
+        for text in made.legend(handles, names, ncols=columns, **where, **tight).get_texts():
+            text.set_parse_math(False)
+
+
+def literal(text: str, most: int = 24) -> str:
+    """A text of the user's on one line; of a long one the ends, of which the last matters more."""
+    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    return text if len(text) <= most else f"{text[: most // 3]}…{text[-(most - most // 3 - 1) :]}"
+
+
+def power(unit: str, order: float) -> str:
+    """The unit of a cost in brackets, with a space in front; nothing without unit."""
+    raised = {1.0: "", 2.0: "²", 3.0: "³"}.get(float(order), f"^{order:g}")
+    return f" ({literal(unit)}{raised})" if unit else ""
+
+
+# -------------------------------------------------------------------------------------------------
+# What a notebook shows of a figure, without %matplotlib and without a window; ticks.
+
+
+class ShownFigure(Figure):
+    """As a cell of a notebook ends with it; pyplot, where someone uses it, has its own way.
+
+    It is drawn with the settings with which it was made, whatever those of the user are.
+    """
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        usual = matplotlib.rcParamsDefault
+        self._settings = {
+            name: value
+            for name, value in matplotlib.rcParams.items()
+            if name in usual and not name.startswith("backend") and value != usual[name]
+        }
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+        """A sharp picture, and the size at which it is shown."""
+        target = io.BytesIO()
+        with matplotlib.rc_context():
+            matplotlib.rcdefaults()
+            matplotlib.rcParams.update(self._settings)
+            self.savefig(target, format="png", dpi=2 * SHARP, metadata={"Software": None})
+        wide, tall = (round(SHARP * inches) for inches in self.get_size_inches())
+        return target.getvalue(), {"width": wide, "height": tall}
+
+
+class ApartLocator(AutoLocator):
+    """Ticks across, so few that their labels do not touch, however long and in whatever room."""
+
+    def __call__(self) -> list[float]:
+        """Where they are."""
+        axis: Any = self.axis
+        ticks = list(super().__call__())
+        low, high = sorted(axis.get_view_interval())
+        for most in range(len(ticks), 0, -1):
+            if _apart(axis, [tick for tick in ticks if low <= tick <= high], low, high):
+                break
+            ticks = list(MaxNLocator(most, steps=NICE).tick_values(low, high))
+        return ticks
+
+
+def _apart(axis: Any, ticks: list[float], low: float, high: float) -> bool:
+    """Whether there are gaps between the labels, by the usual widths of their signs."""
+    axes, size = axis.axes, axis.label.get_fontsize()
+    room = axes.bbox.width / axes.get_figure().dpi * 72 / size
+    texts = axis.get_major_formatter().format_ticks(ticks)
+    wide = [sum(0.32 if sign in ",." else 0.64 for sign in text) for text in texts]
+    places = [(tick - low) / (high - low) * room for tick in ticks]
+    labels = zip(places, wide, strict=True)
+    return all(b - a > (u + v) / 2 + APART_BY for (a, u), (b, v) in pairwise(labels))
+
+
+NICE = (1, 2, 2.5, 5, 10)
+"""First digits of the distances of ticks."""
+
+APART_BY = 0.6
+"""Between labels, in sizes of the letters."""
+
+SHARP = 96
+"""Per inch on a screen."""

@@ -1,0 +1,553 @@
+"""The result as files: JSON, CSV tables, the report; whole or absent."""
+
+import hashlib
+import os
+from collections.abc import Collection, Iterable, Mapping
+from contextlib import suppress
+from itertools import product
+from pathlib import Path
+from typing import Any, TypeAlias
+from urllib.parse import quote
+
+from tgospa_eval.common import manifest
+from tgospa_eval.common.files import named
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import counted
+from tgospa_eval.common.writing import FRESH, is_left, turn, unique, writing
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.by_class import EvaluationByClass
+from tgospa_eval.evaluation.pair import PairEvaluation, explanation_of
+from tgospa_eval.results.evaluation import Evaluation
+from tgospa_eval.results.partitioned import PartitionedResult
+from tgospa_eval.results.proof import PairProof
+from tgospa_eval.results.slices import slices_columns
+from tgospa_eval.sensors.association import Pairing
+from tgospa_eval.show.charts import CHARTS, pictures
+from tgospa_eval.show.rendering import csv_text
+from tgospa_eval.show.style import FILES
+from tgospa_eval.text import as_unicode
+
+Files: TypeAlias = Mapping[str, str | bytes | Path]
+"""Contents by name; a path is of a file that is taken as it is."""
+
+PICTURES = tuple(FILES)
+AS_FORMAT = {".json": "json", ".csv": "csv", ".md": "markdown", ".tex": "latex"}
+
+
+def _files(names: Iterable[str], *kinds: str) -> tuple[str, ...]:
+    return tuple(f"{name}.{kind}" for name, kind in product(names, kinds))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """What one kind of folder holds.
+
+    Parameters
+    ----------
+    name : str
+        What it is called in the manifest.
+    document : str
+        The file that goes first and comes last, so that it never stands beside files of another
+        run.
+    names : collection of str
+        Files that are looked for before any work is done: those of others are not written over.
+    log : str, optional
+        A file by which the folder is known even without a manifest, and which stays.
+    opens : tuple of str
+        What to open, the first that there is.
+    """
+
+    name: str
+    document: str
+    names: Collection[str]
+    log: str | None = None
+    opens: tuple[str, ...] = ()
+
+    def owns(self, folder: Path) -> bool:
+        """Whether the folder is one of this kind; what the log says is for its reader."""
+        if manifest.read_manifest(folder, self.name) is not None:
+            return True
+        if self.log is None or not (folder / self.log).is_file():
+            return False
+        # An empty one is of a study that was killed at once, which has nothing beside it.
+        return bool((folder / self.log).stat().st_size) or len(list(manifest.others(folder))) == 1
+
+
+WORK_FOLDER = "work"
+"""Where a result of data in parts is made, in its folder: an interrupted run goes on there."""
+
+WORK_LOG = f"{WORK_FOLDER}/run.json"
+
+RESULT = Kind(
+    name="result",
+    document="result.json",
+    names=(
+        "result.json",
+        *("per_step.csv", "assignments.csv", "switches.csv", "per_truth.csv", "per_estimate.csv"),
+        "timings.csv",
+        "report.html",
+    ),
+    log=WORK_LOG,
+    opens=("report.html",),
+)
+
+GEOJSON = "result.geojson"
+
+PROOF_FILES = ("proof.json", "truth.csv", "estimate.csv", "distances.csv")
+PROOF = Kind(name="proof", document="proof.json", names=PROOF_FILES)
+SWEEP = Kind(
+    name="sweep",
+    document="sweep.json",
+    names=("sweep.json", "sweep.csv"),
+    opens=_files(CHARTS["sweep"], *PICTURES),
+)
+ASSOCIATION = Kind(
+    name="associate",
+    document="report.html",
+    names=("report.html", "associate.json", "associations.csv", "plane.png"),
+    opens=("report.html",),
+)
+COMPARISON = Kind(
+    name="compare",
+    document="compare.json",
+    names=(
+        *("compare.json", "compare.csv", "per_step.csv", "pairs.csv"),
+        *_files((*CHARTS["solvers"], *CHARTS["estimates"]), "png"),
+    ),
+    opens=("time_over_error.png", "cumulative.png"),
+)
+STUDY = Kind(
+    name="study",
+    document="compare.json",
+    names=("compare.json", "compare.csv", "report.md", *_files(CHARTS["study"], "png")),
+    log=f"runs/{manifest.STORE}",
+    opens=("report.md",),
+)
+GATE = Kind(
+    name="gate",
+    document="gate.json",
+    names=("gate.json", "gate.md", "gate.html"),
+    opens=("gate.html",),
+)
+BATCH = Kind(
+    name="batch",
+    document="report.html",
+    names=("report.html", "curve.csv", "slices.csv", *_files(CHARTS["batch"], "png")),
+    log=manifest.STORE,
+    opens=("report.html",),
+)
+
+
+def check_folder(
+    folder: str, kind: Kind | None = None, *, force: bool, option: str = "--output"
+) -> None:
+    """See that a folder can be written, before any work is done.
+
+    Parameters
+    ----------
+    folder : str
+        Where.
+    kind : Kind, optional
+        A folder of this kind may be written anew.
+    force : bool
+        Whether it may hold whatever it does.
+    option : str
+        What messages begin with.
+
+    Raises
+    ------
+    ConfigError
+        The path is a file, or looks like the name of one; or the folder holds anything but what an
+        older run of this kind wrote, without `force`.
+    """
+    if not folder:
+        raise ConfigError(f"{option} is empty; name a folder")
+    path = Path(folder)
+    with named(f"{option} {folder}", ConfigError, "cannot be written"):
+        if path.exists() and not path.is_dir():
+            raise ConfigError(f"{option} {folder}: is a file; name a folder")
+        if not path.is_dir():
+            _check_name(folder, option)
+        elif not force and not (kind and kind.owns(path)) and any(manifest.others(path)):
+            raise ConfigError(f"{option} {folder}: is not empty; name another folder, or --force")
+
+
+def probe_folder(
+    folder: str,
+    kind: Kind | None = None,
+    *,
+    force: bool,
+    option: str = "--output",
+    also: Collection[str] = (),
+) -> None:
+    """`check_folder`, and see that files can be made where `write_texts` will make them.
+
+    `also` are names of files that will be there beside those of all of this kind.
+
+    Raises
+    ------
+    ConfigError
+        As for `check_folder`, or nothing can be written there, or only over files of others.
+    """
+    check_folder(folder, kind, force=force, option=option)
+    with named(f"{option} {folder}", ConfigError, "cannot be written"):
+        path = Path(os.path.realpath(folder))
+        if path.is_symlink():
+            path.stat()  # links that go in a circle, which this refuses
+        there = next(above for above in (path, *path.parents) if above.exists())
+        probe = there / unique()
+        probe.mkdir(mode=0o700)
+        with suppress(FileNotFoundError):
+            probe.rmdir()
+        if kind is not None and there == path and not force:
+            with turn(path):
+                _check_names(path, kind, (*kind.names, *also), f"{option} {folder}")
+
+
+def write_texts(
+    texts: Files,
+    folder: str,
+    kind: Kind | None = None,
+    *,
+    force: bool,
+    option: str = "--output",
+) -> str:
+    """Write the files of a folder, in place of those that an older run of its kind has left.
+
+    A new folder appears whole. In one that is there, the old document goes before anything else
+    changes and the new one comes last; of two runs that write it at once one waits. Those of a
+    kind get a manifest. Files that are not in it, or are not as it says, are never removed, and
+    replaced only by force. Returns what was written, in a sentence.
+
+    Raises
+    ------
+    ConfigError
+        As for `check_folder`, or the folder cannot be written, or only over files of others.
+    """
+    check_folder(folder, kind, force=force, option=option)
+    where = f"{option} {folder}"
+    with named(where, ConfigError, "cannot be written"):
+        path = Path(os.path.realpath(folder))
+        removed, files = 0, None if path.exists() else _write_new(texts, path, kind, where)
+        if files is None:  # it is there, perhaps since a moment ago
+            check_folder(folder, kind, force=force, option=option)
+            removed, files = _write_over(texts, path, kind, None if force else where)
+    names = [entry.name for entry in files]
+    pictures = sum(name.endswith(PICTURES) for name in names)
+    counts = {"file": len(names) - pictures, "picture": pictures}
+    parts = [counted(count, what) for what, count in counts.items() if count]
+    text = f"wrote {' and '.join(parts)} to {os.path.join(folder, '')}"
+    text += f", removed {removed} of the run before" if removed else ""
+    shown = [name for name in (kind.opens if kind else ()) if name in names]
+    return f"{text}; open {os.path.join(folder, shown[0])}" if shown else text
+
+
+def _take(file: Path, place: Path, work: Path) -> None:
+    """Have a file at another place as well; without a copy if it was made in the folder of work."""
+    if work in file.resolve().parents:
+        with suppress(OSError):  # some file systems have no links
+            os.link(file, place)
+            return
+    import shutil  # here: it brings compression
+
+    shutil.copyfile(file, place)
+
+
+def _check_name(folder: str, option: str) -> None:
+    """A folder that is not there yet and is called like a file is a misunderstanding.
+
+    Raises
+    ------
+    ConfigError
+        The name ends like that of a picture, a page or a text.
+    """
+    stem, suffix = os.path.splitext(folder)
+    suffix = suffix.lower()
+    if suffix not in (*AS_FORMAT, *(f".{kind}" for kind in (*PICTURES, "html", "txt"))):
+        return
+    remedy = f"name it {stem}"
+    if option == "--output" and suffix in AS_FORMAT:
+        remedy = f"type --format {AS_FORMAT[suffix]} > {folder}"
+    raise ConfigError(f"{option} {folder}: must be a folder, not a file; {remedy}")
+
+
+def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> None:
+    """See that all files of these names are there as a run of this kind wrote them.
+
+    Raises
+    ------
+    ConfigError
+        A file of one of the names was not written by such a run, or was changed since.
+    """
+    own = manifest.unchanged(path, manifest.read_manifest(path, kind.name) or ())
+    for name in names:
+        if os.path.lexists(path / name) and name not in own:
+            raise ConfigError(
+                f"{where}: {name} in it was not written by a run before, or was changed since; "
+                "name another folder, or --force"
+            )
+
+
+def _write_all(texts: Files, folder: Path, kind: Kind | None) -> Collection[manifest.FileEntry]:
+    folder.mkdir()
+    files: list[manifest.FileEntry] = []
+    for name, content in texts.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        if isinstance(content, Path):
+            _take(content, folder / name, folder.parent / WORK_FOLDER)
+            files.append(manifest.entry(folder, name))
+            continue
+        data = content if isinstance(content, bytes) else content.encode()
+        (folder / name).write_bytes(data)
+        files += manifest.entries({name: data})
+    if kind is not None:
+        text = manifest.text_of(kind.name, files)
+        (folder / manifest.NAME).write_text(text, encoding="utf-8")
+    return files
+
+
+def _write_new(
+    texts: Files, path: Path, kind: Kind | None, where: str
+) -> Collection[manifest.FileEntry] | None:
+    """Write a folder beside, then rename it; None if another one has come up meanwhile."""
+    try:
+        with writing(path, where) as beside:
+            return _write_all(texts, beside, kind)
+    except OSError:
+        if not path.is_dir():
+            raise
+        return None
+
+
+def _write_over(
+    texts: Files, path: Path, kind: Kind | None, where: str | None
+) -> tuple[int, Collection[manifest.FileEntry]]:
+    """Write into a folder that is there; how many files of an older run were taken away, and files.
+
+    `where` begins a refusal to write over files of others; without it they are replaced.
+    """
+    import shutil
+
+    with turn(path) as is_locked:
+        for left in path.glob(f"{FRESH}*") if is_locked else ():
+            if is_left(left):
+                shutil.rmtree(left, ignore_errors=True)
+        fresh = path / unique()
+        try:
+            files = _write_all(texts, fresh, kind)
+            names = [entry.name for entry in files]
+            if kind is not None and where is not None:
+                _check_names(path, kind, names, where)
+            blocked = next((name for name in names if (path / name).is_dir()), None)
+            if blocked is not None:
+                raise IsADirectoryError(0, f"{blocked} is a folder in it")
+            if kind is not None:
+                return manifest.replace_files(fresh, path, files, kind.name, kind.document), files
+            for name in names:
+                (path / name).parent.mkdir(parents=True, exist_ok=True)
+                os.replace(fresh / name, path / name)
+            return 0, files
+        finally:
+            shutil.rmtree(fresh, ignore_errors=True)
+
+
+def result_texts(
+    result: Evaluation, names: tuple[str, str] = ("truth", "estimate")
+) -> dict[str, str | Path]:
+    """The files of a result folder: texts by name, and files that are taken as they are.
+
+    Parameters
+    ----------
+    result : Evaluation
+        What they show.
+    names : pair of str
+        What truth and estimate are called in the report.
+    """
+    from tgospa_eval.show.html import page  # here: for folders only
+
+    seconds = {
+        stage: spent
+        for stage, spent in result.timings.items()
+        if stage not in ("solve", "nanoseconds_per_state")
+    }
+    seconds |= {f"solve/{stage}": spent for stage, spent in result.timings["solve"].items()}
+    texts: dict[str, str | Path] = {
+        "result.json": result.to_json(),
+        "timings.csv": csv_text({"stage": list(seconds), "seconds": list(seconds.values())}),
+    }
+    tables = ["curve", "windows", "per_class"]
+    if isinstance(result, PartitionedResult):
+        texts |= result.tables.names()
+    else:
+        tables += ["per_step", "assignments", "switches", "per_truth", "per_estimate"]
+    for name, table in ((name, result.table(name)) for name in tables):
+        if table:
+            texts[f"{name}.csv"] = csv_text(table)
+    if result.sliced:
+        texts["slices.csv"] = csv_text(slices_columns(result.sliced))
+    explained = explanation_of(result)
+    if explained is not None:
+        texts["explanation.json"] = explained.to_json()
+        texts["explanation.csv"] = csv_text(explained.columns())
+    return texts | {"report.html": page(result, names)}
+
+
+def check_file(
+    path: str,
+    option: str,
+    *,
+    force: bool,
+    others: Iterable[str] = (),
+    endings: Collection[str] = (),
+) -> str:
+    """See that a file may be written there; its ending.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    option : str
+        What messages begin with.
+    force : bool
+        Whether it may be there.
+    others : iterable of str
+        What is read, or written as well.
+    endings : collection of str
+        Those that it may have; any by default.
+
+    Raises
+    ------
+    ConfigError
+        A folder or, without `force`, a file of the name is there, or its folder is not; it is one
+        of the `others`, or has another ending.
+    """
+    with named(f"{option} {path}", ConfigError, "cannot be written"):
+        if Path(path).is_dir():
+            raise ConfigError(f"{option} {path}: is a folder; name a file")
+        if not force and Path(path).exists():
+            raise ConfigError(f"{option} {path}: exists; name another file, or --force")
+        if not Path(path).absolute().parent.is_dir():
+            raise ConfigError(f"{option} {path}: there is no such folder; make it first")
+    if any(os.path.realpath(path) == os.path.realpath(other) for other in others):
+        raise ConfigError(f"{option} {path}: is read or written otherwise; name another file")
+    ending = os.path.splitext(path)[1].casefold()
+    if endings and ending not in endings:
+        raise ConfigError(f"{option} {path}: must end in {', '.join(endings)}")
+    return ending
+
+
+def save(result: Evaluation | Pairing, folder: "str | os.PathLike[str]", *, force: bool) -> None:
+    """`Result.save`: the result folder, with what the extras that are installed can draw."""
+    path, kind = os.fspath(folder), RESULT if isinstance(result, Evaluation) else ASSOCIATION
+    try:
+        probe_folder(path, kind, force=force, option="folder")
+        if isinstance(result, Pairing):
+            files = association_files(result)
+        else:
+            files = {**result_texts(result), **result_pictures(result)}
+        write_texts(files, path, kind, force=force, option="folder")
+    except ConfigError as error:
+        raise ConfigError(str(error).replace("--force", "force=True")) from None
+
+
+def result_pictures(result: Evaluation, *wanted: Any) -> dict[str, bytes]:
+    """The pictures of a result folder; see `pictures`."""
+    parts = " in parts" if isinstance(result, PartitionedResult) else ""
+    return pictures(f"result{parts}", result, *wanted)
+
+
+def association_files(
+    found: Pairing, names: tuple[str, str] = ("A", "B")
+) -> dict[str, str | bytes | Path]:
+    """Page, table and, with the extra, picture of an association, by name."""
+    from tgospa_eval.show.html import association_page  # lazy: jinja2 is slow to import
+
+    files: dict[str, str | bytes | Path] = {"report.html": association_page(found, names)}
+    files["associations.csv"] = csv_text(found.associations_table())
+    return files | pictures("associate", found)
+
+
+# -------------------------------------------------------------------------------------------------
+# Proof folders of a result: one, or one for each class.
+
+
+NO_NAME = "%20"
+"""Folder of objects without a class: no name is quoted so."""
+
+LONGEST_NAME = 200
+"""Characters of a name as that of a folder; file systems take 255 with the digest of the rest."""
+
+
+def proof_files(result: Evaluation, options: Mapping[str, object]) -> dict[str, str]:
+    """The files of a proof folder, or of one for each class, by path in it.
+
+    Parameters
+    ----------
+    result : Evaluation
+        Of one evaluation, or of several classes.
+    options : mapping of str to object
+        How the files were read and compared: `Request` that are no defaults.
+
+    Raises
+    ------
+    ConfigError
+        A proof folder has no place for what was evaluated.
+    SolverError
+        A checker finds that a folder does not prove what it claims.
+    """
+    from tgospa_eval.proof.write import check_proofs, proof_texts  # lazy: slow to import
+
+    files: dict[str, str] = {}
+    written = []
+    for folder, part, origin in sorted(_proven_parts(result), key=lambda part: part[0]):
+        origin |= {
+            "options": dict(options),
+            "judged": part.judged,
+            "inputs": {
+                role: {"path": as_unicode(str(result.files[role])), "sha256": record["sha256"]}
+                for role, record in part.input.items()
+            },
+        }
+        texts = proof_texts(part.proof, origin)
+        written.append(texts)
+        files |= {f"{folder}{name}": text for name, text in texts.items()}
+    check_proofs(written)
+    return files
+
+
+def _proven_parts(result: Evaluation) -> list[tuple[str, PairEvaluation, dict[str, object]]]:
+    """Folder, result, and what the proof says of where it comes from."""
+    if isinstance(result, EvaluationByClass):
+        return [
+            (f"{folder_name(name)}/", part, {"class": name, "classes": list(result.results)})
+            for name, part in result.results.items()
+        ]
+    assert isinstance(result, PairEvaluation)
+    return [("", result, {})]
+
+
+def folder_name(name: str) -> str:
+    """A name of the user's as that of a folder in a folder; different names stay different."""
+    text = quote(name, safe=" ")
+    if text.startswith("."):
+        text = f"%2E{text[1:]}"
+    if len(text) > LONGEST_NAME:
+        text = f"{text[:LONGEST_NAME]}%~{hashlib.sha256(name.encode()).hexdigest()[:16]}"
+    return text or NO_NAME
+
+
+def save_proof(proof: PairProof, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
+    """Write one proof folder: `Proof.save_proof`.
+
+    Raises
+    ------
+    ConfigError
+        The folder cannot be written, or holds files of others, or has no place for the result.
+    SolverError
+        A checker finds that it does not prove what it claims.
+    """
+    from tgospa_eval.proof.write import check_proofs, proof_texts  # lazy: slow to import
+
+    texts = proof_texts(proof)
+    check_proofs([texts])
+    write_texts(texts, os.fspath(folder), PROOF, force=force, option="folder")

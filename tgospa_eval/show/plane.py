@@ -1,0 +1,601 @@
+"""Trajectories in the plane, with what was missed, false and switched where it happened."""
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from tgospa_eval.common.arrays import Floats, Ints
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.show.drawing import boxes as corners
+from tgospa_eval.show.drawing import figure, legend, literal, titled
+from tgospa_eval.show.overtime import time_axis
+from tgospa_eval.show.plot_data import (
+    NONE,
+    TIME,
+    DrawnSide,
+    PlotData,
+    deviations,
+    is_box,
+    is_map,
+    map_stretch,
+    plane_columns,
+    with_centres,
+)
+from tgospa_eval.show.style import FALSE, INK, MISSED, SOFT, TRACK_COLOURS, Style
+from tgospa_eval.tracks.durations import SECOND
+from tgospa_eval.tracks.trajectories import Trajectories
+
+FEW = 30
+"""Trajectories up to which shapes do not hide one another."""
+
+CORNERS = 48
+"""Of an ellipse."""
+
+APART = 2.0
+"""Distance of two shapes of a trajectory, in sizes of the first."""
+
+STEPS = 2
+"""Steps before and after the farthest pair that are enlarged."""
+
+INTERVALS = 24
+"""Intervals along a trajectory over the time."""
+
+WINDOW = 3.0
+"""How far they are from the middle at most, in sizes of a usual ellipse."""
+
+FEW_DOTS = 5000
+"""Particles up to which they are shapes in vector files."""
+
+NO_ROWS = np.zeros(0, np.int64)
+
+SPECK = 2.0
+"""Area of a particle of usual weight, in square points; twice as much where it is enlarged."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plane:
+    """What is drawn, in which two columns, in which style."""
+
+    seen: PlotData
+    across: str
+    up: str
+    style: Style
+
+    @property
+    def timed(self) -> bool:
+        """Whether one of them is the time."""
+        return TIME in (self.across, self.up)
+
+    @cached_property
+    def places(self) -> dict[str, Floats]:
+        """The states of each side that has any, (2, R)."""
+        return {n: np.stack([a[self.across], a[self.up]]) for n, a in self.seen.axes.items() if a}
+
+    def spanned(self, packed: Floats, radius: float) -> Floats:
+        """Of z' C^-1 z = radius^2 in both columns how far it reaches, and what they share, (3, R).
+
+        `packed` are lower triangles of C. Over the time it is the interval of the other column.
+        """
+        found, columns = np.zeros((3, len(packed))), self.seen.document["columns"]
+        odd = {self.across, self.up} - {*columns, TIME}  # centres of boxes
+        if odd or self.across == self.up or not packed.shape[1]:
+            return found
+        index = {k: columns.index(n) for k, n in enumerate((self.across, self.up)) if n != TIME}
+        for k, i in index.items():
+            found[k] = radius * deviations(packed[:, i * (i + 3) // 2])
+        if not self.timed:
+            i, j = max(index.values()), min(index.values())
+            found[2] = radius**2 * packed[:, i * (i + 1) // 2 + j]
+        return found
+
+    @cached_property
+    def extents(self) -> dict[str, Floats]:
+        """The same of what is around each state, 0 where it is nothing, by side.
+
+        Boxes are known of their edges and centres.
+        """
+        seen = self.seen
+        if not seen.document["boxes"]:
+            radius = seen.document["spread"].get("radius", (0.0, 0.0))[not self.timed]
+            return {side.name: self.spanned(side.row["spread"], radius) for side in seen.sides}
+        known = (self.across, self.up) in (("left", "top"), ("centre x", "centre y"))
+        halves = {
+            n: (a["width"] * known / 2, a["height"] * known / 2) for n, a in seen.axes.items()
+        }
+        return {name: np.stack([*both, np.zeros(len(both[0]))]) for name, both in halves.items()}
+
+    @cached_property
+    def gates(self) -> Floats | None:
+        """The same of the gates around the first side of an association."""
+        gate = self.seen.truth.row.get("gate")
+        return None if gate is None else self.spanned(gate, 1.0)
+
+    def around(self, side: DrawnSide, among: Ints | None = None) -> Ints:
+        """Rows of these, by default of all, around which there is something."""
+        reach = self.extents[side.name][:2].max(axis=0)
+        return np.flatnonzero(reach > 0) if among is None else among[reach[among] > 0]
+
+    def outlines(self, side: DrawnSide, row: Ints) -> Floats:
+        """Outlines (K, corners, 2) around some states."""
+        sizes = self.extents[side.name][:, row]
+        if not self.seen.document["boxes"]:
+            return ellipses(self.places[side.name][:, row], sizes)
+        left, top = (self.seen.axes[side.name][edge][row] for edge in ("left", "top"))
+        return corners(left, left + 2 * sizes[0], top, top + 2 * sizes[1])
+
+
+def ellipses(middle: Floats, sizes: Floats, power: float = 2.0) -> Floats:
+    """Outlines (K, corners, 2): z' C^-1 z = 1 around the middles (2, K), C = [s^2, q; q, t^2].
+
+    `sizes` are s, t and q, (3, K).
+    With r = q / (s t) these are (s cos u, t sin(u + arcsin r)), 0 <= u < 2 pi. Of another norm,
+    with r = 0, both are divided by that of (cos u, sin u).
+    """
+    s, t, shared = sizes[..., None]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        turn = np.nan_to_num(np.arcsin(np.clip(shared / s / t, -1, 1)))
+    u = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
+    size = 1 if power == 2 else np.linalg.norm([np.cos(u), np.sin(u)], ord=power, axis=0)
+    x = middle[0][:, None] + s * np.cos(u) / size
+    return np.stack([x, middle[1][:, None] + t * np.sin(u + turn) / size], axis=2)
+
+
+def surroundings(
+    axis: Axes, plane: Plane, rows: dict[str, Ints], speck: float
+) -> dict[str, Artist]:
+    """Draw shapes and particles of these states, and how many are shown; entries of a legend."""
+    handles: dict[str, Artist] = {}
+    told: list[str] = []
+    large = plane.style.titles
+    what = "interval" if plane.timed else "ellipse"
+    kind, name = ("boxes", "box") if plane.seen.document["boxes"] else (f"{what}s", f"95 % {what}")
+    for side in plane.seen.sides:
+        row, word, truth = rows[side.name], plane.seen.word(side.name), side.name == "truth"
+        if not len(row):
+            continue
+        colours = np.array(TRACK_COLOURS)[side.row["track"] % len(TRACK_COLOURS)]
+        looks: dict[str, Any] = {"facecolors": "none", "edgecolors": INK if truth else colours[row]}
+        looks |= {"linewidths": 0.9 if large else 0.5, "zorder": 2.15 if plane.timed else 2.3}
+        looks |= {"linestyles": (0, (4, 2)) if truth else "-", "label": f"{side.name}/shapes"}
+        made = PolyCollection(list(plane.outlines(side, row)), **looks)
+        axis.add_collection(made)
+        handles[f"{name}, {word}"] = made
+        told.append(f"{word}: {len(row):,} of {len(plane.around(side)):,} {kind}")
+        held = side.particles
+        at = np.flatnonzero(np.isin(held["row"], row))
+        if not len(at):
+            continue
+        own = held["row"][at]
+        place = plane.seen.places(held["state"][at], side.row["step"][own])
+        usual = np.bincount(own, minlength=len(colours))[own]  # of one cloud each has 1 / count
+        area = speck * np.clip(held["weight"][at] * usual, 0.05, 20) * (1 if large else 0.4)
+        looks = {"color": SOFT if truth else colours[own], "label": f"{side.name}/particles"}
+        looks |= {"linewidths": 0, "alpha": 0.5, "zorder": 2.2, "rasterized": len(at) > FEW_DOTS}
+        dots = axis.scatter(place[plane.across], place[plane.up], area, **looks)
+        handles[f"particles, {word}"] = dots
+        total = plane.seen.document["particles"][side.name][1]
+        told[-1] += f", {len(at):,} of {total:,} particles, area by weight"
+    if told:
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.8}
+        looks = {"ha": "right", "fontsize": "x-small", "color": SOFT, "zorder": 5, "bbox": box}
+        looks |= {"xycoords": "axes fraction", "textcoords": "offset points"}
+        axis.annotate("; ".join(told), (1, 0), (-2, 4), **looks)
+    return handles
+
+
+def rows_along(plane: Plane) -> dict[str, Ints]:
+    """States here and there along few trajectories around which there is something."""
+    found: dict[str, Ints] = {}
+    for side in plane.seen.sides:
+        row = plane.around(side) if sum(len(s.ids) for s in plane.seen.sides) <= FEW else NO_ROWS
+        middle = plane.places[side.name][:, row].T if len(row) else np.zeros((0, 2))
+        far = APART * plane.extents[side.name][:2, row].max(axis=0, initial=0.0)
+        if plane.timed and len(row):
+            middle = middle[:, [int(plane.up == TIME)]]
+            far = np.full(len(row), np.ptp(middle) / INTERVALS)
+        found[side.name] = row[spaced(side.row["track"][row], middle, far)]
+    return found
+
+
+def rows_enlarged(plane: Plane) -> dict[str, Ints]:
+    """States near the assigned pair that is farthest apart, a few steps before and after it.
+
+    Of associations those of its step. None where there are neither ellipses nor gates, or nothing
+    to enlarge.
+    """
+    seen, gates = plane.seen, plane.gates
+    reach = {n: sizes[:2].max(axis=0) for n, sizes in plane.extents.items()}
+    reach |= {} if gates is None else {"truth": gates[:2].max(axis=0)}
+    side = seen.estimate if gates is None and (reach["estimate"] > 0).any() else seen.truth
+    known = np.flatnonzero(reach[side.name] > 0)
+    few = sum(len(one.row["step"]) for one in seen.sides) < 3
+    if seen.document["boxes"] or not len(known) or few:
+        return {}
+    error = np.where(side.row["other"] < 0, -1.0, side.row["error"])
+    middle = known[np.argmax(error[known])]
+    far = WINDOW * float(np.median(reach[side.name][known]))
+    near: dict[str, Ints] = {}
+    steps = INTERVALS // 2 if plane.timed else STEPS if gates is None else 0
+    for one in seen.sides:
+        apart = np.abs(plane.places[one.name] - plane.places[side.name][:, [middle]])
+        apart[[name == TIME for name in (plane.across, plane.up)]] = 0
+        later = np.abs(one.row["step"] - side.row["step"][middle])
+        near[one.name] = np.flatnonzero((apart <= far).all(axis=0) & (later <= steps))
+    return near
+
+
+def pairs(plane: Plane, row: Ints) -> Floats:
+    """Lines from these estimates to those that they are assigned to at the same step, (2, 3 K)."""
+    truth, estimate, key = plane.seen.truth.row, plane.seen.estimate.row, plane.seen.steps + 1
+    held = np.append(truth["track"] * key + truth["step"], NONE)
+    wanted = estimate["other"][row] * key + estimate["step"][row]
+    at = np.searchsorted(held[:-1], wanted)
+    row, at = row[held[at] == wanted], at[held[at] == wanted]
+    ends = plane.places["estimate"][:, row], plane.places["truth"][:, at]
+    return np.stack([*ends, np.full((2, len(at)), np.nan)], axis=2).reshape(2, -1)
+
+
+def spaced(track: Ints, middle: Floats, reach: Floats) -> Ints:
+    """The first of each track, and each next one that is beyond the reach of the last."""
+    kept = []
+    last = -1
+    for k in range(len(track)):
+        new = last < 0 or track[last] != track[k]
+        if new or np.abs(middle[k] - middle[last]).max() > max(reach[last], reach[k]):
+            kept.append(k)
+            last = k
+    return np.array(kept, np.int64)
+
+
+VECTOR_POINTS = 40_000
+"""Points that are drawn as lines and marks in vector files; more become dots."""
+
+CROWDED = 400
+"""Events from which on marks become smaller."""
+
+GROUPED = 1500
+"""Events from which on a mark stands for all of a kind that are near to each other."""
+
+CELLS = 48
+"""Places for such marks beside each other."""
+
+COVERED = 0.08
+"""Share of the picture that marks of one kind cover at most, so that they remain marks."""
+
+MANY_TRACKS = 100
+"""Trajectories from which on lines are thinner and fainter, so that marks stand out."""
+
+FADED = 0.35
+"""Opacity of lines where a part is enlarged."""
+
+STRETCH = 8
+"""How much longer one axis may be for both to have one scale."""
+
+
+MARKS: dict[str, dict[str, Any]] = {
+    "missed": {"marker": "x", "color": MISSED},
+    "false": {"marker": "^", "color": FALSE, "markerfacecolor": "none"},
+}
+"""Looks of what has no partner."""
+
+Mark = tuple[str, Floats, Floats, dict[str, Any]]
+"""Kind of event, places, looks."""
+
+
+def draw_plane(seen: PlotData, style: Style, columns: Sequence[str] | None = None) -> Figure:
+    """Trajectories with misses, false targets and switches."""
+    boxes = seen.document["boxes"]
+    across, up = plane_columns(seen.document["columns"], columns)
+    plane = Plane(seen=seen, across=across, up=up, style=style)
+    places = plane.places
+    sides = [side for side in seen.sides if side.name in places]
+    extent = [_extent([pair[k] for pair in places.values()]) for k in (0, 1)]
+    scale = unit_scale(across, up, seen.document.get("stretch", 1.0))
+    if scale is not None and not 1 / STRETCH <= scale * extent[1] / extent[0] <= STRETCH:
+        scale = None
+    ratio = 0.62 if scale is None else scale * extent[1] / extent[0]
+    tall = min(max(ratio, 0.45), 1.0 if style.titles else 0.95) * (style.width - 1.0) + 0.9
+    enlarged = rows_enlarged(plane) if sides else {}
+    low = 0.55 * style.width
+    made, axes = figure(style.width, tall + low * bool(enlarged), 1 + bool(enlarged))
+    axis = axes[0, 0]
+    handles: dict[str, Artist] = {}
+    many = sum(len(side.row["track"]) for side in sides) > VECTOR_POINTS
+    for panel in axes[::-1, 0]:
+        if scale is not None:
+            panel.set_aspect(scale, adjustable="datalim")
+        for side in sides:
+            fade = 1.0 if panel is axis else FADED
+            handles |= _lines(panel, side, places[side.name], style, seen, many, fade)
+    if sides:
+        handles |= surroundings(axis, plane, rows_along(plane), SPECK)
+    if seen.document["words"]:  # of an association
+        line = pairs(plane, np.arange(len(seen.estimate.row["step"])))
+        looks: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 2.8, "label": "pairs"}
+        handles["pair"] = axis.plot(*line, **looks)[0]
+    handles |= _events(axis, seen, places, style)
+    axis.autoscale_view()
+    if enlarged:
+        axis.get_gridspec().set_height_ratios([tall, low])
+        handles |= _enlarged(axes[1, 0], plane, enlarged)
+    for panel in axes[:, 0]:
+        _name_axes(panel, plane)
+    if boxes and up in ("top", "centre y"):
+        axis.invert_yaxis()
+    if not sides or not sum(len(side.row["track"]) for side in sides):
+        axis.annotate("no positions", (0.5, 0.5), xycoords="axes fraction", ha="center")
+    titled(axis, style, "In the plane", seen.about)
+    beside = 7 if style.titles else 5 if len(handles) <= 5 else -(-len(handles) // 2)
+    beside = min(beside, 5 if style.titles else 3) if enlarged else beside  # longer names
+    legend(made, list(handles.values()), list(handles), beside)
+    return made
+
+
+def _name_axes(axis: Axes, plane: Plane) -> None:
+    """Names of both directions."""
+    for name, which, upright in ((plane.across, axis.xaxis, False), (plane.up, axis.yaxis, True)):
+        if name == TIME:
+            time_axis(axis, plane.seen, plane.style, upright=upright)
+        else:
+            which.set_label_text(_named(name, plane.seen.document["unit"]), parse_math=False)
+
+
+def _enlarged(axis: Axes, plane: Plane, rows: dict[str, Ints]) -> dict[str, Artist]:
+    """These states with all that is around them, and lines between those that are assigned."""
+    seen, place = plane.seen, plane.places
+    around = {side.name: plane.around(side, rows[side.name]) for side in seen.sides}
+    handles = surroundings(axis, plane, around, 2 * SPECK)
+    size = 4.0 if plane.style.titles else 2.5
+    dot: dict[str, Any] = {"linestyle": "none", "markersize": size, "markeredgewidth": size / 6}
+    for side, fill, mark in zip(seen.sides, ("none", INK), MARKS.values(), strict=True):
+        row = rows[side.name]
+        alone = side.row["other"][row] == NONE
+        looks = dot | {"label": f"{side.name}/states", "zorder": 3, "color": INK}
+        looks |= {"marker": "o", "markerfacecolor": fill}
+        axis.plot(*place[side.name][:, row[~alone]], **looks)
+        axis.plot(*place[side.name][:, row[alone]], **(looks | mark))
+    line = pairs(plane, rows["estimate"])
+    axis.plot(*line, color=INK, linewidth=0.8, zorder=2.9)
+    drawn = [place[side.name][:, rows[side.name]].T for side in seen.sides]
+    drawn += [plane.outlines(side, around[side.name]).reshape(-1, 2) for side in seen.sides]
+    if plane.gates is not None:
+        row, power = rows["truth"], seen.document["gate"]["power"] or np.inf
+        gates = ellipses(place["truth"][:, row], plane.gates[:, row], power)
+        looks = {"facecolors": "none", "edgecolors": MISSED, "linestyles": ":", "linewidths": 1}
+        made = PolyCollection(list(gates), label="gates", **looks)
+        axis.add_collection(made)
+        handles[f"gate of {seen.word('truth')}"] = made
+        drawn.append(gates.reshape(-1, 2))
+    steps = np.concatenate([side.row["step"][rows[side.name]] for side in seen.sides])
+    begin, end = (str(seen.document["times"][k]) for k in (steps.min(), steps.max()))
+    span = begin if begin == end else f"{begin} to {end}"
+    what = "farthest pair" if (seen.truth.row["other"] >= 0).any() else "first state"
+    titled(axis, plane.style, f"Around the {what}, t = {literal(span, 50)}")
+    # last, and not fixed: the aspect may widen them
+    low, high = (end(np.concatenate([line.T, *drawn]), axis=0) for end in (np.nanmin, np.nanmax))
+    margin = 0.05 * np.where(high > low, high - low, 1.0)
+    axis.set_xlim(low[0] - margin[0], high[0] + margin[0], auto=True)
+    axis.set_ylim(low[1] - margin[1], high[1] + margin[1], auto=True)
+    return handles
+
+
+def _extent(values: list[Floats]) -> float:
+    known = np.concatenate([*values, np.zeros(0)])
+    return float(np.ptp(known)) if len(known) and np.ptp(known) > 0 else 1.0
+
+
+def unit_scale(across: str, up: str, stretch: float) -> float | None:
+    """Length of a unit upwards by that of one across, where both are places in one unit.
+
+    `stretch` is that of a degree of latitude by one of longitude.
+    """
+    if TIME in (across, up) or len({across, up} & {"lat", "lon"}) == 1:
+        return None
+    return {("lon", "lat"): stretch, ("lat", "lon"): 1 / stretch}.get((across, up), 1.0)
+
+
+def _lines(
+    axis: Axes,
+    side: DrawnSide,
+    place: Floats,
+    style: Style,
+    seen: PlotData,
+    many: bool,
+    fade: float,
+) -> dict[str, Artist]:
+    """A line for each stretch of steps, those of estimates in turn in several colours."""
+    row, truth = side.row, side.name == "truth"
+    if not len(row["track"]):
+        return {}
+    thin = style.settings.get("lines.linewidth", 1.3)
+    apart = (np.diff(row["track"]) != 0) | (np.diff(row["step"]) > seen.document["stride"])
+    breaks = np.flatnonzero(apart) + 1
+    single = np.zeros(len(row["track"]), bool)  # a stretch of one state is no line
+    single[np.append(0, breaks)[np.diff(np.concatenate([[0], breaks, [len(single)]])) == 1]] = True
+    # One line with holes for each colour: a thousand artists take seconds.
+    x, y = (np.insert(values, breaks, np.nan) for values in place)
+    colour = np.insert(row["track"] % len(TRACK_COLOURS), breaks, -1)
+    looks: dict[str, Any] = {
+        "linestyle": (0, (4, 2)) if truth and not many else "-",
+        "linewidth": thin * (0.7 if truth else 1.0) * (0.5 if many else 1),
+        "alpha": min(1.0, (MANY_TRACKS / len(side.ids)) ** 0.5) * (0.7 if many else 1) * fade,
+        "zorder": 2 if truth else 2.1,
+    }
+    dot: dict[str, Any] = {"marker": ".", "linestyle": "none", "markersize": 2.5 * thin}
+    dot |= {"zorder": 2.1, "label": f"{side.name}/single"}
+    handles: dict[str, Artist] = {}
+    for turn, shade in enumerate([SOFT] if truth else TRACK_COLOURS):
+        drawn = truth | (colour == turn) | (colour == -1)
+        both: Any = {"color": shade, "rasterized": many}
+        line = axis.plot(x[drawn], y[drawn], label=f"{side.name}/{turn}", **both, **looks)[0]
+        dots = single & (truth | (row["track"] % len(TRACK_COLOURS) == turn))
+        if dots.any():
+            axis.plot(*(values[dots] for values in place), **both, **dot)
+        handles.setdefault(seen.word(side.name), line)
+    return handles
+
+
+def _events(
+    axis: Axes, seen: PlotData, places: dict[str, Floats], style: Style
+) -> dict[str, Artist]:
+    """Crosses, triangles and diamonds where something is wrong."""
+    marks: list[Mark] = []
+    for side, (name, looks) in zip(seen.sides, MARKS.items(), strict=True):
+        if side.name in places:
+            x, y = places[side.name]
+            marks.append((name, x[side.unassigned], y[side.unassigned], looks))
+    if "truth" in places and len(places["truth"][0]):
+        row = rows_of_switches(seen)
+        diamond: dict[str, Any] = {"marker": "D", "color": INK, "zorder": 4}
+        if len(row) < CROWDED:
+            diamond["markeredgecolor"] = "white"
+        marks.append(("switch", places["truth"][0][row], places["truth"][1][row], diamond))
+    count = sum(len(x) for _, x, _, _ in marks)
+    if count > GROUPED:
+        return _grouped(axis, seen, marks, style)
+    size = (5.0 if style.titles else 3.2) * max(0.35, 1 - 0.4 * math.log10(max(count / CROWDED, 1)))
+    common = {"linestyle": "none", "markersize": size, "markeredgewidth": size / 6, "zorder": 3}
+    common["rasterized"] = count > VECTOR_POINTS // 8
+    return {
+        seen.word(name): axis.plot(x, y, label=name, **{**common, **looks})[0]
+        for name, x, y, looks in marks
+        if len(x)
+    }
+
+
+def _grouped(axis: Axes, seen: PlotData, marks: list[Mark], style: Style) -> dict[str, Artist]:
+    """A mark for each kind and place, whose area is the number of events there."""
+    wide = _extent([x for _, x, _, _ in marks]) / CELLS
+    tall = _extent([y for _, _, y, _ in marks]) / CELLS
+    groups = {name: _near(x, y, wide, tall) for name, x, y, _ in marks if len(x)}
+    most = max(int(count.max()) for _, _, count in groups.values())
+    whole = ((style.width - 1.0) * 72) ** 2
+    busiest = max(int(count.sum()) for _, _, count in groups.values())
+    largest = min(1.1 * whole / CELLS**2, COVERED * whole * most / busiest)
+    handles: dict[str, Artist] = {}
+    for name, _, _, looks in marks:
+        if name not in groups:
+            continue
+        x, y, count = groups[name]
+        looks = {"marker": looks["marker"], "zorder": looks.get("zorder", 3), "alpha": 0.8} | (
+            {"facecolors": "none", "edgecolors": looks["color"]}
+            if "markerfacecolor" in looks
+            else {"color": looks["color"]}
+        )
+        looks |= {"linewidths": 0.7, "rasterized": len(x) > VECTOR_POINTS // 8}
+        area = np.maximum(largest * count / most, largest / 40)
+        made = axis.scatter(x, y, area, label=name, **looks)
+        handles[f"{seen.word(name)}, {count.min():,} to {count.max():,}"] = made
+    return handles
+
+
+def _near(x: Floats, y: Floats, wide: float, tall: float) -> tuple[Floats, Floats, Ints]:
+    """Middles and numbers of the points in each cell of a grid."""
+    cells = np.stack([np.floor(x / wide), np.floor(y / tall)], axis=1)
+    _, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    cell = cell.reshape(-1)  # only NumPy 2.0 gives it two axes
+    middle = [np.bincount(cell, weights=values) / count for values in (x, y)]
+    return middle[0], middle[1], count
+
+
+def rows_of_switches(seen: PlotData) -> Ints:
+    """The row of the truth at which each switch is, or the last one before it."""
+    key = seen.steps + 1
+    row, switches = seen.truth.row, seen.switches
+    wanted = switches["truth"].astype(np.int64) * key + switches["step"].astype(np.int64)
+    found = np.searchsorted(row["track"] * key + row["step"], wanted, side="right") - 1
+    return np.asarray(np.maximum(found, 0))
+
+
+# -------------------------------------------------------------------------------------------------
+# What was read, before anything is compared: the plane, and who is there when.
+
+LOOKS = (
+    {"color": SOFT, "linewidth": 2.2, "alpha": 0.55},
+    {"color": FALSE, "linewidth": 0.9},
+)
+"""Of truth and estimate: what is above lets what is below be seen."""
+
+NAMED = 30
+"""Most trajectories that are named beside their lines."""
+
+INCHES_ACROSS, INCHES_UP = 9.0, 4.2
+"""Of the picture."""
+
+PRESENCE = "trajectory"
+"""What is up where the time is across."""
+
+
+def draw_inspection(
+    subject: tuple[Sequence[tuple[str, Trajectories]], str],
+    style: Style,  # noqa: ARG001
+) -> Figure:
+    """Trajectories in the plane, and a line for each over the times at which it has states.
+
+    Parameters
+    ----------
+    subject : sequence of (str, Trajectories), and str
+        Name and content of the truth, and of an estimate; the unit of the states.
+    style : Style
+        Has no influence on the sizes.
+    """
+    sides, unit = subject
+    columns = sides[0][1].columns
+    boxes, stretch = is_box(columns), 1.0
+    across, up = plane_columns(columns, None)
+    if is_map(columns):
+        latitudes = [side.state[:, columns.index("lat")] for _, side in sides]
+        stretch = map_stretch(np.concatenate(latitudes))
+    timed = [side for _, side in sides if len(side.times)]
+    first = min(timed, key=lambda side: side.times[0], default=sides[0][1])
+    made, ((plane, presence),) = figure(INCHES_ACROSS, INCHES_UP, 1, 2)
+    handles: dict[str, Artist] = {}
+    below = 0
+    for (name, side), looks in zip(sides, LOOKS, strict=False):
+        order = np.argsort(side.track, kind="stable")
+        track, step = side.track[order], side.step[order]
+        breaks = np.flatnonzero((np.diff(track) != 0) | (np.diff(step) > 1)) + 1
+        seconds = side.clock != "number" and len(side.times)
+        times = (side.times - first.times[0]) / SECOND if seconds else side.times
+        axes = with_centres(dict(zip(columns, side.state[order].T, strict=True)))
+        axes[TIME] = np.asarray(times[step], float)
+        axes[PRESENCE] = np.asarray(below + track, float)
+        x, y, t, place = (
+            np.insert(axes[key], breaks, np.nan) for key in (across, up, TIME, PRESENCE)
+        )
+        handles[literal(name)] = plane.plot(x, y, marker=".", markersize=2, **looks)[0]
+        presence.plot(t, place, marker="|", markersize=3, **looks)
+        below += len(side.ids)
+    dated = timed and timed[0].clock != "number"
+    _name(plane, _named(across, unit), _named(up, unit))
+    _name(presence, f"s since {literal(str(first.shown[0]))}" if dated else TIME, PRESENCE)
+    presence.invert_yaxis()
+    if below <= NAMED:
+        ids = [literal(str(name)) for _, side in sides for name in side.ids.tolist()]
+        presence.set_yticks(range(below), ids, parse_math=False)
+    scale = unit_scale(across, up, stretch)
+    if scale is not None:
+        plane.set_aspect(scale, adjustable="datalim")
+    if boxes:
+        plane.invert_yaxis()
+    legend(made, list(handles.values()), list(handles), 2)
+    return made
+
+
+def _named(column: str, unit: str) -> str:
+    inside = f" ({literal(unit)})" if unit and column not in ("lat", "lon", TIME) else ""
+    return literal(column) + inside
+
+
+def _name(axis: Axes, across: str, up: str) -> None:
+    axis.xaxis.set_label_text(across, parse_math=False)
+    axis.yaxis.set_label_text(up, parse_math=False)
+    for spine in ("left", "bottom"):
+        axis.spines[spine].set_color(INK)

@@ -1,0 +1,802 @@
+"""From a result to what page and pictures draw: costs, lanes, positions, events. Plain data.
+
+A lane is a trajectory; its runs are stretches of steps on which it exists and is assigned to one
+other, or to none. Rows are its states, thinned where there are very many, but never an event.
+"""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from functools import cached_property
+from statistics import NormalDist
+from typing import Any, TypeAlias
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.arrays import Floats, Ints
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.distances.clouds.transport import merged, resample_cloud
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.by_class import EvaluationByClass
+from tgospa_eval.evaluation.pair import PairEvaluation, explanation_of
+from tgospa_eval.formats.columns.headers import BOX
+from tgospa_eval.problem.readout import read_switches
+from tgospa_eval.problem.solution import Windows
+from tgospa_eval.problem.weights import ONE
+from tgospa_eval.results.consistency import NEES
+from tgospa_eval.results.evaluation import Evaluation
+from tgospa_eval.results.numbers import SPREAD, costliest
+from tgospa_eval.results.partitioned import PartitionedResult
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
+from tgospa_eval.sensors.association import Pairing
+from tgospa_eval.show.time_axis import TimeAxis, moments, readable
+from tgospa_eval.text import quoted
+from tgospa_eval.tracks.clouds import Clouds
+from tgospa_eval.tracks.covariances import size_of
+
+Rows: TypeAlias = dict[str, NDArray[Any]]
+"""States of one side, by track and step: columns ``track``, ``step``, ``other``, ``error`` ....
+
+``other`` is the track of the other side to which the largest part of it is assigned, `NONE` or
+`FREE`, ``unjudged`` whether it is ignored, or excused, and ``shared`` whether that is a part only;
+``error`` the distance to it as a fraction of the cutoff, 1 where it is unassigned; ``state``
+(R, d), with d = 0 where the states are unknown; ``spread`` (R, d (d + 1) / 2) lower triangles of
+covariances, (R, 0) of points; ``cloud`` the number of its cloud of particles, or `NONE`.
+"""
+
+VALUES = 800_000
+"""Coordinates that are drawn; beyond, tracks are thinned."""
+
+COARSEST = 50
+"""Steps between positions from which on thinning saves little: what is left are events."""
+
+LEVELS = 1 << 16
+"""Steps into which the extent of a coordinate is divided."""
+
+ERRORS = 1000
+"""Steps into which the cutoff is divided."""
+
+FARTHEST_NORTH = 88.0
+"""Degrees of latitude up to which maps have equal scales."""
+
+TIME = "t"
+"""The time as an axis of the plane."""
+
+FARTHEST = 1e300
+"""Of what is drawn in the plane: matplotlib takes differences of coordinates."""
+
+FARTHEST_LEVEL = 1 << 29
+"""Of what is drawn on the page: differences of two fit into 32 bits."""
+
+PARTICLES = 100_000
+"""Particles that are drawn; beyond, clouds have fewer, and then fewer steps have clouds."""
+
+FEWEST, MOST = 10, 200
+"""Particles of a cloud that are drawn: at least, if it has so many, and at most."""
+
+SHARES = 10_000
+"""Parts into which the weight of a cloud is divided."""
+
+NONE, FREE = -1, -2
+"""No other: missed or false, and what is not judged and costs nothing."""
+
+KINDS = {"truth": "missed", "estimate": "false"}
+"""What a track of either side costs where it is unassigned."""
+
+RUN = ("track", "begin", "end", "other")
+"""What there is of each stretch of one assignment."""
+
+
+def plane_columns(known: Sequence[str], asked: Sequence[str] | None) -> tuple[str, str]:
+    """What is across and up.
+
+    Raises
+    ------
+    ConfigError
+        `asked` names an unknown column, or not exactly two.
+    """
+    boxes = is_box(known)
+    names = [*known, *(("centre x", "centre y") if boxes else ()), TIME]
+    if asked is not None:
+        odd = [name for name in asked if name not in names]
+        if odd or len(asked) != 2 or isinstance(asked, str):
+            text = asked if isinstance(asked, str) else ",".join(asked)
+            raise ConfigError(f"plane {quoted(text)}: must be two of {', '.join(names)}")
+        return asked[0], asked[1]
+    if boxes:
+        return "centre x", "centre y"
+    if is_map(known):
+        return "lon", "lat"
+    return (known[0], known[1]) if len(known) > 1 else (TIME, known[0] if known else TIME)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DrawnSide:
+    """The tracks of one side.
+
+    Parameters
+    ----------
+    name : str
+        ``"truth"`` or ``"estimate"``.
+    table : dict
+        Of each track its id, costs, counts and steps.
+    run : dict
+        Stretches of one assignment, by track and step: ``track``, ``begin``, ``end``, ``other``.
+    row : dict
+        The states that are drawn.
+    particles : dict
+        Particles that are drawn, by ``row``: ``state`` (P, d), and the ``weight`` of its cloud that
+        each stands for.
+    """
+
+    name: str
+    table: Columns
+    run: dict[str, Ints]
+    row: Rows
+    particles: Rows
+
+    @cached_property
+    def ids(self) -> list[str]:
+        """With the class in front where classes are evaluated apart."""
+        ids, classes = self.table["id"], self.table.get("class")
+        return [f"{classes[k]}: {i}" if classes else i for k, i in enumerate(ids)]
+
+    @property
+    def unassigned(self) -> Ints:
+        """Rows that are missed, or false."""
+        return np.flatnonzero(self.row["other"] == NONE)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlotData:
+    """What is drawn: the page takes the document and the arrays, pictures that and the sides.
+
+    Parameters
+    ----------
+    document : Json
+        Each of its ``times`` begins a stretch of ``together`` steps, of which ``costs`` and
+        ``counts`` are means, and ``curve`` is that of its last step; where these are several,
+        ``worst`` has the costliest steps. ``stretch`` is that of a map. ``spread`` says how the
+        numbers of ellipses are to be read; it is empty where there are none. ``particles`` says how
+        many of each side are drawn, of how many. ``words`` is how sides and parts are called.
+    arrays : dict of str to int array
+        Whole numbers by name, as long as the data.
+    truth, estimate : DrawnSide
+        The tracks.
+    about : str
+        Value and parameters in words.
+    """
+
+    document: Json
+    arrays: dict[str, Ints]
+    truth: DrawnSide
+    estimate: DrawnSide
+    about: str
+
+    @cached_property
+    def axes(self) -> dict[str, dict[str, Floats]]:
+        """Of the rows of each side what the plane can show: columns, centres of boxes, the time."""
+        return {side.name: self.places(side.row["state"], side.row["step"]) for side in self.sides}
+
+    @property
+    def sides(self) -> tuple[DrawnSide, DrawnSide]:
+        """Truth and estimate."""
+        return self.truth, self.estimate
+
+    def places(self, state: Floats, step: Ints) -> dict[str, Floats]:
+        """What the plane can show of states (R, d) at these steps."""
+        columns = np.clip(state.T, -FARTHEST, FARTHEST)
+        found = with_centres(dict(zip(self.document["columns"], columns, strict=True)))
+        return found | {TIME: self.time.at[step]} if found else {}
+
+    def word(self, name: str) -> str:
+        """What a side or a part is called."""
+        return str(self.document["words"].get(name, name))
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return len(self.document["times"])
+
+    @property
+    def switches(self) -> dict[str, Ints]:
+        """Columns of the table of switches, as arrays."""
+        return {name: np.asarray(column) for name, column in self.document["switches"].items()}
+
+    @cached_property
+    def time(self) -> TimeAxis:
+        """The axis of time."""
+        return TimeAxis(times=self.document["times"], axis=self.document["axis"])
+
+
+_MADE: WeakKeyDictionary[Evaluation | Pairing, PlotData] = WeakKeyDictionary()
+
+
+def plot_data(result: Evaluation | Pairing) -> PlotData:
+    """Data that page and pictures draw, made once for each result."""
+    if result not in _MADE:
+        if isinstance(result, Pairing):
+            _MADE[result] = _association_data(result)
+        else:
+            _MADE[result] = _result_data(result)
+    return _MADE[result]
+
+
+def _result_data(result: Evaluation) -> PlotData:
+    """What page and pictures of a result draw.
+
+    Numbers of tracks count those of all classes one after the other, as the tables do.
+    """
+    whole = list(result.results.values()) if isinstance(result, EvaluationByClass) else [result]
+    parts = [part for part in whole if isinstance(part, PairEvaluation)]
+    columns = parts[0].proof.compared.columns if parts else ()
+    stretches = len(result.labels.times) if parts else MOST_STRETCHES
+    data = over_time(result, stretches) | {
+        "switches": _switches(parts),
+        "repairs": _repairs(result),
+    }
+    if result.slid is not None:
+        data["windows"] = _windows(result, result.slid)
+    return drawn_data(
+        {name: _joined(parts, name, len(columns)) for name in KINDS},
+        columns,
+        {name: _tracks(result, name) for name in KINDS},
+        data,
+        f"{result.claim}; {result.parameters_in_words(data['unit'])}",
+    )
+
+
+WORDS = {"truth": "A", "estimate": "B", "localisation": "distance"}
+WORDS |= {"missed": "A alone", "false": "B alone"}
+"""How an association calls sides and parts."""
+
+
+def _association_data(found: Pairing) -> PlotData:
+    """What page and picture of an association draw: sides as truth and estimate, costs of order 1.
+
+    Each state that stays alone costs half a cutoff, each pair its distance.
+    """
+    sides, steps, power = found.sides, len(found.first.times), getattr(found.distance, "power", 2.0)
+    given: dict[str, tuple[Rows, Sequence[Clouds]]] = {}
+    tables: dict[str, Columns] = {}
+    costs: dict[str, Floats] = {"localisation": np.zeros(steps)}
+    counts: dict[str, Floats] = {}
+    for (name, kind), side, other, partner, apart in zip(
+        KINDS.items(), sides, sides[::-1], found.partners, found.partings, strict=True
+    ):
+        alone, track = partner == NONE, side.track.astype(np.int64)
+        rows: Rows = {"track": track, "step": side.step.astype(np.int64), "shared": alone & False}
+        rows["other"] = np.where(alone, NONE, np.append(other.track, 0)[partner])
+        rows["error"] = np.where(alone, 1.0, apart / found.cutoff)
+        if name == "truth" and found.gates is not None:
+            rows["gate"] = found.gates
+        rows = by_track(rows, side.state, side.second_moments, side.clouds)
+        given[name] = rows, [] if side.clouds is None else [side.clouds]
+        lost = alone * found.cutoff / 2
+        values = {"localisation": apart, "unassigned": lost, "total": apart + lost}
+        values |= {"unassigned_count": alone, "steps": np.ones(len(track))}
+        sums = {n: np.bincount(track, v, len(side.ids)).tolist() for n, v in values.items()}
+        tables[name] = {"id": list(map(str, side.ids)), **{n: rounded(v) for n, v in sums.items()}}
+        parts = {"localisation": apart, kind: lost}
+        costs |= {n: np.bincount(side.step, v, steps).astype(float) for n, v in parts.items()}
+        counts[kind] = np.bincount(side.step, alone, steps).astype(float)
+    lines = costs | {"total": sum(costs.values(), np.zeros(steps))}
+    lines = {name: np.cumsum(cost) / np.arange(1, steps + 1) for name, cost in lines.items()}
+    times = readable(found.first.shown.tolist())
+    document: Json = {"words": WORDS, "parts": list(costs), "cutoff": found.cutoff, "order": 1.0}
+    document |= {"unit": "", "together": 1, "times": times, "axis": moments(times)}
+    for name, each in (("costs", costs), ("counts", counts), ("curve", lines)):
+        document[name] = {key: rounded(value.tolist()) for key, value in each.items()}
+    document |= {"switches": _switches([]), "power": power if np.isfinite(power) else None}
+    document["repairs"] = dict.fromkeys(("tracks", "from", "to", "text"), ())
+    about = f"c = {found.cutoff:g}, {found.distance.name}"
+    return drawn_data(given, found.first.columns, tables, document, about)
+
+
+def drawn_data(
+    given: Mapping[str, tuple[Rows, Sequence[Clouds]]],
+    columns: Sequence[str],
+    tables: Mapping[str, Columns],
+    document: Json,
+    about: str,
+) -> PlotData:
+    """What is drawn of the rows of both sides, whose clouds lie one behind the other.
+
+    `tables` are those of the tracks; `document` says what is drawn over time.
+    """
+    rows = {name: side for name, (side, _) in given.items()}
+    runs = {name: _runs(side) for name, side in rows.items()}
+    stride, kept = _thinned(rows, runs)
+    low, quantum = _grid([side["state"] for side in rows.values()], len(columns))
+    spread = described([side["spread"] for side in rows.values()], stride)
+    count = sum(len(cloud) for _, clouds in given.values() for cloud in clouds)
+    every = stride * max(1, -(-count // (stride * PARTICLES // FEWEST)))
+    sides: dict[str, DrawnSide] = {}
+    arrays: dict[str, Ints] = {}
+
+    def coded(state: Floats, axis: int) -> Ints:
+        # halves, for the difference of two large numbers may overflow
+        value = np.rint((state[:, axis] / 2 - low[axis] / 2) / (quantum[axis] / 2))
+        return np.clip(value, -FARTHEST_LEVEL, FARTHEST_LEVEL).astype(np.int64)
+
+    for name, side in rows.items():
+        (opens, closes), keep = runs[name], kept[name]
+        run: Rows = {c: side[c][opens] for c in ("track", "other", "unjudged") if c in side}
+        run |= {"begin": side["step"][opens], "end": side["step"][closes]}
+        row = {column: values[keep] for column, values in side.items()}
+        particles = drawn_particles(row, given[name][1], every, len(columns))
+        sides[name] = DrawnSide(
+            name=name, table=tables[name], run=run, row=row, particles=particles
+        )
+        arrays |= {f"{name}/run/{field}": run[field] for field in RUN}
+        if "unjudged" in run and run["unjudged"].any():
+            arrays[f"{name}/run/unjudged"] = run["unjudged"].astype(np.int64)
+        arrays |= {f"{name}/row/{column}": row[column] for column in ("track", "step")}
+        places = {"row": row["state"], "particles": particles["state"]}
+        for axis in range(len(columns)):
+            for what, state in places.items():
+                arrays[f"{name}/{what}/{axis}"] = coded(state, axis)
+        arrays[f"{name}/particles/row"] = particles["row"]
+        arrays[f"{name}/particles/weight"] = np.rint(particles["weight"] * SHARES).astype(np.int64)
+        if spread:
+            entries = encoded(row["track"], row["step"], row["spread"], spread)
+            arrays |= {f"{name}/spread/{key}": values for key, values in entries.items()}
+        if "gate" in row:
+            document["gate"] = described([row["gate"]], stride)
+            document["gate"] |= {"radius": (1.0, 1.0), "power": document.pop("power")}
+            entries = encoded(row["track"], row["step"], row["gate"], document["gate"])
+            arrays |= {f"{name}/gate/{key}": values for key, values in entries.items()}
+        if name == "truth":
+            arrays["truth/row/error"] = np.rint(row["error"] * ERRORS).astype(np.int64)
+    data = (
+        {"words": {}, "parts": list(PARTS), "gate": {}}
+        | document
+        | {
+            "tracks": {name: side.table for name, side in sides.items()},
+            "columns": list(columns),
+            "boxes": is_box(columns),
+            "low": low,
+            "quantum": quantum,
+            "spread": spread,
+            "particles": {
+                name: [len(side.particles["row"]), sum(len(c.points) for c in given[name][1])]
+                for name, side in sides.items()
+            },
+            "every": every,
+            "shares": SHARES,
+            "errors": ERRORS,
+            "stride": stride,
+            "shared": int(np.count_nonzero(rows["truth"]["shared"])),
+            "rows": {name: [len(kept[name]), len(side["track"])] for name, side in rows.items()},
+            "arrays": [(name, len(array)) for name, array in arrays.items()],
+        }
+    )
+    if is_map(columns):
+        latitudes = [side["state"][:, columns.index("lat")] for side in rows.values()]
+        data["stretch"] = map_stretch(np.concatenate(latitudes))
+    return PlotData(document=data, arrays=arrays, about=about, **sides)
+
+
+def drawn_particles(row: Rows, clouds: Sequence[Clouds], every: int, size: int) -> Rows:
+    """Particles of the clouds of every so many steps.
+
+    Where a cloud has more than there is room for, systematic resampling from the middle of each
+    slot chooses them: each stands for the weight of the slots that fall on it.
+    """
+    found: list[Rows] = []
+    first = np.cumsum([0, *map(len, clouds)])
+    chosen = np.flatnonzero((row["step"] % every == 0) & (row["cloud"] != NONE))
+    chosen = chosen[:: max(1, -(-len(chosen) // (PARTICLES // FEWEST)))]
+    each = min(MOST, PARTICLES // max(1, len(chosen)))
+    for k in chosen.tolist():
+        part = int(np.searchsorted(first, row["cloud"][k], side="right")) - 1
+        points, weights = clouds[part][int(row["cloud"][k] - first[part])]
+        if len(points) > each:
+            points, weights = merged(resample_cloud(points, weights, each, offset=0.5))
+        if len(points) > 1:  # else it is a point
+            found.append({"row": np.full(len(points), k), "state": points, "weight": weights})
+    none: Rows = {"row": np.zeros(0, np.int64), "state": np.zeros((0, size)), "weight": np.zeros(0)}
+    return {name: np.concatenate([none[name], *(one[name] for one in found)]) for name in none}
+
+
+def is_map(names: Collection[str]) -> bool:
+    """Whether states have latitude and longitude, in degrees."""
+    return {"lat", "lon"} <= set(names)
+
+
+def is_box(columns: Sequence[str]) -> bool:
+    """Whether states are boxes in pictures."""
+    return tuple(columns[: len(BOX)]) == BOX
+
+
+def with_centres(axes: dict[str, Floats]) -> dict[str, Floats]:
+    """State columns by name, of boxes with their centres."""
+    if not is_box(list(axes)):
+        return axes
+    x, y = axes["left"] + axes["width"] / 2, axes["top"] + axes["height"] / 2
+    return axes | {"centre x": x, "centre y": y}
+
+
+def map_stretch(latitudes: Floats) -> float:
+    """How many times longer a degree of latitude is than one of longitude, at the mean latitude."""
+    mean = float(np.mean(latitudes)) if len(latitudes) else 0.0
+    return 1 / math.cos(math.radians(mean)) if abs(mean) <= FARTHEST_NORTH else 1.0
+
+
+def _windows(result: Evaluation, slid: Windows) -> Json:
+    """Of each window (cost / n) ^ (1/p) of each part, n its steps of the horizon."""
+    table, power = result.table("windows"), 1 / result.proof.parameters.order
+    each = np.maximum(np.array(table["steps"]), 1)
+    costs: dict[str, Floats] = {name: np.array(table[name]) for name in PARTS}
+    costs["total"] = sum(costs.values(), np.zeros(len(each)))
+    return {
+        "size": slid.size,
+        "first": slid.first.tolist(),
+        "last": slid.last.tolist(),
+        "tgospa": rounded(table["tgospa"]),
+        "lines": {n: rounded(((cost / each) ** power).tolist()) for n, cost in costs.items()},
+    }
+
+
+def _joined(parts: list[PairEvaluation], name: str, size: int) -> tuple[Rows, list[Clouds]]:
+    """One side of all parts, tracks numbered through; and its clouds."""
+    none = np.zeros(0, np.int64)
+    found: list[Rows] = [
+        dict.fromkeys(("track", "step", "other", "error", "shared", "cloud", "unjudged"), none)
+        | {"state": np.zeros((0, size)), "spread": np.zeros((0, 0))}
+    ]
+    clouds: list[Clouds] = []
+    other = "estimate" if name == "truth" else "truth"
+    first = {"truth": 0, "estimate": 0}
+    for part in parts:
+        rows = _rows(part, name, other)
+        rows["other"] += np.where(rows["other"] < 0, 0, first[other])
+        rows["cloud"][rows["cloud"] != NONE] += sum(map(len, clouds))
+        clouds += [] if (own := _clouds(part, name)) is None else [own]
+        found.append(rows | {"track": rows["track"] + first[name]})
+        first["truth"] += len(part.labels.truths)
+        first["estimate"] += len(part.labels.estimates)
+    wide = max(rows["spread"].shape[1] for rows in found)
+    for rows in found:  # of some parts the states may be points, which have no spread
+        if rows["spread"].shape[1] != wide:
+            rows["spread"] = np.zeros((len(rows["track"]), wide))
+    return {column: np.concatenate([rows[column] for rows in found]) for column in found[0]}, clouds
+
+
+def _clouds(part: PairEvaluation, name: str) -> Clouds | None:
+    found: Clouds | None = getattr(part.proof.compared, f"{name}_clouds")
+    return found
+
+
+def _rows(result: PairEvaluation, name: str, other: str) -> Rows:
+    states, problem = result.proof.states, result.proof.states.problem
+    own_row: Ints = getattr(problem, f"{name}_row")
+    other_row: Ints = getattr(problem, f"{other}_row")
+    other_track: Ints = getattr(problem, f"{other}_track")
+    step = getattr(problem, f"{name}_step").astype(np.int64)
+    track = getattr(problem, f"{name}_track").astype(np.int64)
+
+    used = np.flatnonzero((states.entry >= 0) & (result.proof.weights > 0))
+    entry, weight = states.entry[used].astype(np.int64), result.proof.weights[used]
+    order = np.argsort(weight, kind="stable")  # the largest of a row comes last and stays
+    entry, weight = entry[order], weight[order]
+    partner = np.full(len(step), NONE, np.int64)
+    error, best, free = np.ones(len(step)), np.zeros(len(step), np.int64), np.full(len(step), ONE)
+    row = own_row[entry]
+    partner[row] = other_track[other_row[entry]]
+    error[row] = problem.powers(entry) ** (1 / result.proof.parameters.order)
+    best[row] = weight
+    np.subtract.at(free, row, weight)
+    partner[free > best] = NONE
+    error[partner == NONE] = 1.0
+    unjudged = problem.sides[name == "estimate"].unjudged
+    if unjudged is None:
+        unjudged = np.zeros(len(step), bool)
+    partner[(partner == NONE) & unjudged] = FREE
+
+    compared = result.proof.compared
+    rows: Rows = {"track": track, "step": step, "other": partner, "error": error}
+    rows |= {"shared": (partner >= 0) & (best < ONE), "unjudged": unjudged}
+    covariance, clouds = (getattr(compared, f"{name}_{what}") for what in ("covariance", "clouds"))
+    return by_track(rows, getattr(compared, name), covariance, clouds)
+
+
+def by_track(rows: Rows, state: Floats, covariance: Floats | None, clouds: Clouds | None) -> Rows:
+    """Rows with these states and what is around them, sorted by track."""
+    count = len(state)
+    spread = np.zeros((count, 0)) if covariance is None else covariance
+    cloud = np.full(count, NONE) if clouds is None else np.arange(count)
+    order = np.argsort(rows["track"], kind="stable")
+    rows = rows | {"state": state, "spread": spread, "cloud": cloud}
+    return {column: values[order] for column, values in rows.items()}
+
+
+def _runs(side: Rows) -> tuple[Ints, Ints]:
+    """First and last row of each run."""
+    track, step = side["track"], side["step"]
+    opens = np.ones(len(track), bool)
+    opens[1:] = (np.diff(track) != 0) | (np.diff(step) != 1)
+    for name in {"other", "unjudged"} & side.keys():
+        opens[1:] |= side[name][1:] != side[name][:-1]
+    first = np.flatnonzero(opens)
+    return first, np.append(first, len(track))[1:] - 1
+
+
+def _thinned(
+    sides: dict[str, Rows], runs: dict[str, tuple[Ints, Ints]]
+) -> tuple[int, dict[str, Ints]]:
+    """Stride with which hardly more than `VALUES` coordinates are drawn, and the rows by side."""
+    stride = max(1, -(-sum(side["state"].size for side in sides.values()) // VALUES))
+    while True:
+        kept = {name: _drawn(side, *runs[name], stride) for name, side in sides.items()}
+        # The steps of rows that are thinned are no longer regular, and cost like a coordinate.
+        each = [side["state"].shape[1] + (stride > 1) for side in sides.values()]
+        size = sum(n * len(rows) for n, rows in zip(each, kept.values(), strict=True))
+        if size <= VALUES or stride >= COARSEST:
+            return stride, kept
+        stride += -(-stride // 4)
+
+
+def _drawn(side: Rows, opens: Ints, closes: Ints, stride: int) -> Ints:
+    """Rows that are drawn: every so many steps, ends of runs, and all that is unassigned."""
+    if not side["state"].shape[1]:
+        return np.zeros(0, np.int64)
+    keep = (side["step"] % stride == 0) | (side["other"] == NONE)
+    keep[opens] = True
+    keep[closes] = True
+    return np.flatnonzero(keep)
+
+
+def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
+    """Origin and step of the grid on which each coordinate is encoded."""
+    known = np.concatenate([state for state in states if state.shape[1] == size] or [np.zeros(0)])
+    if not size or not len(known):
+        return [0.0] * size, [1.0] * size
+    # one after the other: along the first axis of what has few columns it takes ten times as long
+    low, high = (np.array([end(column) for column in known.T]) for end in (np.min, np.max))
+    quantum = (high / 2 - low / 2) / (LEVELS / 2)
+    return low.tolist(), np.where(quantum > 0, quantum, 1.0).tolist()
+
+
+def _tracks(result: Evaluation, side: str) -> Columns:
+    """The columns of a table of tracks by the same names for both sides, with the total.
+
+    Of data in parts the costliest tracks.
+    """
+    kind = KINDS[side]
+    if isinstance(result, PartitionedResult):
+        rows = result.costliest_tracks(kind, SHOWN_ROWS)
+        parts = ("localisation", kind, "switch", f"{kind}_count", "switch_count")
+        table = {column: [row[column] for row in rows] for column in ("id", "steps", *parts)}
+    else:
+        table = result.table(f"per_{side}")
+    total = np.sum([table[name] for name in ("localisation", kind, "switch")], axis=0)
+    names = {"localisation": "localisation", "unassigned": kind, "switch": "switch"}
+    return (
+        {"id": list(map(str, table["id"])), "steps": table["steps"]}
+        | ({"class": table["class"]} if "class" in table else {})
+        | {name: rounded(table[column]) for name, column in names.items()}
+        | {
+            "total": rounded(total.tolist()),
+            "unassigned_count": rounded(table[f"{kind}_count"]),
+            "switch_count": rounded(table["switch_count"]),
+        }
+    )
+
+
+def _switches(parts: list[PairEvaluation]) -> Columns:
+    """The table of switches with numbers of steps and tracks."""
+    rows: Columns = {name: [] for name in ("step", "truth", "from", "to", "mass", "cost")}
+    truths = estimates = 0
+    for part in parts:
+        found = read_switches(part.proof.states, part.proof.weights)
+        rows["step"] += found.step.tolist()
+        rows["truth"] += (found.truth + truths).tolist()
+        for name, track in (("from", found.before), ("to", found.after)):
+            rows[name] += np.where(track < 0, NONE, track + estimates).tolist()
+        table = part.table("switches")
+        for name in ("mass", "cost"):
+            rows[name] += rounded(table[name])
+        truths, estimates = truths + len(part.labels.truths), estimates + len(part.labels.estimates)
+    return rows
+
+
+def _repairs(result: Evaluation) -> Columns:
+    """Of each repair the numbers of its tracks, its steps, and itself in words."""
+    explained = explanation_of(result)
+    repairs = () if explained is None else explained.repairs
+    times = result.labels.times if repairs else []
+    step: dict[Time | None, int] = {t: k for k, t in enumerate(times)}
+    return {
+        "tracks": [list(repair.tracks) for repair in repairs],
+        "from": [step.get(repair.begin, NONE) for repair in repairs],
+        "to": [step.get(repair.end, NONE) for repair in repairs],
+        "text": [repair.text for repair in repairs],
+    }
+
+
+# -------------------------------------------------------------------------------------------------
+# Ellipses, and what is drawn over time; of many steps, thinned.
+
+NUMBERS = 150_000
+"""Numbers of covariances that are encoded; beyond, those of every so many steps."""
+
+FINE = 50
+"""Levels of a deviation for a factor of e: 2 % each."""
+
+INSIDE = 0.95
+"""Share of a normal distribution in what is drawn around a state."""
+
+RADIUS = (NormalDist().inv_cdf((1 + INSIDE) / 2), math.sqrt(-2 * math.log(1 - INSIDE)))
+"""Roots of the quantiles of chi-square of one and two degrees of freedom."""
+
+FAINT = 1000
+"""The level of what is not seen beside the largest deviation, as 0."""
+
+ANGLE = 64
+"""Levels of an angle for a radian."""
+
+
+def described(spreads: list[Floats], stride: int) -> Json:
+    """How the numbers of both sides are to be read; nothing where there are no ellipses.
+
+    Parameters
+    ----------
+    spreads : list of (R, d (d + 1) / 2) float arrays
+        Lower triangles; (R, 0) of points.
+    stride : int
+        Steps from one encoded position to the next.
+    """
+    around = [spread for spread in spreads if spread.size]
+    if not around:
+        return {}
+    rows, columns = np.tril_indices(size_of(around[0].shape[1]))
+    largest = np.max([deviations(s[:, rows == columns]).max(axis=0) for s in around], axis=0)
+    size = sum(spread.size for spread in around) // stride
+    return {
+        "stride": stride * max(1, -(-size // NUMBERS)),
+        "largest": largest.tolist(),
+        "radius": RADIUS,
+        "states": sum(map(len, around)),
+        "fine": FINE,
+        "faint": FAINT,
+        "angle": ANGLE,
+    }
+
+
+def encoded(track: Ints, step: Ints, spread: Floats, how: Json) -> dict[str, Ints]:
+    """Arrays by name: which of these rows, sorted by track, are encoded, and each of the entries.
+
+    Those of every so many steps, and the first and the last of each track.
+    """
+    if not spread.size:
+        return {}
+    keep = step % how["stride"] == 0
+    ends = np.flatnonzero(np.diff(track, prepend=-1, append=-1))
+    keep[ends[:-1]] = True
+    keep[ends[1:] - 1] = True
+    row = np.flatnonzero(keep)
+    entries = levels(spread[row], how["largest"])
+    return {"row": row} | {str(entry): level for entry, level in enumerate(entries)}
+
+
+def levels(spread: Floats, largest: list[float]) -> list[Ints]:
+    """Lower triangles (K, d (d + 1) / 2) as whole numbers, one array for each of its entries."""
+    rows, columns = np.tril_indices(size_of(spread.shape[1]))
+    diagonal = rows == columns
+    deviation = deviations(spread[:, diagonal])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        size = -FINE * np.log(deviation / largest)
+        correlation = np.clip(spread / deviation[:, rows] / deviation[:, columns], -1, 1)
+        level = np.where(diagonal, size[:, rows], ANGLE * np.arcsin(correlation))
+    # No logarithm or correlation of what has no deviation.
+    level = np.where(np.isfinite(level), level, np.where(diagonal, FAINT, 0))
+    return list(np.rint(np.minimum(level, FAINT)).astype(np.int64).T)
+
+
+def deviations(variances: Floats) -> Floats:
+    """Roots of what is a variance; of what overflowed there is no picture."""
+    return np.sqrt(np.where(np.isfinite(variances), np.maximum(variances, 0.0), 0.0))
+
+
+MOST_STRETCHES = 600
+"""Stretches of steps that are drawn of data in parts."""
+
+SHOWN_ROWS = 20
+"""Steps and tracks of data in parts that are listed."""
+
+
+def curves(result: Evaluation) -> dict[str, list[float]]:
+    """Normalised cumulative cost: at step k the root of the mean cost of the steps up to it.
+
+    (sum_{l <= k} cost(l) / n(k)) ^ (1/p), n(k) the number of steps of the horizon up to k; the
+    last value of ``total`` is `normalised`. Where the curve was asked for, costs are
+    those of the steps 1..k; else of the assignment of the whole recording, which bound the metric
+    of the steps 1..k from above.
+    """
+    split, steps = result.proof.breakdown, np.maximum(result.judged_on.so_far, 1)
+    if result.traced is not None:
+        parts = dict(zip(PARTS, result.traced.parts, strict=True))
+    else:
+        parts = {name: np.cumsum(getattr(split, name)) for name in PARTS}
+    parts["total"] = sum(parts.values(), np.zeros(len(steps)))
+    parameters = result.proof.parameters
+    return {
+        name: (parameters.cutoff * (cost / steps) ** (1 / parameters.order)).tolist()
+        for name, cost in parts.items()
+    }
+
+
+def rounded(values: list[float]) -> list[float]:
+    """Seven digits, which is more than is shown."""
+    exact = np.array(values, float)
+    size = np.where(exact == 0, 1.0, np.abs(exact))
+    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are hardly any
+        factor = 10.0 ** (6 - np.floor(np.log10(size)))
+        rounded = np.rint(exact * factor) / factor
+    shortest: list[float] = np.where(np.isfinite(rounded), rounded, exact).tolist()
+    return shortest
+
+
+def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
+    """First steps of at most so many bins of equal length, and of each its costliest step."""
+    together = max(1, -(-len(total) // most))
+    first = np.arange(0, len(total), together)
+    padded = np.full(len(first) * together, -1.0)
+    padded[: len(total)] = total
+    return first, first + padded.reshape(len(first), together).argmax(axis=1)
+
+
+def _consistency(result: Evaluation, table: Columns, first: Ints) -> Json:
+    """NEES of the first step of each stretch, whose band is its own, and ranks of particles."""
+    assert result.nees is not None
+    names = ("nees", "nees_lower", "nees_upper")
+    return {
+        "lines": {name: [table[name][k] for k in first.tolist()] for name in names},
+        "ideal": result.nees.components,
+        "words": result.nees.in_words,
+        "ranks": result.nees.ranks,
+        "columns": result.settings["columns"],
+    }
+
+
+def over_time(result: Evaluation, stretches: int) -> Json:
+    """What is drawn over time, of at most so many stretches of steps: means, the curve at ends."""
+    steps = len(result.labels.times)
+    together = max(1, -(-steps // max(stretches, 1)))
+    first = np.arange(0, steps, together)
+    last = np.minimum(first + together, steps) - 1
+    times = readable([result.labels.times[k] for k in first.tolist()])
+    breakdown, parameters = result.proof.breakdown, result.proof.parameters
+
+    def mean(values: Floats) -> list[float]:
+        sums = np.add.reduceat(values, first) if steps else values
+        return rounded((sums / (last - first + 1)).tolist())
+
+    costs = {name: result.scale * getattr(breakdown, name) for name in PARTS}
+    counts = {name: getattr(breakdown, f"{name}_count") for name in COUNTED_PARTS}
+    total = sum(costs.values(), np.zeros(steps))
+    split = {} if result.split is None and result.nees is None else result.table("per_step")
+    spread = {SPREAD: mean(np.array(split[SPREAD], float))} if SPREAD in split else {}
+    worst = costliest(list(range(steps)), total, SHOWN_ROWS) if together > 1 else []
+    return {
+        "together": together,
+        "worst": {
+            "t": readable([result.labels.times[k] for k in worst]),
+            "costs": {name: rounded(cost[worst].tolist()) for name, cost in costs.items()},
+            "counts": {name: count[worst].tolist() for name, count in counts.items()},
+        },
+        "times": times,
+        "axis": moments(times),
+        "costs": {name: mean(cost) for name, cost in costs.items()} | spread,
+        **({"nees": _consistency(result, split, first)} if NEES in split else {}),
+        "counts": {name: mean(count) for name, count in counts.items()},
+        "curve": {
+            name: rounded([values[k] for k in last.tolist()])
+            for name, values in curves(result).items()
+        },
+        "cutoff": parameters.cutoff,
+        "order": parameters.order,
+        "unit": result.labels.unit or "",
+    }

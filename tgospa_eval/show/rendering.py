@@ -1,0 +1,409 @@
+"""Tables and documents rendered as plain text, Markdown, LaTeX and CSV. Knows no metric."""
+
+import re
+import textwrap
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from itertools import zip_longest
+from types import SimpleNamespace
+from typing import Any, TypeVar
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import PLAIN_DECIMAL
+from tgospa_eval.results.records import Columns
+from tgospa_eval.text import clipped, ending, visible
+
+T = TypeVar("T")
+
+LATEX = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    **{mark: f"\\{mark}" for mark in "&%$#_{}"},
+}
+
+# Patterns are compiled when they are used: a small evaluation needs none.
+_NAMES = r"(?<!\w)@(?=\w)"
+"""Where GitHub sees the name of someone who is to be notified."""
+
+_LINKS = r":(?=//)|(?<=www)\."
+"""Where an address becomes a link."""
+
+_FORMULA = "'*[-=+@\t\r\n\uff1d\uff0b\uff0d\uff20]"
+"""How a text begins that a spreadsheet takes for a formula, after marks of ours if any."""
+
+_NO_XML = "[\ufffe\uffff]"
+"""What is visible and XML 1.0 cannot express, escaped or not."""
+
+_XML = '[&<>"]'
+
+
+def markdown(text: str) -> str:
+    """The text in a paragraph, a list or a cell of Markdown."""
+    text = visible(text).replace("&", "&amp;").replace("<", "&lt;")
+    text = "".join(f"\\{c}" if c in "\\`*_|[]#~$" else c for c in text)
+    return re.sub(_NAMES, "@&#8203;", re.sub(_LINKS, lambda found: f"\\{found[0]}", text))
+
+
+def markdown_code(text: str) -> str:
+    """A name as code of Markdown, in which nothing is a name of someone or a new cell."""
+    text = visible(text)
+    if not text.strip() or any(mark in text for mark in "`|\\"):
+        return f"<code>{''.join(map(_entity, text))}</code>"
+    return f"`{text}`"
+
+
+def _entity(c: str) -> str:
+    return c if c.isalnum() or c in " .,;:+%-=()/'\"" else f"&#{ord(c)};"
+
+
+def latex(text: str) -> str:
+    """The text in LaTeX."""
+    return "".join(LATEX.get(c, c) for c in visible(text))
+
+
+def latex_comment(text: str) -> str:
+    """The text as a line of LaTeX that is not set."""
+    return f"% {visible(text)}"
+
+
+def xml(text: str) -> str:
+    """Lines of text in an element or an attribute of XML."""
+    text = "\n".join(map(visible, text.split("\n")))
+    text = re.sub(_NO_XML, lambda found: f"\\u{ord(found[0]):04x}", text)
+    return re.sub(_XML, lambda found: f"&#{ord(found[0])};", text).replace("\n", "&#10;")
+
+
+def workflow_data(text: str) -> str:
+    """Lines of text as the message of a workflow command."""
+    text = "\n".join(map(visible, text.split("\n")))
+    return text.replace("%", "%25").replace("\n", "%0A")
+
+
+def workflow_property(text: str) -> str:
+    """The text as a property of a workflow command."""
+    return workflow_data(visible(text)).replace(":", "%3A").replace(",", "%2C")
+
+
+def csv_cell(value: object) -> object:
+    """The value in a CSV table: what a spreadsheet would take for a formula gets a ' in front.
+
+    So does a text that begins so after marks of that kind, so that all texts stay different and
+    the first ' before a formula is always ours. Numbers stay as they are.
+    """
+    if (
+        isinstance(value, str)
+        and re.match(_FORMULA, value)
+        and not re.fullmatch(PLAIN_DECIMAL, value)
+    ):
+        return f"'{value}"
+    return value
+
+
+WIDTH = 80
+"""Columns of a terminal."""
+
+INDENT = "  "
+LEAST, MOST = 12, 44
+"""Columns of the first cell in a terminal: at least, however wide the others are, and at most to
+differ from others."""
+
+LEAST_WORDS = 20
+"""Columns of words that go on below, at least."""
+
+DASHES = {"l": "---", "r": "---:"}
+"""How Markdown says where the cells of a column stand."""
+
+Row = Sequence[str | None]
+"""Cells that are formatted already; None is none at all."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """One table.
+
+    Parameters
+    ----------
+    head : sequence of str
+        Names of the columns.
+    rows : sequence of rows
+        As many cells each, or fewer.
+    align : str
+        ``l`` or ``r`` for each column; by default labels are text, the others are numbers.
+    labels : int
+        How many first columns tell rows apart.
+    widths : sequence of int
+        Of the columns in plain text, with the blanks between them; by default as they need.
+    bold : frozenset of (int, int)
+        Cells, by row and column, that stand out in Markdown and LaTeX.
+    ruled : tuple of int
+        Rows below a line, in LaTeX.
+    wrapped : collection of int
+        Columns whose cells go on below in plain text, where the table would be too wide, or at two
+        less than the width that they are given.
+    """
+
+    head: Row
+    rows: Sequence[Row]
+    align: str = ""
+    labels: int = 1
+    widths: Sequence[int] = ()
+    bold: frozenset[tuple[int, int]] = frozenset()
+    ruled: tuple[int, ...] = ()
+    wrapped: Collection[int] = ()
+
+    @property
+    def sides(self) -> str:
+        """``l`` or ``r`` for each column."""
+        return self.align or ("l" * self.labels).ljust(len(self.head), "r")
+
+
+def table_of(columns: Mapping[str, Sequence[str]], **looks: Any) -> Table:
+    """A table of columns of cells by their names; `looks` are other fields of it."""
+    rows = list(zip(*columns.values(), strict=True))
+    return Table(head=tuple(columns), rows=rows, **looks)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Document:
+    """What a report consists of: what it is, one sentence, lines about the problem, tables, notes.
+
+    Parameters
+    ----------
+    title : str
+        The answer, in a sentence.
+    lines : sequence of str
+        What was compared.
+    tables : sequence of Table
+        Tables.
+    warnings : sequence of str
+        Where settings come from, what looks wrong with the data; on a terminal it is on stderr
+        already.
+    notes : sequence of str
+        Sentences below.
+    kind : str
+        What this is, and how to get what it is not.
+    """
+
+    title: str
+    lines: Sequence[str]
+    tables: Sequence[Table]
+    notes: Sequence[str] = ()
+    kind: str = ""
+    warnings: Sequence[str] = ()
+
+
+def as_text(document: Document) -> str:
+    """For a terminal, 80 columns."""
+    blocks = [wrap(document.kind, "")] if document.kind else []
+    blocks.append(
+        [*wrap(document.title, ""), *(part for line in document.lines for part in wrap(line))]
+    )
+    blocks += [_fitted(table) for table in document.tables]
+    blocks.append([part for line in document.notes for part in wrap(line)])
+    return "\n\n".join("\n".join(map(clip, block)) for block in blocks if block) + "\n"
+
+
+def as_markdown(document: Document) -> str:
+    """For a pull request or a lab book."""
+    blocks = [markdown(document.kind)] if document.kind else []
+    blocks += [f"**{markdown(document.title)}**", *map(markdown, document.lines)]
+    blocks += ["\n".join(markdown_lines(table, " ")) for table in document.tables]
+    blocks += [f"> {markdown(line)}" for line in document.warnings]
+    if document.notes:
+        blocks.append("\n".join(f"- {markdown(line)}" for line in document.notes))
+    return "\n\n".join(blocks) + "\n"
+
+
+def as_latex(document: Document) -> str:
+    """Tables of the package booktabs; the words are comments."""
+    words = [document.title, *document.warnings, *document.lines, *document.notes]
+    lines = list(map(latex_comment, [document.kind, *words] if document.kind else words))
+    lines += [line for table in document.tables for line in latex_lines(table)]
+    return "\n".join(lines) + "\n"
+
+
+WRITERS: Mapping[str, Callable[[Document], str]] = {
+    "table": as_text,
+    "markdown": as_markdown,
+    "latex": as_latex,
+}
+"""Of each format for people what writes a document."""
+
+
+def rendered(
+    format: str,
+    subject: T,
+    document: Callable[[T], Document],
+    json: Callable[[T], str],
+    columns: Callable[[T], Columns],
+) -> str:
+    """What ``--format`` prints of a subject, with what makes each of it."""
+    if format == "json":
+        return json(subject)
+    return csv_text(columns(subject)) if format == "csv" else WRITERS[format](document(subject))
+
+
+def csv_text(table: Columns) -> str:
+    """A table as CSV; None is an empty field, numbers are full doubles, no text is a formula."""
+    import csv  # here: most print no CSV
+
+    lines: list[str] = []
+    # Told of both ends of lines the writer quotes texts with either; the file has one of them.
+    target = SimpleNamespace(write=lambda line: lines.append(f"{line[:-2]}\n"))
+    writer = csv.writer(target, lineterminator="\r\n")
+    writer.writerow(map(csv_cell, table))
+    writer.writerows(zip(*map(_csv_column, table.values()), strict=True))
+    return "".join(lines)
+
+
+def _csv_column(column: Sequence[object]) -> Sequence[object]:
+    """A column of a table: each text is looked at once, numbers not at all."""
+    if not any(issubclass(kind, str) for kind in set(map(type, column))):
+        return column
+    cells = {text: csv_cell(text) for text in set(column) if isinstance(text, str)}
+    return [cells[value] if isinstance(value, str) else value for value in column]
+
+
+def text_lines(table: Table, indent: str = INDENT) -> list[str]:
+    """Rows for a terminal, in columns of the widths of the table, or of their widest cells.
+
+    A first cell that is longer than its column has a line of its own.
+    """
+    rows = [[visible(cell or "") for cell in row] for row in (table.head, *table.rows)]
+    widths, between = table.widths, ""
+    if not widths:
+        widths, between = _widths(rows), "  "
+        over = len(indent) + sum(widths) + 2 * len(widths) - 2 - WIDTH
+        for k in table.wrapped if over > 0 else ():
+            most = max(widths[k] - over, LEAST_WORDS)
+            widths[k] = max(len(line) for row in rows for line in wrap(row[k], "", most))
+    signs = ["<" if side == "l" else ">" for side in table.sides]
+    forms = [f"{sign}{width}" for sign, width in zip(signs, widths, strict=True)]
+    lines: list[str] = []
+    for row in rows:
+        alone = len(row[0]) > widths[0]
+        lines += [f"{indent}{row[0]}"] if alone else []
+        cells = [
+            wrap(cell, "", widths[k] - 2 + len(between)) if k in table.wrapped else [cell]
+            for k, cell in enumerate(["", *row[1:]] if alone else row)
+        ]
+        for line in zip_longest(*cells, fillvalue=""):
+            lines.append(f"{indent}{between.join(map(format, line, forms))}".rstrip())
+    return lines
+
+
+def markdown_lines(
+    table: Table, blank: str = "", escape: Callable[[str], str] = markdown
+) -> list[str]:
+    """Rows between bars; `blank` is beside the dashes, `escape` is for cells that are words."""
+    rows = [
+        "|" + "".join(" |" if cell is None else f" {cell} |" for cell in row)
+        for row in _cells(table, escape, "**{}**")
+    ]
+    dashes = "|".join(f"{blank}{DASHES[side]}{blank}" for side in table.sides)
+    return [rows[0], f"|{dashes}|", *rows[1:]]
+
+
+def latex_lines(table: Table) -> Iterator[str]:
+    """The table by the package booktabs."""
+    yield rf"\begin{{tabular}}{{{table.sides}}}"
+    yield r"\toprule"
+    for k, cells in enumerate(_cells(table, latex, r"\textbf{{{}}}"), start=-1):
+        if k in table.ruled:
+            yield r"\midrule"
+        row = " &".join("" if cell is None else f" {cell}" for cell in cells)[1:]
+        # After the end of a row LaTeX takes a bracket or a star for a setting of that.
+        yield f"{'{}' if row.startswith(('[', '*')) else ''}{row} \\\\"
+        if k < 0:
+            yield r"\midrule"
+    yield r"\bottomrule"
+    yield r"\end{tabular}"
+
+
+def _cells(table: Table, escape: Callable[[str], str], bold: str) -> Iterator[Row]:
+    """Head and rows in the words of a language, all of one length."""
+    for k, row in enumerate((table.head, *table.rows), start=-1):
+        forms = (bold if (k, at) in table.bold else "{}" for at in range(len(row)))
+        cells = [cell and form.format(escape(cell)) for cell, form in zip(row, forms, strict=True)]
+        yield cells + [None] * (len(table.head) - len(row))
+
+
+def clip(line: str, width: int = WIDTH) -> str:
+    """The line, visible and cut to a width."""
+    return clipped(line, width)
+
+
+def wrap(text: str, indent: str = INDENT, width: int = WIDTH) -> list[str]:
+    """The text, visible, on lines; all but the first are indented. Ids are not cut at hyphens."""
+    shown = visible(text)
+    return textwrap.wrap(shown, width, subsequent_indent=indent, break_on_hyphens=False) or [""]
+
+
+def _widths(rows: Sequence[Sequence[str]]) -> list[int]:
+    return [max(map(len, column)) for column in zip(*rows, strict=True)]
+
+
+def _fitted(table: Table) -> list[str]:
+    """Columns as wide as they need.
+
+    The first gives way if a line is too long, as far as its texts remain different; what has no
+    place even then goes on below, with the first columns again: all of text that tell rows apart,
+    where they leave half of the line. A table with widths has its own.
+    """
+    if table.widths or table.wrapped:
+        return text_lines(table)
+    rows = [[visible(cell or "") for cell in row] for row in (table.head, *table.rows)]
+    widths = _widths(rows)
+    first = _first_width([row[0] for row in rows], sum(widths[1:]) + 2 * (len(widths) - 1))
+    lines: list[str] = []
+    room = WIDTH - len(INDENT) - first
+    labels = range(1, len(table.sides) - len(table.sides.lstrip("l")))
+    taken = sum(2 + widths[k] for k in labels)
+    groups = _that_fit(widths, room)
+    if labels and len(groups) > 1 and first + taken <= WIDTH // 2:
+        others = [widths[0], *widths[labels.stop :]]
+        groups = [
+            [*labels, *(k + labels.stop - 1 for k in group)]
+            for group in _that_fit(others, room - taken)
+        ]
+    for columns in groups:
+        apart = {k: "  " if table.sides[k] == "l" else "" for k in columns}
+        head, *found = [
+            [_short(row[0], first), *(apart[k] + row[k] for k in columns)] for row in rows
+        ]
+        wide = (first, *(widths[k] + 2 for k in columns))
+        align = "".join(table.sides[k] for k in (0, *columns))
+        lines += ["", *text_lines(Table(head=head, rows=found, widths=wide, align=align))]
+    return lines[1:]
+
+
+def _first_width(texts: list[str], others: int) -> int:
+    """Columns for the first cells beside others: all they need, or what is left, or enough."""
+    longest = max(map(len, texts))
+    left = WIDTH - len(INDENT) - others
+    least = min(LEAST, longest)
+    different = len(set(texts))
+    while least < longest and len({_short(text, least) for text in texts}) < different:
+        least += 1
+    return min(longest, max(left, min(least, MOST)))
+
+
+def _that_fit(widths: list[int], room: int) -> list[list[int]]:
+    """The columns after the first in groups that fit; one that is too wide is a group."""
+    groups: list[list[int]] = [[]]
+    used = 0
+    for k, width in enumerate(widths[1:], start=1):
+        if groups[-1] and used + 2 + width > room:
+            groups.append([])
+            used = 0
+        groups[-1].append(k)
+        used += 2 + width
+    return groups
+
+
+def _short(text: str, width: int) -> str:
+    """The end of a name that is too long: paths differ there. A heading "vs NAME" keeps its vs."""
+    begin = "vs " if text.startswith("vs ") else ""
+    return begin + ending(text[len(begin) :], width - len(begin))

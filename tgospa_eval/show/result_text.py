@@ -1,0 +1,575 @@
+"""A result in words: as text of 80 columns, with colours on a terminal, and as a document.
+
+The text is plain ASCII but for the user's own words. A terminal gets colours.
+"""
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tgospa_eval.common.arrays import Ints, Mask
+from tgospa_eval.common.words import counted, number, sizes_in_words
+from tgospa_eval.evaluation.pair import explanation_of
+from tgospa_eval.problem.solution import Windows
+from tgospa_eval.results.evaluation import Evaluation
+from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
+from tgospa_eval.results.records import PARTS, Columns
+from tgospa_eval.sensors.association import Pairing
+from tgospa_eval.show.phrases import PART_HEADS, parameters_of
+from tgospa_eval.show.rendering import (
+    WIDTH,
+    WRITERS,
+    Document,
+    Row,
+    Table,
+    clip,
+    csv_text,
+    table_of,
+    text_lines,
+    wrap,
+)
+from tgospa_eval.show.side_tables import (
+    about_slices,
+    other_table,
+    similarity,
+    slices_lines,
+    slices_table,
+)
+from tgospa_eval.text import ending, visible
+
+SHOWN = 5
+COUNTED = {
+    "missed": ("object-step without estimate", "object-steps without estimate"),
+    "false": ("estimate-step without object", "estimate-steps without object"),
+    "switch": ("track switch", "track switches"),
+}
+"""What the counts of parts count: one, and any other number of them."""
+
+
+SPLIT_WORDS = {
+    "localisation_mean": "means",
+    "localisation_spread": "spread",
+    "expected_localisation": "distances",
+    "existence_mismatch": "mismatch",
+}
+"""Parts of localisation, which are shown below it."""
+
+WEIGHTED = ("w", "weights of the steps: a cost is multiplied by the weight of its step")
+
+UNCERTAIN = (
+    "r, s",
+    "probabilities of existence: missed and false targets cost theirs, a pair the smaller one "
+    "times its error and the mismatch |r - s| c^p/2, which is part of localisation. Experimental: "
+    "that switches cost the same whatever r and s are is inferred, not taken from the paper",
+)
+
+
+def table(result: Evaluation) -> str:
+    """The result in words, for someone who sees it for the first time."""
+    shown = ("\n".join(lines) for lines in blocks(result).values() if lines)
+    return "\n\n".join(shown) + "\n"
+
+
+def blocks(result: Evaluation) -> dict[str, list[str]]:
+    """The lines of each block by name, none where it does not apply."""
+    makers: dict[str, Callable[[Evaluation], Iterable[str]]] = {
+        "headline": _headline,
+        "meaning": _meaning,
+        "parts": _parts,
+        "classes": _classes,
+        "scale": _scale,
+        "worst": _worst,
+        "switches": _switches,
+        "curve": _curve,
+        "windows": _windows,
+        "others": _others,
+        "slices": _slices,
+        "repairs": _repairs,
+        "footer": _footer,
+    }
+    return {name: list(map(visible, make(result))) for name, make in makers.items()}
+
+
+def headline(result: Evaluation) -> str:
+    """The value and what is known about it, in one sentence."""
+    return f"{result.claim}, {result.proven}"
+
+
+def _headline(result: Evaluation) -> Iterator[str]:
+    yield from wrap(headline(result), "")
+    yield sizes_in_words(result.sizes)
+
+
+def meaning(result: Evaluation) -> list[tuple[str, str]]:
+    """The parameters by name, each in words."""
+    parameters = result.proof.parameters
+    p = parameters.order
+    price = _power(parameters.switch_penalty, p)
+    cutoff = result.quantity(parameters.cutoff)
+    gamma = result.quantity(parameters.switch_penalty)
+    return [
+        (
+            "c",
+            f"{cutoff}, cutoff: no error counts more; {_unassigned(result)}",
+        ),
+        (
+            "p",
+            f"{p:g}, order: costs are errors to the power p, TGOSPA is the p-th root "
+            "of their total",
+        ),
+        (
+            "gamma",
+            f"{gamma}, switch penalty: changing to another track costs "
+            f"gamma^p = {price}, to or from none half of it",
+        ),
+        *((WEIGHTED,) if "step_weights" in result.parameters else ()),
+        *((UNCERTAIN,) if result.probabilistic else ()),
+        *((("w, e", result.not_judged),) if result.not_judged else ()),
+    ]
+
+
+def _unassigned(result: Evaluation) -> str:
+    """What missed and false targets cost."""
+    rho = result.proof.parameters.rho
+    if rho == 0.5:
+        return f"a missed or a false target costs c^p/2 = {number(result.scale / 2)}"
+    missed, false = (number(result.scale * price) for price in (1 - rho, rho))
+    return (
+        f"a missed target costs (1 - rho) c^p = {missed}, a false one rho c^p = {false}, with "
+        f"rho = {rho:g}"
+    )
+
+
+def _meaning(result: Evaluation) -> Iterator[str]:
+    for name, words in meaning(result):
+        yield from wrap(f"  {name:<5} = {words}", " " * 10)
+
+
+def _power(value: float, order: float) -> str:
+    try:
+        return number(float(value**order))
+    except OverflowError:
+        return "more than 1e308"
+
+
+def part_rows(result: Evaluation) -> Iterator[tuple[str, str, str, str, str]]:
+    """Of each part its name, cost, share and count, and what is counted."""
+    for name in PARTS:
+        cost = getattr(result, name)
+        count = number(result.counts[name]) if name in result.counts else ""
+        note = COUNTED[name][count != "1"] if name in COUNTED else ""
+        yield name, number(cost), result.share(cost), count, note
+
+
+def part_table(result: Evaluation, before: str = "of which ") -> Table:
+    """The parts, those of localisation with a word in front, and their sum."""
+    total = result.total
+    rows: list[Row] = [row[:4] for row in part_rows(result)]
+    rows[1:1] = [
+        (f"{before}{SPLIT_WORDS[name]}", number(part), result.share(part), "")
+        for name, part in (result.split or {}).items()
+    ]
+    rows.append(("total", number(total), result.share(total), ""))
+    return Table(head=("part", "cost", "share", "count"), rows=rows)
+
+
+def _parts(result: Evaluation) -> Iterator[str]:
+    table = part_table(result, "  ")
+    notes = {name: f"  {note}" for name, *_, note in part_rows(result)}
+    notes["total"] = (
+        "  = TGOSPA^p" if result.certified else "  = upper bound^p: another may cost less"
+    )
+    rows = [(*row, notes.get(str(row[0]), "")) for row in table.rows]
+    yield from text_lines(replace(table, rows=rows, align="lrrrl", widths=(14, 12, 9, 10, 0)))
+
+
+def document(result: Evaluation) -> Document:
+    """What Markdown and LaTeX have of a result: a small table, and what was asked for beside it."""
+    parts, found = part_table(result), explanation_of(result)
+    last = len(parts.rows)
+    value = ("TGOSPA", number(result.tgospa), "", "")
+    tables = [replace(parts, rows=[*parts.rows, value], ruled=(last - 1, last))]
+    tables += [other_table(result.with_)] if result.with_ else []
+    tables += map(slices_table, result.sliced)
+    tables += [repair_table(result, found)] if found is not None and found.repairs else []
+    scored = () if result.calibration is None else (f"similarity {similarity_in_words(result)}",)
+    return Document(
+        title=headline(result),
+        lines=[result.parameters_in_words()],
+        tables=tables,
+        notes=[
+            *filter(None, ["; ".join(f"{name} {value}" for name, value, _ in _each(result))]),
+            *filter(None, [result.not_judged]),
+            *scored,
+            *(() if result.nees is None else (f"NEES {result.nees.in_words}",)),
+            *similarity(result.with_),
+            *about_slices(result.sliced, certified=result.certified),
+            *(() if found is None else repair_notes(found)),
+        ],
+        warnings=result.told,
+    )
+
+
+REPORTS: dict[str, Callable[[Evaluation], str]] = {
+    "table": table,
+    "json": Evaluation.to_json,
+    "csv": lambda result: csv_text(result.table("per_step")),
+    "markdown": lambda result: WRITERS["markdown"](document(result)),
+    "latex": lambda result: WRITERS["latex"](document(result)),
+}
+"""What ``--format`` prints of a result; a member needs a line in the docs."""
+
+
+def class_table(result: Evaluation) -> Table | None:
+    """A row for each class, where they are evaluated apart."""
+    columns = result.table("per_class")
+    rows = [
+        (name or "(blank)", *(number(value, 5) for value in values))
+        for name, *values in zip(*columns.values(), strict=True)
+    ]
+    head = ("class", "TGOSPA", "total", *PART_HEADS)
+    return Table(head=head, rows=rows, widths=(15, *[10] * 6)) if columns else None
+
+
+def _classes(result: Evaluation) -> Iterator[str]:
+    table = class_table(result)
+    yield from map(clip, text_lines(table) if table else ())
+
+
+def _each(result: Evaluation) -> Iterator[tuple[str, str, str]]:
+    """The value per step, and per object and step: the name, the value, by what the total is."""
+    judged, normalised = result.judged_on, result.normalised
+    if judged.steps:
+        yield "per step", result.quantity(normalised["tgospa"]), counted(judged.steps, "step")
+        if "per_object" in normalised:
+            states = counted(judged.truth_states, "state")
+            each = result.quantity(normalised["per_object"])
+            yield "per object and step", each, f"{states} of the truth"
+
+
+def _scale(result: Evaluation) -> Iterator[str]:
+    for name, value, by in _each(result):
+        yield from wrap(f"  {name:<19}  {value}  (total / {by})^(1/p)", " " * 23)
+    if result.nees is not None:
+        yield from wrap(f"  NEES                 {result.nees.in_words}", " " * 23)
+    if result.calibration is not None:
+        yield f"  similarity           {similarity_in_words(result)}"
+
+
+def similarity_in_words(result: Evaluation) -> str:
+    """The score of the value per step, and on what scale, where that was asked for."""
+    found = result.similarity()
+    bracket = "" if result.certified else f" to {found.upper_bound:.4f}"
+    return (
+        f"{found.score:.4f}{bracket}, from 0 to 1; {found.false_targets:g} false a step score "
+        f"{found.score_of_false_targets:g}"
+    )
+
+
+def _curve(result: Evaluation) -> Iterator[str]:
+    """The normalised curve at a few steps, the last one included."""
+    table, traced = result.table("curve"), result.traced
+    if traced is None or not table["t"]:
+        return
+    met, size = traced.met(result.gap), len(table["t"])
+    title = f"TGOSPA per step of the steps up to each of {size}, {_known(met)}"
+    yield from wrap(f"{title}; its parts are costs per step", " " * 10)
+    count = min(size, 2 * SHOWN)
+    shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
+    rows = _rooted(table, shown, met, [str(table["t"][k]) for k in shown])
+    first = min(max(13, *(len(visible(row[0])) for row in rows)), 19)
+    each = 13 if first == 13 else 11  # so that long stamps have their place
+    head, widths = ("up to t", "TGOSPA", *PARTS), (first, 13, 13, each, each, each)
+    yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
+
+
+def _windows(result: Evaluation) -> Iterator[str]:
+    """How many windows there are, and the worst of them."""
+    table, slid = result.table("windows"), result.slid
+    if slid is None or not table["t_first"]:
+        return
+    met, size = slid.met(result.gap), len(table["t_first"])
+    known = _known(met) if size > 1 else "proven exact" if met.all() else "an upper bound"
+    every = f", one every {slid.every}" if size > 1 else ""
+    value = np.array(table["tgospa"])
+    middle = f"median {number(float(np.median(value)), 5)}, " if size > SHOWN else ""
+    title = f"TGOSPA of {counted(size, 'window')} of {slid.size}{every}: {middle}{known}"
+    note = "; they do not add up; the worst of which no two overlap:" if size > 1 else ""
+    yield from wrap(f"{title}{note}", " " * 10)
+    worst = _apart(slid, np.argsort(-value, kind="stable"))
+    names = [f"{table['t_first'][k]} to {table['t_last'][k]}" for k in worst]
+    rows = _rooted(table, worst, met, names)
+    head, widths = ("from t to t", "TGOSPA", *PARTS), (20, 12, 13, 11, 11, 11)
+    yield from text_lines(Table(head=head, rows=rows, align="r" * 6, widths=widths))
+
+
+def _known(met: Mask) -> str:
+    """How many of several values are exact."""
+    return "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
+
+
+def _rooted(
+    table: Columns, chosen: list[int], met: Mask, names: list[str]
+) -> list[tuple[str, ...]]:
+    """Name, TGOSPA or its upper bound, and parts of the chosen rows."""
+    return [
+        (
+            name,
+            ("" if met[k] else "<= ") + number(table["tgospa"][k], 5),
+            *(number(table[part][k], 5) for part in PARTS),
+        )
+        for k, name in zip(chosen, names, strict=True)
+    ]
+
+
+def _apart(slid: Windows, order: Ints) -> list[int]:
+    """The first of some windows of which no two share a step."""
+    kept: list[int] = []
+    for k in order.tolist():
+        if all(slid.last[k] < slid.first[j] or slid.first[k] > slid.last[j] for j in kept):
+            kept.append(k)
+        if len(kept) == SHOWN:
+            break
+    return kept
+
+
+def _others(result: Evaluation) -> Iterator[str]:
+    if not result.with_:
+        return
+    yield from map(clip, text_lines(other_table(result.with_)))
+    for text in similarity(result.with_):
+        yield from wrap(f"  {text}", "  ")
+
+
+def _slices(result: Evaluation) -> Iterator[str]:
+    for slicing in result.sliced:
+        yield from slices_lines(slicing)
+        yield ""
+    for text in about_slices(result.sliced, certified=result.certified):
+        yield from wrap(f"  {text}", "  ")
+
+
+def _repairs(result: Evaluation) -> Iterator[str]:
+    """Which single repairs of the estimate would save most, if that was asked for."""
+    found = explanation_of(result)
+    if found is None:
+        return
+    if found.repairs:
+        yield from text_lines(repair_table(result, found))
+    yield from (line for note in repair_notes(found) for line in wrap(f"  {note}", "  "))
+
+
+WORST = {"steps": "worst steps", "truth": "worst truths", "estimates": "worst estimates"}
+
+
+def _worst(result: Evaluation) -> list[str]:
+    """The worst of each kind by name, on as many lines as they need."""
+    found = result.worst(SHOWN)
+    rows = [
+        (f"{WORST[kind]:<15}", "  ".join(clip(str(name), WIDTH - 19) for name in found[kind]))
+        for kind in WORST
+        if found[kind]
+    ]
+    return text_lines(Table(head=rows[0], rows=rows[1:], align="ll", wrapped=(1,))) if rows else []
+
+
+def _switches(result: Evaluation) -> Iterator[str]:
+    """The first switches."""
+    switches, count = result.first_switches(SHOWN)
+    if not count:
+        return
+    times = [visible(str(t)) for t in switches["t"]]
+    room = WIDTH - 6 - max(27, *map(len, times))  # beside the time and a colon
+    rows = []
+    for k, time in enumerate(times):
+        ends = (switches[key][k] for key in ("from", "to"))
+        names = [switches["truth"][k], *("none" if end is None else end for end in ends)]
+        truth, before, after = (ending(visible(str(name)), room) for name in names)
+        mass = switches["mass"][k]
+        half = "" if mass == 1 else f"  ({number(mass, 3)} of a switch)"
+        rows.append((time, f"{truth}: {before} -> {after}{half}"))
+    if count > SHOWN:
+        rows.append(("", f"and {count - SHOWN} more (--format json, or -o DIR)"))
+    head = (f"{'switches':<17}{'t':>10}", "truth: from -> to")
+    yield from text_lines(Table(head=head, rows=rows, align="rl", wrapped=(1,)))
+
+
+def _footer(result: Evaluation) -> Iterator[str]:
+    solve = result.timings["solve"]
+    spent = {
+        "read": result.timings["read"],
+        "distances": result.timings["distances"],
+        "solve": sum(solve.values()),
+        "certify": result.timings["certify"],
+    }
+    parts = "  ".join(f"{name} {seconds:.3f}" for name, seconds in spent.items())
+    yield clip(f"  solver           {result.solver['name']}: {result.solver['status']}")
+    yield clip(f"  seconds          {parts}")
+
+
+# -------------------------------------------------------------------------------------------------
+# Repairs of an estimate, and the document of `explain`.
+
+
+def repair_table(result: Evaluation, found: Explanation) -> Table:
+    """A row for each repair."""
+    repairs = found.repairs
+    columns = {
+        "": [str(rank) for rank in range(1, len(repairs) + 1)],
+        "repair": [repair.text for repair in repairs],
+        "saves": [_saving(result, repair) for repair in repairs],
+        "share": [result.share(max(repair.saving_lower, 0.0)) for repair in repairs],
+        "TGOSPA then": [number(repair.tgospa) for repair in repairs],
+    }
+    return table_of(columns, align="llrrr", wrapped=(1,))
+
+
+def _saving(result: Evaluation, repair: Repair) -> str:
+    """What a repair saves of the total: a number, or the proven range where that is wide."""
+    lower, upper = max(repair.saving_lower, 0.0), repair.saving_upper
+    if upper - lower <= 2 * result.gap * result.total:
+        return number(repair.saving_upper)
+    return f"{number(lower, 4)} to {number(upper, 4)}"
+
+
+def repair_notes(found: Explanation) -> Iterator[str]:
+    """How the savings are known, and that they are not additive."""
+    several = counted(found.tried, "repair")
+    if not found.repairs:
+        yield f"no repair is known to save anything ({several} tried)"
+        return
+    yield f"each alone, from proven bounds before and after; {several} tried"
+    yield NOT_ADDITIVE
+
+
+def explanation_document(found: Explanation) -> Document:
+    """What cost most, and the repairs."""
+    result = found.result
+    parts = ", ".join(f"{name} {share}" for name, _, share, _, _ in part_rows(result))
+    worst = result.worst()
+    return Document(
+        title=headline(result),
+        lines=[
+            parameters_of(result.parameters),
+            sizes_in_words(result.sizes),
+            f"total {number(result.total)}: {parts}",
+            *(
+                f"{words}: {', '.join(map(str, worst[kind]))}"
+                for kind, words in WORST.items()
+                if worst[kind]
+            ),
+        ],
+        tables=[repair_table(result, found)] if found.repairs else [],
+        notes=list(repair_notes(found)),
+        warnings=result.told,
+    )
+
+
+# -------------------------------------------------------------------------------------------------
+# The same for a terminal, with looks.
+
+BOLD, DIM, GREEN, YELLOW = "1", "2", "32", "33"
+PART_LOOKS = {"localisation": "34", "missed": "31", "false": "35", "switch": YELLOW}
+"""Codes of colours and weights (SGR)."""
+
+
+def report(result: Evaluation) -> str:
+    """The text with colours, unless `NO_COLOR` is set."""
+    shown = (_styled(result, name, lines) for name, lines in blocks(result).items())
+    return "\n\n".join("\n".join(lines) for lines in shown if lines) + "\n"
+
+
+def _looking(text: str, *codes: str) -> str:
+    if not text or not codes or os.environ.get("NO_COLOR"):
+        return text
+    return f"\x1b[{';'.join(codes)}m{text}\x1b[0m"
+
+
+def _styled(result: Evaluation, name: str, lines: list[str]) -> list[str]:
+    """The lines of a block with its looks; most are shown as they are."""
+    if name == "headline":
+        *claim, sizes = lines
+        colour = GREEN if result.certified else YELLOW
+        return [*(_looking(line, BOLD, colour) for line in claim), sizes]
+    if name == "parts":
+        return [_part(result, line) for line in lines]
+    return [_looking(line, DIM) for line in lines] if name in ("meaning", "footer") else lines
+
+
+def _part(result: Evaluation, line: str) -> str:
+    name = line.split()[0]
+    if name not in PART_LOOKS:
+        return _looking(line, BOLD) if name == "total" else line
+    weight = () if getattr(result, name) else (DIM,)
+    before, after = line.split(name, 1)
+    return before + _looking(name, *weight, PART_LOOKS[name]) + _looking(after, *weight)
+
+
+# -------------------------------------------------------------------------------------------------
+# What associate and reduce computed.
+
+
+Spread = dict[str, float]
+"""Smallest, median and largest of some numbers, by these names: min, median, max."""
+
+ROWS = 40
+"""Rows that a table on stdout shows at most."""
+
+ROUNDING = 1e-9
+"""Shift of a mean, as a share of the distance to the cloud, that is nothing but rounding."""
+
+
+def association_text(found: Pairing, *, rows: bool = True) -> str:
+    """Counts, and the associations in columns."""
+    count, (rest_a, rest_b) = int(found.chosen.sum()), found.unassigned
+    lines = [
+        f"{count} associated, {rest_a} of A and {rest_b} of B alone, in "
+        f"{counted(len(found.first.times), 'step')}",
+        f"sum {found.total:.6g}: distances, and {found.cutoff / 2:g} for each state that stays "
+        "alone\n",
+    ]
+    if rows:
+        table = list(zip(*found.associations_table().values(), strict=True))
+        lines += _aligned(("t", "A", "B", "distance", "of means"), table)
+    return "\n".join(lines) + "\n"
+
+
+def reduction_text(counts: Mapping[str, int], change: Mapping[str, Spread | None]) -> str:
+    """What changed, on the whole; the arguments are parts of the document."""
+    shown = {
+        "Wasserstein distance to the cloud": change["wasserstein"],
+        "sliced Wasserstein distance": change["sliced_wasserstein"],
+        "shift of the mean": change["mean_shift"],
+    }
+    rows = [(name, value["median"], value["max"]) for name, value in shown.items() if value]
+    lines = [
+        f"{counted(counts['clouds'], 'cloud')}, {counted(counts['particles'], 'particle')} -> "
+        f"{counts['kept']}\n"
+    ]
+    if len(rows) > 1 and rows[-1][2] <= ROUNDING * rows[-2][2]:
+        lines += [*_aligned(("", "median", "largest"), rows[:-1]), "means kept"]
+    else:
+        lines += _aligned(("", "median", "largest"), rows)
+    kept = change["trace_kept"]
+    if kept:
+        lines.append(
+            f"kept of the trace of the covariance: {100 * kept['median']:.4g} %, at least "
+            f"{100 * kept['min']:.4g} %"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _aligned(head: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
+    """Aligned columns; of many rows the first ones."""
+    table = Table(head=head, rows=[list(map(_cell, row)) for row in rows[:ROWS]])
+    lines = text_lines(table, "") if rows else []
+    rest = len(rows) - ROWS
+    return [*lines, f"and {rest} more; all of them: --format csv"] if rest > 0 else lines
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

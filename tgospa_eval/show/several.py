@@ -1,0 +1,537 @@
+"""Pictures of several evaluations: of `compare` from its documents, of sweeps and batches."""
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
+
+from tgospa_eval.common.arrays import Floats
+from tgospa_eval.common.words import number
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Json, Time
+from tgospa_eval.results.sweep import Sweep
+from tgospa_eval.show.batch import CURVE_KINDS, LINE_NAMES, BatchTables, RmsCurve, on_one_axis
+from tgospa_eval.show.drawing import figure, label, legend, literal, power, titled
+from tgospa_eval.show.overtime import bars, name_times
+from tgospa_eval.show.style import (
+    COLOURS,
+    FILLS,
+    INK,
+    LIGHT,
+    MARKERS,
+    SOFT,
+    TRACK_COLOURS,
+    Style,
+    heat_shades,
+)
+from tgospa_eval.show.time_axis import ROOM, TimeAxis
+
+FLOOR = 1e-9
+"""Errors below count as none; they are drawn here."""
+
+SIZES = ("targets", "steps")
+
+SPENT, ERROR = "seconds, solving and proof", "relative error, at most"
+TEMPERATURE = "temperature ε, fraction of $c^p$"
+AT_FLOOR = f"errors below {FLOOR:g} are drawn at {FLOOR:g}"
+
+
+def _seen(*errors: Iterable[float | None]) -> bool:
+    """Whether one of them is more than none."""
+    return any(error is not None and error > FLOOR for each in errors for error in each)
+
+
+def draw_errors(document: Json, style: Style) -> Figure | None:
+    """How far the bounds of `sinkhorn` are from what all runs prove, by temperature."""
+    runs = [run for run in document["runs"] if run["epsilon"] is not None and run["seconds"]]
+    runs.sort(key=_epsilon)
+    entropic = [run["entropic"] or {} for run in runs]
+    lines = {
+        "upper bound (TGOSPA)": [run["error"] for run in runs],
+        "lower bound": [run["lower_error"] for run in runs],
+        "entropic value": [each.get("error") for each in entropic],
+        "its cost, without entropy": [each.get("cost_error") for each in entropic],
+    }
+    if document["referee"] is None or len(runs) < 2 or not _seen(*list(lines.values())[:3]):
+        return None
+    return _by_temperature(
+        {
+            name: (k, runs, [{"mean": error, "deviation": None} for error in errors])
+            for k, (name, errors) in enumerate(lines.items())
+        }
+    )
+
+
+def _by_temperature(
+    lines: Mapping[str, tuple[int, Sequence[Json], Sequence[Json]]], where: str = ""
+) -> Figure:
+    """Errors over the temperatures of runs; those of a number have a colour, all but one dashes."""
+    made, ((axis,),) = figure(5.2, 3.6)
+    numbers: list[int] = []
+    for name, (k, runs, errors) in lines.items():
+        _line(axis, [*map(_epsilon, runs)], errors, k, name, FLOOR, "--" if k in numbers else "-")
+        numbers.append(k)
+    _ticks(axis, [*map(_epsilon, runs)])
+    error_axis(axis)
+    label(axis, TEMPERATURE, ERROR, f"Error of sinkhorn by temperature{where}")
+    if axis.lines:
+        axis.legend(frameon=False)
+    return made
+
+
+def draw_time_over_error(document: Json, style: Style) -> Figure | None:
+    """What an accuracy costs: solving and proof; bars of the time where nobody errs."""
+    if document["referee"] is None:
+        return None
+    runs = [run for run in document["runs"] if run["seconds"] is not None]
+    if not _seen(run["error"] for run in runs):
+        made, ((axis,),) = figure(6.2, 0.9 + 0.3 * len(runs))
+        spent = np.array([_spent(run) for run in runs])
+        bars(axis, [run["name"] for run in runs], {"localisation": spent}, letters=30)
+        label(axis, SPENT, "", f"Time; all errors are below {FLOOR:g}")
+        return made
+    made, ((axis,),) = figure(6.2, 3.6)
+    solvers = list(dict.fromkeys(run["solver"] for run in runs))
+    for k, run in enumerate(runs):
+        looks = {"ms": 7, "alpha": 0.8, "clip_on": False, "zorder": 3, "label": run["name"]}
+        looks["color"] = COLOURS[solvers.index(run["solver"])]
+        axis.plot([floored(run["error"])], [_spent(run)], MARKERS[k % len(MARKERS)], **looks)
+    seconds_axis(axis.yaxis)
+    error_axis(axis, vertical=False)
+    label(axis, ERROR, SPENT, "Time and error")
+    made.legend(*axis.get_legend_handles_labels(), loc="outside right upper", frameon=False)
+    return made
+
+
+def _spent(run: Json) -> float:
+    return float(run["seconds"]["solve"] + run["seconds"]["certify"])
+
+
+def _epsilon(run: Json) -> float:
+    return run["epsilon"] or 0.0
+
+
+def draw_convergence(document: Json, style: Style) -> Figure | None:
+    """Bounds of `sinkhorn` while it sweeps, against what all runs prove."""
+    runs = [run for run in document["runs"] if run["history"]]
+    if document["referee"] is None or all(len(run["history"]) < 2 for run in runs):
+        return None
+    made, ((axis,),) = figure(5.2, 3.6)
+    referee = document["referee"]["total"]
+    for k, run in enumerate(runs):
+        history = run["history"]
+        sweeps = [check["sweep"] for check in history]
+        above = [_relative(check["upper"] - referee["lower"], referee) for check in history]
+        below = [_relative(referee["upper"] - check["lower"], referee) for check in history]
+        looks: dict[str, Any] = {"marker": MARKERS[k % 7], "ms": 4}
+        looks["color"] = COLOURS[k % len(COLOURS)]
+        title = run["name"] if run["epsilon"] is None else f"ε = {run['epsilon']:g}"
+        axis.plot(sweeps, above, "-", label=title, **looks)
+        axis.plot(sweeps, below, "--", mfc="white", **looks)
+    error_axis(axis)
+    label(axis, "sweeps", ERROR, "Convergence: upper bound (solid), lower bound (dashed)")
+    axis.legend(frameon=False, fontsize="small")
+    return made
+
+
+def error_axis(axis: Axes, *, vertical: bool = True) -> None:
+    """A logarithmic axis of errors, by powers of ten, that says what stands at its end."""
+    which = axis.yaxis if vertical else axis.xaxis
+    (axis.set_yscale if vertical else axis.set_xscale)("log")
+    low, high = axis.get_ylim() if vertical else axis.get_xlim()
+    at_floor = low <= 3 * FLOOR
+    # from one power of ten to another, for there may be none in between
+    low, high = (10.0 ** end(math.log10(at)) for end, at in ((math.floor, low), (math.ceil, high)))
+    limits = (FLOOR if at_floor else low, max(high, low * 100))
+    (axis.set_ylim if vertical else axis.set_xlim)(*limits)
+    which.set_major_locator(LogLocator(numticks=10))
+    which.set_major_formatter(LogFormatterSciNotation())
+    which.set_minor_formatter(NullFormatter())
+    if at_floor:
+        looks: Any = {"fontsize": "x-small", "color": LIGHT["soft"]}
+        looks |= {"xycoords": "axes fraction", "textcoords": "offset points"}
+        axis.annotate(AT_FLOOR, (0, 0), xytext=(0, -44), **looks)
+
+
+def seconds_axis(which: Axis) -> None:
+    """A logarithmic upright axis of times, written out: 0.2 and not 2 times a power of ten."""
+    which.axes.set_yscale("log")
+    low, high = which.get_view_interval()
+    subs = (1, 2, 5) if high < 300 * low else (1,)
+    which.set_major_locator(LogLocator(subs=subs, numticks=12))
+    which.set_major_formatter(lambda value, _: number(value, 3) if value >= 1e-4 else f"{value:g}")
+    which.set_minor_formatter(NullFormatter())
+
+
+def floored(error: float | None) -> float:
+    """An error that has a logarithm; none is not a number and leaves a hole."""
+    return float("nan") if error is None else max(error, FLOOR)
+
+
+def _relative(difference: float, referee: Json) -> float:
+    return max(difference / referee["upper"], FLOOR) if referee["upper"] > 0 else FLOOR
+
+
+# -------------------------------------------------------------------------------------------------
+# A scaling study.
+
+
+def _solved(document: Json) -> bool:
+    """Whether not all failed, or contradict each other."""
+    runs = (run for size in document["sizes"] for run in size["solvers"])
+    return any(run["seconds"]["mean"] is not None for run in runs)
+
+
+def draw_study_errors(document: Json, style: Style) -> Figure | None:
+    """Error over temperature, a line for each number of targets, at the largest number of steps."""
+    runs = [s for size in document["sizes"] for s in size["solvers"] if s["epsilon"] is not None]
+    errors = (run[name]["max"] for run in runs for name in ("error", "entropic_error"))
+    several = len(runs) > len(document["sizes"])
+    if not (_solved(document) and several and _seen(errors)):
+        return None
+    longest = max(size["steps"] for size in document["sizes"])
+    sizes = [size for size in document["sizes"] if size["steps"] == longest]
+    lines = {}
+    for k, size in enumerate(sorted(sizes, key=itemgetter("targets"))):
+        runs = sorted((run for run in size["solvers"] if run["epsilon"] is not None), key=_epsilon)
+        for name, error in (("", "error"), (", entropic value", "entropic_error")):
+            lines[f"m = {size['targets']:,}{name}"] = k, runs, [run[error] for run in runs]
+    return _by_temperature(lines, f", T = {longest:,}")
+
+
+def draw_scaling(document: Json, style: Style) -> Figure | None:
+    """Time and error over targets at the most steps, and over steps at the most targets."""
+    sizes = document["sizes"]
+    if len(sizes) < 2 or not _solved(document):
+        return None
+    most = {name: max(size[name] for size in sizes) for name in SIZES}
+    rows = []
+    for varied, fixed in zip(SIZES, SIZES[::-1], strict=True):
+        chosen = [size for size in sizes if size[fixed] == most[fixed]]
+        if len(chosen) > 1:
+            rows.append((varied, fixed, sorted(chosen, key=itemgetter(varied))))
+    # A panel of errors is drawn where there are some.
+    with_errors = any(
+        _seen(run["error"]["max"] for size in chosen for run in size["solvers"])
+        for _, _, chosen in rows
+    )
+    columns = 2 if with_errors else 1
+    made, axes = figure(4.5 * columns + 1.0 * (columns == 1), 3.3 * len(rows), len(rows), columns)
+    for panels, (varied, fixed, chosen) in zip(axes, rows, strict=True):
+        name = "targets m" if varied == "targets" else "time steps T"
+        where = f"{'T' if fixed == 'steps' else 'm'} = {most[fixed]:,}"
+        left = panels[0]
+        for k, run in enumerate(chosen[0]["solvers"]):
+            runs = [size["solvers"][k] for size in chosen]
+            x = [size[varied] for size in chosen]
+            _line(left, x, [item["seconds"] for item in runs], k, run["name"], 1e-9)
+        if left.lines:
+            seconds_axis(left.yaxis)
+        label(left, name, SPENT, f"Time, {where}")
+        if with_errors:
+            exact = _errors(panels[1], varied, chosen)
+            below = f"\n{', '.join(exact)}: below {FLOOR:g}" if exact else ""
+            label(panels[1], name, ERROR, f"Error, {where}{below}")
+        for axis in panels:
+            x = [size[varied] for size in chosen]
+            _ticks(axis, x, ",")
+            axis.set_xlim(x[0] / (x[-1] / x[0]) ** 0.05, x[-1] * (x[-1] / x[0]) ** 0.05)
+    if not with_errors:
+        title = f"{axes[0, 0].get_title(loc='left')}; all errors are below {FLOOR:g}"
+        axes[0, 0].set_title(title, fontsize="medium", loc="left")
+    handles, names = axes[0, 0].get_legend_handles_labels()
+    legend(made, handles, names, 3 * columns)
+    return made
+
+
+def _errors(axis: Axes, varied: str, chosen: Sequence[Json]) -> list[str]:
+    """Lines of the errors of those that have any; returns the names of the others."""
+    exact = []
+    for k, run in enumerate(chosen[0]["solvers"]):
+        errors = [size["solvers"][k]["error"] for size in chosen]
+        if _seen(error["max"] for error in errors):
+            _line(axis, [size[varied] for size in chosen], errors, k, run["name"], FLOOR)
+        elif any(error["max"] is not None for error in errors):
+            exact.append(run["name"])
+    if axis.lines:
+        error_axis(axis)
+    else:
+        axis.set_yticks([])
+    return exact
+
+
+def _ticks(axis: Axes, x: Sequence[float], form: str = "g") -> None:
+    """A logarithmic axis that names these values, and no others."""
+    axis.set_xscale("log")
+    axis.set_xticks(x, [f"{value:{form}}" for value in x], minor=False)
+    axis.set_xticks([], minor=True)
+
+
+def _line(
+    axis: Axes,
+    x: Sequence[float],
+    values: Sequence[Json],
+    k: int,
+    name: str,
+    least: float,
+    line: str = "-",
+) -> None:
+    """Means with a band of one standard deviation, at least `least`; nothing where all failed."""
+    kept = [
+        (at, max(value["mean"], least), value["deviation"] or 0.0)
+        for at, value in zip(x, values, strict=True)
+        if value["mean"] is not None
+    ]
+    if not kept:
+        return
+    x, mean, spread = map(list, zip(*kept, strict=True))
+    low = [max(m - s, least, m / 10) for m, s in zip(mean, spread, strict=True)]
+    high = [m + s for m, s in zip(mean, spread, strict=True)]
+    colour = COLOURS[k % len(COLOURS)]
+    axis.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
+    looks: dict[str, Any] = {"ms": 5, "color": colour, "label": name, "clip_on": False}
+    axis.plot(x, mean, line, marker=MARKERS[k % len(MARKERS)], **looks)
+
+
+# -------------------------------------------------------------------------------------------------
+# Estimates of one truth.
+
+
+def draw_cumulative(
+    costs_of_steps: tuple[Sequence[Time], Mapping[str, Sequence[float]]], style: Style
+) -> Figure | None:
+    """Cost up to each step, a line for each estimate: of times and costs by name."""
+    times, series = costs_of_steps
+    if not any(series.values()):
+        return None
+    made, ((axis,),) = figure(6.2, 3.3 + 0.2 * len(series))
+    lines, names = [], []  # kept here: names that begin with _ are hidden from a legend
+    time = TimeAxis.of(times)
+    begin, end = time.edges
+    for k, (name, costs) in enumerate(series.items()):
+        total = list(itertools.accumulate(costs))
+        colour, dashes = COLOURS[k % len(COLOURS)], ("-", "--", ":", "-.")[k // len(COLOURS) % 4]
+        dot = "o" if len(total) == 1 else ""
+        lines += axis.plot(time.at, total, dashes + dot, color=colour, clip_on=False)
+        names.append(f"{literal(name, 30)}: {number(total[-1])}")
+    axis.set_ylim(0, None)
+    label(axis, "", "cost of all steps so far", "Where the estimates part")
+    name_times(axis, time, (begin[0], end[-1]), 6.2)
+    legend(made, lines, names, 1)
+    return made
+
+
+# -------------------------------------------------------------------------------------------------
+# Picture of a sweep of a parameter: value, costs and counts over it.
+
+AXIS_NAMES = {
+    "cutoff": "cutoff $c$",
+    "order": "order $p$",
+    "switch_penalty": r"switch penalty $\gamma$",
+    "rho": r"price of false targets $\rho$",
+}
+LOGARITHMIC = 0.25
+"""An axis is logarithmic if half of its values lie in so much of it."""
+
+
+def draw_sweep(found: Sweep, style: Style) -> Figure:
+    """Small multiples: the value and the four costs above, counts below the costs.
+
+    A grey band is where the counts of missed and false targets do not change.
+    """
+    table: Columns = found.columns()
+    x = [point.value for point in found.points]
+    made, axes = figure(11.0, 4.6, rows=2, columns=4)
+    panels = {name: name for name in PARTS} | {"TGOSPA": "tgospa"}
+    panels |= {f"number, {name}": f"{name}_count" for name in COUNTED_PARTS}
+    for k, (axis, (title, name)) in enumerate(zip(axes.flat, panels.items(), strict=True)):
+        at = k % len(PARTS)
+        looks: dict[str, Any] = {"marker": MARKERS[at], "ms": 4, "clip_on": False}
+        looks["color"] = INK if name == "tgospa" else LIGHT[PARTS[at]]
+        axis.plot(x, table[name], "-", **looks)
+        if name == "tgospa" and not found.certified:
+            lower, upper = table["lower_bound"], table[name]
+            axis.fill_between(x, lower, upper, color=INK, alpha=0.15, linewidth=0)
+        label(axis, "", "" if k else "cost", title)
+    band = found.unchanged("missed_count", "false_count")
+    # Values crowd at the low end, as evenly spaced logarithms do.
+    low, middle, high = x[0], sorted(x)[len(x) // 2], x[-1]
+    crowded = len(x) > 2 and low > 0 and middle - low < LOGARITHMIC * (high - low)
+    for axis in axes.flat:
+        if band is not None:
+            axis.axvspan(
+                *(x[k] for k in band), color=LIGHT["grid"], alpha=0.6, zorder=0, linewidth=0
+            )
+        if crowded:
+            _ticks(axis, (x[0], x[len(x) // 2], x[-1]), ".3g")
+        axis.set_ylim(0, None)
+    made.supxlabel(
+        AXIS_NAMES[found.parameter]
+        + (f" ({literal(found.unit)})".replace("$", r"\$") if found.unit else "")
+        + ("; grey: missed and false do not change in number" if band is not None else ""),
+        fontsize="medium",
+    )
+    return made
+
+
+# -------------------------------------------------------------------------------------------------
+# Of a batch: values side by side, what costs are made of, curves over steps.
+
+DASHES_OF_LINES = ("-", "--", ":", "-.")
+MOST_BARS = 40
+
+PANEL = 0.62
+"""Height of one of many panels, of one that is alone."""
+
+ROW = 0.21
+"""Inches of a row with letters."""
+
+
+def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Figure | None:
+    """RMS-TGOSPA of runs over time, with bands; a panel for each kind.
+
+    Parameters
+    ----------
+    tables : BatchTables
+        Has the curves.
+    style : Style
+        Sizes.
+    parts : bool
+        Whether to draw the parts instead, one below the other, the kinds side by side.
+    """
+    unit = tables.unit
+    lines: Sequence[str] = PARTS if parts else ("total",)
+    curves = [(track, curve) for track, curve in tables.drawn_curves if lines[0] in curve.rms]
+    if not curves:
+        return None
+    kinds = [kind for kind in CURVE_KINDS if any(curve.kind == kind for _, curve in curves)]
+    if parts:
+        made, axes = figure(style.width, PANEL * style.low * len(lines), len(lines), len(kinds))
+        for axis, kind in zip(axes[0], kinds, strict=True):
+            axis.set_title(CURVE_KINDS[kind], fontsize="medium", loc="left")
+    else:
+        made, axes = figure(style.width, style.low * len(kinds), len(kinds))
+        axes = axes.T
+        titled(axes[0, 0], style, "Root mean square over the runs")
+    clock, places, ends = on_one_axis([curve for _, curve in curves])
+    drawn: dict[str, Artist] = {}
+    for (row, column), axis in np.ndenumerate(axes):
+        name, kind = lines[row], kinds[column]
+        top = 0.0
+        for (track, curve), at in zip(curves, places, strict=True):
+            if curve.kind == kind:
+                group = literal(curve.name or "all jobs")
+                drawn[group] = _draw_line(axis, at, curve, name, track)
+                top = max(top, curve.top(name))
+        axis.set_ylim(0, ROOM * top or 1.0)
+        name_times(axis, clock, ends, style.width / (len(kinds) if parts else 1))
+        about = LINE_NAMES[name].removeprefix("RMS ").replace(" error", "\nerror")
+        about += "" if parts else f"\n{CURVE_KINDS[kind]}"
+        if not (parts and column):
+            axis.set_ylabel(f"{about} ({literal(unit)})" if unit else about, parse_math=False)
+        if parts and row + 1 < len(lines):
+            axis.set_xlabel("")
+    legend(made, list(drawn.values()), list(drawn), 4 if style.titles else 3)
+    return made
+
+
+def draw_curve_parts(tables: BatchTables, style: Style) -> Figure | None:
+    """The same of the parts."""
+    return draw_curves(tables, style, parts=True)
+
+
+def _draw_line(axis: Axes, at: Floats, curve: RmsCurve, name: str, track: int) -> Artist:
+    """A line with its band."""
+    colour = TRACK_COLOURS[track % len(TRACK_COLOURS)]
+    if name in curve.bands:
+        axis.fill_between(at, *curve.bands[name], color=colour, alpha=0.16, linewidth=0)
+    looks: dict[str, Any] = {
+        "color": colour,
+        "linestyle": DASHES_OF_LINES[track % len(DASHES_OF_LINES)],
+    }
+    looks |= {"marker": "o"} if len(at) == 1 else {}
+    return axis.plot(at, curve.rms[name], clip_on=False, **looks)[0]
+
+
+def draw_parts(tables: BatchTables, style: Style) -> Figure | None:
+    """Cost per step of each group, stacked."""
+    shown = [(group["name"] or "all jobs", group["costs"]) for group in tables.shown_groups]
+    shown = shown[:MOST_BARS]
+    if not shown:
+        return None
+    orders = tables.rows["order"].dropna().unique()
+    unit = power(tables.unit, orders[0]) if len(orders) == 1 else ""
+    made, ((axis,),) = figure(style.width, 1.1 + ROW * 1.5 * len(shown))
+    costs = {str(name): np.array([parts[name] for _, parts in shown], float) for name in PARTS}
+    bars(axis, [name for name, _ in shown], costs, letters=30)
+    axis.set_xlabel(f"cost per step{unit}", parse_math=False)
+    titled(axis, style, "What the cost is made of")
+    legend(made, [Patch(**FILLS[name]) for name in PARTS], list(PARTS), 4)
+    return made
+
+
+def draw_heat(tables: BatchTables, style: Style) -> Figure | None:
+    """Value per step of each cell; of many rows those lie across, without numbers."""
+    heat, unit = tables.heat, tables.unit
+    if heat is None or heat["ends"] is None:
+        return None
+
+    def value(cell: Json | None) -> float:
+        if cell is None or cell["value"] is None:
+            return np.nan
+        return float(cell["level"] if heat["scales"] > 1 else cell["value"].upper)
+
+    values = np.array([[value(cell) for cell in row] for row in heat["cells"]])
+    if heat["squares"]:
+        values = values.T
+    high = ROW * len(values) * (2 if heat["squares"] else 1)
+    made, ((axis,),) = figure(style.width, 1.3 + high)
+    axis.grid(visible=False)
+    colours = ListedColormap(heat_shades(LIGHT))
+    seen = axis.pcolormesh(np.ma.masked_invalid(values), cmap=colours, rasterized=heat["squares"])
+    what = f"TGOSPA per step ({literal(unit)})" if unit else "TGOSPA per step"
+    bar = made.colorbar(seen, ticks=[] if heat["scales"] > 1 else None)
+    own = ", least to largest of the same parameters" if heat["scales"] > 1 else ""
+    bar.set_label(what + own, parse_math=False)
+    axis.set_ylim(len(values), 0)
+    if heat["squares"]:
+        _names(axis, heat["columns"], upright=True)
+        axis.set_xlabel(f"{literal(heat['down'], 40)}, in order", parse_math=False)
+    else:
+        _names(axis, heat["columns"], upright=False)
+        _names(axis, heat["rows"], upright=True)
+        _numbers(axis, heat)
+    for side in axis.spines.values():
+        side.set_visible(False)
+    titled(axis, style, f"{literal(heat['down'])} by {literal(heat['across'])}")
+    return made
+
+
+def _numbers(axis: Axes, heat: Json) -> None:
+    """The value in each cell, bold where it is proven to be the best of its row."""
+    for k, row in enumerate(heat["cells"]):
+        for column, cell in enumerate(row):
+            if cell is None:
+                continue
+            weight = "bold" if cell["best"] else "normal"
+            axis.text(
+                column + 0.5, k + 0.5, cell["text"], ha="center", va="center", fontsize="small",
+                fontweight=weight, color=LIGHT["ink"] if cell["value"] else SOFT,
+            )  # fmt: skip
+
+
+def _names(axis: Axes, names: Sequence[str], *, upright: bool) -> None:
+    """Names of rows, the first on top, or of columns."""
+    which = axis.yaxis if upright else axis.xaxis
+    places = np.arange(len(names)) + 0.5
+    which.set_ticks(places, [literal(name, 30) for name in names], parse_math=False)
+    which.set_tick_params(length=0)

@@ -1,0 +1,244 @@
+"""The looks of all that is shown: colours of pages and pictures, patterns, sizes. No data.
+
+Colours are distinct without full colour vision: the parts of the cost differ in lightness as well
+as in hue, and have patterns besides.
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import Any
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import install
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.results.numbers import SPREAD
+from tgospa_eval.text import quoted
+
+LIGHT: Mapping[str, str] = {
+    "paper": "#ffffff",
+    "ink": "#16191d",
+    "soft": "#50575f",
+    "grid": "#e3e6ea",
+    "localisation": "#4d86c2",
+    "missed": "#b83a00",
+    "false": "#6d35b0",
+    "switch": "#16191d",
+    "panel": "#f6f7f9",
+    "line": "#c9ced4",
+    "accent": "#0b5cad",
+    "chosen": "#0b5cad22",
+    "truth": "#50575f",
+    "label": "#ffffff",
+    "good": "#17692e",
+}
+"""On white paper."""
+
+DARK: Mapping[str, str] = {
+    "paper": "#14171a",
+    "ink": "#eceff2",
+    "soft": "#a9b2bb",
+    "grid": "#2b3036",
+    "localisation": "#5b93d0",
+    "missed": "#ff9152",
+    "false": "#d3b4ff",
+    "switch": "#f4f6f8",
+    "panel": "#1d2125",
+    "line": "#454c54",
+    "accent": "#7db7f5",
+    "chosen": "#7db7f533",
+    "truth": "#a9b2bb",
+    "label": "#101214",
+    "good": "#73d28d",
+}
+"""On a dark screen."""
+
+TRACK_COLOURS = (
+    "#2569a8",
+    "#b2574e",
+    "#087957",
+    "#8463b0",
+    "#855e02",
+    "#067a91",
+    "#994569",
+    "#578032",
+    "#4c60aa",
+    "#ae5d31",
+    "#00766d",
+    "#975c9f",
+)
+"""Of estimates, in turn, on white: neighbours are far apart in hue; white letters are legible."""
+
+DARK_TRACK_COLOURS = (
+    "#79b6f4",
+    "#fdaa9f",
+    "#66c7a0",
+    "#d0b1fe",
+    "#d6a95b",
+    "#63d4f1",
+    "#e893b4",
+    "#a7d287",
+    "#96aef7",
+    "#fdac84",
+    "#4dc8ba",
+    "#e5abec",
+)
+"""The same on a dark screen, for dark letters."""
+
+
+def variables(colours: Mapping[str, str], tracks: tuple[str, ...]) -> str:
+    """Declarations of CSS, ``--missed: #b83a00`` and ``--track-0`` to the last."""
+    named = {**colours, **{f"track-{k}": colour for k, colour in enumerate(tracks)}}
+    return " ".join(f"--{name}: {colour};" for name, colour in named.items())
+
+
+HEAT_LEVELS = 9
+"""Shades from paper on."""
+
+_DARKEST = {LIGHT["paper"]: 0.85, DARK["paper"]: 0.6}
+"""How much of the full colour the darkest shade has: letters are legible on it."""
+
+
+def heat_shades(colours: Mapping[str, str]) -> tuple[str, ...]:
+    """Shades of one colour, from little to much."""
+    paper, full = (bytes.fromhex(colours[name][1:]) for name in ("paper", "localisation"))
+    most = _DARKEST[colours["paper"]]
+    shares = (most * k / (HEAT_LEVELS - 1) for k in range(HEAT_LEVELS))
+    return tuple(
+        "#" + "".join(f"{round(a + share * (b - a)):02x}" for a, b in zip(paper, full, strict=True))
+        for share in shares
+    )
+
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Okabe and Ito: distinguished by those who do not see all colours, and in print."""
+
+MARKERS = "osD^vPX"
+DOTS = 150
+"""Dots per inch."""
+
+MISSING = f"no pictures: they need the extra plot: {install('plot')}"
+
+FILES: Mapping[str, dict[str, Any]] = {
+    "png": {},
+    "svg": {"metadata": {"Creator": None, "Date": None}},
+    "pdf": {"metadata": {"Creator": None, "Producer": None, "CreationDate": None}},
+}
+"""Formats, and what is left out of each: nothing depends on the time or on who made it."""
+
+
+def available() -> bool:
+    """Whether matplotlib is installed."""
+    return find_spec("matplotlib") is not None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Style:
+    """Sizes of a kind of pictures.
+
+    Parameters
+    ----------
+    width : float
+        Inches.
+    low : float
+        Height of a picture over time, in inches.
+    dots : int
+        Dots per inch, of a PNG and of what is too much for a vector.
+    titles : bool
+        Whether a picture says what it shows; papers have captions.
+    bars : int
+        Most bars beside each other; of more steps the costliest stand for several.
+    lanes : int
+        Most truths with a lane of their own, and half as many estimates.
+    worst : int
+        Bars of each kind of what is worst.
+    settings : dict
+        Settings of matplotlib.
+    """
+
+    width: float
+    low: float
+    dots: int
+    titles: bool
+    bars: int
+    lanes: int
+    worst: int
+    settings: Mapping[str, Any]
+
+
+_BOTH = {"axes.titley": 1.0}
+"""No ticks are on top; to look for them in each draw takes as long as the text."""
+
+_SCREEN = {**_BOTH, "font.size": 9, "hatch.linewidth": 0.8}
+_PAPER = {
+    **_BOTH,
+    "font.size": 7,
+    "axes.titlesize": 7,
+    "axes.labelpad": 2,
+    "axes.linewidth": 0.5,
+    "grid.linewidth": 0.5,
+    "hatch.linewidth": 0.5,
+    "legend.handlelength": 1.8,
+    "lines.linewidth": 0.9,
+    "patch.linewidth": 0.5,
+    "xtick.major.pad": 2,
+    "xtick.major.size": 2.5,
+    "xtick.major.width": 0.5,
+    "ytick.major.pad": 2,
+    "ytick.major.size": 2.5,
+    "ytick.major.width": 0.5,
+}
+
+STYLES = {
+    "screen": Style(
+        width=8.0, low=2.9, dots=DOTS, titles=True, bars=600, lanes=60, worst=8, settings=_SCREEN
+    ),
+    "paper": Style(
+        width=3.5, low=1.7, dots=400, titles=False, bars=300, lanes=24, worst=5, settings=_PAPER
+    ),
+}
+"""``--style``: a window or a page of notes, or one column of a journal without titles."""
+
+INK, SOFT = LIGHT["ink"], LIGHT["soft"]
+MISSED, FALSE = LIGHT["missed"], LIGHT["false"]
+
+FILLS: Mapping[str, dict[str, Any]] = {
+    "localisation": {"facecolor": LIGHT["localisation"], "edgecolor": LIGHT["localisation"]},
+    SPREAD: {"facecolor": "white", "edgecolor": LIGHT["localisation"], "hatch": "|||||"},
+    "missed": {"facecolor": "white", "edgecolor": MISSED, "hatch": "/////"},
+    "false": {"facecolor": "white", "edgecolor": FALSE, "hatch": "....."},
+    "switch": {"facecolor": LIGHT["switch"], "edgecolor": LIGHT["switch"]},
+}
+"""Of the parts of the cost, distinguished by their patterns where there are no colours."""
+
+NOT_JUDGED: Mapping[str, Any] = {"facecolor": "none", "edgecolor": SOFT, "hatch": "\\\\\\"}
+"""Of stretches of which nothing is judged, over whatever else is there."""
+
+LINES: Mapping[str, dict[str, Any]] = {
+    "localisation": {"color": LIGHT["localisation"], "linestyle": "-"},
+    "missed": {"color": MISSED, "linestyle": (0, (6, 2))},
+    "false": {"color": FALSE, "linestyle": (0, (2, 2))},
+    "switch": {"color": SOFT, "linestyle": (0, (8, 2, 2, 2))},
+    "total": {"color": INK, "linestyle": "-"},
+}
+
+
+@contextmanager
+def styled(name: str = "screen") -> Iterator[Style]:
+    """The settings of matplotlib that make a picture of this style, whatever those of the user.
+
+    Raises
+    ------
+    ConfigError
+        The name is not one of `STYLES`, or matplotlib is not installed.
+    """
+    if name not in STYLES:
+        raise ConfigError(f"style {quoted(name)}: must be one of {', '.join(STYLES)}")
+    if not available():
+        raise ConfigError(MISSING)
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(STYLES[name].settings)
+        yield STYLES[name]

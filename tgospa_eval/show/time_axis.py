@@ -1,0 +1,231 @@
+"""Ticks of an axis of time at round times, and their names; what all share stands once."""
+
+import math
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
+from functools import cached_property
+
+import numpy as np
+
+from tgospa_eval.common.arrays import Floats
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.results.records import Json, Time
+
+UNEVEN = 5.0
+"""How much longer than its steps a recording may be to be drawn to scale."""
+
+USUAL = 0.9
+"""Quantile of the gaps that counts as one between neighbours."""
+
+DAY = 86_400.0
+WHOLE = 2.0**53
+"""Below this whole numbers differ in a browser."""
+
+
+def moments(times: Sequence[Time]) -> Json:
+    """How times are drawn, as a part of the document of the page.
+
+    Parameters
+    ----------
+    times : sequence of int, float or str
+        As they were read.
+
+    Returns
+    -------
+    dict
+        ``kind``: ``"number"``; ``"stamp"``, whole numbers from the first, which is ``origin``;
+        ``"date"``, seconds since midnight of the day ``origin``; or ``"step"``, numbers of steps.
+        ``values``: None for numbers and steps.
+    """
+    kind, origin, values = "number", "", None
+    if any(isinstance(t, str) or abs(t) >= WHOLE for t in times):
+        kind, origin, values = _texts([str(t) for t in times])
+    numbers = times if values is None else values
+    if kind != "step" and uneven(np.asarray(numbers, float)):
+        kind, origin, values = "step", "", None
+    return {"kind": kind, "origin": origin, "values": values}
+
+
+def readable(times: Sequence[Time]) -> list[Time]:
+    """Times as they were read; what is beyond the whole numbers of a browser is a text to it."""
+    return [t if isinstance(t, int | float) and abs(t) < WHOLE else str(t) for t in times]
+
+
+def _texts(times: list[str]) -> tuple[str, str, list[float] | None]:
+    try:
+        whole = [int(t) for t in times]
+    except ValueError:
+        pass
+    else:
+        return "stamp", times[0], [float(t - whole[0]) for t in whole]
+    try:
+        found = [datetime.fromisoformat(t.strip()) for t in times]
+        zone = found[0].tzinfo
+        found = [t.replace(tzinfo=UTC) if zone is None else t.astimezone(zone) for t in found]
+        first = found[0].replace(hour=0, minute=0, second=0, microsecond=0)
+        seconds = [(t - first).total_seconds() for t in found]
+    except (ValueError, TypeError, OverflowError):
+        return "step", "", None
+    return "date", first.strftime("%Y-%m-%d"), seconds
+
+
+def _usual(values: Floats) -> tuple[Floats, float]:
+    """Gaps between steps, and how long they usually are."""
+    gaps = np.diff(values / 2) * 2 if len(values) > 1 else np.ones(1)
+    return gaps, float(np.quantile(gaps, USUAL, method="lower"))
+
+
+def uneven(values: Floats) -> bool:
+    """Whether gaps would take most of an axis, or values do not grow."""
+    gaps, usual = _usual(values)
+    if not (np.isfinite(gaps).all() and gaps.min() > 0):
+        return True
+    return bool(gaps.sum() > UNEVEN * usual * len(gaps))
+
+
+# -------------------------------------------------------------------------------------------------
+# Axes of the charts of pages: ticks at round numbers, room above.
+
+ROOM = 1.05
+"""Height of a chart, as a multiple of what is in it."""
+
+CLOCK = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200)
+"""Round numbers of seconds within a day."""
+
+DAYS = (1, 2, 5, 7, 14, 28, 91, 182, 364)
+FORMS = "%Y-%m-%d", "%Y"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeAxis:
+    """Where steps are on an axis of time, and its ticks.
+
+    Parameters
+    ----------
+    times : sequence of int, float or str
+        Of all steps, as they were read.
+    axis : dict
+        How they are drawn, by `moments`.
+    """
+
+    times: Sequence[Time]
+    axis: Json
+
+    @classmethod
+    def of(cls, times: Sequence[Time]) -> "TimeAxis":
+        """The axis of times as they were read."""
+        return cls(times=times, axis=moments(times))
+
+    @cached_property
+    def labels(self) -> list[str]:
+        """The times as they are written."""
+        return [f"{t:.12g}" if isinstance(t, float) else str(t) for t in self.times]
+
+    @cached_property
+    def at(self) -> Floats:
+        """Where each step is on the axis."""
+        if self.axis["kind"] == "step":
+            return np.arange(len(self.times), dtype=float)
+        return np.asarray(self.axis["values"] or self.times, float)
+
+    @cached_property
+    def edges(self) -> tuple[Floats, Floats]:
+        """Where each step begins and ends: in the middle between it and its neighbours.
+
+        Beside a gap it ends as beside a neighbour.
+        """
+        if not len(self.at):
+            return self.at, self.at
+        gaps, usual = _usual(self.at)
+        near = np.where(gaps > 2 * usual, usual, gaps) / 2
+        if len(self.at) == 1:
+            return self.at - near, self.at + near
+        before, after = np.append(near[:1], near), np.append(near, near[-1:])
+        return self.at - before, self.at + after
+
+    @cached_property
+    def shared(self) -> str:
+        """Of times that are texts with what all begin, as the date."""
+        if len(self.labels) < 2:
+            return ""
+        first, last = self.labels[0], self.labels[-1]
+        same = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), 0)
+        return first[: max(first.rfind("T", 0, same), first.rfind(" ", 0, same)) + 1]
+
+    def ticks(self, low: float, high: float, room: float) -> tuple[list[float], list[str], str]:
+        """Places of ticks, their names, and the name of the axis; `room` is for characters."""
+        if len(self.labels) == 1:
+            return [(low + high) / 2], list(self.labels), "time"
+        make = {"number": _numbers, "stamp": _numbers, "date": self._dates, "step": self._steps}
+        for count in range(10, 1, -1):
+            places, names, title = make[self.axis["kind"]](low, high, count)
+            if len(places) * (max(map(len, names), default=0) + 2) <= room:
+                break
+        if self.axis["kind"] == "stamp":  # whole numbers from 0
+            kept = [(at, f"{at:,.0f}") for at in places if at >= 0 and at == round(at)]
+            places, names = [at for at, _ in kept], [name for _, name in kept]
+            title = f"time from {self.axis['origin']}"
+            names = [f"+{name}" if name != "0" else name for name in names]
+        return places, names, title
+
+    def _dates(self, low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
+        """Round times of the day, or days; what they share of the date is in the name."""
+        places, size = _round_times(low, high, count)
+        origin = datetime.fromisoformat(self.axis["origin"])
+        try:
+            times = [origin + timedelta(seconds=at) for at in (*places, low, high)]
+        except OverflowError:  # beyond the year 9999
+            return self._steps(low, high, count)
+        one_day, one_year = (len({time.strftime(form) for time in times}) == 1 for form in FORMS)
+        form = "" if one_day else "%m-%d " if one_year else "%Y-%m-%d "
+        form += "" if size % DAY == 0 else "%H:%M" if size % 60 == 0 else "%H:%M:%S"
+        digits = 0 if size >= 1 else min(math.ceil(-math.log10(size) - 1e-9), 6)
+        names = [
+            time.strftime(form).strip() + f".{time.microsecond:06d}"[: digits + 1 if digits else 0]
+            for time in times[:-2]
+        ]
+        suffix = f", {origin:%Y-%m-%d}" if one_day else f", {origin:%Y}" if one_year else ""
+        return places, names, f"time{suffix}"
+
+    def _steps(self, low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
+        """Steps at round distances, evenly spaced."""
+        first, last = max(math.ceil(low), 0), min(math.floor(high), len(self.labels) - 1)
+        if last - first < count:
+            steps = list(range(first, last + 1))
+        else:
+            steps = [round(at) for at in nice(first, last, count) if at == round(at)]
+        names = [self.labels[step][len(self.shared) :] for step in steps]
+        title = f"time {self.shared}…" if self.shared else "time"
+        return [float(step) for step in steps], names, f"{title}, steps evenly spaced"
+
+
+def _numbers(low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
+    """Round numbers; of large ones that are near to each other the difference to a round one."""
+    places, base = nice(low, high, count), 0.0
+    if max(abs(low), abs(high)) > max(1e5, 1e3 * (high - low)):
+        size = 10.0 ** math.ceil(math.log10(high - low)) if high > low else 1.0
+        base = math.floor(low / size) * size
+    names = [f"{place - base:.10g}" for place in places]
+    return places, names, f"time − {base:.0f}" if base else "time"
+
+
+def _round_times(low: float, high: float, count: int) -> tuple[list[float], float]:
+    """Places of ticks in seconds, and how far they are apart."""
+    raw = (high - low) / count * (1 - 1e-9)
+    if raw <= CLOCK[0] or raw > DAYS[-1] * DAY:
+        places = nice(low, high, count)
+        return places, places[1] - places[0] if len(places) > 1 else 1e-3
+    size = next(size for size in (*CLOCK, *(days * DAY for days in DAYS)) if size >= raw)
+    first, last = math.ceil(low / size - 1e-9), math.floor(high / size + 1e-9)
+    return [k * size for k in range(first, last + 1)], size
+
+
+def nice(low: float, high: float, count: int) -> list[float]:
+    """Round numbers from low to high, about so many."""
+    if not high > low:
+        return [low]
+    raw = (high - low) / max(count, 1)
+    size = 10.0 ** math.floor(math.log10(raw))
+    size *= next(factor for factor in (1, 2, 5, 10) if factor * size >= raw * (1 - 1e-9))
+    first = math.ceil(low / size - 1e-9)
+    return [k * size for k in range(first, math.floor(high / size + 1e-9) + 1)]
