@@ -50,7 +50,7 @@ CASES = st.fixed_dictionaries(
         "-c": st.sampled_from([3.0, 10.0, 50.0]),
         "-p": st.sampled_from([1.0, 2.0, 3.0]),
         "-g": st.sampled_from([0.0, 1.0, 5.0]),
-        "--grid": st.sampled_from(["union", "truth", "estimate"]),
+        "--grid": st.sampled_from(["union", "truth", "estimate --outage none"]),
         "layout": st.tuples(
             st.integers(1, 5), st.sampled_from([0, 9]), st.sampled_from([1, 7, 1000])
         ),
@@ -82,7 +82,7 @@ def test_the_bracket_is_that_of_the_whole(invoke: Invoke, seed: int, case: dict[
         asked += ["--steps=-5:40:2.5"]
         sides = sides[0], replace(sides[1], times=sides[1].times + 0.5)
     else:
-        asked += ["--grid", case["--grid"]]
+        asked += ["--grid", *case["--grid"].split()]
     asked += ["--jobs", "1", "--format", "json", "-q"]
     work = Path(tempfile.mkdtemp())
     try:

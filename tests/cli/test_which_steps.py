@@ -80,7 +80,9 @@ def test_a_silence_is_charged(files: Path, invoke: Invoke) -> None:
     assert alive["total"] == pytest.approx(45)
     # Ten stamps of the truth, from 9 to 20, and three objects at each, 50 for each miss.
     assert dead["missed"] == 50 * 3 * 12
-    assert dead["normalised"]["tgospa"] == pytest.approx((dead["total"] / 31) ** 0.5)
+    # The steps are those of the estimate, and of its silence.
+    assert dead["judged"]["steps"] == 10 + 12
+    assert dead["normalised"]["tgospa"] == pytest.approx((dead["total"] / 22) ** 0.5)
     (warned,) = [notice for notice in dead["warnings"] if notice["code"] == "silences"]
     assert (
         "no state within c of a truth for 12 in 1 silence: 36 states of the truth in them"
@@ -92,6 +94,32 @@ def test_a_silence_is_charged(files: Path, invoke: Invoke) -> None:
     longer = value(invoke("truth.csv", "dead.csv", *clock, "--outage", "12"))
     assert longer["missed"] == 0
     assert alive["judged"]["truth_sha256"] != dead["judged"]["truth_sha256"]
+
+
+@pytest.mark.parametrize("grid", ["estimate", "common"])
+def test_a_silence_is_charged_where_the_estimate_chooses_the_steps(
+    grid: str, files: Path, invoke: Invoke
+) -> None:
+    """Also by an absolute limit of a gate: who is dead is no better than who is not."""
+    shift = tracker()
+    shift["t"] = shift["t"].round()
+    shift.to_csv("alive.csv", index=False)
+    shift[~shift["t"].between(9, 20)].to_csv("dead.csv", index=False)
+    clock = ("--grid", grid, *GIVEN)
+    alive, dead = (
+        value(invoke("truth.csv", f"{name}.csv", *clock, "--format", "json"))
+        for name in ("alive", "dead")
+    )
+    assert alive["missed"] == 0
+    assert alive["judged"]["steps"] == alive["sizes"]["steps"]
+    assert dead["missed"] > 0
+    assert dead["normalised"]["tgospa"] > alive["normalised"]["tgospa"]
+    limit = str(alive["normalised"]["tgospa"] + 1e-6)
+    gate = ("gate", "truth.csv", "{}.csv", "--max", f"normalised.tgospa={limit}", *clock, "-q")
+    for name, status in (("alive", 0), ("dead", 1)):
+        assert invoke(*(part.format(name) for part in gate)).status == status
+    answer = invoke(*(part.format("dead") for part in gate), "--outage", "none")
+    assert (answer.status, "limits of a gate" in answer.err) == (2, True)
 
 
 def test_a_false_alarm_ends_no_silence(files: Path, invoke: Invoke) -> None:
@@ -122,8 +150,8 @@ def test_who_is_judged_at_other_steps_has_no_order(files: Path, invoke: Invoke) 
     answer = invoke("compare", "truth.csv", "alive.csv", "dead.csv", *clock, "-q")
     assert (answer.status, answer.out) == (2, "")
     assert (
-        "no order: not judged on the same truth (alive, alive.csv: 45 truth states at 15 of 31 "
-        "steps; dead, dead.csv: 30 truth states at 10 of 31 steps); evaluate all on a common "
+        "no order: not judged on the same steps and truth (alive, alive.csv: 45 truth states at 15 of 15 "
+        "steps; dead, dead.csv: 30 truth states at 10 of 10 steps); evaluate all on a common "
         "clock, --resample, or with"
     ) in answer.err
     gate = ("gate", "truth.csv", "alive.csv", "--baseline", "base.json", *clock, "-q")
@@ -131,7 +159,10 @@ def test_who_is_judged_at_other_steps_has_no_order(files: Path, invoke: Invoke) 
     Path("alive.csv").write_bytes(Path("dead.csv").read_bytes())
     answer = invoke(*gate)
     assert answer.status == 2
-    assert "not judged on the same truth (now: 30 truth states at 10 of 31 steps" in answer.out
+    assert (
+        "not judged on the same steps and truth (now: 30 truth states at 10 of 10 steps"
+        in answer.out
+    )
 
 
 def test_no_ranking_of_a_batch_either(files: Path, invoke: Invoke) -> None:
@@ -143,7 +174,7 @@ def test_no_ranking_of_a_batch_either(files: Path, invoke: Invoke) -> None:
              "--by", "tracker")  # fmt: skip
     answer = invoke(*batch, "--interpolate", "truth", "--max-gap", "4", "-o", "own")
     assert answer.status == 0
-    assert "tracker is not ranked: gt_1.csv: not judged on the same truth" in " ".join(
+    assert "tracker is not ranked: gt_1.csv: not judged on the same steps and truth" in " ".join(
         answer.out.split()
     )
     answer = invoke(*batch, "--resample", "2", "--max-gap", "4", "-o", "common")

@@ -605,9 +605,15 @@ def _task(
 
         of = "baseline" if gate.update_baseline else "run"
         folder = os.path.join(gate.proof, of, *([folder_name(pair.name)] if gate.suite else []))
+    options = Request.of({**given, **nees})
+    if options.outage == "none" and any(rule.absolute for rule in rules):
+        raise ConfigError(
+            f"{gate.prefix(pair)}--outage none: limits of a gate are for all that a tracker had to "
+            "report, and its silences are not charged; leave it out, or --max"
+        )
     return JobTask(
         job=pair,
-        options=Request.of({**given, **nees}),
+        options=options,
         folder=folder,
         page=gate.output is not None,
         quiet=gate.quiet,
