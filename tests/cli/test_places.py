@@ -278,10 +278,10 @@ def test_what_no_sensor_reports_is_an_error() -> None:
     truth = pd.DataFrame({"id": 1, "t": [0], "lat": 55.6, "lon": 12.8, "alt": 0.0})
     seen = pd.DataFrame({"id": 7, "t": [0], "range": -1.0, "bearing": 0.0, "elevation": 91.0})
     options = {"cutoff": 50, "switch_penalty": 1, "origin": "55.6,12.8"}
-    with pytest.raises(InputError, match="has the range -1; must be >= 0"):
+    with pytest.raises(InputError, match='column "range": -1 must be >= 0'):
         evaluate(truth, seen, **options, estimate_crs="range,bearing")
     polar = {"truth_crs": "lat,lon,alt", "estimate_crs": "range,bearing,elevation"}
-    with pytest.raises(InputError, match="has the elevation 91; must be from -90 to 90"):
+    with pytest.raises(InputError, match='column "elevation": 91 must be from -90 to 90'):
         evaluate(truth, seen.assign(range=1.0), **options, **polar)
     for origin in (5, (1,), ("a", 2), (55, 400)):
         with pytest.raises(ConfigError, match="must be LAT,LON or LAT,LON,ALT"):
@@ -344,3 +344,68 @@ def test_heights_of_both_sides_take_part() -> None:
     result = evaluate(truth, partly, distance="geodesic", **metric)
     assert (result.total, result.judged_on.truth_states) == (0, 3)
     assert any("estimate has 1 row without (altitude)" in text for text in result.notices)
+
+
+def test_estimates_in_unlike_frames_clocks_and_units_are_ranked(invoke: Any) -> None:
+    """What must agree is the truth, and the frame in which distances are taken."""
+    pytest.importorskip("pyproj")
+    t = np.arange(20)
+    pd.DataFrame({"id": 1, "t": t, "lat": 55.6 + 1e-4 * t, "lon": 12.8 + 2e-4 * t}).to_csv(
+        "truth.csv", index=False
+    )
+    east, north = 12.5 * t + 3, 11.1 * t + 4
+    pd.DataFrame({"id": 1, "t": t, "x": east, "y": north}).to_csv("enu.csv", index=False)
+    pd.DataFrame({"id": 1, "t": t + 90, "x": north + 9, "y": east}).to_csv("ned.csv", index=False)
+    metric = ("-c", "200", "-g", "50", "--origin", "55.6,12.8", "-q")
+    for name, more in (("enu", ()), ("ned", ("--time-offset", "-90"))):
+        answer = invoke(
+            "truth.csv", f"{name}.csv", *metric, "--estimate-crs", name, *more, "-o", name
+        )
+        assert answer.status == 0, answer.err
+    assert "best first: enu, ned" in invoke("compare", "enu", "ned").out
+    head = "truth,estimate,tracker,estimate-crs,time-offset"
+    rows = ("truth.csv,enu.csv,a,enu,0", "truth.csv,ned.csv,b,ned,-90")
+    Path("jobs.csv").write_text("\n".join((head, *rows, "")))
+    found = invoke(
+        "batch", "jobs.csv", *metric, "-o", "store", "--by", "tracker", "--format", "json"
+    )
+    assert [one["name"] for one in json.loads(found.out)["ranking"]] == ["a", "b"]
+
+
+def test_options_of_one_side_lead_on(invoke: Any) -> None:
+    """Rows of nowhere are dropped, columns and zones are those of the side that lacks them."""
+    pytest.importorskip("pyproj")
+    rows = ["a,2025-03-04T10:00:00,55.6,12.8", "a,2025-03-04T10:00:10,55.6001,12.8001"]
+    Path("ais.csv").write_text(
+        "\n".join(("MMSI,time,LAT,LON", *rows, "b,2025-03-04T10:00:10,91,12", ""))
+    )
+    lines = ["trk,time,east_m,north_m", "1,1741082400,3,4", "1,1741082410,9,15", ""]
+    Path("radar.csv").write_text("\n".join(lines))
+    metric = ("-c", "200", "-g", "50", "--origin", "55.6,12.8", "--estimate-crs", "enu", "-q")
+    answer = invoke("ais.csv", "radar.csv", *metric)
+    assert "radar.csv, line 1: no column for id" in answer.err
+    metric += ("--estimate-columns", "id=trk,x=east_m,y=north_m")
+    answer = invoke("ais.csv", "radar.csv", *metric, "--resample", "10s", "--max-gap", "10s")
+    assert 'column "LAT": 91 must be from -90 to 90; --on-invalid drop leaves' in answer.err
+    metric += ("--on-invalid", "drop")
+    answer = invoke("ais.csv", "radar.csv", *metric, "--resample", "10s", "--max-gap", "10s")
+    assert "--truth-time-zone UTC, or another" in answer.err
+    answer = invoke("ais.csv", "radar.csv", *metric, "--truth-time-zone", "UTC")
+    assert (answer.status, "1 truth, 1 estimate, 2 steps" in answer.out) == (0, True)
+
+
+def test_milliseconds_beside_seconds_whose_stamps_do_not_coincide(invoke: Any) -> None:
+    seconds = [f"1,{1741082400 + 10 * k},{2000 * k},0" for k in range(30)]
+    millis = [f"1,{1741082400370 + 1000 * k},{200 * k + 74},30" for k in range(300)]
+    for name, rows in (("a.csv", seconds), ("b.csv", millis)):
+        Path(name).write_text("\n".join(("id,t,x,y", *rows, "")))
+    given = ("a.csv", "b.csv", "-c", "200", "-g", "100")
+    for more in ((), ("--resample", "1", "--max-gap", "10")):
+        assert "; --time-scale 0.001" in invoke(*given, *more).err
+    more = ("--time-scale", "0.001", "--resample", "1", "--max-gap", "10")
+    answer = invoke(*given, *more, "--format", "json")
+    assert json.loads(answer.out)["normalised"]["tgospa"] < 40
+    assert "; --time-scale" not in answer.err
+    for offset in ("500ms", "0.5"):
+        assert invoke(*given, *more, "--time-offset", offset, "-q").status == 0
+    assert invoke(*given, "--time-offset", "5 apples").status == 2

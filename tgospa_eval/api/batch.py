@@ -71,6 +71,9 @@ REPORT_FOLDER = "reports"
 FAULTS_SHOWN = 10
 """Faults that are shown."""
 
+OVER = ("start", "stamps")
+"""Clocks of curves over runs."""
+
 DECIDING = ("steps", "resample", "grid", "interpolate")
 """Options that say which steps count, in place of what a benchmark declares."""
 
@@ -160,6 +163,7 @@ def batch(
     slices: str | Iterable[str] = (),
     mean_of_roots: bool = False,
     band: "BandKind | None" = None,
+    over: str | None = None,
     force: bool = False,
     **options: Any,
 ) -> Batch:
@@ -187,6 +191,8 @@ def batch(
         As the options of the command.
     band : {"interval", "bootstrap", "percentiles", "deviation"}, optional
         Bands around the curves of `per_step`.
+    over : {"start", "stamps"}, optional
+        Time of these curves: since the start of each run, or its stamps.
     with_, slices : str or iterable of str
         As for `evaluate`.
 
@@ -267,6 +273,7 @@ class BatchOptions(Values):
     by: tuple[str, ...] = ()
     mean_of_roots: bool = False
     band: "BandKind | None" = None
+    over: str | None = None
     config: SettingsFile | None = None
     quiet: bool = False
 
@@ -296,6 +303,8 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
         raise ConfigError("--curve is for --per-step, or for the folders of --reports")
     if batch.band not in (None, *BANDS):
         raise ConfigError(f"--band {quoted(batch.band)}: must be one of {', '.join(BANDS)}")
+    if batch.over not in (None, *OVER):
+        raise ConfigError(f"--over {quoted(batch.over)}: must be one of {', '.join(OVER)}")
     parse_slices(options.slices)
     if batch.scheduler and batch.workers:
         raise ConfigError("--scheduler has the workers that it has: --workers is for processes")
@@ -358,7 +367,7 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
         tables=tables,
         faults=tuple(faults),
         store=store,
-        page=count == 1 and bool(left or batch.by or batch.band or not has_page),
+        page=count == 1 and bool(left or batch.by or batch.band or batch.over or not has_page),
         notices=tuple(notices),
         status=5 if faults else ExitStatus.NOT_REACHED if opened else ExitStatus.DONE,
     )
@@ -597,9 +606,10 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
     by = asked or label_names(rows)[:1]
     tables = tabulated(rows, by, roots=batch.mean_of_roots)
     steps = store.steps(rows)
-    curves, told = rms_curves(rows, steps, by, batch.band or "interval")
-    if batch.band and steps is None:
-        told.append("--band is for curves: no steps are stored; --per-step stores them")
+    curves, told = rms_curves(rows, steps, by, batch.band or "interval", batch.over)
+    if (batch.band or batch.over) and steps is None:
+        option = "--band" if batch.band else "--over"
+        told.append(f"{option} is for curves: no steps are stored; --per-step stores them")
     # Without --by nobody asked what there is to compare.
     used = store.settings().get("settings_file")
     notes = (

@@ -41,7 +41,13 @@ from tgospa_eval.evaluation.sides import TrajectoriesLike, as_solver
 from tgospa_eval.formats import Reading
 from tgospa_eval.results.consistency import ABOUT_COVARIANCES
 from tgospa_eval.results.records import Json, json_text
-from tgospa_eval.results.saved import MADE_BY, read_result, saved_result, unlike
+from tgospa_eval.results.saved import (
+    MADE_BY,
+    OF_THE_ESTIMATE,
+    read_result,
+    saved_result,
+    unlike,
+)
 from tgospa_eval.show.comparison import estimates_columns, pairs_columns, render, solvers_columns
 from tgospa_eval.solvers import SOLVERS, Solver
 from tgospa_eval.text import quoted
@@ -420,7 +426,11 @@ def rank_saved(paths: Sequence[str], notify: Notify) -> Ranked:
         faults = []
         for path, document in zip(group, documents, strict=True):
             wrong = unlike(document["parameters"], heads[0][0]["parameters"])
-            texts = [f"{name} is {one}, there {other}" for name, one, other in wrong]
+            texts = [
+                f"{name} is {one}, there {other}"
+                for name, one, other in wrong
+                if name not in OF_THE_ESTIMATE
+            ]
             if texts:
                 which = f"{path}: cannot be ranked with {runs[0][0]}"
                 faults.append(f"{which}: {'; '.join(texts)}")

@@ -177,7 +177,8 @@ class DistanceOptions:
         for name, whose in WHOSE.items():
             if name not in allowed and _is_given(getattr(options, name), DEFAULTS[name]):
                 other = "a record with settings of its own" if self.is_record else self.named.name
-                raise ConfigError(f"--{_spelt(name)} is for {whose}, not for {other}")
+                way = "; of local axes --scale z=W is the same" if name == "vertical_weight" else ""
+                raise ConfigError(f"--{_spelt(name)} is for {whose}, not for {other}{way}")
         if of_matrix and not of_pairs:
             if self.path is None:
                 raise ConfigError(f"--distance {self.named.name} needs --covariance FILE")

@@ -36,6 +36,7 @@ IN_OBJECTS = {
     "time_tolerance": "a number",
     "max_gap": "a number, or a pair of truth and estimate",
     "resample": "a number",
+    "time_offset": "a number",
     "period": "a number",
     "outage": "a number",
     "window": "a number of steps",

@@ -308,10 +308,11 @@ class Request(Values):
         "there is missed. none says that the tracker reports only when it sees something.",
         shown="five times the median of such intervals",
     )
-    time_offset: float = _files(
+    time_offset: str = _files(
         "--time-offset DT",
-        "Added to the times of ESTIMATE, after --time-scale; in seconds for ISO times.",
-        default=0.0,
+        "Added to the times of ESTIMATE, after --time-scale: -4.7, or 500ms; a number is seconds "
+        "for ISO times.",
+        default="0",
     )
     time_scale: float = _files(
         "--time-scale FACTOR",

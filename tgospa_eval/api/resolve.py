@@ -48,6 +48,7 @@ from tgospa_eval.results.numbers import Calibration
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.conversion import Conversion
+from tgospa_eval.tracks.durations import signed_seconds
 from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -509,7 +510,7 @@ def _settings(options: Request) -> Settings:
         measure.named, options.order, options.cutoff, options.switch_penalty, options.rho
     )
     conversion = Conversion(
-        time_offset=options.time_offset,
+        time_offset=signed_seconds(options.time_offset, "--time-offset"),
         time_scale=options.time_scale,
         unit_scale=options.unit_scale,
         angles=tuple(measure.period),
@@ -731,7 +732,9 @@ def _each(
         (_list(options.estimate_columns), _list(options.estimate_class), options.estimate_where),
     )
     shared_columns = _list(options.columns)
-    columns_of = columns_of_each(shared_columns, *(columns for columns, _, _ in own))
+    columns_of = columns_of_each(
+        shared_columns, *(columns for columns, _, _ in own), alike=frames is None
+    )
     needs = (
         (measure.needed, measure.needed)
         if frames is None
@@ -739,10 +742,12 @@ def _each(
     )
     is_named = any(parse_columns(names)[1] for names in (shared_columns, own[0][0], own[1][0]))
     on_earth = measure.named.on_earth or frames is not None
+    framed = (None, None) if frames is None else frames.frames
     truth, estimate = (
         replace(
             reading,
             heights="tell" if on_earth and not is_named else "",
+            fault=reading.fault if frame is None else frame.fault,
             columns=measure.columns(columns, needed),
             placed=(names if "t" in (names or ()) else shared_columns) or (),
             classes=classes or reading.classes,
@@ -751,8 +756,8 @@ def _each(
             option=f"--{side}-columns",
             form=_form(options, role),
         )
-        for (names, classes, where), (columns, shared), needed, side, role in zip(
-            own, columns_of, needs, options.sides, ROLES, strict=True
+        for (names, classes, where), (columns, shared), needed, side, role, frame in zip(
+            own, columns_of, needs, options.sides, ROLES, framed, strict=True
         )
     )
     return truth, estimate

@@ -1,6 +1,8 @@
 """Root mean squares over runs at each time: docs/reference/batch.md has the definitions.
 
-Every run of a group counts at each time, with cost 0 where it has nothing. Sums over time and over
+Every run of a group counts at each time, with cost 0 where it has nothing; where no more than half
+of the runs have a time in common, or a clock is asked for, a run counts from its first step to its
+last. Sums over time and over
 runs go from left to right, runs in the order of the jobs, and powers are those of Python, so that a
 script that adds up single results gets the same doubles.
 """
@@ -17,7 +19,8 @@ from tgospa_eval.campaign.statistics import CONFIDENCE, LEAST_PAIRS, NUMBERS_AT_
 from tgospa_eval.campaign.store import COST_COLUMNS, CURVE_COLUMNS
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.words import counted
-from tgospa_eval.formats.times import TimeError, places
+from tgospa_eval.formats.fields import floats
+from tgospa_eval.formats.times import TimeError, parse_times, places
 from tgospa_eval.results.records import Time
 from tgospa_eval.show.batch import (
     KIND_COLUMN,
@@ -28,6 +31,7 @@ from tgospa_eval.show.batch import (
     RmsCurve,
 )
 from tgospa_eval.text import listed
+from tgospa_eval.tracks.durations import SECOND
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,6 +47,8 @@ BAND_TAIL = round(BAND_RESAMPLES * BAND_LEVELS[0])
 
 MOST_BANDED = 20_000
 """Times with bands, of runs that have few in common."""
+
+Bounds = tuple[Sequence[float], Sequence[float]]
 
 Line = tuple[list[float], Band | None]
 """Root mean squares, and what is around them; None where there are too few runs."""
@@ -61,6 +67,7 @@ def rms_curves(
     steps: "pd.DataFrame | None",
     by: Sequence[str],
     band: BandKind = "interval",
+    over: str | None = None,
 ) -> tuple[list[RmsCurve], list[str]]:
     """The curves of each group of jobs whose steps are stored, and what is to be told of them.
 
@@ -74,6 +81,9 @@ def rms_curves(
         Labels that make a group; parameters that differ make groups as well.
     band : str
         What is around the curves.
+    over : {"start", "stamps"}, optional
+        Whether times are those since the start of each run, or its stamps; by default stamps, or
+        since the start where the runs of a group have no time in common.
     """
     if steps is None:
         return [], []
@@ -98,7 +108,7 @@ def rms_curves(
         counts = group.index.isin(parts[k]["job"]) | (group["sizes.steps"] == 0).to_numpy()
         try:
             jobs = group.index[counts].to_numpy()
-            made = _curves(parts[k], jobs, float(first["order"]), band, about)
+            made = _curves(parts[k], jobs, float(first["order"]), (band, over), about)
             for kind, runs, found_lines, bounds in made:
                 lines = dict(zip(COST_COLUMNS, found_lines, strict=False))
                 found.append(
@@ -106,7 +116,7 @@ def rms_curves(
                         group=labels,
                         kind=kind,
                         times=runs.times,
-                        runs=runs.count,
+                        runs=runs.present.tolist(),
                         rms={name: rms for name, (rms, _) in lines.items()},
                         bands={name: band for name, (_, band) in lines.items() if band},
                         bounds=bounds,
@@ -124,11 +134,20 @@ def rms_curves(
 
 
 def _curves(
-    steps: "pd.DataFrame", jobs: Ints, order: float, band: BandKind, notes: list[str]
-) -> Iterator[tuple[CurveKind, "_Runs", list[Line], Band | None]]:
+    steps: "pd.DataFrame",
+    jobs: Ints,
+    order: float,
+    shown: tuple[BandKind, str | None],
+    notes: list[str],
+) -> Iterator[tuple[CurveKind, "_Runs", list[Line], Bounds | None]]:
     """The curves of these jobs, whose steps these are; what is to be told of them is noted."""
-    runs = _Runs(steps, jobs, order, band)
-    if runs.apart:
+    runs = _Runs(steps, jobs, order, *shown)
+    if shown[1] is None and runs.over == "start":
+        notes.append(
+            "the runs have no time in common: t is the time since the start of each run, and a run "
+            "counts up to its last step; --over stamps keeps its stamps"
+        )
+    elif runs.apart:
         bands = f"; more than {MOST_BANDED:,} times have no bands" if runs.many else ""
         notes.append(
             "at most times half of the runs or fewer have a step, and the others count with "
@@ -144,7 +163,7 @@ def _curves(
     if not having.all():
         missing = f"{np.count_nonzero(~having):,} of {counted(len(having), 'run')}"
         notes.append(f"{missing} have no values of the steps up to each step")
-    runs = _Runs(traced, jobs[having], order, band)
+    runs = _Runs(traced, jobs[having], order, *shown)
     powers = [[value**order for value in own] for own in runs.columns(CURVE_COLUMNS).tolist()]
     value, lower, upper = np.array(powers)
     line = runs.line(value, (lower, upper), carried=True)
@@ -193,13 +212,29 @@ class _Runs:
         Times are of several kinds.
     """
 
-    def __init__(self, steps: "pd.DataFrame", jobs: Ints, order: float, band: BandKind) -> None:
+    def __init__(
+        self,
+        steps: "pd.DataFrame",
+        jobs: Ints,
+        order: float,
+        band: BandKind,
+        over: str | None = None,
+    ) -> None:
         import pandas as pd
 
         codes, texts = pd.factorize(steps["t"].to_numpy())
         read = [_as_read(text) for text in texts]
         (place,) = places([read])
         run, place = np.searchsorted(jobs, steps["job"]), place[codes]
+        first, last = (end(place, run, len(jobs)) for end in (_least, _largest))
+        self.over, self.alone = over, over is not None
+        ends = np.stack((first, last))[:, first <= last]  # of runs with steps
+        if over is None and 2 * most_at_once(*ends) <= ends.shape[1]:
+            self.over, self.alone = "start", True
+        if self.over == "start":
+            since = _since_start(read, codes, run, len(jobs))
+            values, place = np.unique(since, return_inverse=True)
+            read, codes = values.tolist(), place
         by_run = np.lexsort((place, run))
         self.order, self.band = order, band
         self.count, self.steps = len(jobs), steps.iloc[by_run]
@@ -210,6 +245,14 @@ class _Runs:
         begins = np.flatnonzero(np.diff(self.run, prepend=-1)).tolist()
         self.slices = [slice(*ends) for ends in pairwise([*begins, len(steps)])]
         self.divisor = np.maximum(self.columns(["steps"])[0], 1)
+        self.present = np.full(len(self.times), self.count)
+        if self.alone:
+            self.ends = [(self.place[own.start], self.place[own.stop - 1]) for own in self.slices]
+            change = np.zeros(len(self.times) + 1, np.int64)
+            for begin, end in self.ends:
+                change[begin] += 1
+                change[end + 1] -= 1
+            self.present = np.cumsum(change)[:-1]
 
     def columns(self, names: Sequence[str]) -> Floats:
         """Columns (M, R) of the steps."""
@@ -251,14 +294,15 @@ class _Runs:
         for own in self.slices:
             place = self.place[own]
             if carried:
-                found[place[0] :] += np.repeat(costs[own], np.diff(place, append=size))
+                end = place[-1] + 1 if self.alone else size
+                found[place[0] : end] += np.repeat(costs[own], np.diff(place, append=end))
             else:
                 found[place] += costs[own]
         return found
 
     def rms(self, costs: Floats, *, carried: bool) -> list[float]:
         """Root mean squares over the runs of costs (R,) at each time."""
-        means = self.sums(costs, carried=carried) / self.count
+        means = self.sums(costs, carried=carried) / np.maximum(self.present, 1)
         return [cost ** (1 / self.order) for cost in means.tolist()]
 
     def line(
@@ -268,18 +312,33 @@ class _Runs:
         band = None
         if self.count >= LEAST_RUNS[self.band] and not self.many:
             ends = []
-            for row, there in self.cells(carried=carried):
+            for row, there, within in self.cells(carried=carried):
                 cells = [np.where(there, side[row], 0.0) for side in bounds or (costs,)]
-                ends.append(_band(self.band, cells[0], cells[-1], self.order))
-            low, high = np.concatenate(ends, axis=1).tolist()
+                found = np.full((2, row.shape[1]), np.nan)
+                cuts = np.flatnonzero((within[:, 1:] != within[:, :-1]).any(axis=0)) + 1
+                for begin, end in pairwise([0, *cuts.tolist(), row.shape[1]]):
+                    own = within[:, begin]
+                    if np.count_nonzero(own) >= LEAST_RUNS[self.band]:
+                        some = [side[own, begin:end] for side in cells]
+                        found[:, begin:end] = _band(self.band, some[0], some[-1], self.order)
+                ends.append(found)
+            low, high = (
+                [None if value != value else value for value in side]
+                for side in np.concatenate(ends, axis=1).tolist()
+            )
             band = low, high
         return self.rms(costs, carried=carried), band
 
-    def cells(self, *, carried: bool) -> Iterator[tuple[Ints, Mask]]:
+    def cells(self, *, carried: bool) -> Iterator[tuple[Ints, Mask, Mask]]:
         """Of some times after the others the steps (N, K) of all runs, and whether there are such.
 
-        Where they are `carried` a run has at each time its last step up to it.
+        Where they are `carried` a run has at each time its last step up to it. The last array says
+        which runs count.
         """
+        ends = np.array([[0, len(self.times)]] * self.count)
+        if self.alone:
+            ends[:] = (1, 0)  # of runs without steps
+            ends[self.run[[own.start for own in self.slices]]] = self.ends
         size = len(self.times)
         keys = self.run * size + self.place
         width = max(1, NUMBERS_AT_ONCE // max(self.count, BAND_RESAMPLES))
@@ -288,7 +347,49 @@ class _Runs:
             wanted = first + np.arange(low, min(low + width, size))
             row = np.searchsorted(keys, wanted, side="right") - 1
             there = (row >= 0) & (keys[row] >= (first if carried else wanted))
-            yield row, there
+            at = wanted - first
+            yield row, there, (at >= ends[:, :1]) & (at <= ends[:, 1:])
+
+
+def most_at_once(first: Ints, last: Ints) -> int:
+    """How many stretches, by first and last place, have a place in common at most."""
+    change = np.zeros(int(last.max(initial=0)) + 2, np.int64)
+    np.add.at(change, first, 1)
+    np.add.at(change, last + 1, -1)
+    return int(np.cumsum(change).max())
+
+
+def _least(values: Ints, run: Ints, runs: int) -> Ints:
+    """The least value of each run."""
+    found = np.full(runs, np.iinfo(np.int64).max)
+    np.minimum.at(found, run, values)
+    return found
+
+
+def _largest(values: Ints, run: Ints, runs: int) -> Ints:
+    """The largest value of each run."""
+    found = np.full(runs, -1)
+    np.maximum.at(found, run, values)
+    return found
+
+
+def _since_start(read: Sequence[Time], codes: Ints, run: Ints, runs: int) -> Floats:
+    """Times of steps since the first step of their run, in seconds or the unit of the stamps."""
+    unit = 1.0
+    if isinstance(read[0], str):
+        times = parse_times(list(map(str, read)), floats)
+        value, unit = times.value.astype(object), float(SECOND)
+    else:
+        value = np.array(read, dtype=object)
+    first = np.full(runs, None, dtype=object)
+    for k, moment in zip(run.tolist(), value[codes].tolist(), strict=True):
+        first[k] = moment if first[k] is None else min(first[k], moment)
+    since: Floats = (value[codes] - first[run]).astype(np.float64) / unit
+    return np.asarray(np.round(since, DIGITS_OF_TIMES) + 0.0)
+
+
+DIGITS_OF_TIMES = 9
+"""Of seconds since a start: those of differences of decimals beyond are rounding."""
 
 
 def _as_read(text: str) -> Time:

@@ -32,6 +32,7 @@ from tgospa_eval.results.saved import (
     JUDGED,
     NEES_SUMS,
     NOTICE,
+    OF_THE_ESTIMATE,
     PARAMETERS,
     ROLES,
     SLICING,
@@ -324,9 +325,10 @@ TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "e
 READ_AS_GIVEN = (
     *("time", "class", "region", "truth_class", "estimate_class", "time_tolerance"),
     *("where", "truth_where", "estimate_where", "day_begins"),
-    *("time_offset", "time_scale", "unit_scale", "max_gap"),
+    "max_gap",
     *("on_duplicate", "on_invalid", "fix_cov", "missing_cov", "inner_cov", "decimal", "steps"),
     "ignore_regions",
+    *OF_THE_ESTIMATE,
 )
 """Parameters that say how a file is read, or come from what is in it: each job may have its own."""
 

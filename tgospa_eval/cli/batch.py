@@ -25,11 +25,23 @@ if TYPE_CHECKING:
     from tgospa_eval.show.batch import BatchTables
 
 OF_REPORT = {
-    *("paths", "by", "mean_of_roots", "band", "output", "force", "format_", "pictures", "style"),
+    *(
+        "paths",
+        "by",
+        "mean_of_roots",
+        "band",
+        "over",
+        "output",
+        "force",
+        "format_",
+        "pictures",
+        "style",
+    ),
     *("config", "quiet"),
 }
 """Parameters that mean something to ``batch report``."""
 
+OVER = ("start", "stamps")
 BAND_KINDS = ("interval", "bootstrap", "percentiles", "deviation")
 LAYOUTS = ("motchallenge", "kitti")
 
@@ -104,6 +116,13 @@ _batch = partial(Option, section="Batch")
             "deviation, of the runs.",
             type=click.Choice(BAND_KINDS),
             show_default="interval",
+        ),
+        _batch(
+            "--over CLOCK",
+            "Time of curves: since the start of each run, or its stamps. A run counts from its "
+            "first step to its last then.",
+            type=click.Choice(OVER),
+            show_default="stamps, start where runs have none in common",
         ),
         *(item for item in EVALUATION if item.key not in ("by", "jobs")),
         Option(

@@ -107,6 +107,7 @@ def on_axis(
         Durations do not fit the stamps, or a side cannot be interpolated.
     """
     matching.check_units(sides[0].clock if len(sides[0].times) else sides[1].clock)
+    comparable(*sides, names)
     axis = Axis(sides=sides, horizon=sides[0])
     if matching.resample is not None:
         return _resampled(axis, matching, distance, names, across)

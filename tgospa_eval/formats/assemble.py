@@ -457,7 +457,7 @@ def _check_states(
         if options.on_invalid == "error" or not droppable:
             left = (choice.mask & ~wrong).any()
             way = "; --on-invalid drop leaves such rows out" if droppable and left else ""
-            way = way if left else f"{remedy and ','} and no other row is right"
+            way = way if left else ", and no other row is right"
             raise InputError(f"{rows.where(int(at[0]))}{text}{way}")
         place = rows.where(int(at[0])).removeprefix(f"{rows.name}, ")  # which begins every notice
         choice.keep(~wrong, "invalid", f"{RULES_SAID['invalid']}: {place}{text}")

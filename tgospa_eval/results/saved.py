@@ -55,6 +55,12 @@ def of_metric(parameters: Mapping[str, object]) -> dict[str, object]:
     return {n: value for n, value in parameters.items() if n not in (*ACCURACY, *NEUTRAL)}
 
 
+OF_THE_ESTIMATE = (
+    *("estimate_crs", "estimate_scale", "time_offset", "time_scale", "unit_scale", "period"),
+)
+"""Parameters that say how one estimate is brought to the truth: each may have its own."""
+
+
 def unlike(
     own: Mapping[str, object], other: Mapping[str, object]
 ) -> Iterator[tuple[str, str, str]]:

@@ -66,8 +66,8 @@ POINT_COLUMNS = (
 KIND_COLUMN = "curve"
 """What comes before them where several curves are in one table."""
 
-Band = tuple[Sequence[float], Sequence[float]]
-"""Lower and upper ends."""
+Band = tuple[Sequence[float | None], Sequence[float | None]]
+"""Lower and upper ends; None where too few runs count."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,8 +82,8 @@ class RmsCurve:
         One of `CURVE_KINDS`.
     times : sequence of int, float or str
         As they were read, in order.
-    runs : int
-        How many there are; all count at each time.
+    runs : sequence of int
+        How many count at each time.
     rms : mapping of str to sequence of float
         Root mean squares at the K times, in state units: of the whole cost, ``total``, and of its
         parts by name; the whole alone where each point is an evaluation of its own.
@@ -98,7 +98,7 @@ class RmsCurve:
     group: Mapping[str, str]
     kind: CurveKind
     times: Sequence[Time]
-    runs: int
+    runs: Sequence[int]
     rms: Mapping[str, Sequence[float]]
     bands: Mapping[str, Band]
     bounds: tuple[Sequence[float], Sequence[float]] | None
@@ -111,7 +111,8 @@ class RmsCurve:
 
     def top(self, name: str) -> float:
         """The largest value of the whole cost or a part, with its band."""
-        return max((*self.rms[name], *(self.bands[name][1] if name in self.bands else ())))
+        ends = self.bands[name][1] if name in self.bands else ()
+        return max((*self.rms[name], *(end for end in ends if end is not None)))
 
     def table(self) -> Columns:
         """A row for each time."""
@@ -121,7 +122,7 @@ class RmsCurve:
             name: (values, *self.bands.get(name, (none, none))) for name, values in self.rms.items()
         }
         rms, *band = each["total"]
-        columns: list[Sequence[object]] = [range(1, size + 1), self.times, [self.runs] * size]
+        columns: list[Sequence[object]] = [range(1, size + 1), self.times, self.runs]
         columns += [rms, *(self.bounds or (none, none)), *band]
         columns += [column for part in PARTS for column in each.get(part, (none,) * 3)]
         return {name: list(values) for name, values in zip(POINT_COLUMNS, columns, strict=True)}

@@ -60,7 +60,7 @@ def batch_page(tables: BatchTables, *, draws: bool) -> str:
         sentence = order_in_words("the combined value", ranking.entries, ranking.comparisons)
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
-    runs = sorted({curve.runs for _, curve in tables.drawn_curves})
+    runs = sorted({count for _, curve in tables.drawn_curves for count in curve.runs})
     html = (
         environment()
         .get_template("batch.html.j2")

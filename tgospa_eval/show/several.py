@@ -421,7 +421,9 @@ def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Fi
     else:
         made, axes = figure(style.width, style.low * len(kinds), len(kinds))
         axes = axes.T
-        titled(axes[0, 0], style, "Root mean square over the runs")
+        counts = {count for _, curve in curves for count in curve.runs}
+        runs = " to ".join(map("{:,}".format, sorted({min(counts), max(counts)})))
+        titled(axes[0, 0], style, f"Root mean square over the runs ({runs} at each time)")
     clock, places, ends = on_one_axis([curve for _, curve in curves])
     drawn: dict[str, Artist] = {}
     for (row, column), axis in np.ndenumerate(axes):
@@ -453,7 +455,8 @@ def _draw_line(axis: Axes, at: Floats, curve: RmsCurve, name: str, track: int) -
     """A line with its band."""
     colour = TRACK_COLOURS[track % len(TRACK_COLOURS)]
     if name in curve.bands:
-        axis.fill_between(at, *curve.bands[name], color=colour, alpha=0.16, linewidth=0)
+        low, high = (np.array(end, float) for end in curve.bands[name])
+        axis.fill_between(at, low, high, color=colour, alpha=0.16, linewidth=0)
     looks: dict[str, Any] = {
         "color": colour,
         "linestyle": DASHES_OF_LINES[track % len(DASHES_OF_LINES)],

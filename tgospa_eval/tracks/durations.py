@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import TimeArray
 
@@ -134,6 +134,21 @@ class Steps:
             every = Duration.of(1, "--steps")
         every.check(self.clock, "--steps")
         return stretch(self.first, self.last, every, self.clock, f"--steps {self.text}")
+
+
+def signed_seconds(given: object, name: str) -> float:
+    """Seconds, or the unit of stamps that are numbers, of a number or a text such as ``-500ms``.
+
+    Raises
+    ------
+    ConfigError
+        It is neither.
+    """
+    if isinstance(given, str):
+        text = given.strip()
+        sign = -1.0 if text.startswith("-") else 1.0
+        return sign * float(Duration.of(text.lstrip("+-") or text, name))
+    return real_number(name, given)
 
 
 def multiples(first: int | float, last: int | float, every: Duration, clock: str) -> TimeArray:

@@ -14,11 +14,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats
+from tgospa_eval.common.arrays import Floats, Mask
 from tgospa_eval.common.earth import ellipsoid, from_crs, topocentric
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.common.words import parsed
+from tgospa_eval.common.words import more, parsed
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Trajectories
@@ -67,6 +67,17 @@ class Frame:
     down: bool = False
     turn: float = 0.0
     option: str = "--truth-crs"
+
+    def fault(self, columns: tuple[str, ...], axes: Floats) -> tuple[Mask, str, str] | None:
+        """Which places (d, R) are none in a column, the column, and what the first is."""
+        for k, _, least, most in LIMITS.get(self.kind, ()):
+            if k < len(columns):
+                wrong = (axes[k] < least) | (axes[k] > most)
+                if wrong.any():
+                    value, count = axes[k][int(np.argmax(wrong))], int(np.count_nonzero(wrong))
+                    limits = f"from {least:g} to {most:g}" if most < np.inf else f">= {least:g}"
+                    return wrong, columns[k], f"{value:g}{more(count)} must be {limits}"
+        return None
 
     def to_local(self, states: Floats) -> Floats:
         """East, north, perhaps up, of states that are local or polar."""
@@ -250,7 +261,8 @@ class Frames:
             shown = ",".join(frame.columns or LOCAL[:2])
             raise InputError(
                 f"{name}: {frame.option} {frame.text} needs the state columns {shown}, not "
-                f"{','.join(side.columns)}; name or map them with --columns"
+                f"{','.join(side.columns)}; name or map them with "
+                f"{frame.option.replace('crs', 'columns')}"
             )
         if side.covariance is not None:
             raise InputError(

@@ -58,7 +58,7 @@ def test_every_run_counts_at_each_time() -> None:
     found = curves(stored({"1": 4, "2": 8}, {"2": 8, "3": 16}, {"2": 2}), 3)
     single, cumulative = found["step"], found["cumulative"]
     assert list(found) == ["step", "cumulative"]
-    assert (single.times, single.runs) == ([1, 2, 3], 3)
+    assert (single.times, single.runs) == ([1, 2, 3], [3, 3, 3])
     assert single.rms["total"] == pytest.approx(np.sqrt([4 / 3, 6, 16 / 3]))
     assert single.rms["localisation"] == pytest.approx(np.sqrt([1 / 3, 1.5, 4 / 3]))
     assert single.rms["false"] == pytest.approx(np.sqrt([1, 4.5, 4]))
@@ -133,14 +133,14 @@ def test_runs_without_steps() -> None:
     table.loc[1, "sizes.steps"] = 0
     steps = stored({"1": 4})
     found, notes = rms_curves(table, steps, [])
-    assert (found[0].runs, found[0].rms["total"]) == (2, pytest.approx([2**0.5]))
+    assert (found[0].runs, found[0].rms["total"]) == ([2], pytest.approx([2**0.5]))
     (note,) = notes
     assert "all jobs: of 1 of 3 runs no steps are stored, and these do not count" in note
     steps = stored({"1": 4}, {"1": 4}, traced=True)
     steps.loc[1, list(CURVE_COLUMNS)] = np.nan
     found, notes = rms_curves(rows("aa"), steps, [])
     assert [(curve.kind, curve.runs) for curve in found] == [
-        ("step", 2), ("cumulative", 2), ("growing", 1)
+        ("step", [2]), ("cumulative", [2]), ("growing", [1])
     ]  # fmt: skip
     assert "1 of 2 runs have no values of the steps up to each step" in notes[0]
 
@@ -155,7 +155,26 @@ def test_runs_with_stamps_of_their_own_are_told() -> None:
     assert "half of the runs or fewer have a step" in note
     assert "--resample" in note
     assert told([0, 1, 2, 3], [2, 3, 4, 5], [1, 2, 4], [9]) == []
-    assert told([0, 1], [5, 6]) == []
+    (note,) = told([0, 1], [5, 6])
+    assert "t is the time since the start of each run" in note
+
+
+def test_recordings_with_absolute_times() -> None:
+    """No run is absent with cost 0, whichever clock is shown."""
+    steps = stored({"5": 4, "6": 4}, {"10": 4, "11": 4, "12": 4}, {"20": 4, "21": 4})
+    times = {None: [0, 1, 2], "start": [0, 1, 2], "stamps": [5, 6, 10, 11, 12, 20, 21]}
+    counts = {None: [3, 3, 1], "start": [3, 3, 1], "stamps": [1] * 7}
+    for over in times:
+        found, notes = rms_curves(rows("aaa"), steps, [], "percentiles", over)
+        for curve in found:
+            assert (list(curve.times), list(curve.runs)) == (times[over], counts[over])
+        assert found[0].rms["total"] == pytest.approx([2] * len(times[over]))
+        low, high = found[0].bands["total"]
+        there = [count > 1 for count in counts[over]]
+        assert (
+            [value is not None for value in low] == [value is not None for value in high] == there
+        )
+        assert len(notes) == (over is None)
 
 
 def test_bands() -> None:

@@ -211,13 +211,13 @@ def test_what_cannot_be_ranked(
 
 def test_what_is_judged_on_other_steps_has_no_order(save: Save, invoke: Invoke) -> None:
     for name, states in (("a", (0, 1, 0)), ("b", (0, 2, 0)), ("early", (0,))):
-        save(name, track(*states), "--grid", "common")
+        save(name, track(*states), "--grid", "common", "--outage", "none")
     assert invoke("compare", "a", "b").status == 0
     answer = invoke("compare", "a", "early")
     assert (answer.status, answer.out) == (2, "")
     assert (
-        "no order: not judged on the same truth (a, a/result.json: 3 truth states at 3 of 3 steps; "
-        "early, early/result.json: 1 truth state at 1 of 3 steps)"
+        "no order: not judged on the same steps and truth (a, a/result.json: 3 truth states at 3 "
+        "of 3 steps; early, early/result.json: 1 truth state at 1 of 1 step)"
     ) in answer.err
 
 

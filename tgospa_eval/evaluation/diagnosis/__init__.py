@@ -48,10 +48,22 @@ def diagnose(sides: "Fitted", request: "EvaluationRequest") -> list[Notice]:
     clock = clock_warnings(sides, request, sample)
     found += clock
     if not any(notice.code in ("clock-shift", "stamps-near") for notice in clock):
-        found += state_warnings(sample)
+        crs = str(request.recorded.get("estimate_crs", ""))
+        found += (in_other_axes(notice, crs) for notice in state_warnings(sample))
     found += step_warnings(sides, request.time_matching)
     found += silence_warnings(sides.axis, parameters)
     return found + gap_warnings(sides, request)
+
+
+def in_other_axes(notice: Notice, crs: str) -> Notice:
+    """A warning about exchanged axes, with the name of the axes that undoes it."""
+    name, turned = crs[:3], crs[3:]
+    if name not in ("enu", "ned") or not notice.text.startswith("x and y of the estimate seem ex"):
+        return notice
+    if "negated" in notice.text:
+        return notice
+    other = "ned" if name == "enu" else "enu"
+    return replace(notice, remedy=f"--estimate-crs {other}{turned}")
 
 
 def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:

@@ -71,10 +71,35 @@ def clock_warnings(sides: "Fitted", request: "EvaluationRequest", sample: Sample
         clock = find_clock(sides.given, sample.parameters, sample.distance, request.recorded)
     if clock is not None and clock.saving >= WORTH:
         found.append(_clock_warning(clock, sides.given[0].clock))
+    elif unit := _unit_of_time(sides.given):
+        return [unit]
     else:
         times = sides.read[0].times, sides.read[1].times
         found.append(_near_misses(times, sides.alignment, request.time_matching))
     return [notice for notice in found if notice]
+
+
+def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
+    """Stamps of no common stretch of time, but for a power of ten."""
+    truth, estimate = (side.times for side in sides)
+    if sides[0].clock != "number" or not len(truth) or not len(estimate):
+        return None
+    first, last = float(truth[0]), float(truth[-1])
+    begin, end = float(estimate[0]), float(estimate[-1])
+    if begin <= last and first <= end:
+        return None
+    for power in (*POWERS, *(-power for power in POWERS)):
+        low, high = (moment * 10.0**power for moment in (begin, end))
+        shared = min(last, high) - max(first, low)
+        if first > 0 and shared >= 0.5 * min(last - first, high - low) > 0:
+            scale = float(f"1e{power}")
+            return Notice(
+                code="clock-shift",
+                text="the stamps of both files have no time in common, and those of the estimate "
+                f"are of the same stretch of time if they are multiplied by {plain(scale)}",
+                remedy=f"--time-scale {plain(scale)}",
+            )
+    return None
 
 
 def _few_common(sides: "Fitted", matching: TimeMatching) -> Notice | None:

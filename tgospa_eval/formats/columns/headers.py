@@ -50,7 +50,7 @@ EDGES = (*BOX, "right", "bottom")
 
 
 def columns_of_each(
-    shared: Sequence[str] | None, *own: Sequence[str] | None
+    shared: Sequence[str] | None, *own: Sequence[str] | None, alike: bool = True
 ) -> list[tuple[tuple[str, ...] | None, tuple[str, ...]]]:
     """The columns of each file, and the names among them whose headers it may lack.
 
@@ -59,11 +59,13 @@ def columns_of_each(
     shared : sequence of str, optional
         Items for all files.
     own : sequences of str, optional
-        Items for each, which go before. States that are named for one are those of all.
+        Items for each, which go before. States that are named for one are those of all, if all are
+        `alike`.
     """
     maps, wanted = parse_columns(shared)
     found = [parse_columns(items) for items in own]
-    placed = ["t" in (items or ()) for items in own]  # of a table without a header, its own
+    # Of a table without a header, and of coordinates of another kind, they are its own.
+    placed = [not alike or "t" in (items or ()) for items in own]
     each = zip(found, placed, strict=True)
     named = wanted or next((states for (_, states), alone in each if states and not alone), ())
     answer = []
@@ -256,6 +258,8 @@ class Headers:
         """Position of a header, upper and lower case aside; `name` is the column it is for."""
         if header in self.exact:
             return self.exact[header]
+        if self.names and header == self.names[0].lstrip("#% "):  # which begins like a comment
+            return 0
         places = self.folded.get(header.casefold())
         return self._only(places, name) if places else None
 
@@ -957,7 +961,9 @@ def _class_column(
     klass = headers.find("class")
     if klass is None:
         option = "--class" if options.classes is not None else options.class_for
-        remedy = f"add it, or map it with {ask(headers.option, ['class=HEADER'])}"
+        meant = (name for name in headers.names if re.search("class|categor|type", name, re.I))
+        mapped = f"class={next(meant, 'HEADER')}"
+        remedy = f"add it, or map it with {ask(headers.option, [mapped])}"
         fault = (
             f"{headers.where}: no column class for {option} (found: {headers.shown}); "
             f"{'rows of this length have none' if fixed else remedy}"
