@@ -273,3 +273,29 @@ def test_a_class_of_which_nothing_is_ignored_has_the_same_columns(files, invoke)
         "car": [0],
         "van": [1],
     }
+
+
+def test_a_zone_of_both_sides_has_no_jump_at_its_edge(invoke) -> None:
+    """Truths inside are ignored, estimates excused; one outside may be followed from inside."""
+    zone = pd.DataFrame({"left": [0.0], "top": [0.0], "width": [100.0], "height": [10.0]})
+    asked = {"cutoff": 10, "switch_penalty": 1, "ignore_regions": zone}
+    asked["ignore"] = "in-regions"
+
+    def total(truth: float | None, estimate: float | None) -> float:
+        """Of one object and one track at heights above or below the edge at 10."""
+        sides = (
+            pd.DataFrame({"id": "a", "t": [0], "x": [50.0], "y": [place]})[: int(place is not None)]
+            for place in (truth, estimate)
+        )
+        return evaluate(*sides, **asked).total
+
+    assert total(5.0, None) == 0
+    assert total(None, 5.0) == 0
+    assert total(5.0, 8.0) == 0
+    assert total(15.0, None) == total(None, 15.0) == 50
+    assert total(12.0, 9.0) == pytest.approx(9)  # followed from inside
+    assert total(12.0, 9.999) == pytest.approx(total(12.0, 10.001), abs=0.01)
+    assert total(9.999, 12.0) == 0  # an ignored truth is followed at no cost
+    assert total(9.0, 30.0) == 50
+    answer = invoke("evaluate", "a.csv", "b.csv", "--ignore", "in-regions")
+    assert (answer.status, "needs --ignore-regions FILE" in answer.err) == (2, True)

@@ -386,7 +386,7 @@ def test_options_of_one_side_lead_on(invoke: Any) -> None:
     assert "radar.csv, line 1: no column for id" in answer.err
     metric += ("--estimate-columns", "id=trk,x=east_m,y=north_m")
     answer = invoke("ais.csv", "radar.csv", *metric, "--resample", "10s", "--max-gap", "10s")
-    assert 'column "LAT": 91 must be from -90 to 90; --on-invalid drop leaves' in answer.err
+    assert 'line 4, column "lat": 91 must be from -90 to 90; --on-invalid drop leaves' in answer.err
     metric += ("--on-invalid", "drop")
     answer = invoke("ais.csv", "radar.csv", *metric, "--resample", "10s", "--max-gap", "10s")
     assert "--truth-time-zone UTC, or another" in answer.err

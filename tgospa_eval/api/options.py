@@ -448,7 +448,8 @@ class Request(Values):
         "absence. Truths by a column (class=Van,Person, occlusion>1, height<25); marked: truths "
         "with 1 in a column ignored; marked-estimates: estimates with 1 in a column excused, not "
         "for compare and gate; outside-truth-steps: estimates at times at which TRUTH has no row; "
-        "truth-gaps: the straight line across gaps longer than --max-gap. Repeatable.",
+        "truth-gaps: the straight line across gaps longer than --max-gap; in-regions: truths in "
+        "--ignore-regions, too. Repeatable.",
         default=(),
     )
     ignore_regions: str | None = _filters(

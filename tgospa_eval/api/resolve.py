@@ -599,7 +599,12 @@ def _ignoring(options: Request) -> "Ignoring | None":
     asked = options.max_speed is not None or options.ignore_regions is not None
     if not (options.ignore or marks or asked):
         return None
-    from tgospa_eval.evaluation.ignoring import GAPS, OUTSIDE, parse_ignoring  # here: as weights
+    from tgospa_eval.evaluation.ignoring import (  # here: as weights
+        GAPS,
+        IN_REGIONS,
+        OUTSIDE,
+        parse_ignoring,
+    )
     from tgospa_eval.evaluation.regions import as_regions
 
     if options.existence == "use":
@@ -611,6 +616,8 @@ def _ignoring(options: Request) -> "Ignoring | None":
     found = replace(
         parse_ignoring(texts, speed), regions=as_regions(options.ignore_regions, options.decimal)
     )
+    if IN_REGIONS in found.texts and found.regions is None:
+        raise ConfigError(f"--ignore {IN_REGIONS}: needs --ignore-regions FILE, which has them")
     if options.max_speed is not None and not (found.gaps and 0 <= speed < math.inf):
         raise ConfigError(
             f"--max-speed {speed:g}: must be >= 0 and finite, and is for --ignore truth-gaps"

@@ -25,8 +25,8 @@ from tgospa_eval.tracks.interpolation import found_near
 from tgospa_eval.tracks.regions import Regions
 from tgospa_eval.tracks.trajectories import Trajectories
 
-OUTSIDE, GAPS = "outside-truth-steps", "truth-gaps"
-WORDS = (*MARKS, OUTSIDE, GAPS)
+OUTSIDE, GAPS, IN_REGIONS = "outside-truth-steps", "truth-gaps", "in-regions"
+WORDS = (*MARKS, OUTSIDE, IN_REGIONS, GAPS)
 
 CLASS = "class"
 
@@ -207,6 +207,12 @@ class Ignoring:
         for one in self.conditions if role == ROLES[0] else ():
             rows |= one.fits(_values(side, one, name))
         return replace(side, trajectories=marked(side.trajectories, rows))
+
+    def ignore_inside(self, truth: Trajectories, tolerance: float, name: str) -> Trajectories:
+        """The truth with its rows marked that are in a region, where that is asked for."""
+        if self.regions is None or IN_REGIONS not in self.texts or not len(truth.step):
+            return truth
+        return marked(truth, inside(self.regions, truth, tolerance, name))
 
     def told(self, *, ignored: bool, excused: bool) -> Iterator[str]:
         """What to say where no truth is ignored, or no estimate excused."""

@@ -515,7 +515,9 @@ def fit(
         axis, time_matching = placed(given), TimeMatching()
     truth, estimate = axis.sides
     if request.ignoring is not None:
-        estimate = request.ignoring.excuse(estimate, given[0], request.time_matching.near, names)
+        near = request.time_matching.near
+        truth = request.ignoring.ignore_inside(truth, near, names[0])
+        estimate = request.ignoring.excuse(estimate, given[0], near, names)
     silent = axis.silences.ticks if axis.silences is not None and axis.silences.charged else None
     aligned = align(truth, estimate, time_matching, names, silent)
     if axis.held is not None:
