@@ -156,7 +156,7 @@ def test_compare_ranks(invoke, quickstart: tuple[str, str]) -> None:
     assert found.table["name"].tolist() == ["near", "far"]
     assert found.table["total"][0] == pytest.approx(evaluate(*quickstart, **GIVEN).total)
     assert found.pairs["verdict"].tolist() == ["less"]
-    assert "Proven order by TGOSPA per step, best first: near, far" in str(found)
+    assert "Proven order of these files by TGOSPA per step, best first: near, far" in str(found)
     assert "tgospa-eval" not in repr(found)
     assert json.loads(found.to_json()) == json.loads(json.dumps(found.to_dict()))
     times = tgospa_eval.read_trajectories(estimate).times

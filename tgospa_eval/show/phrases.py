@@ -132,9 +132,9 @@ def order_in_words(value: str, entries: Sequence[Json], pairs: Sequence[Json]) -
         **{pair: "equal" for group in groups for pair in itertools.combinations(group, 2)},
     }
     if verdicts == proven and len(groups) == 1:
-        return f"Proven to be equal by {value}: {first_names(groups)}"
+        return f"Proven to be equal on these files by {value}: {first_names(groups)}"
     if verdicts == proven:
-        return f"Proven order by {value}, best first: {first_names(groups)}"
+        return f"Proven order of these files by {value}, best first: {first_names(groups)}"
     best = best_of([entry["place"] for entry in entries])
     if best:
         return (

@@ -245,7 +245,7 @@ def test_ranking(write: Write, invoke: Invoke, tmp_path: Path) -> None:
     assert shown.startswith(
         "Ranking of 4 estimates; to compare solvers on one: tgospa-eval compare "
     )
-    assert "Proven order by TGOSPA per step, best first: good = twin, bad, lost" in shown
+    assert "Proven order of these files by TGOSPA per step, best first: good = twin, " in shown
     assert re.search(r"^  twin +1= ", shown, re.MULTILINE)
     assert re.search(r"^  vs good .*\n  twin +\+0 +equal ", shown, re.MULTILINE)
     latex = invoke("compare", truth, *paths, "-c", "5", "-g", "1", "-q", "--format", "latex").out
@@ -261,7 +261,7 @@ def test_equal_data_are_equal_whatever_the_brackets_are(
     copy.write_text(text, encoding="utf-8")
     renamed.write_text(text.replace("\n", "\nx").removesuffix("x"), encoding="utf-8")
     call = ("compare", truth, estimate, str(copy), str(renamed), "-c", "15", "-q")
-    assert "Proven to be equal by TGOSPA per step: " in invoke(*call).out
+    assert "Proven to be equal on these files by TGOSPA per step: " in invoke(*call).out
     hot = ("--solvers", "sinkhorn", "--epsilon", "0.5", "--format", "json")
     verdicts = {
         ("renamed" in pair["first"] + pair["second"], pair["verdict"])

@@ -87,7 +87,7 @@ def test_the_same_as_of_the_files(save: Save, invoke: Invoke, tmp_path: Path) ->
     ]
     assert rows[0] == rows[1]
     shown = invoke("compare", "bad", "good", "lost", "-q").out
-    assert "Proven order by TGOSPA per step, best first: good, bad, lost" in shown
+    assert "Proven order of these files by TGOSPA per step, best first: good, bad, lost" in shown
     printed = ranking(invoke, "bad", "good.json")["estimates"]  # what --format json prints
     assert [item["paths"] for item in printed] == [["good.json"], ["bad/result.json"]]
 

@@ -259,7 +259,7 @@ def test_ties_share_their_places() -> None:
         ("a", (1, 1)), ("b", (1, 1)), ("c", (3, 3))
     ]  # fmt: skip
     text = batch_report(tables, "table")
-    assert "Proven order by combined, best first: a = b, c (8 jobs each)" in text
+    assert "Proven order of these files by combined, best first: a = b, c (8 jobs each)" in text
     assert [line.split()[:2] for line in text.splitlines() if " 1= " in line] == [
         ["a", "1="], ["b", "1="]
     ]  # fmt: skip
@@ -299,7 +299,7 @@ def test_parameters_are_ranked_apart() -> None:
     ]  # fmt: skip
     assert [ranking.entries[0]["name"] for ranking in tables.rankings] == ["a", "b"]
     text = batch_report(tables, "table")
-    assert "cutoff 9: Proven order by combined" in text
+    assert "cutoff 9: Proven order of these files by combined" in text
     heads = [line.split()[:3] for line in text.splitlines() if line.startswith("  vs ")]
     assert heads == [["vs", "a", "cutoff"], ["vs", "b", "cutoff"]]
 
@@ -330,7 +330,7 @@ def test_other_parameters_are_other_groups_too() -> None:
     ]
     assert {item.left_out for item in tables.rankings} == {("c",)}
     assert (
-        "grid truth, scale x=2,y=1, unit km: Proven order by combined, best first: b, a"
+        "grid truth, scale x=2,y=1, unit km: Proven order of these files by combined, best first: b, a"
         in words(tables)
     )
 

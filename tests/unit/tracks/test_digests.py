@@ -194,7 +194,7 @@ def test_compare_and_gate_do_not_take_marks_of_estimates(
     assert answer.status == 2
     assert "compare does not take marks of estimates" in answer.err
     answer = invoke("compare", *sides, *METRIC, "--ignore", "marked")
-    assert "Proven to be equal by TGOSPA per step" in answer.out
+    assert "Proven to be equal on these files by TGOSPA per step" in answer.out
 
     judged = (*sides[:2], "--baseline", "base.json")
     answer = invoke("gate", *judged, *METRIC, *own, "--update-baseline")
