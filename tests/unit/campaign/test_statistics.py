@@ -330,8 +330,8 @@ def test_other_parameters_are_other_groups_too() -> None:
     ]
     assert {item.left_out for item in tables.rankings} == {("c",)}
     assert (
-        "grid truth, scale x=2,y=1, unit km: Proven order of these files by combined, best first: b, a"
-        in words(tables)
+        "grid truth, scale x=2,y=1, unit km: Proven order of these files by combined, best "
+        "first: b, a" in words(tables)
     )
 
 

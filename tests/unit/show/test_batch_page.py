@@ -163,7 +163,9 @@ def test_sentences_name_few_of_many() -> None:
     first = "n0, n1, n2, n3, n4, n5, n6, n7 and 92 more, all in the table"
     assert sentence == f"Proven order of these files by combined, best first: {first}"
     sentence = order([(1, 1)] * 100, "equal")
-    assert sentence == f"Proven to be equal on these files by combined: {first.replace(',', ' =', 7)}"
+    assert (
+        sentence == f"Proven to be equal on these files by combined: {first.replace(',', ' =', 7)}"
+    )
     tied = order([(1, 100)] * 100, "open")
     assert tied == f"None is proven best by combined: it may be any of {first}"
     assert first_names([names[:2], names[2:8]]) == "n0 = n1, n2 = n3 = n4 = n5 = n6 = n7"
