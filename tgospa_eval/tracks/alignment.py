@@ -231,6 +231,8 @@ class Alignment:
         Steps of either side and of both, whether they count or not.
     joined : int
         Pairs of different stamps that were made one step.
+    farthest : float
+        The largest difference of such a pair, in seconds or the unit of the stamps.
     left_out : pair of int
         Rows of the two sides at steps that do not count.
     held : Held, optional
@@ -244,6 +246,7 @@ class Alignment:
     joined: int
     left_out: tuple[int, int]
     held: "Held | None" = None
+    farthest: float = 0.0
 
 
 def align(
@@ -270,11 +273,14 @@ def align(
         return Alignment(
             truth=truth, estimate=estimate, union=steps, common=steps, joined=0, left_out=(0, 0)
         )
-    joined = 0
+    joined, farthest = 0, 0.0
     is_rounded = first.dtype.kind == "f" or second.dtype.kind == "f"
     if (matching.near or is_rounded) and len(first) and len(second):
+        own = second
         second, close = joined_to(second, first, matching.near, clock)
         joined = int(np.count_nonzero(close))
+        moved = float(apart_of(own, second).max(initial=0))
+        farthest = moved / (SECOND if clock != "number" else 1)
     times = _union(first, second)
     on = np.searchsorted(times, first), np.searchsorted(times, second)
     labels = None
@@ -309,6 +315,7 @@ def align(
         union=len(times),
         common=int(np.count_nonzero(both)),
         joined=joined,
+        farthest=farthest,
         left_out=(len(truth.step) - len(sides[0].step), len(estimate.step) - len(sides[1].step)),
     )
 

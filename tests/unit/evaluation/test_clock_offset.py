@@ -206,3 +206,47 @@ def test_stamps_that_doubles_do_not_tell_apart_name_no_offset() -> None:
             result = evaluate(*sides, 3.0, 2.0, 1.0)
         assert result.tgospa == pytest.approx(216**0.5)
         assert not any("inf" in str(one.message) for one in caught)
+
+
+def displaced(seed: int) -> tuple[pd.DataFrame, pd.DataFrame, float]:
+    """Ships that turn slowly, an estimate with a bias up to c / 2, and its offset."""
+    rng = np.random.default_rng(seed)
+    count, fine, length = int(rng.integers(3, 8)), 10, 200
+    angle = rng.uniform(0, 2 * np.pi)
+    bias = rng.uniform(0, 50) * np.array([np.cos(angle), np.sin(angle)])
+    offset = float(rng.choice([0.08, 0.5, 2.0, 4.7]) * rng.choice([-1, 1]))
+    noise, speed = float(rng.choice([1, 5, 10])), float(rng.choice([5, 10, 50]))
+    place, course = rng.uniform(-5000, 5000, (count, 2)), rng.uniform(0, 2 * np.pi, count)
+    turn, path = rng.normal(0, 0.01, count), []
+    for _ in range(length * fine):
+        path.append(place)
+        place = place + speed / fine * np.stack([np.cos(course), np.sin(course)], axis=1)
+        course = course + turn / fine
+    names = ["id", "t", "x", "y"]
+    truth = [(i, float(t), *path[t * fine][i]) for t in range(length) for i in range(count)]
+    estimate = [
+        (i, t + offset, *(path[round(t * fine)][i] + bias + rng.normal(0, noise, 2)))
+        for t in (np.arange(10, length - 10, 2) + 0.3).tolist()
+        for i in range(count)
+    ]
+    return pd.DataFrame(truth, columns=names), pd.DataFrame(estimate, columns=names), offset
+
+
+@pytest.mark.parametrize("count", [10, pytest.param(200, marks=pytest.mark.slow)])
+def test_an_offset_beside_a_bias(count: int, invoke: Run, write: Write) -> None:
+    """The interval covers 95 % of those that are named; large ones all are."""
+    named = inside = 0
+    for seed in range(count):
+        truth, estimate, offset = displaced(seed)
+        files = (
+            write(f"{name}.csv", side.to_csv(index=False))
+            for name, side in (("truth", truth), ("estimate", estimate))
+        )
+        said = clock(invoke, *files, "-c", "100")
+        if said is None:
+            assert abs(offset) < 4.7, seed
+            continue
+        named += 1
+        inside += abs(said["time_offset"] + offset) <= said["uncertainty"] * 1.001
+    assert named > count / 2
+    assert inside >= 0.95 * named - 0.5

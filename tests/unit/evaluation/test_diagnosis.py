@@ -278,6 +278,6 @@ def test_epochs_in_other_units(
 
 def test_few_common_steps_are_told_with_any_grid(sample: Sides) -> None:
     truth, estimate = sample
+    moved = replace(estimate, times=estimate.times + 50)
     with pytest.warns(TgospaWarning, match="and the others are left out"):
-        moved = replace(estimate, times=estimate.times + 50)
         evaluate(truth, moved, 10.0, 2, 5.0, grid="common", outage="none")

@@ -196,7 +196,7 @@ def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
     notices = [in_both(aligned.common, aligned.union) + (f"; {at}" * bool(costly))]
     if aligned.joined:
         pairs = counted(aligned.joined, "pair of stamps was", "pairs of stamps were")
-        how = f"at most {matching.near:.15g} apart (--time-tolerance)"
+        how = f"the farthest {number(aligned.farthest)} apart (--time-tolerance), with their states"
         notices.append(f"{pairs} joined, {how if matching.near else 'apart by rounding alone'}")
     if any(aligned.left_out):
         steps = aligned.union - len(aligned.truth.times)

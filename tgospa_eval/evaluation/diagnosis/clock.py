@@ -291,6 +291,7 @@ def _clock(
         offset = _same_moments(search, shift, uncertainty, factor) or Fraction(
             _rounded(shift, uncertainty)
         )
+    uncertainty += abs(float(offset) - shift)
     scaled, added = (
         Fraction(repr(given.get(name, neutral)))
         for name, neutral in (("time_scale", 1.0), ("time_offset", 0.0))

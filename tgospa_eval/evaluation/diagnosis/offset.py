@@ -16,7 +16,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated, median, places_of
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances import Distance
+from tgospa_eval.distances import Distance, Norm
 from tgospa_eval.evaluation.axis import periods_of
 from tgospa_eval.evaluation.diagnosis.costs import (
     FEWEST_STEPS,
@@ -256,6 +256,38 @@ class Fit:
         return significance((self.gain - other.gain)[both]) >= SIGNIFICANT
 
 
+@dataclass(frozen=True, eq=False)
+class Displaced:
+    """A shift that fits beside a displacement of the estimate.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of the shift, with the estimate moved back.
+    uncertainty : float
+        Two standard errors of the shift.
+    is_sure : bool
+        Whether the displacement is more than noise.
+    """
+
+    fit: Fit
+    uncertainty: float
+    is_sure: bool
+
+
+STARTS, ROUNDS = 6, 6
+"""Shifts from which a displacement is looked for, and rounds of least squares."""
+
+OUTLIERS = 4.0
+"""Times the median error, beyond which a pair is not used."""
+
+VARIED = 0.02
+"""Share of the squared speeds that their differences must have."""
+
+SURE = 3.0
+"""Standard errors of a displacement that is one."""
+
+
 def sharpest(lost: Floats) -> float:
     """What leaves a gain to pairs that are not much farther apart than usual: see `Fit.sharp`."""
     usual = median(lost) if len(lost) else 1.0
@@ -361,6 +393,9 @@ class Search:
             way.
         """
         tried = [self.fit(shift) for shift in (0.0, *others, *self._candidates())]
+        moved = self._beside_displacement(tried) if here is None else None
+        if moved is not None:
+            return moved or None
         best = max(tried, key=lambda one: one.total)
         best = self._finer(best, self.fit)
         if not best.is_close:
@@ -386,6 +421,103 @@ class Search:
         if cost < NOTABLE_COST * pairs:
             return None
         return best.shift, uncertainty, 1 - max(pairs - last.total, 0.0) / cost
+
+    def _beside_displacement(
+        self, tried: list[Fit]
+    ) -> tuple[float, float, float] | tuple[()] | None:
+        """As of `offset`, where the estimate is displaced as well; None where that is not clear.
+
+        Nothing where it is displaced, and no shift fits better than none.
+
+        Errors of pairs are e = v s + b, v the velocities of the truths: the shift s and the
+        displacement b follow by least squares, if velocities differ. Without the shift there is the
+        displacement that fits best then.
+        """
+        if not isinstance(self.distance, Norm) or self.timeline.periods:
+            return None
+        starts = sorted(tried[1:], key=lambda one: -one.total)[:STARTS]
+        now = self._displaced(0.0, moves=False)
+        found = [one for one in (self._displaced(start.shift) for start in starts) if one]
+        if not found:
+            return None
+        best = max(found, key=lambda one: one.fit.total)
+        if not best.is_sure or not best.fit.is_close:
+            return None
+        sharp, before = best.fit.sharpest, self.fit(0.0) if now is None else now.fit
+        last, first = replace(best.fit, sharp=sharp), replace(before, sharp=sharp)
+        pairs = float(np.maximum(before.pairs, best.fit.pairs).sum())
+        cost = pairs - before.total
+        if last.better(first) < SIGNIFICANT or cost < NOTABLE_COST * pairs:
+            return ()
+        return best.fit.shift, best.uncertainty, 1 - max(pairs - best.fit.total, 0.0) / cost
+
+    def _displaced(self, shift: float, *, moves: bool = True) -> "Displaced | None":
+        """The shift near this one and the displacement that fit best; None if unclear."""
+        offset, sure, uncertainty = np.zeros(len(self.estimate.columns)), False, 0.0
+        for _ in range(ROUNDS):
+            fit = self._fit_displaced(shift, offset)
+            if len(fit.costs.taken) < PAIRED:
+                return None
+            errors, speeds = self._errors(fit)
+            if len(errors) < PAIRED:
+                return None
+            centred = errors - np.median(errors, axis=0)
+            far = np.linalg.norm(centred, axis=1)
+            kept = far <= OUTLIERS * median(far)
+            errors, speeds = errors[kept], speeds[kept]
+            mean, speed = errors.mean(axis=0), speeds.mean(axis=0)
+            change = 0.0
+            if moves:
+                varied = speeds - speed
+                power = float(np.square(varied).sum())
+                if not power > VARIED * float(np.square(speeds).sum()):
+                    return None  # all go one way: the two are one
+                change = float((varied * (errors - mean)).sum()) / power
+                left = errors - mean - change * varied
+                noise = float(np.square(left).sum()) / max(left.size - left.shape[1] - 1, 1)
+                uncertainty = 2 * float(np.sqrt(noise / power))
+                spread = np.sqrt(noise / len(errors) + np.square(speed) * noise / power)
+                sure = bool((np.abs(mean - change * speed) > SURE * spread).any())
+            offset, shift = mean - change * speed, shift + change
+        least = self.timeline.apart / 2**HALVINGS
+        fit = self._fit_displaced(shift, offset)
+        return Displaced(fit=fit, uncertainty=max(uncertainty, least), is_sure=sure)
+
+    def _fit_displaced(self, shift: float, offset: Floats) -> Fit:
+        """Of a shift, with the estimate moved back by an offset."""
+        side = with_state(self.estimate, self.estimate.state - offset)
+        rows = StepRows(side=side, bounds=self.rows.bounds)
+        wanted = self.moments[1][self.steps] + shift
+        costs = step_costs(self.timeline.at(wanted), rows, self.parameters, self.distance)
+        return Fit(shift, costs)
+
+    def _errors(self, fit: Fit) -> tuple[Floats, Floats]:
+        """Errors of the pairs as they were read, and velocities of their truths (N, d)."""
+        wanted = self.moments[1][self.steps] + fit.shift
+        half = self.timeline.apart / 2
+        at, before, after = (self.timeline.at(wanted + by) for by in (0.0, -half, half))
+        taken = fit.costs.taken
+        truth, estimate = (rows[taken] for rows in fit.costs.rows)
+        size = len(at.side.ids) + 1
+        number = {name: k for k, name in enumerate(at.side.ids.tolist())}
+
+        def keys(rows: StepRows) -> Ints:
+            ids = [number.get(name, size - 1) for name in rows.side.ids.tolist()]
+            track = np.array(ids, np.int64)[rows.track]
+            return np.asarray(rows.step.astype(np.int64) * size + track)
+
+        key = keys(at)[truth]
+        states, there = [], np.ones(len(key), bool)
+        for rows in (before, after):
+            own = keys(rows)
+            if not len(own):
+                return np.zeros((0, 1)), np.zeros((0, 1))
+            place = np.searchsorted(own, key).clip(max=len(own) - 1)
+            there &= own[place] == key
+            states.append(rows.table.state[place])
+        speeds = (states[1] - states[0]) / (2 * half)
+        errors = self.estimate.state[self.rows.row[estimate]] - at.table.state[truth]
+        return errors[there], speeds[there]
 
     def _finer(self, best: Fit, fit: Callable[[float], Fit]) -> Fit:
         """The local maximum from there on."""
