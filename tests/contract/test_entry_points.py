@@ -93,7 +93,7 @@ def test_help_names_both_and_imports_neither(run: Run, install: Install) -> None
     folder = install("late", example()[1], "raise RuntimeError")
     text = " ".join(run("evaluate", "--help", env=beside(folder)).out.split())
     assert "max-sliced-wasserstein. Also snowflake." in text
-    assert "tum or yolo. Also trk." in text
+    assert "yolo or csv-per-object. Also trk." in text
     assert "snowflake" not in run("evaluate", "--help").out
 
 
