@@ -146,7 +146,7 @@ def test_unit_scale_changes_lengths_alone() -> None:
     [
         (("--unit-scale", "0"), "--unit-scale is 0: must be > 0"),
         (("--time-scale", "-1"), "--time-scale is -1: must be > 0"),
-        (("--time-offset", "nan"), "--time-offset is "nan": must be a number, or one with a unit"),
+        (("--time-offset", "nan"), '--time-offset is "nan": must be a number, or one with a unit'),
         (("--unit-scale", "inf"), "'--unit-scale': 'inf' is no plain, finite number"),
         (("--unit-scale", "1e308"), "becomes too large for a number"),
         (("--max-gap", "1"), "--max-gap is for --interpolate"),
