@@ -220,7 +220,7 @@ class Request(Values):
     truth_format: str | None = _files(
         "--truth-format FORMAT",
         "Format of TRUTH: csv, parquet, feather, motchallenge, visdrone, kitti, npz, npy, mat, "
-        "nuscenes, argoverse, json, xlsx, wide, deeplabcut, tum or yolo.",
+        "nuscenes, argoverse, json, xlsx, wide, deeplabcut, tum, yolo or csv-per-object.",
         choices=FORMATS,
         shown="found from name and content",
     )
