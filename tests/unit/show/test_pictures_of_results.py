@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.path import Path as MplPath
 from scipy.stats import chi2
 
-from tgospa_eval import Trajectories, evaluate
+from tgospa_eval import Trajectories, evaluate, plots
 from tgospa_eval.api.result import Result
 from tgospa_eval.cli.shared import progress
 from tgospa_eval.common.words import install
@@ -724,3 +724,10 @@ def test_classes(invoke: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch,
     )
     assert answer.status == 0, answer.err
     assert "car: 1" in Path("a/lanes.svg").read_text(encoding="utf-8")  # as a remark of the path
+
+
+def test_functions_are_the_methods() -> None:
+    result = swap()
+    for name in plots.PICTURES[:3]:
+        assert type(getattr(plots, name)(result)) is type(getattr(result, name)()) is Figure
+    assert not hasattr(plots, "plot_nothing")
