@@ -334,7 +334,10 @@ def test_an_update_of_some(gate: Invoke) -> None:
     assert {name for name in before if before[name] != after[name]} == {
         f"slow/{k}" for k in range(1, 6)
     }
-    assert gate("--update-baseline", "--only", "none").status == 2
+    before = Path("base.json").read_bytes()
+    answer = gate("--update-baseline", "--only", "fast/*", "--only", "none")
+    assert (answer.status, '--only "none": no pair is called so' in answer.err) == (2, True)
+    assert Path("base.json").read_bytes() == before
     assert gate("--only", "slow/*").status == 2
 
 
@@ -699,10 +702,27 @@ def test_an_error_is_in_the_folder_too(gate: Invoke) -> None:
     assert "base.json: is no baseline" in Path("report/gate.md").read_text(encoding="utf-8")
 
 
+def test_a_suite_that_is_a_link_or_has_a_byte_order_mark(against: Invoke, gate: Invoke) -> None:
+    text = Path("suite.toml").read_text(encoding="utf-8")
+    write("ci/real.toml", f"\ufeff{text}")
+    Path("suite.toml").unlink()
+    Path("suite.toml").symlink_to("ci/real.toml")
+    assert gate().status == 0
+    git("add", ".")
+    git("commit", "-m", "link")
+    write("ci/real.toml", "")
+    assert against().status == 0
+    write("ci/real.toml", "unknown = 1")
+    git("commit", "-am", "unknown")
+    answer = against()
+    assert (answer.status, 'main:suite.toml: unknown key "unknown"' in answer.err) == (2, True)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--against", "no"), "neither a folder nor a git revision"),
+        (("--against", "no"), "is no git revision that is here"),
+        (("--against", "data"), "write ./data for the folder"),
         (("--against", "main", "--suite", "none.toml"), "main:none.toml: there is no such file"),
         (("--against", "main", "--baseline", "no.json"), "main:no.json: there is no such file"),
         (("--protect",), "--protect is gone: --against TARGET judges by the suite"),

@@ -487,8 +487,9 @@ def _updated(
     if faults:
         raise InputError(*faults)
     old = baseline or {}
-    if not chosen and not any(map(gate.chosen, old)):
-        raise ConfigError(f"--only {' --only '.join(gate.only)}: no pair is called so")
+    for pattern in gate.only:
+        if not any(fnmatchcase(name, pattern) for name in (*(pair.name for pair in pairs), *old)):
+            raise ConfigError(f"--only {quoted(pattern)}: no pair is called so")
     new, outcomes = dict(old), []
     for pair, (row, options) in zip(chosen, evaluated(chosen, old), strict=True):
         now, about = _measured(row)

@@ -67,7 +67,8 @@ class Gate(Verb):
             "--against TARGET",
             "Judge the estimates of this branch by the suite, the baseline, the truths and the "
             "configuration of the target branch, a git revision such as origin/main, or of a "
-            "folder; what this branch has of these, and the environment, count for nothing.",
+            "folder, ./target; what this branch has of these, and the environment, count for "
+            "nothing.",
             envvar=AGAINST,
         ),
         _gate(
