@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import field, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
@@ -14,6 +15,7 @@ from tgospa_eval.api.evaluate import evaluate
 from tgospa_eval.api.keywords import KEYWORDS, with_options
 from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, SETTINGS, Request, Values, typed
 from tgospa_eval.campaign.gate.baseline import (
+    CHANGED,
     Baseline,
     Measured,
     dump,
@@ -41,13 +43,14 @@ from tgospa_eval.campaign.gate.suite import (
     load_suite,
     make_group,
 )
-from tgospa_eval.campaign.gate.target import Target
+from tgospa_eval.campaign.gate.target import Target, last_change
 from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.campaign.row import Row, job_name, labels_of, row_to_judge
 from tgospa_eval.campaign.store import SETTINGS_FILE, Store
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python, warn_user
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.writing import write_file
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.evaluation.sides import TrajectoriesLike
@@ -278,7 +281,7 @@ def judge_all(
     else:
         old = parse(target.demand(path), target.name(path)) if path else None
         pairs = [*_with_faults(gate, target, pairs, groups, old, path)]
-    return _report(
+    report = _report(
         gate,
         pairs,
         groups,
@@ -287,6 +290,72 @@ def judge_all(
         lambda pairs, old: _evaluated(gate, pairs, old, path, groups, notify, run),
         "the suite",
     )
+    return _with_first_changes(gate, report, pairs, old or {}, path, target)
+
+
+def _with_first_changes(
+    gate: GateOptions,
+    report: Report,
+    pairs: Sequence[Job],
+    old: Baseline,
+    path: str,
+    target: Target | None,
+) -> Report:
+    """The report with the first state of truths that changed, where git has what they were."""
+    there = {pair.name: pair for pair in pairs}
+    outcomes = list(report.outcomes)
+    changed = [
+        place
+        for place, one in enumerate(outcomes)
+        if one.verdict is Verdict.INCOMPARABLE and one.name in there and not one.group
+        if there[one.name].fault_is == one.verdict or CHANGED in " ".join(one.notes)
+    ]
+    for place in changed[:MOST_CHANGES]:
+        one, pair = outcomes[place], there[outcomes[place].name]
+        before = target or last_change(path)
+        content = before and before.read(pair.truth)
+        if not before or content is None:
+            continue
+        with suppress(TgospaError):  # what cannot be read has been said, or is not there to compare
+            text = _first_change(gate.resolve(pair, old.get(pair.name), path), pair, content)
+            note = f"{text} (was -> is; since {before.where})"
+            outcomes[place] = replace(one, notes=(*one.notes, note))
+    return replace(report, outcomes=tuple(outcomes))
+
+
+MOST_CHANGES = 10
+"""Truths that changed of which the first state is looked for."""
+
+
+def _first_change(options: Mapping[str, object], pair: Job, content: bytes) -> str:
+    """The first state of a truth that is another one than in a former file."""
+    from tempfile import TemporaryDirectory  # here: truths seldom change
+
+    from tgospa_eval.api.evaluate import read_sides
+    from tgospa_eval.api.resolve import make_settings
+
+    def states(truth: str) -> dict[tuple[float, str], tuple[str, list[float]]]:
+        sides = read_sides(settings, truth, pair.estimate, Stopwatch(), lambda _: None)
+        side = sides.fitted.given[0]
+        rows = zip(side.step.tolist(), side.track.tolist(), side.state.tolist(), strict=True)
+        return {
+            (side.times[k].item(), str(side.ids[track])): (str(side.shown[k]), state)
+            for k, track, state in rows
+        }
+
+    settings = make_settings(Request.of(options))
+    with TemporaryDirectory() as folder:
+        path = os.path.join(folder, os.path.basename(pair.truth))
+        with open(path, "wb") as file:
+            file.write(content)
+        before, now = states(path), states(pair.truth)
+    for key in sorted(before.keys() | now.keys()):
+        was, is_ = (side.get(key, ("", []))[1] for side in (before, now))
+        if was != is_:
+            shown = [", ".join(map(repr, state)) or "nothing" for state in (was, is_)]
+            when = (before.get(key) or now[key])[0]
+            return f"the first state that differs: {key[1]} at {when}: {' -> '.join(shown)}"
+    return "no state differs in what is evaluated"
 
 
 def _with_faults(
@@ -298,7 +367,8 @@ def _with_faults(
     path: str,
 ) -> Iterator[Job]:
     """The pairs; those whose files are not the target's have a fault, or are new."""
-    known, seeds = old or {}, {table.seed for table in gate.tables(pairs, groups)}
+    known, tables = old or {}, gate.tables(pairs, groups)
+    seeds = {table.seed for table in tables}
 
     def scene(labels: Mapping[str, str]) -> set[tuple[str, str]]:
         return {item for item in labels.items() if item[0] not in seeds}
@@ -310,10 +380,13 @@ def _with_faults(
         files = [pair.truth, *(str(file) for file in named if file)]
         other = [file for file in files if target.has_another(file)]
         if other and not pair.fault:
-            yield replace(pair, fault=f"{other[0]}: is another one in {target.where}, which judges")
+            fault = f"{other[0]}: is another one in {target.where}, which judges"
+            yield replace(pair, fault=fault, fault_is=Verdict.INCOMPARABLE)
             continue
-        judged = target.has(pair.truth) and (old is None or scene(pair.labels) in scenes)
-        yield replace(pair, is_new=pair.name not in known and not judged)
+        # Of a scene that the target knows, runs with other seeds are judged in their group.
+        judged = target.has(pair.truth) and scene(pair.labels) in scenes
+        judged = judged and any(table.has(pair.labels) for table in tables)
+        yield replace(pair, is_new=old is not None and pair.name not in known and not judged)
 
 
 def _check_junit(gate: GateOptions, *paths: str | None) -> None:
@@ -370,7 +443,9 @@ def _report(
     if groups and not path:
         raise ConfigError("no baseline: name it with --baseline FILE; groups need one")
     rules = {
-        pair.name: [rule for rule in found if rule.absolute or not pair.is_new]
+        pair.name: [replace(rule, warns=True) for rule in found if rule.absolute]
+        if pair.is_new
+        else found
         for pair in pairs
         if not pair.fault
         for found in [gate.rules(pair, baseline=bool(path), default=not groups)]
@@ -417,7 +492,7 @@ def _judged(
     }
     for pair in pairs:
         if pair.fault:
-            outcomes[pair.name] = PairOutcome.of(pair, Verdict.ERROR, pair.fault)
+            outcomes[pair.name] = PairOutcome.of(pair, Verdict(pair.fault_is), pair.fault)
         elif not path or pair.name in old or pair.is_new or (tables[pair.name] and baseline):
             chosen.append(pair)
         else:
@@ -433,8 +508,8 @@ def _judged(
         else:
             noisy = any(table.seed in pair.labels for table in tables[pair.name])
             outcome = judged_outcome(pair, now, entry, rules[pair.name], noisy=noisy, **about)
-            notes = (*outcome.notes, *([NEW] if pair.is_new else []))
-            outcome = replace(outcome, notes=notes)
+            if pair.is_new:
+                outcome = replace(outcome, verdict=Verdict.NEW, notes=(*outcome.notes, NEW))
         if isinstance(now, Measured) and not pair.is_new:
             results[pair.name] = now
         hidden = len(pairs) > MAX_PAGES and not outcome.status
@@ -442,6 +517,7 @@ def _judged(
     judged = [outcomes[pair.name] for pair in pairs]
     if baseline is not None:
         failed = [one.name for one in judged if one.verdict is Verdict.ERROR]
+        failed += [pair.name for pair in pairs if pair.fault and pair.name not in failed]
         judged = [*judge_groups(groups, results, old, labels, failed), *judged]
     named = {name for name in old if any(table.has(labels[name]) for table in groups)}
     named |= {pair.name for pair in pairs}
@@ -465,10 +541,7 @@ MAX_PAGES = 200
 """Pairs of which each has a page; of more those have one that do not pass."""
 
 IN_GROUP = "not in the baseline: judged in its group alone"
-NEW = (
-    "new: the target has no baseline of it, or no truth; judged by absolute limits alone until it "
-    "has"
-)
+NEW = "new, not judged: the target does not have it yet; its limits of --max only warn"
 
 
 def _updated(

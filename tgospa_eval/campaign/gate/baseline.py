@@ -18,7 +18,7 @@ from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, unlike
 from tgospa_eval.text import clipped
 from tgospa_eval.tracks.ignored import refuse_own_marks
-from tgospa_eval.tracks.judged import JUDGE_ALIKE, incomparable, judged_of
+from tgospa_eval.tracks.judged import JUDGE_ALIKE, JUDGED_FIELDS, incomparable, judged_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,13 +224,23 @@ def value_at(values: Json, path: str) -> Any:
     return found
 
 
+CHANGED = "not judged on the same"
+"""How notes about truths begin."""
+
+
 def differences(entry: Json, now: Measured) -> list[str]:
     """Why a result cannot be compared with an entry; empty if it can."""
     found = [
         f"{name} is {own}, in the baseline {other}"
         for name, own, other in unlike(now.parameters, entry["parameters"])
     ]
-    wrong = incomparable({"now": now.judged, "the baseline": entry["judged"]})
+    old = entry["judged"]
+    wrong = incomparable({"now": now.judged, "the baseline": old})
+    # Where the estimate has no say in it, somebody changed the truth.
+    if wrong and now.parameters["grid"] in ("union", "truth"):
+        if all(old[name] == now.judged[name] for name in JUDGED_FIELDS if name != "truth_sha256"):
+            wrong = f"{CHANGED} truth: its states changed, as many as before at the same steps"
+        return [*found, f"{wrong}; if that is right, make the baseline anew"]
     return [*found, f"{wrong}; {JUDGE_ALIKE}"] if wrong else found
 
 

@@ -78,7 +78,10 @@ def rows_of(
             now = finding.now.lower if first else finding.now.upper
             values = (base, finding.limit, now)
             yield outcome, finding.rule.text, values, shown_verdict(finding), finding.now.proven
-        if not outcome.findings and outcome.verdict not in (Verdict.UPDATED, Verdict.PASS):
+        if outcome.verdict is Verdict.NEW:
+            total = outcome.values["total"].upper
+            yield outcome, outcome.verdict, (None, None, total), "new", True
+        elif not outcome.findings and outcome.verdict not in (Verdict.UPDATED, Verdict.PASS):
             yield outcome, "", (None,) * len(LIMITS), outcome.verdict, True
 
 

@@ -134,6 +134,12 @@ class Target:
         return [os.path.join(folder, name) for name in map(os.fsdecode, names.split(b"\0")) if name]
 
 
+def last_change(path: str) -> Target | None:
+    """The commit that changed a file last; None without one."""
+    commit = _git("log", "-1", "--format=%h", "--", path) if path else None
+    return Target(commit.decode().strip()) if commit else None
+
+
 DIFF = (
     *("-c", "core.fileMode=false", "-c", "diff.relative=false", "diff", "--name-only", "-z"),
     *("--diff-filter=MTD", "--no-ext-diff", "--no-renames", "--ignore-submodules=all"),
