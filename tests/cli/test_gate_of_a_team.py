@@ -388,6 +388,71 @@ def test_an_update_says_which_parameter_changed(gate: Invoke) -> None:
     assert "slow/1: cutoff is 9.0, was 10.0" in answer.out
 
 
+def branches_that_accept(gate: Invoke) -> None:
+    """A merge of two branches that both changed an entry, and of which each added one."""
+    git("init")
+    git("add", ".")
+    git("commit", "-m", "first")
+    git("checkout", "-b", "mine")
+    for change, branch in ((0.2, "mine"), (0.4, "main")):
+        git("checkout", branch)
+        runs(change, 1)
+        assert gate("--update-baseline", "--only", "slow/2").status == 0
+        git("commit", "-m", branch, "base.json")
+        git("checkout", ".")
+    with pytest.raises(subprocess.CalledProcessError):
+        git("merge", "mine")
+
+
+@pytest.mark.parametrize("style", ["merge", "diff3"])
+def test_a_baseline_in_conflict_is_resolved_by_an_update_of_some(gate: Invoke, style: str) -> None:
+    git("init")
+    git("config", "merge.conflictStyle", style)
+    branches_that_accept(gate)
+    before = Path("base.json").read_bytes()
+    assert b"<<<<<<<" in before
+    answer = gate()
+    assert answer.status == 2
+    said = "base.json: has a merge conflict; --update-baseline --only slow/2 makes what conflicts"
+    assert said in answer.err
+    assert gate("--update-baseline", "--only", "fast/*").status == 2
+    assert Path("base.json").read_bytes() == before
+    answer = gate("--update-baseline", "--only", "slow/2")
+    assert (answer.status, len(entries())) == (0, 15)
+    assert gate().status == 0
+
+
+def test_a_mark_of_a_conflict_that_was_forgotten(gate: Invoke) -> None:
+    text = Path("base.json").read_text(encoding="utf-8")
+    write("base.json", f"<<<<<<< HEAD\n{text}")
+    answer = gate()
+    assert answer.status == 2
+    assert "base.json: has a merge conflict; delete the lines of its marks" in answer.err
+
+
+# --- whether the tracker ran ----------------------------------------------------------------------
+
+
+def test_estimates_that_are_older_fail(gate: Invoke, tmp_path: Path) -> None:
+    for path in Path("out").glob("*/*.csv"):
+        os.utime(path, (1000, 1000))
+    write("started", "")
+    os.utime("started", (2000, 2000))
+    os.utime("out/fast/1.csv", (2000, 2000))
+    assert gate().status == 0
+    answer = gate("--newer-than", "started", "--junit", "gate.xml", "--format", "json")
+    assert answer.status == 1
+    verdicts = {one["name"]: one["verdict"] for one in json.loads(answer.out)["pairs"]}
+    assert [name for name in verdicts if verdicts[name] == "pass"] == ["fast/1"]
+    assert 'failures="14"' in Path("gate.xml").read_text(encoding="utf-8")
+    assert gate("--newer-than", "1970-01-01T00:10Z").status == 0
+    answer = gate("--newer-than", "2026-11-28T06:00+01:00")
+    assert (answer.status, "did the tracker run?" in answer.out) == (1, True)
+    assert gate("--newer-than", "yesterday").status == 2
+    assert gate("--newer-than", "started", "--update-baseline").status == 3
+    assert not tgospa_eval.gate(suite="suite.toml", newer_than=Path("started"))
+
+
 # --- against the target branch --------------------------------------------------------------------
 
 
@@ -792,7 +857,7 @@ def test_targets_are_for_files(against: Invoke, gate: Invoke, invoke: Invoke) ->
     assert invoke("batch", *labels, "-c", "10", "-g", "5", "-o", "store", "-q").status == 0
     answer = invoke("gate", "store", "--baseline", "base.json", "--against", "main")
     assert answer.status == 2
-    assert "--against is for files and suites" in answer.err
+    assert "--against is for files and suites, not for stores" in answer.err
     before = Path("data/slow/1/truth.csv").read_text(encoding="utf-8")
     answer = against("--junit", "data/slow/1/truth.csv")
     assert answer.status == 2

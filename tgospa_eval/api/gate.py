@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import field, replace
+from datetime import datetime
 from fnmatch import fnmatchcase
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -54,6 +55,7 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.writing import write_file
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.evaluation.sides import TrajectoriesLike
+from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import ACCURACY
@@ -115,6 +117,7 @@ class GateOptions(Values):
     only: tuple[str, ...] = ()
     prune: bool = False
     against: str | None = None
+    newer_than: str | None = None
     output: str | None = None
     force: bool = False
     junit: str | None = None
@@ -138,6 +141,11 @@ class GateOptions(Values):
     def chosen(self, name: str) -> bool:
         """Whether an update is about this pair."""
         return not self.only or any(fnmatchcase(name, pattern) for pattern in self.only)
+
+    @property
+    def renewed(self) -> Callable[[str], bool] | None:
+        """Which entries an update makes anew; None without one."""
+        return self.chosen if self.update_baseline else None
 
     def prefix(self, pair: Job) -> str:
         """What a line about a pair begins with: its name, where there are several."""
@@ -245,8 +253,9 @@ def judge_all(
     """
     _check_junit(gate, truth, estimate)
     if truth is not None and is_store(truth):
-        if gate.against is not None:
-            raise ConfigError("--against is for files and suites: name the baseline of a store")
+        for option, value in (("against", gate.against), ("newer-than", gate.newer_than)):
+            if value is not None:
+                raise ConfigError(f"--{option} is for files and suites, not for stores")
         folder, path = _stores(gate, truth, estimate)
         table = _store_rows(folder)
         settings = _store_options(folder)
@@ -277,10 +286,12 @@ def judge_all(
         _check_junit(gate, pair.truth, pair.estimate, named)
     path = (gate.baseline if gate.strong("baseline") or not named else named) or ""
     if target is None:
-        old = load_baseline(path) if path else None
+        old = load_baseline(path, gate.renewed) if path else None
     else:
         old = parse(target.demand(path), target.name(path)) if path else None
         pairs = [*_with_faults(gate, target, pairs, groups, old, path)]
+    if gate.newer_than is not None:
+        pairs = [*_with_stale(pairs, gate.newer_than)]
     report = _report(
         gate,
         pairs,
@@ -313,8 +324,8 @@ def _with_first_changes(
     for place in changed[:MOST_CHANGES]:
         one, pair = outcomes[place], there[outcomes[place].name]
         before = target or last_change(path)
-        content = before and before.read(pair.truth)
-        if not before or content is None:
+        content = None if before is None else before.read(pair.truth)
+        if before is None or content is None:
             continue
         with suppress(TgospaError):  # what cannot be read has been said, or is not there to compare
             text = _first_change(gate.resolve(pair, old.get(pair.name), path), pair, content)
@@ -387,6 +398,33 @@ def _with_faults(
         judged = target.has(pair.truth) and scene(pair.labels) in scenes
         judged = judged and any(table.has(pair.labels) for table in tables)
         yield replace(pair, is_new=old is not None and pair.name not in known and not judged)
+
+
+def _with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
+    """The pairs; those whose estimates were last written before a time, or a file, have a fault.
+
+    Raises
+    ------
+    ConfigError
+        It is neither.
+    """
+    try:
+        exists = os.path.exists(since)
+        least = os.path.getmtime(since) if exists else datetime.fromisoformat(since).timestamp()
+    except ValueError:
+        raise ConfigError(
+            f"--newer-than {quoted(since)}: is neither a file nor a time, as 2026-11-28T06:00"
+        ) from None
+    for pair in pairs:
+        files = files_at(file_of(pair.estimate))
+        written = max(
+            (os.path.getmtime(file) for file in files if os.path.exists(file)), default=least
+        )
+        if written < least and not pair.fault:
+            times = (str(datetime.fromtimestamp(one)) for one in (written, least))
+            fault = "{}: is of {}, before {}: did the tracker run?".format(pair.estimate, *times)
+            pair = replace(pair, fault=fault, fault_is=Verdict.FAIL)
+        yield pair
 
 
 def _check_junit(gate: GateOptions, *paths: str | None) -> None:
@@ -716,8 +754,10 @@ def is_store(path: str | None) -> bool:
     return path is not None and os.path.isfile(os.path.join(path, SETTINGS_FILE))
 
 
-def load_baseline(path: str) -> Baseline | None:
+def load_baseline(path: str, renewed: Callable[[str], bool] | None = None) -> Baseline | None:
     """A baseline from a file, or from the jobs of a store that have a value; None without it.
+
+    `renewed` says which entries are made anew: these may be in conflict.
 
     Raises
     ------
@@ -725,7 +765,7 @@ def load_baseline(path: str) -> Baseline | None:
         It cannot be read, or is no baseline of this version.
     """
     if not is_store(path):
-        return load(path)
+        return load(path, renewed)
     settings = _store_options(path)
     return {
         name: make_entry(measured(row), _row_options(row, settings, path), labels_of(row))
@@ -870,6 +910,7 @@ def gate(
     *,
     suite: "str | os.PathLike[str] | None" = None,
     against: str | None = None,
+    newer_than: "str | os.PathLike[str] | None" = None,
     fail_on: str | Iterable[str] = (),
     warn_on: str | Iterable[str] = (),
     limits: Mapping[str, float] | None = None,
@@ -897,6 +938,8 @@ def gate(
         TOML file that lists several pairs of files, instead of `truth` and `estimate`.
     against : str, optional
         Git revision or folder whose suite, baseline, truths and configuration judge.
+    newer_than : str or path, optional
+        A file or a time; estimates of a suite that are older fail.
     fail_on : str or iterable of str
         Rules, ``"total:+2%"`` or ``"nees:1.5..2.5"``; ``"total:+0.001%"`` by default.
     warn_on : str or iterable of str
@@ -935,6 +978,7 @@ def gate(
         suite=None if suite is None else os.fspath(suite),
         baseline=None if baseline is None else os.fspath(baseline),
         against=against,
+        newer_than=None if newer_than is None else os.fspath(newer_than),
         update_baseline=update_baseline,
         fail_on=tuple(_texts(fail_on)),
         warn_on=tuple(_texts(warn_on)),
@@ -950,11 +994,11 @@ def gate(
         return _gate_of_suite(judge_by, options)
     if truth is None or estimate is None or baseline is None or suite is not None:
         raise TypeError("gate() takes truth, estimate and baseline; or suite")
-    for name in ("against", "group", "confidence", "seed_label", "only", "prune"):
+    for name in ("against", "newer_than", "group", "confidence", "seed_label", "only", "prune"):
         if getattr(judge_by, name) not in (None, (), False):
             raise ConfigError(f"--{name.replace('_', '-')} is for suites")
     path = str(judge_by.baseline)
-    old = load(path)
+    old = load(path, judge_by.renewed)
     if old and ONLY_PAIR not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name another")
     pair = Job(name=ONLY_PAIR, truth=_called(truth, "truth"), estimate=_called(estimate, ""))

@@ -72,6 +72,11 @@ class Gate(Verb):
             envvar=AGAINST,
         ),
         _gate(
+            "--newer-than FILE|TIME",
+            "Estimates that were written before this file, or this time (2026-11-28T06:00), fail: "
+            "the tracker did not run.",
+        ),
+        _gate(
             "-o, --output DIR",
             "Write gate.html, gate.md and gate.json to this folder, and a page for each pair.",
             type=PATH,

@@ -1,8 +1,6 @@
 """What a gate found: one outcome for each pair, and what the user should know."""
 
-import glob
 import math
-from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from typing import Any, Self
@@ -12,6 +10,7 @@ from tgospa_eval.campaign.gate.baseline import (
     Measured,
     check_equal,
     differences,
+    patterns_of,
     value_at,
 )
 from tgospa_eval.campaign.gate.rules import (
@@ -33,7 +32,7 @@ from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
-from tgospa_eval.common.words import natural, number
+from tgospa_eval.common.words import number
 from tgospa_eval.errors import SolverError
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.saved import unlike
@@ -467,20 +466,6 @@ def accepting_options(
         names = meant(one for one in outcomes if any(found.improved for found in one.findings))
     if not names:
         return []
-    some = [] if names >= there.keys() else _patterns(names, {*there, *old})
+    some = [] if names >= there.keys() else patterns_of(names, {*there, *old})
     chosen = [text for pattern in some for text in ("--only", pattern)]
     return ["--update-baseline", *(["--prune"] if names - there.keys() else []), *chosen]
-
-
-def _patterns(names: set[str], everything: set[str]) -> list[str]:
-    """Patterns that match these names and none of the others: `slow/*` where all of it is meant."""
-    all_of, meant_of = (
-        Counter(name.partition("/")[0] for name in some if "/" in name)
-        for some in (everything, names)
-    )
-    found = dict[str, None]()  # in order, each once
-    for name in sorted(names, key=natural):
-        head, slash, _ = name.partition("/")
-        whole = slash and 1 < all_of[head] == meant_of[head]
-        found[f"{glob.escape(head)}/*" if whole else glob.escape(name)] = None
-    return [*found]

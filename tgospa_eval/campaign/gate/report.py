@@ -454,7 +454,8 @@ def _cases(outcome: PairOutcome, told: list[str]) -> Iterator[str]:
     """A case for each rule, or one for what could not be judged; the first has time and lines."""
     text = "\n".join(outcome.notes)
     if not outcome.findings:
-        result = _result("error", outcome.verdict, text) if outcome.status else ""
+        kind = "failure" if outcome.verdict is Verdict.FAIL else "error"
+        result = _result(kind, outcome.verdict, text) if outcome.status else ""
         yield _case(outcome, "gate", outcome.seconds, result + _output(told))
     for place, finding in enumerate(outcome.findings):
         verdict = shown_verdict(finding)
