@@ -1,5 +1,6 @@
 """The gate of a team: noisy seeds, pull requests, accepting in part."""
 
+import base64
 import json
 import os
 import shutil
@@ -16,7 +17,9 @@ import pytest
 import yaml
 
 import tgospa_eval
+from tgospa_eval.campaign.gate.outcome import PairOutcome, Report
 from tgospa_eval.campaign.gate.report import GATE_REPORTS
+from tgospa_eval.campaign.gate.rules import STATUS, Value, judge, parse_rules
 
 Invoke = Callable[..., Any]
 
@@ -883,6 +886,61 @@ def test_markdown_has_failures_first_and_fits_into_a_comment(gate: Invoke) -> No
     text = gate("--format", "markdown").out
     assert 0 < len(text.encode()) <= 60_000
     assert "does not fit" in text
+
+
+def test_what_fails_and_the_command_survive_in_any_length() -> None:
+    def found(k: int, now: float, name: str = "") -> PairOutcome:
+        about = {"name": name or f"{'x' * 40}{k}", "truth": "t", "estimate": "e"}
+        rules = parse_rules(["total:+30%"], ["total:+1%"], [])
+        value = Value(lower=now, upper=now, proven=True, unit=1.0)
+        findings = tuple(judge(rule, value, 1.0) for rule in rules)
+        verdict = findings[0].verdict
+        return PairOutcome(
+            verdict=verdict, status=STATUS[verdict], findings=findings, notes=(f"why {k}",), **about
+        )
+
+    def text(fail: int) -> str:
+        some = [found(k, 1.1) for k in range(2000)] + [
+            found(k, 9.0, f"bad{k}") for k in range(fail)
+        ]
+        again = ("tgospa-eval", "gate", "--update-baseline", "--only", "bad*")
+        report = Report(baseline="b.json", outcomes=tuple(some), version="1", again=again)
+        return GATE_REPORTS["markdown"](report)
+
+    few, many = text(3), text(900)
+    for one in (few, many):
+        assert len(one.encode()) <= 60_000
+        assert one.count("--only 'bad*'") == 1
+    assert few.startswith(
+        "**TGOSPA gate: fail (exit status 1): 2000 pass, 3 fail; with warnings: 2,0"
+    )
+    assert [line.split("`")[1] for line in few.splitlines()[4:7]] == [f"bad{k}" for k in range(3)]
+    assert "- bad2: why 2" in few[: few.index("--only")]
+    assert many.count("| **fail** |") > 500
+    assert "`xxxx" not in many
+
+
+def test_a_group_that_fails_says_where(gate: Invoke) -> None:
+    runs(0.14, 2)
+    slow = Path("out/slow/4.csv").read_text(encoding="utf-8")
+    write("out/slow/4.csv", "".join(line for line in slow.splitlines(True) if line[:4] != "b,3,"))
+    notes = " ".join(groups(gate("--format", "json"))["all"]["notes"])
+    assert "split, not proven: localisation 1,700.486 -> " in notes
+    assert ", missed 0 -> 50" in notes
+    assert "worst scenes: dense +15.0%, slow +" in notes
+    assert "worst runs: slow/4 +" in notes
+    assert "worst" not in " ".join(groups(gate("--format", "json"))["slow"]["notes"])
+
+
+def test_the_page_draws_the_runs_of_the_baseline(gate: Invoke) -> None:
+    pytest.importorskip("matplotlib")
+    runs(0.14, 2)
+    gate("-o", "report")
+    page = Path("report/gate.html").read_text(encoding="utf-8")
+    image = base64.b64decode(page.partition("data:image/svg+xml;base64,")[2].partition('"')[0])
+    assert b"<svg" in image
+    assert "img-src data:" in page
+    assert page.index(">group all of {scene}<") < page.index(">group dense<")
 
 
 def test_markdown_of_a_broken_baseline_says_so(gate: Invoke) -> None:

@@ -32,6 +32,7 @@ from tgospa_eval.campaign.gate.outcome import (
     accepting_options,
     judged_outcome,
     leftover,
+    of_its_runs,
     updated_outcome,
     without_option,
 )
@@ -556,7 +557,8 @@ def _judged(
     if baseline is not None:
         failed = [one.name for one in judged if one.verdict is Verdict.ERROR]
         failed += [pair.name for pair in pairs if pair.fault and pair.name not in failed]
-        judged = [*judge_groups(groups, results, old, labels, failed), *judged]
+        added = judge_groups(groups, results, old, labels, failed)
+        judged = [*(of_its_runs(one, groups, labels, results, old) for one in added), *judged]
     named = {name for name in old if any(table.has(labels[name]) for table in groups)}
     named |= {pair.name for pair in pairs}
     note = f"in the baseline and not in {whence}; --update-baseline --prune removes it"

@@ -142,8 +142,8 @@ def command(
       tgospa-eval gate old_results new_results          two stores of a batch
       tgospa-eval gate --suite suite.toml --against origin/main
 
-    Exit status: 0 passed, 1 regression proven, 2 wrong option, baseline missing or
-    not comparable, 3 bad input file, 4 undecided.
+    Exit status: 0 passed, 1 regression (proven, or of groups inferred), 2 wrong option,
+    baseline missing or not comparable, 3 bad input file, 4 undecided.
     """
     from tgospa_eval.api.gate import GateOptions
     from tgospa_eval.api.options import Request

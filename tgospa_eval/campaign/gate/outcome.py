@@ -379,6 +379,57 @@ def _parts(values: Mapping[str, Value], old: Json) -> Iterator[str]:
         yield f"split, not proven: {', '.join(moved)}"
 
 
+def of_its_runs(
+    one: PairOutcome,
+    groups: Sequence[GroupTable],
+    labels: Mapping[str, Mapping[str, str]],
+    results: Mapping[str, Measured],
+    old: Baseline,
+) -> PairOutcome:
+    """An outcome; that of a group which fails with its parts, and its worst scenes and runs."""
+    sums: dict[str, dict[str, tuple[float, float]]] = {"scenes": {}, "runs": {}}
+    parts = dict.fromkeys(PARTS, (0.0, 0.0))
+    for name in results if one.group and one.verdict is Verdict.FAIL else ():
+        if name not in old:
+            continue
+        own, values, before = labels[name], results[name].values, old[name]["values"]
+        for table in (t for t in groups if t.has(own)):
+            if one.name in (table.group_of(own), f"all of {table.name}"):
+                scene = "/".join(text for label, text in own.items() if label != table.seed)
+                change = values["total"].upper, before["total"]
+                sums["runs"][name] = change
+                sums["scenes"][scene] = _plus(sums["scenes"].get(scene, (0.0, 0.0)), change)
+                for path in PARTS:
+                    parts[path] = _plus(parts[path], (values[path].upper, before[path]))
+    notes = [
+        *_parts(
+            {k: Value.of(now) for k, (now, _) in parts.items()},
+            {k: b for k, (_, b) in parts.items()},
+        )
+    ]
+    for kind, found in sums.items():
+        worse = sorted(
+            (name for name, (now, base) in found.items() if now > base),
+            key=lambda name: found[name][1] - found[name][0],
+        )
+        if worse and len(found) > 1:
+            shown = [
+                f"{name} {now / base - 1:+.1%}" if base else name
+                for name in worse[:MOST_WORST]
+                for now, base in [found[name]]
+            ]
+            notes.append(f"worst {kind}: {', '.join(shown)}")
+    return replace(one, notes=(*one.notes, *notes))
+
+
+MOST_WORST = 3
+"""Scenes and runs of a group that are named."""
+
+
+def _plus(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
+    return one[0] + other[0], one[1] + other[1]
+
+
 def texts(*numbers: float) -> list[str]:
     """The numbers with so many digits that those which differ look different.
 
