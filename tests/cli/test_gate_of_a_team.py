@@ -1083,3 +1083,67 @@ def test_the_steps_for_gitlab(shell: Invoke) -> None:
     assert Notes.bodies[0] == "LGTM"
     (body,) = Notes.bodies[1:]
     assert body.partition("\n")[2] == Path("gate/gate.md").read_text(encoding="utf-8")
+
+
+# --- pytest and pre-commit ------------------------------------------------------------------------
+
+
+@pytest.mark.process
+def test_an_assert_shows_the_table(gate: Invoke) -> None:
+    runs(0.14, 2)
+    write(
+        "test_it.py",
+        "from tgospa_eval import gate\n\n\ndef test_it():\n"
+        "    assert gate(suite='suite.toml', group='scene', fail_on='total:+2%')\n",
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_it.py"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "pair             rule                   baseline      limit        now" in done.stdout
+    assert "group... {scene} total:+2%             1,700.486  1,734.496  1,935.175 fail" in (
+        done.stdout
+    )
+
+
+@pytest.mark.process
+def test_the_how_to_is_one_of_xunit2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = (EXAMPLES.parent / "how-to/pytest.md").read_text(encoding="utf-8")
+    for name in ("truth.csv", "estimate.csv"):
+        shutil.copy(EXAMPLES.parents[1] / "sample_data/quickstart" / name, name)
+    for name in ("conftest.py", "test_tracker.py"):
+        write(name, page.partition(f"> {name} <<'EOF'\n")[2].partition("EOF\n")[0])
+    strict = ("-W", "error", "-o", "junit_family=xunit2", "-p", "no:cacheprovider")
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-q",
+            *strict,
+            "--junitxml",
+            "report.xml",
+            "test_tracker.py",
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    assert '<property name="test_tracker.tgospa" value="42.5' in Path("report.xml").read_text()
+
+
+def test_a_hook_sees_any_file_and_proposes_what_works(
+    gate: Invoke, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (hook,) = yaml.safe_load((EXAMPLES.parents[1] / ".pre-commit-hooks.yaml").read_text())
+    assert (hook["always_run"], hook["pass_filenames"]) == (True, False)
+    runs(0.14, 2)
+    monkeypatch.setenv("PRE_COMMIT", "1")
+    command = json.loads(gate("--format", "json").out)["update"]
+    assert subprocess.run(command, shell=True, capture_output=True, check=False).returncode == 0
+    assert gate().status == 0

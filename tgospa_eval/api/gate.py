@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import field, replace
@@ -498,7 +499,10 @@ def _report(
         at = command.index("--") if "--" in command else len(command)
         accepted = accepting_options(outcomes, groups, pairs, old or {})
         if accepted:
-            again = ("tgospa-eval", "gate", *command[:at], *accepted, *command[at:])
+            # In the environment of pre-commit, the program is not where shells look for it.
+            alone = "PRE_COMMIT" in os.environ
+            program = (sys.executable, "-m", "tgospa_eval") if alone else ("tgospa-eval",)
+            again = (*program, "gate", *command[:at], *accepted, *command[at:])
     return Report(
         baseline=path,
         outcomes=tuple(outcomes),
@@ -896,6 +900,8 @@ class GateResult:
         return table.rename(columns={"lower": "lower_bound", "upper": "upper_bound"})
 
     def __bool__(self) -> bool:
+        if not self.passed and "PYTEST_CURRENT_TEST" in os.environ:
+            sys.stdout.write(f"{self}\n")  # of which `assert` shows one line
         return self.passed
 
     def __str__(self) -> str:
