@@ -547,7 +547,81 @@ def no_suite() -> None:
     Path("suite.toml").unlink()
 
 
+def edited_sums() -> None:
+    text = Path("base.json").read_text(encoding="utf-8")
+    document = json.loads(text)
+    for entry in document["pairs"].values():
+        values = entry["values"]
+        for name in ("total", "localisation"):
+            values[name] *= 9
+        for name in ("tgospa", "lower_bound", "upper_bound"):
+            values[name] *= 3
+    write("base.json", json.dumps(document))
+
+
+def dropped_entries() -> None:
+    write("base.json", json.dumps({"schema": "tgospa-eval/baseline/2", "pairs": {}}))
+
+
+def renamed_labels_of_entries() -> None:
+    edit("base.json", '"scene": "slow"', '"scene": "gone"')
+
+
+def linked_suite() -> None:
+    write("lax.toml", SUITE)
+    Path("suite.toml").unlink()
+    Path("suite.toml").symlink_to("lax.toml")
+
+
+def marked_suite() -> None:
+    write("suite.toml", f"\ufeff{SUITE}")
+
+
+def appended_limits() -> None:
+    for name in ("*", "slow/*"):
+        text = f'[[limits]]\nmatch = "{name}"\nfail-on = ["total:+900%"]\n'
+        write("suite.toml", Path("suite.toml").read_text(encoding="utf-8") + text)
+
+
+def other_distance() -> None:
+    edit("suite.toml", "cutoff = 10", 'cutoff = 10\ndistance = "chebyshev"\nscale = "y=0.01"')
+
+
+def other_project() -> None:
+    write("pyproject.toml", "[tool.tgospa-eval]\nscale = 'y=0.01'\n")
+
+
+def fewer_steps() -> None:
+    edit("suite.toml", "cutoff = 10", 'cutoff = 10\ntime = "0:0"')
+
+
+def attributes_of_git() -> None:
+    write(".gitattributes", "* -diff -text binary\n*.json merge=ours\n")
+    loosened()
+
+
+def a_folder_of_the_same_name() -> None:
+    edited_sums()
+    git("commit", "-am", "lax")
+    git("checkout", "-b", "pull")
+    git("branch", "-f", "main", "main~1")
+    Path("main").mkdir()
+    shutil.copytree("data", "main/data")
+    write("main/suite.toml", SUITE)
+
+
+def other_names() -> None:
+    edit(
+        "suite.toml",
+        'truth = "data/{scene}/{seed}',
+        'name = "{scene}-{seed}"\ntruth = "data/{scene}/{seed}',
+    )
+
+
 WEAKER = (
+    *(edited_sums, dropped_entries, renamed_labels_of_entries, linked_suite, marked_suite),
+    *(appended_limits, other_distance, other_project, fewer_steps, attributes_of_git),
+    *(a_folder_of_the_same_name, other_names),
     *(loosened, warning_only, no_group, fewer_pairs, cutoff, configuration, confidence),
     *(more_noise, other_baseline, baseline_options, more_groups, other_label, no_baseline),
     no_suite,
@@ -804,6 +878,35 @@ def test_configuration_is_that_of_the_target(against: Invoke, gate: Invoke, invo
     write("mine.toml", "suite = 'suite.toml'\n")
     answer = invoke(*named, "mine.toml")
     assert (answer.status, "main:mine.toml: there is no such file" in answer.err) == (2, True)
+
+
+def test_two_honest_pull_requests_pass(
+    against: Invoke, gate: Invoke, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    git("checkout", "-b", "tracker")  # worse, and right
+    runs(0.3, 2)
+    git("commit", "-am", "tracker")
+    command = json.loads(against("--format", "json").out)["update"].split()
+    assert gate(*command[5:]).status == 0
+    accepted = Path("base.json").read_bytes()
+    git("checkout", "base.json")
+    git("checkout", "-b", "accepted", "main")
+    Path("base.json").write_bytes(accepted)
+    assert against().status == 0
+    git("commit", "-am", "baseline")
+    git("branch", "-f", "main")
+    git("checkout", "tracker")
+    assert against().status == 0
+    monkeypatch.setitem(SCENES, "new", 250.0)
+    runs(0.3, 2)
+    assert against().status == 0
+
+
+def test_flags_of_an_update_are_none_of_a_target(against: Invoke) -> None:
+    runs(0.3, 2)
+    for flag in ("--only", "--prune"):
+        answer = against(flag, *(["slow/*"] if flag == "--only" else []))
+        assert (answer.status, f"{flag} is for --update-baseline" in answer.err) == (2, True)
 
 
 def test_stricter_flags_hold(against: Invoke) -> None:

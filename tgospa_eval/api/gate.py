@@ -562,7 +562,8 @@ def _judged(
         failed = [one.name for one in judged if one.verdict is Verdict.ERROR]
         failed += [pair.name for pair in pairs if pair.fault and pair.name not in failed]
         added = judge_groups(groups, results, old, labels, failed)
-        judged = [*(of_its_runs(one, groups, labels, results, old) for one in added), *judged]
+        first = (of_its_runs(one, groups, labels, results, old) for one in added[:MAX_PAGES])
+        judged = [*first, *added[MAX_PAGES:], *judged]
     named = {name for name in old if any(table.has(labels[name]) for table in groups)}
     named |= {pair.name for pair in pairs}
     note = f"in the baseline and not in {whence}; --update-baseline --prune removes it"
