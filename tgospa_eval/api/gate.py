@@ -2,8 +2,11 @@
 
 import json
 import os
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import field, replace
+from datetime import datetime
 from fnmatch import fnmatchcase
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -14,6 +17,7 @@ from tgospa_eval.api.evaluate import evaluate
 from tgospa_eval.api.keywords import KEYWORDS, with_options
 from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, SETTINGS, Request, Values, typed
 from tgospa_eval.campaign.gate.baseline import (
+    CHANGED,
     Baseline,
     Measured,
     dump,
@@ -29,6 +33,7 @@ from tgospa_eval.campaign.gate.outcome import (
     accepting_options,
     judged_outcome,
     leftover,
+    of_its_runs,
     updated_outcome,
     without_option,
 )
@@ -41,16 +46,18 @@ from tgospa_eval.campaign.gate.suite import (
     load_suite,
     make_group,
 )
-from tgospa_eval.campaign.gate.target import Target
+from tgospa_eval.campaign.gate.target import Target, last_change
 from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.campaign.row import Row, job_name, labels_of, row_to_judge
 from tgospa_eval.campaign.store import SETTINGS_FILE, Store
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python, warn_user
+from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.writing import write_file
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.evaluation.sides import TrajectoriesLike
+from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import ACCURACY
@@ -112,6 +119,7 @@ class GateOptions(Values):
     only: tuple[str, ...] = ()
     prune: bool = False
     against: str | None = None
+    newer_than: str | None = None
     output: str | None = None
     force: bool = False
     junit: str | None = None
@@ -135,6 +143,11 @@ class GateOptions(Values):
     def chosen(self, name: str) -> bool:
         """Whether an update is about this pair."""
         return not self.only or any(fnmatchcase(name, pattern) for pattern in self.only)
+
+    @property
+    def renewed(self) -> Callable[[str], bool] | None:
+        """Which entries an update makes anew; None without one."""
+        return self.chosen if self.update_baseline else None
 
     def prefix(self, pair: Job) -> str:
         """What a line about a pair begins with: its name, where there are several."""
@@ -242,8 +255,9 @@ def judge_all(
     """
     _check_junit(gate, truth, estimate)
     if truth is not None and is_store(truth):
-        if gate.against is not None:
-            raise ConfigError("--against is for files and suites: name the baseline of a store")
+        for option, value in (("against", gate.against), ("newer-than", gate.newer_than)):
+            if value is not None:
+                raise ConfigError(f"--{option} is for files and suites, not for stores")
         folder, path = _stores(gate, truth, estimate)
         table = _store_rows(folder)
         settings = _store_options(folder)
@@ -274,11 +288,13 @@ def judge_all(
         _check_junit(gate, pair.truth, pair.estimate, named)
     path = (gate.baseline if gate.strong("baseline") or not named else named) or ""
     if target is None:
-        old = load_baseline(path) if path else None
+        old = load_baseline(path, gate.renewed) if path else None
     else:
         old = parse(target.demand(path), target.name(path)) if path else None
         pairs = [*_with_faults(gate, target, pairs, groups, old, path)]
-    return _report(
+    if gate.newer_than is not None:
+        pairs = [*_with_stale(pairs, gate.newer_than)]
+    report = _report(
         gate,
         pairs,
         groups,
@@ -287,6 +303,72 @@ def judge_all(
         lambda pairs, old: _evaluated(gate, pairs, old, path, groups, notify, run),
         "the suite",
     )
+    return _with_first_changes(gate, report, pairs, old or {}, path, target)
+
+
+def _with_first_changes(
+    gate: GateOptions,
+    report: Report,
+    pairs: Sequence[Job],
+    old: Baseline,
+    path: str,
+    target: Target | None,
+) -> Report:
+    """The report with the first state of truths that changed, where git has what they were."""
+    there = {pair.name: pair for pair in pairs}
+    outcomes = list(report.outcomes)
+    changed = [
+        place
+        for place, one in enumerate(outcomes)
+        if one.verdict is Verdict.INCOMPARABLE and one.name in there and not one.group
+        if there[one.name].fault_is == one.verdict or CHANGED in " ".join(one.notes)
+    ]
+    for place in changed[:MOST_CHANGES]:
+        one, pair = outcomes[place], there[outcomes[place].name]
+        before = target or last_change(path)
+        content = None if before is None else before.read(pair.truth)
+        if before is None or content is None:
+            continue
+        with suppress(TgospaError):  # what cannot be read has been said, or is not there to compare
+            text = _first_change(gate.resolve(pair, old.get(pair.name), path), pair, content)
+            note = f"{text} (was -> is; since {before.where})"
+            outcomes[place] = replace(one, notes=(*one.notes, note))
+    return replace(report, outcomes=tuple(outcomes))
+
+
+MOST_CHANGES = 10
+"""Truths that changed of which the first state is looked for."""
+
+
+def _first_change(options: Mapping[str, object], pair: Job, content: bytes) -> str:
+    """The first state of a truth that is another one than in a former file."""
+    from tempfile import TemporaryDirectory  # here: truths seldom change
+
+    from tgospa_eval.api.evaluate import read_sides
+    from tgospa_eval.api.resolve import make_settings
+
+    def states(truth: str) -> dict[tuple[float, str], tuple[str, list[float]]]:
+        sides = read_sides(settings, truth, pair.estimate, Stopwatch(), lambda _: None)
+        side = sides.fitted.given[0]
+        rows = zip(side.step.tolist(), side.track.tolist(), side.state.tolist(), strict=True)
+        return {
+            (side.times[k].item(), str(side.ids[track])): (str(side.shown[k]), state)
+            for k, track, state in rows
+        }
+
+    settings = make_settings(Request.of(options))
+    with TemporaryDirectory() as folder:
+        path = os.path.join(folder, os.path.basename(pair.truth))
+        with open(path, "wb") as file:
+            file.write(content)
+        before, now = states(path), states(pair.truth)
+    for key in sorted(before.keys() | now.keys()):
+        was, is_ = (side.get(key, ("", []))[1] for side in (before, now))
+        if was != is_:
+            shown = [", ".join(map(repr, state)) or "nothing" for state in (was, is_)]
+            when = (before.get(key) or now[key])[0]
+            return f"the first state that differs: {key[1]} at {when}: {' -> '.join(shown)}"
+    return "no state differs in what is evaluated"
 
 
 def _with_faults(
@@ -298,7 +380,8 @@ def _with_faults(
     path: str,
 ) -> Iterator[Job]:
     """The pairs; those whose files are not the target's have a fault, or are new."""
-    known, seeds = old or {}, {table.seed for table in gate.tables(pairs, groups)}
+    known, tables = old or {}, gate.tables(pairs, groups)
+    seeds = {table.seed for table in tables}
 
     def scene(labels: Mapping[str, str]) -> set[tuple[str, str]]:
         return {item for item in labels.items() if item[0] not in seeds}
@@ -310,10 +393,40 @@ def _with_faults(
         files = [pair.truth, *(str(file) for file in named if file)]
         other = [file for file in files if target.has_another(file)]
         if other and not pair.fault:
-            yield replace(pair, fault=f"{other[0]}: is another one in {target.where}, which judges")
+            fault = f"{other[0]}: is another one in {target.where}, which judges"
+            yield replace(pair, fault=fault, fault_is=Verdict.INCOMPARABLE)
             continue
-        judged = target.has(pair.truth) and (old is None or scene(pair.labels) in scenes)
-        yield replace(pair, is_new=pair.name not in known and not judged)
+        # Of a scene that the target knows, runs with other seeds are judged in their group.
+        judged = target.has(pair.truth) and scene(pair.labels) in scenes
+        judged = judged and any(table.has(pair.labels) for table in tables)
+        yield replace(pair, is_new=old is not None and pair.name not in known and not judged)
+
+
+def _with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
+    """The pairs; those whose estimates were last written before a time, or a file, have a fault.
+
+    Raises
+    ------
+    ConfigError
+        It is neither.
+    """
+    try:
+        exists = os.path.exists(since)
+        least = os.path.getmtime(since) if exists else datetime.fromisoformat(since).timestamp()
+    except ValueError:
+        raise ConfigError(
+            f"--newer-than {quoted(since)}: is neither a file nor a time, as 2026-11-28T06:00"
+        ) from None
+    for pair in pairs:
+        files = files_at(file_of(pair.estimate))
+        written = max(
+            (os.path.getmtime(file) for file in files if os.path.exists(file)), default=least
+        )
+        if written < least and not pair.fault:
+            times = (str(datetime.fromtimestamp(one)) for one in (written, least))
+            fault = "{}: is of {}, before {}: did the tracker run?".format(pair.estimate, *times)
+            pair = replace(pair, fault=fault, fault_is=Verdict.FAIL)
+        yield pair
 
 
 def _check_junit(gate: GateOptions, *paths: str | None) -> None:
@@ -370,7 +483,9 @@ def _report(
     if groups and not path:
         raise ConfigError("no baseline: name it with --baseline FILE; groups need one")
     rules = {
-        pair.name: [rule for rule in found if rule.absolute or not pair.is_new]
+        pair.name: [replace(rule, warns=True) for rule in found if rule.absolute]
+        if pair.is_new
+        else found
         for pair in pairs
         if not pair.fault
         for found in [gate.rules(pair, baseline=bool(path), default=not groups)]
@@ -384,7 +499,10 @@ def _report(
         at = command.index("--") if "--" in command else len(command)
         accepted = accepting_options(outcomes, groups, pairs, old or {})
         if accepted:
-            again = ("tgospa-eval", "gate", *command[:at], *accepted, *command[at:])
+            # In the environment of pre-commit, the program is not where shells look for it.
+            alone = "PRE_COMMIT" in os.environ
+            program = (sys.executable, "-m", "tgospa_eval") if alone else ("tgospa-eval",)
+            again = (*program, "gate", *command[:at], *accepted, *command[at:])
     return Report(
         baseline=path,
         outcomes=tuple(outcomes),
@@ -417,7 +535,7 @@ def _judged(
     }
     for pair in pairs:
         if pair.fault:
-            outcomes[pair.name] = PairOutcome.of(pair, Verdict.ERROR, pair.fault)
+            outcomes[pair.name] = PairOutcome.of(pair, Verdict(pair.fault_is), pair.fault)
         elif not path or pair.name in old or pair.is_new or (tables[pair.name] and baseline):
             chosen.append(pair)
         else:
@@ -433,8 +551,8 @@ def _judged(
         else:
             noisy = any(table.seed in pair.labels for table in tables[pair.name])
             outcome = judged_outcome(pair, now, entry, rules[pair.name], noisy=noisy, **about)
-            notes = (*outcome.notes, *([NEW] if pair.is_new else []))
-            outcome = replace(outcome, notes=notes)
+            if pair.is_new:
+                outcome = replace(outcome, verdict=Verdict.NEW, notes=(*outcome.notes, NEW))
         if isinstance(now, Measured) and not pair.is_new:
             results[pair.name] = now
         hidden = len(pairs) > MAX_PAGES and not outcome.status
@@ -442,7 +560,10 @@ def _judged(
     judged = [outcomes[pair.name] for pair in pairs]
     if baseline is not None:
         failed = [one.name for one in judged if one.verdict is Verdict.ERROR]
-        judged = [*judge_groups(groups, results, old, labels, failed), *judged]
+        failed += [pair.name for pair in pairs if pair.fault and pair.name not in failed]
+        added = judge_groups(groups, results, old, labels, failed)
+        first = (of_its_runs(one, groups, labels, results, old) for one in added[:MAX_PAGES])
+        judged = [*first, *added[MAX_PAGES:], *judged]
     named = {name for name in old if any(table.has(labels[name]) for table in groups)}
     named |= {pair.name for pair in pairs}
     note = f"in the baseline and not in {whence}; --update-baseline --prune removes it"
@@ -465,10 +586,7 @@ MAX_PAGES = 200
 """Pairs of which each has a page; of more those have one that do not pass."""
 
 IN_GROUP = "not in the baseline: judged in its group alone"
-NEW = (
-    "new: the target has no baseline of it, or no truth; judged by absolute limits alone until it "
-    "has"
-)
+NEW = "new, not judged: the target does not have it yet; its limits of --max only warn"
 
 
 def _updated(
@@ -487,8 +605,9 @@ def _updated(
     if faults:
         raise InputError(*faults)
     old = baseline or {}
-    if not chosen and not any(map(gate.chosen, old)):
-        raise ConfigError(f"--only {' --only '.join(gate.only)}: no pair is called so")
+    for pattern in gate.only:
+        if not any(fnmatchcase(name, pattern) for name in (*(pair.name for pair in pairs), *old)):
+            raise ConfigError(f"--only {quoted(pattern)}: no pair is called so")
     new, outcomes = dict(old), []
     for pair, (row, options) in zip(chosen, evaluated(chosen, old), strict=True):
         now, about = _measured(row)
@@ -648,8 +767,10 @@ def is_store(path: str | None) -> bool:
     return path is not None and os.path.isfile(os.path.join(path, SETTINGS_FILE))
 
 
-def load_baseline(path: str) -> Baseline | None:
+def load_baseline(path: str, renewed: Callable[[str], bool] | None = None) -> Baseline | None:
     """A baseline from a file, or from the jobs of a store that have a value; None without it.
+
+    `renewed` says which entries are made anew: these may be in conflict.
 
     Raises
     ------
@@ -657,7 +778,7 @@ def load_baseline(path: str) -> Baseline | None:
         It cannot be read, or is no baseline of this version.
     """
     if not is_store(path):
-        return load(path)
+        return load(path, renewed)
     settings = _store_options(path)
     return {
         name: make_entry(measured(row), _row_options(row, settings, path), labels_of(row))
@@ -786,6 +907,8 @@ class GateResult:
         return table.rename(columns={"lower": "lower_bound", "upper": "upper_bound"})
 
     def __bool__(self) -> bool:
+        if not self.passed and "PYTEST_CURRENT_TEST" in os.environ:
+            sys.stdout.write(f"{self}\n")  # of which `assert` shows one line
         return self.passed
 
     def __str__(self) -> str:
@@ -802,6 +925,7 @@ def gate(
     *,
     suite: "str | os.PathLike[str] | None" = None,
     against: str | None = None,
+    newer_than: "str | os.PathLike[str] | None" = None,
     fail_on: str | Iterable[str] = (),
     warn_on: str | Iterable[str] = (),
     limits: Mapping[str, float] | None = None,
@@ -829,6 +953,8 @@ def gate(
         TOML file that lists several pairs of files, instead of `truth` and `estimate`.
     against : str, optional
         Git revision or folder whose suite, baseline, truths and configuration judge.
+    newer_than : str or path, optional
+        A file or a time; estimates of a suite that are older fail.
     fail_on : str or iterable of str
         Rules, ``"total:+2%"`` or ``"nees:1.5..2.5"``; ``"total:+0.001%"`` by default.
     warn_on : str or iterable of str
@@ -867,6 +993,7 @@ def gate(
         suite=None if suite is None else os.fspath(suite),
         baseline=None if baseline is None else os.fspath(baseline),
         against=against,
+        newer_than=None if newer_than is None else os.fspath(newer_than),
         update_baseline=update_baseline,
         fail_on=tuple(_texts(fail_on)),
         warn_on=tuple(_texts(warn_on)),
@@ -882,11 +1009,11 @@ def gate(
         return _gate_of_suite(judge_by, options)
     if truth is None or estimate is None or baseline is None or suite is not None:
         raise TypeError("gate() takes truth, estimate and baseline; or suite")
-    for name in ("against", "group", "confidence", "seed_label", "only", "prune"):
+    for name in ("against", "newer_than", "group", "confidence", "seed_label", "only", "prune"):
         if getattr(judge_by, name) not in (None, (), False):
             raise ConfigError(f"--{name.replace('_', '-')} is for suites")
     path = str(judge_by.baseline)
-    old = load(path)
+    old = load(path, judge_by.renewed)
     if old and ONLY_PAIR not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name another")
     pair = Job(name=ONLY_PAIR, truth=_called(truth, "truth"), estimate=_called(estimate, ""))

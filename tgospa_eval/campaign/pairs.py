@@ -63,9 +63,11 @@ class Job:
     rules : dict of str to tuple of str
         Of ``fail-on``, ``warn-on`` and ``max`` those that the suite of a gate sets.
     fault : str
-        Why there are no such files: the pattern finds none.
+        Why there are no such files: the pattern finds none; or why they are not judged.
+    fault_is : str
+        What the gate says of a pair with a fault.
     is_new : bool
-        Whether the target that judges has no baseline to judge it by, or no truth.
+        Whether the target that judges does not know it.
     """
 
     truth: str = ""
@@ -76,6 +78,7 @@ class Job:
     name: str = ""
     rules: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     fault: str = ""
+    fault_is: str = "error"
     is_new: bool = False
 
     @property

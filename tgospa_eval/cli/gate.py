@@ -67,8 +67,14 @@ class Gate(Verb):
             "--against TARGET",
             "Judge the estimates of this branch by the suite, the baseline, the truths and the "
             "configuration of the target branch, a git revision such as origin/main, or of a "
-            "folder; what this branch has of these, and the environment, count for nothing.",
+            "folder, ./target; what this branch has of these, and the environment, count for "
+            "nothing.",
             envvar=AGAINST,
+        ),
+        _gate(
+            "--newer-than FILE|TIME",
+            "Estimates that were written before this file, or this time (2026-11-28T06:00), fail: "
+            "the tracker did not run.",
         ),
         _gate(
             "-o, --output DIR",
@@ -136,8 +142,8 @@ def command(
       tgospa-eval gate old_results new_results          two stores of a batch
       tgospa-eval gate --suite suite.toml --against origin/main
 
-    Exit status: 0 passed, 1 regression proven, 2 wrong option, baseline missing or
-    not comparable, 3 bad input file, 4 undecided.
+    Exit status: 0 passed, 1 regression (proven, or of groups inferred), 2 wrong option,
+    baseline missing or not comparable, 3 bad input file, 4 undecided.
     """
     from tgospa_eval.api.gate import GateOptions
     from tgospa_eval.api.options import Request

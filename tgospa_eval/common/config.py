@@ -198,7 +198,7 @@ def read_toml(path: str, content: bytes | None = None) -> dict[str, object]:
     if content is None:
         content = read_bytes(path, ConfigError)
     try:
-        return tomllib.loads(content.decode())
+        return tomllib.loads(content.decode("utf-8-sig"))
     except RecursionError:
         raise ConfigError(f"{path}: not valid TOML: nested too deeply") from None
     except ValueError as error:  # of TOML, of UTF-8, of integers with thousands of digits

@@ -76,6 +76,7 @@ CHARTS: Mapping[str, Mapping[str, Chart]] = {
         **_CURVES,
     },
     "page of a batch": _CURVES,
+    "page of a gate": {"runs": Chart("several:draw_runs")},
 }
 """By kind of subject and name of file; of data in parts no tracks are drawn."""
 

@@ -396,6 +396,41 @@ ROW = 0.21
 """Inches of a row with letters."""
 
 
+def draw_runs(
+    scenes: Mapping[str, tuple[Sequence[float], Sequence[float]]], style: Style
+) -> Figure:
+    """Totals of runs, those of the baseline and of now, as shares of the baseline's mean.
+
+    Parameters
+    ----------
+    scenes : mapping of str to pair of sequences of float
+        By scene the totals of the baseline, and those of now; the most changed are drawn.
+    style : Style
+        Sizes.
+    """
+
+    def change(name: str) -> float:
+        old, now = (float(np.mean(totals)) for totals in scenes[name])
+        return -abs(now / old - 1)
+
+    names = sorted(scenes, key=change)[:MOST_BARS]
+    made, axes = figure(style.width, 1.0 + 1.5 * ROW * len(names))
+    axis = axes[0, 0]
+    for row, name in enumerate(names):
+        old, now = (np.array(totals) / np.mean(scenes[name][0]) for totals in scenes[name])
+        looks: dict[str, Any] = {"linestyle": "", "ms": 4, "clip_on": False}
+        marks = [
+            axis.plot(old, np.full(len(old), row + 0.35), "o", mfc="white", color=SOFT, **looks)[0],
+            axis.plot(now, np.full(len(now), row + 0.65), "o", color=COLOURS[0], **looks)[0],
+        ]
+    axis.axvline(1.0, color=INK, linewidth=0.8)
+    axis.set_ylim(len(names), 0)
+    _names(axis, names, upright=True)
+    axis.set_xlabel("total, as a share of the mean of the baseline's runs")
+    legend(made, marks, ["runs of the baseline", "runs of now"], 2)
+    return made
+
+
 def draw_curves(tables: BatchTables, style: Style, *, parts: bool = False) -> Figure | None:
     """RMS-TGOSPA of runs over time, with bands; a panel for each kind.
 

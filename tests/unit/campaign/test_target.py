@@ -82,20 +82,39 @@ def test_of_a_folder(repository: Path, tmp_path_factory: pytest.TempPathFactory)
 
 @pytest.mark.parametrize("where", ["nowhere", "--output=x", "HEAD:ci", ""])
 def test_refused(repository: Path, where: str) -> None:
-    with pytest.raises(ConfigError, match="neither a folder nor a git revision"):
+    with pytest.raises(ConfigError, match="is no git revision that is here"):
         Target(where)
     assert not (repository / "x").exists()
 
 
-def test_a_name_of_both(repository: Path) -> None:
-    (repository / "main").mkdir()
-    with pytest.raises(ConfigError, match=r"write \./main for the folder, refs/heads/main"):
-        Target("main")
-    assert Target("refs/heads/main").commit
-    assert not Target("./main").commit
+def test_a_revision_is_never_a_folder(repository: Path) -> None:
+    for name in ("main", "release"):
+        (repository / name).mkdir()
+    assert Target("main").commit
+    with pytest.raises(
+        ConfigError, match=r"is no git revision .*; write \./release for the folder"
+    ):
+        Target("release")
+    for folder in ("./main", "release/", str(repository)):
+        assert not Target(folder).commit
+    with pytest.raises(ConfigError, match="there is no such folder"):
+        Target("./none")
+
+
+def test_links_of_a_revision_are_followed(repository: Path) -> None:
+    Path("link.toml").symlink_to("ci/suite.toml")
+    Path("lost.toml").symlink_to("none.toml")
+    Path("folder").symlink_to("ci")
+    git("add", ".")
+    git("commit", "-m", "links")
+    for name in ("link.toml", "lost.toml", "folder"):
+        Path(name).unlink()
+    target = Target("main")
+    assert target.read("link.toml") == target.read("folder/suite.toml") == b"new"
+    assert target.read("lost.toml") is target.read("folder") is None
 
 
 def test_no_repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ConfigError, match="neither"):
+    with pytest.raises(ConfigError, match="no git revision"):
         Target("main")

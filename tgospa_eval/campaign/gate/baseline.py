@@ -1,8 +1,11 @@
 """Baselines: values, options and what was judged of each pair, as JSON made for git."""
 
+import glob
 import json
 import math
-from collections.abc import Iterable, Mapping
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 
 from tgospa_eval.campaign.gate.rules import PROVEN, SPLIT, Value
@@ -11,6 +14,7 @@ from tgospa_eval.common.documents import ANYTHING, COST, TEXT, Maybe, document_o
 from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
+from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.contradictions import contradiction
@@ -18,7 +22,7 @@ from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, unlike
 from tgospa_eval.text import clipped
 from tgospa_eval.tracks.ignored import refuse_own_marks
-from tgospa_eval.tracks.judged import JUDGE_ALIKE, incomparable, judged_of
+from tgospa_eval.tracks.judged import JUDGE_ALIKE, JUDGED_FIELDS, incomparable, judged_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,13 +228,23 @@ def value_at(values: Json, path: str) -> Any:
     return found
 
 
+CHANGED = "not judged on the same"
+"""How notes about truths begin."""
+
+
 def differences(entry: Json, now: Measured) -> list[str]:
     """Why a result cannot be compared with an entry; empty if it can."""
     found = [
         f"{name} is {own}, in the baseline {other}"
         for name, own, other in unlike(now.parameters, entry["parameters"])
     ]
-    wrong = incomparable({"now": now.judged, "the baseline": entry["judged"]})
+    old = entry["judged"]
+    wrong = incomparable({"now": now.judged, "the baseline": old})
+    # Where the estimate has no say in it, somebody changed the truth.
+    if wrong and now.parameters["grid"] in ("union", "truth"):
+        if all(old[name] == now.judged[name] for name in JUDGED_FIELDS if name != "truth_sha256"):
+            wrong = f"{CHANGED} truth: its states changed, as many as before at the same steps"
+        return [*found, f"{wrong}; if that is right, make the baseline anew"]
     return [*found, f"{wrong}; {JUDGE_ALIKE}"] if wrong else found
 
 
@@ -255,30 +269,57 @@ def dump(baseline: Baseline) -> str:
     return json_text({"schema": SCHEMA, "pairs": baseline})
 
 
-def load(path: str) -> Baseline | None:
-    """Read a baseline; None if there is no such file.
+def load(path: str, renewed: Callable[[str], bool] | None = None) -> Baseline | None:
+    """Read a baseline; None if there is no such file. `renewed` as for `parse`.
 
     Raises
     ------
     ConfigError
         It cannot be read, or is no baseline of this version.
     """
-    return None if is_missing(path) else parse(read_bytes(path, ConfigError), path)
+    return None if is_missing(path) else parse(read_bytes(path, ConfigError), path, renewed)
 
 
-def parse(content: bytes, path: str) -> Baseline:
+CONFLICT = rb"(?ms)^<{7}[^\n]*\n(.*?)(?:^\|{7}[^\n]*\n.*?)?^={7}[^\n]*\n(.*?)^>{7}[^\n]*\n?"
+"""What git writes where two branches changed the same lines, with the lines of either side."""
+
+MARK = rb"(?m)^(?:<{7}|\|{7}|={7}|>{7})[^\n]*\n?"
+
+
+def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = None) -> Baseline:
     """A baseline of what is in a file; `path` begins the messages.
+
+    Entries that two branches changed may be there if `renewed` says that they are made anew.
 
     Raises
     ------
     ConfigError
-        It is no baseline of this version.
+        It is no baseline of this version, or in conflict.
     """
     name = f"{path}: is no baseline"
-    document = document_of(content, name, SCHEMA, BASELINE, ConfigError, remedy=REMEDY)
-    pairs: Baseline = document["pairs"]
+    pairs: Baseline
+    open_ = set[str]()
+    if re.search(MARK, content):
+        name = f"{path}: has a merge conflict"
+        texts = (re.sub(MARK, b"", re.sub(CONFLICT, side, content)) for side in (rb"\1", rb"\2"))
+        pairs, other = (
+            document_of(text, name, SCHEMA, BASELINE, ConfigError, remedy=REMEDY)["pairs"]
+            for text in texts
+        )
+        open_ = {pair for pair in {*pairs, *other} if pairs.get(pair) != other.get(pair)}
+        pairs = other | pairs
+        if renewed is None or not all(map(renewed, open_)):
+            from shlex import join  # here: conflicts are rare
+
+            only = [text for one in patterns_of(open_, {*pairs}) for text in ("--only", one)]
+            remedy = f"{join(['--update-baseline', *only])} makes what conflicts anew, nothing else"
+            if not open_:
+                remedy = "delete the lines of its marks, <<<<<<<, ======= and >>>>>>>"
+            raise ConfigError(f"{name}; {remedy}")
+    else:
+        pairs = document_of(content, name, SCHEMA, BASELINE, ConfigError, remedy=REMEDY)["pairs"]
     for pair, entry in pairs.items():
-        wrong = _contradiction(entry)
+        wrong = None if pair in open_ else _contradiction(entry)
         if wrong:
             raise ConfigError(f"{name}: pairs.{clipped(pair)}.{wrong}; {REMEDY}")
     return pairs
@@ -325,3 +366,17 @@ def _contradiction(entry: Json) -> str | None:
     if NEES in values and not fits_sums(values[NEES]):
         return f"values.{NEES} has other numbers than its sums make"
     return None
+
+
+def patterns_of(names: set[str], everything: set[str]) -> list[str]:
+    """Patterns that match these names and none of the others: `slow/*` where all of it is meant."""
+    all_of, meant_of = (
+        Counter(name.partition("/")[0] for name in some if "/" in name)
+        for some in (everything, names)
+    )
+    found = dict[str, None]()  # in order, each once
+    for name in sorted(names, key=natural):
+        head, slash, _ = name.partition("/")
+        whole = slash and 1 < all_of[head] == meant_of[head]
+        found[f"{glob.escape(head)}/*" if whole else glob.escape(name)] = None
+    return [*found]

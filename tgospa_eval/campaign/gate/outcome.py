@@ -1,8 +1,6 @@
 """What a gate found: one outcome for each pair, and what the user should know."""
 
-import glob
 import math
-from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from typing import Any, Self
@@ -12,6 +10,7 @@ from tgospa_eval.campaign.gate.baseline import (
     Measured,
     check_equal,
     differences,
+    patterns_of,
     value_at,
 )
 from tgospa_eval.campaign.gate.rules import (
@@ -33,7 +32,7 @@ from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, told
-from tgospa_eval.common.words import natural, number
+from tgospa_eval.common.words import number
 from tgospa_eval.errors import SolverError
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.saved import unlike
@@ -160,7 +159,8 @@ class Report:
         """The verdict that decides the exit status."""
         status = self.status  # of all pairs: once
         found = [one.verdict for one in self.outcomes if one.status == status]
-        return Verdict.NOISE if Verdict.NOISE in found else found[0]
+        first = (one for one in (Verdict.NOISE, Verdict.PASS) if one in found)
+        return next(first, found[0])
 
     @property
     def advice(self) -> str:
@@ -379,6 +379,57 @@ def _parts(values: Mapping[str, Value], old: Json) -> Iterator[str]:
         yield f"split, not proven: {', '.join(moved)}"
 
 
+def of_its_runs(
+    one: PairOutcome,
+    groups: Sequence[GroupTable],
+    labels: Mapping[str, Mapping[str, str]],
+    results: Mapping[str, Measured],
+    old: Baseline,
+) -> PairOutcome:
+    """An outcome; that of a group which fails with its parts, and its worst scenes and runs."""
+    sums: dict[str, dict[str, tuple[float, float]]] = {"scenes": {}, "runs": {}}
+    parts = dict.fromkeys(PARTS, (0.0, 0.0))
+    for name in results if one.group and one.verdict is Verdict.FAIL else ():
+        if name not in old:
+            continue
+        own, values, before = labels[name], results[name].values, old[name]["values"]
+        for table in (t for t in groups if t.has(own)):
+            if one.name in (table.group_of(own), f"all of {table.name}"):
+                scene = "/".join(text for label, text in own.items() if label != table.seed)
+                change = values["total"].upper, before["total"]
+                sums["runs"][name] = change
+                sums["scenes"][scene] = _plus(sums["scenes"].get(scene, (0.0, 0.0)), change)
+                for path in PARTS:
+                    parts[path] = _plus(parts[path], (values[path].upper, before[path]))
+    notes = [
+        *_parts(
+            {k: Value.of(now) for k, (now, _) in parts.items()},
+            {k: b for k, (_, b) in parts.items()},
+        )
+    ]
+    for kind, found in sums.items():
+        worse = sorted(
+            (name for name, (now, base) in found.items() if now > base),
+            key=lambda name: found[name][1] - found[name][0],
+        )
+        if worse and len(found) > 1:
+            shown = [
+                f"{name} {now / base - 1:+.1%}" if base else name
+                for name in worse[:MOST_WORST]
+                for now, base in [found[name]]
+            ]
+            notes.append(f"worst {kind}: {', '.join(shown)}")
+    return replace(one, notes=(*one.notes, *notes))
+
+
+MOST_WORST = 3
+"""Scenes and runs of a group that are named."""
+
+
+def _plus(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
+    return one[0] + other[0], one[1] + other[1]
+
+
 def texts(*numbers: float) -> list[str]:
     """The numbers with so many digits that those which differ look different.
 
@@ -466,20 +517,6 @@ def accepting_options(
         names = meant(one for one in outcomes if any(found.improved for found in one.findings))
     if not names:
         return []
-    some = [] if names >= there.keys() else _patterns(names, {*there, *old})
+    some = [] if names >= there.keys() else patterns_of(names, {*there, *old})
     chosen = [text for pattern in some for text in ("--only", pattern)]
     return ["--update-baseline", *(["--prune"] if names - there.keys() else []), *chosen]
-
-
-def _patterns(names: set[str], everything: set[str]) -> list[str]:
-    """Patterns that match these names and none of the others: `slow/*` where all of it is meant."""
-    all_of, meant_of = (
-        Counter(name.partition("/")[0] for name in some if "/" in name)
-        for some in (everything, names)
-    )
-    found = dict[str, None]()  # in order, each once
-    for name in sorted(names, key=natural):
-        head, slash, _ = name.partition("/")
-        whole = slash and 1 < all_of[head] == meant_of[head]
-        found[f"{glob.escape(head)}/*" if whole else glob.escape(name)] = None
-    return [*found]

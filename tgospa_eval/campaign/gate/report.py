@@ -1,5 +1,6 @@
 """What a gate found: a table of 80 columns, JSON, Markdown for a pull request."""
 
+import base64
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -8,12 +9,12 @@ from textwrap import TextWrapper
 from urllib.parse import quote
 
 from tgospa_eval.campaign.gate.outcome import PairOutcome, Report, texts
-from tgospa_eval.campaign.gate.rules import Finding, Inference, Verdict
+from tgospa_eval.campaign.gate.rules import SEVERITY, Finding, Inference, Verdict
 from tgospa_eval.campaign.gate.suite import ONLY_PAIR, SEED
 from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.files import is_missing, named, patience
 from tgospa_eval.common.words import counted, natural, number
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.show import rendering as escape
 from tgospa_eval.show.rendering import (
@@ -51,7 +52,19 @@ def headline(report: Report) -> str:
             count = of_kind.count(verdict)
             parts.append(f"{counted(count, kind) if named else count} {verdict}")
     counts = f": {', '.join(parts)}" if len(report.outcomes) > 1 or report.tally else ""
+    warned = sum(
+        bool(one.warnings) or any(f.rule.warns for f in one.warned) for one in report.outcomes
+    )
+    counts += f"; with warnings: {warned:,}" if warned else ""
     return f"gate: {report.verdict} (exit status {report.status}){counts}"
+
+
+FIRST = (Verdict.FAIL, Verdict.ERROR, Verdict.INCOMPARABLE, Verdict.UNDECIDED)
+
+
+def worst_first(row: tuple[PairOutcome, str, tuple[float | None, ...], str, bool]) -> int:
+    """The place of a row of `rows_of` before rows of other verdicts."""
+    return FIRST.index(Verdict(row[3])) if row[3] in FIRST else len(FIRST)
 
 
 UNPROVEN = "the reported split, not proven: where optima tie, another has the same total"
@@ -78,7 +91,10 @@ def rows_of(
             now = finding.now.lower if first else finding.now.upper
             values = (base, finding.limit, now)
             yield outcome, finding.rule.text, values, shown_verdict(finding), finding.now.proven
-        if not outcome.findings and outcome.verdict not in (Verdict.UPDATED, Verdict.PASS):
+        if outcome.verdict is Verdict.NEW:
+            total = outcome.values["total"].upper
+            yield outcome, outcome.verdict, (None, None, total), "new", True
+        elif not outcome.findings and outcome.verdict not in (Verdict.UPDATED, Verdict.PASS):
             yield outcome, "", (None,) * len(LIMITS), outcome.verdict, True
 
 
@@ -89,6 +105,7 @@ def table(report: Report, width: int = WIDTH) -> str:
     shown = found
     if len(found) > MANY_ROWS:  # of an update the totals
         shown = [row for row in found if (row[1] == "total" if updated else row[3] != Verdict.PASS)]
+        shown.sort(key=worst_first)
     rules = max([WIDTHS[1], *(len(visible(row[1])) + 3 for row in shown)])
     rules = min(rules, max(WIDTHS[1], width // 3))
     names = width - sum(WIDTHS[2:5]) - len(" undecided") - rules
@@ -110,7 +127,7 @@ def table(report: Report, width: int = WIDTH) -> str:
     if any(not finding.now.proven for o in report.outcomes for finding in o.findings):
         lines += ["", f"* {UNPROVEN}"]
     lay = TextWrapper(width, "", "  ", break_on_hyphens=False, break_long_words=False)
-    notes = [line for text in notes_of(report) for line in lay.wrap(visible(text))]
+    notes = [line for text in notes_of(report.outcomes) for line in lay.wrap(visible(text))]
     blocks = [lay.wrap(headline(report)), lines if len(lines) > 1 else [], notes]
     blocks += [lay.wrap(visible(text)) for text in report.told()]
     if report.advice:
@@ -123,10 +140,10 @@ MANY_ROWS = 40
 """Rules of which those that pass are not shown one by one."""
 
 
-def notes_of(report: Report) -> Iterator[str]:
+def notes_of(outcomes: Iterable[PairOutcome]) -> Iterator[str]:
     """What is said of pairs, each sentence once; of errors nothing, which are on stderr."""
     found: dict[str, list[str]] = {}
-    for outcome in report.outcomes:
+    for outcome in sorted(outcomes, key=lambda one: SEVERITY.index(ExitStatus(one.status))):
         for note in outcome.notes if outcome.verdict is not Verdict.ERROR else ():
             found.setdefault(note, []).append(title(outcome))
     for note, names in found.items():
@@ -262,39 +279,53 @@ def markdown(report: Report) -> str:
 
 
 def github_lines(report: Report) -> Iterator[str]:
-    """The lines of the Markdown report: the verdict, what does not pass, then what does, folded."""
+    """The lines of the Markdown report: the verdict, what fails and why, the rest, what passes."""
     yield from (f"**TGOSPA {headline(report)}**", "")
     updated = report.verdict is Verdict.UPDATED
-    rows: dict[bool, list[Row]] = {False: [], True: []}
-    for outcome, rule, values, verdict, proven in rows_of(report):
+    bad, quiet = (
+        [one for one in report.outcomes if bool(one.status) is is_bad] for is_bad in (True, False)
+    )
+    rows: dict[bool | None, list[Row]] = {True: [], None: [], False: []}
+    for outcome, rule, values, verdict, proven in sorted(rows_of(report), key=worst_first):
         passes = verdict == Verdict.PASS
         about = verdict if rule and passes else f"**{verdict}**"
         about += "" if proven else ", split, not proven"
         numbers = [_cell(value) for value in values] if rule else [None] * len(LIMITS)
         text = markdown_code(rule) if rule else None
         end = [] if updated else [change(values), about]
-        rows[passes].append((markdown_code(title(outcome)), text, *numbers, *end))
+        fails = None if verdict not in (*FIRST, Verdict.PASS) else not passes
+        rows[fails].append((markdown_code(title(outcome)), text, *numbers, *end))
     head = ("value", "old", "new") if updated else ("rule", *LIMITS, "change", "verdict")
     align = "llrr" if updated else "llrrrrl"
-    fold = len(rows[True]) > FOLDED
-    first = rows[False] if fold else rows[False] + rows[True]
+    fold, later = len(rows[False]) > FOLDED, len(rows[None]) > MANY_ROWS
+    first = rows[True] + ([] if later else rows[None]) + ([] if fold else rows[False])
 
     def lines_of(found: Sequence[Row]) -> list[str]:
         return markdown_lines(Table(head=("pair", *head), rows=found, align=align), escape=str)
 
     yield from (*lines_of(first), "") if first else ()
-    for outcome in report.outcomes:
-        for warning in map(str, outcome.warnings):
-            yield f"- {markdown_code(title(outcome))}: {escape.markdown(warning)}"
-        for note in outcome.notes if outcome.verdict is Verdict.ERROR else ():
-            yield f"- {markdown_code(title(outcome))}: {escape.markdown(note)}"
-    yield from (f"- {escape.markdown(text)}" for text in notes_of(report))
-    yield from (f"- {escape.markdown(text)}" for text in report.told())
-    if report.advice:
-        yield f"\n{escape.markdown(accept_title(report))}: {markdown_code(report.advice)}"
+    for some in (bad, quiet):
+        for outcome in some:
+            for note in outcome.notes if outcome.verdict is Verdict.ERROR else ():
+                yield f"- {markdown_code(title(outcome))}: {escape.markdown(note)}"
+        yield from (f"- {escape.markdown(text)}" for text in notes_of(some))
+        for outcome in some:
+            for warning in map(str, outcome.warnings):
+                yield f"- {markdown_code(title(outcome))}: {escape.markdown(warning)}"
+        if some is bad:
+            yield from (f"- {escape.markdown(text)}" for text in report.told())
+            yield from advice_lines(report)
+            yield from ("", *lines_of(rows[None]), "") if later else ()
     if fold:
-        yield f"\n<details><summary>{len(rows[True])} rules that pass</summary>\n"
-        yield from (*lines_of(rows[True]), "", "</details>")
+        yield f"\n<details><summary>{len(rows[False])} rules that pass</summary>\n"
+        yield from (*lines_of(rows[False]), "", "</details>")
+
+
+def advice_lines(report: Report) -> list[str]:
+    """How Markdown proposes the command that accepts what failed."""
+    if not report.advice:
+        return []
+    return [f"\n{escape.markdown(accept_title(report))}: {markdown_code(report.advice)}", ""]
 
 
 FOLDED = 5
@@ -395,7 +426,10 @@ def summary(report: Report, room: int) -> bytes:
     lines = [f"{line}\n".encode() for line in (*github_lines(report), "")]
     if sum(map(len, lines)) <= room:
         return b"".join(lines)
-    room -= len(CUT.encode()) + len(END)
+    # The command is there, wherever the rest is cut, unless it takes the place of all else.
+    advice = "".join(f"{line}\n" for line in advice_lines(report)).encode()
+    advice = b"" if 2 * len(advice) > room else advice
+    room -= len(CUT.encode()) + len(END) + len(advice)
     shown: list[bytes] = []
     for line in lines:
         room -= len(line)
@@ -403,7 +437,10 @@ def summary(report: Report, room: int) -> bytes:
             break
         shown.append(line)
     end = END if any(line.startswith(b"\n<details>") for line in shown) else b""
-    return b"".join((*shown, end, CUT.encode())) if shown else b""
+    if not shown:
+        return b""
+    cut = b"".join((*shown, end))
+    return b"".join((cut, b"" if advice in cut else advice, CUT.encode()))
 
 
 END = b"\n</details>\n"
@@ -451,7 +488,8 @@ def _cases(outcome: PairOutcome, told: list[str]) -> Iterator[str]:
     """A case for each rule, or one for what could not be judged; the first has time and lines."""
     text = "\n".join(outcome.notes)
     if not outcome.findings:
-        result = _result("error", outcome.verdict, text) if outcome.status else ""
+        kind = "failure" if outcome.verdict is Verdict.FAIL else "error"
+        result = _result(kind, outcome.verdict, text) if outcome.status else ""
         yield _case(outcome, "gate", outcome.seconds, result + _output(told))
     for place, finding in enumerate(outcome.findings):
         verdict = shown_verdict(finding)
@@ -540,7 +578,7 @@ def page(report: Report, seed: str) -> str:
             "verdict": verdict + ("" if proven else ", split, not proven"),
             "passes": verdict == Verdict.PASS,
         }
-        for outcome, rule, values, verdict, proven in rows_of(report)
+        for outcome, rule, values, verdict, proven in sorted(rows_of(report), key=worst_first)
     ]
     seeds, grid = _grid(report, seed)
     html = (
@@ -553,7 +591,8 @@ def page(report: Report, seed: str) -> str:
             beside=report.told(),
             failing=[row for row in rows if not row["passes"]],
             passing=[row for row in rows if row["passes"]],
-            notes=list(notes_of(report)),
+            notes=list(notes_of(report.outcomes)),
+            chart=_chart(report, seed),
             seeds=seeds,
             grid=grid,
             style=page_colours() + inlined("page.css") + inlined("batch.css"),
@@ -580,6 +619,21 @@ def _grid(report: Report, seed: str) -> tuple[list[str], list[tuple[str, list[Js
         (scene, [_grid_cell(runs.get(name)) for name in seeds])
         for scene, runs in sorted(found.items(), key=lambda item: natural(item[0]))
     ]
+
+
+def _chart(report: Report, seed: str) -> str:
+    """The totals of runs beside those of the baseline, as the address of an image; or blank."""
+    from tgospa_eval.show.charts import Pictures, pictures  # here: for folders only
+
+    found: dict[str, tuple[list[float], list[float]]] = {}
+    for one in report.outcomes:
+        if one.values and one.base and seed in one.labels:
+            scene = "/".join(text for label, text in one.labels.items() if label != seed)
+            old, now = found.setdefault(scene or "all runs", ([], []))
+            old.append(one.base)
+            now.append(one.values["total"].upper)
+    made = pictures("page of a gate", found, Pictures(formats=("svg",))) if found else {}
+    return "".join(base64.b64encode(image).decode() for image in made.values())
 
 
 def _grid_cell(one: PairOutcome | None) -> Json:

@@ -51,6 +51,7 @@ class Verdict(StrEnum):
     NOISE = "undecided by seeds"
     INCOMPARABLE = "not comparable"
     ERROR = "error"
+    NEW = "new, not judged"
     UPDATED = "updated"
 
 
@@ -58,6 +59,7 @@ STATUS = {
     Verdict.PASS: ExitStatus.DONE,
     Verdict.UPDATED: ExitStatus.DONE,
     Verdict.NOISE: ExitStatus.DONE,
+    Verdict.NEW: ExitStatus.DONE,
     Verdict.FAIL: ExitStatus.REGRESSION,
     Verdict.INCOMPARABLE: ExitStatus.WRONG_OPTION,
     Verdict.ERROR: ExitStatus.WRONG_INPUT,

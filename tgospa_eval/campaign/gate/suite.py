@@ -85,8 +85,9 @@ def load_suite(
     ConfigError
         It cannot be read, has an unknown key, no pair, or two of one name.
     """
-    document = config.read_toml(path, None if target is None else target.demand(path))
-    folder = os.path.dirname(path)
+    content, folder = None if target is None else target.demand(path), os.path.dirname(path)
+    path = path if target is None else target.name(path)
+    document = config.read_toml(path, content)
     _check(document, SUITE_KEYS, path)
     tables = _tables(document, "pair", path)
     common = _options(document, path, known, folder), _rules(document, path)

@@ -21,36 +21,36 @@ class Target:
     Parameters
     ----------
     where : str
-        A git revision such as ``origin/main``, or a folder with a checkout of the target.
+        A git revision such as ``origin/main``, or a folder with a checkout of the target, which
+        is written as no revision is: ``./target``, ``/target``, ``target/``.
 
     Raises
     ------
     ConfigError
-        It is neither, or both.
+        There is no such revision, or no such folder.
     """
 
     def __init__(self, where: str) -> None:
-        self.where = where
+        self.where, self.commit = where, ""
+        if where.startswith(".") or where.endswith(("/", os.sep)) or os.path.isabs(where):
+            if not os.path.isdir(where):
+                raise ConfigError(f"{OPTION} {quoted(where)}: there is no such folder")
+            return
         commit = _git("rev-parse", "--verify", "--quiet", "--end-of-options", f"{where}^{{commit}}")
-        is_folder = os.path.isdir(where)
-        self.commit = "" if is_folder else (commit or b"").decode().strip()
-        if is_folder and commit is not None and not where.startswith((".", "/")):
+        if commit is None:
+            folder = f"; write ./{where} for the folder" if os.path.isdir(where) else ""
             raise ConfigError(
-                f"{OPTION} {where}: is a folder and a git revision; write ./{where} for the "
-                f"folder, refs/heads/{where} for the branch"
+                f"{OPTION} {quoted(where)}: is no git revision that is here; a CI system may have "
+                f"to fetch it: git fetch origin BRANCH{folder}"
             )
-        if not is_folder and commit is None:
-            raise ConfigError(
-                f"{OPTION} {quoted(where)}: is neither a folder nor a git revision that is here; "
-                "a CI system may have to fetch it: git fetch origin BRANCH"
-            )
+        self.commit = commit.decode().strip()
 
     def name(self, path: str) -> str:
         """The name of a file in messages."""
         return f"{self.where}:{path}" if self.commit else os.path.join(self.where, path)
 
     def read(self, path: str) -> bytes | None:
-        """The content of a file; None where the target has no such file.
+        """The content of a file, links followed; None where the target has no such file.
 
         Raises
         ------
@@ -61,7 +61,10 @@ class Target:
             path = os.path.join(self.where, os.path.relpath(path))
             return None if is_missing(path) else read_bytes(path, ConfigError)
         relative = os.path.relpath(path).replace(os.sep, "/")
-        return _git("cat-file", "blob", f"{self.commit}:./{relative}")
+        name = f"{self.commit}:./{relative}\n".encode("utf-8", "surrogateescape")
+        answer = _git("cat-file", "--batch", "--follow-symlinks", given=name) or b""
+        head, _, content = answer.partition(b"\n")
+        return content[:-1] if re.fullmatch(rb"[0-9a-f]+ blob [0-9]+", head) else None
 
     def demand(self, path: str) -> bytes:
         """The content of a file that has to be there.
@@ -131,6 +134,12 @@ class Target:
         return [os.path.join(folder, name) for name in map(os.fsdecode, names.split(b"\0")) if name]
 
 
+def last_change(path: str) -> Target | None:
+    """The commit that changed a file last; None without one."""
+    commit = _git("log", "-1", "--format=%h", "--", path) if path else None
+    return Target(commit.decode().strip()) if commit else None
+
+
 DIFF = (
     *("-c", "core.fileMode=false", "-c", "diff.relative=false", "diff", "--name-only", "-z"),
     *("--diff-filter=MTD", "--no-ext-diff", "--no-renames", "--ignore-submodules=all"),
@@ -165,10 +174,10 @@ def _with_folders(files: Iterable[str]) -> set[str]:
     return seen
 
 
-def _git(*arguments: str) -> bytes | None:
-    """The output of git; None where it fails."""
+def _git(*arguments: str, given: bytes = b"") -> bytes | None:
+    """The output of git, of what it reads; None where it fails."""
     try:
-        done = subprocess.run(("git", *arguments), capture_output=True, check=False)
+        done = subprocess.run(("git", *arguments), input=given, capture_output=True, check=False)
     except FileNotFoundError:
         return None
     return done.stdout if done.returncode == 0 else None

@@ -46,6 +46,9 @@ KEYS: dict[str, bool] = {}
 TRUSTED_KEYS: set[str] = set()
 """Those that a configuration file may set which was only found: what is evaluated."""
 
+PREFIX = "TGOSPA_EVAL_"
+"""How the variables of options begin."""
+
 TARGET = "tgospa_eval.target"
 """Under this name the context keeps the target that judges: its configuration alone is read."""
 
@@ -107,7 +110,7 @@ class Option(click.Option):
         value = super().resolve_envvar_value(ctx)
         if value is None or TARGET not in ctx.meta or self.key in WITH_TARGET:
             return value
-        ctx.meta[IGNORED].append(f"TGOSPA_EVAL_{self.key.replace('-', '_').upper()}")
+        ctx.meta[IGNORED].append(f"{PREFIX}{self.key.replace('-', '_').upper()}")
         return None
 
     def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
@@ -150,7 +153,7 @@ def option(
     """
     made = Option(declaration, text, section=section, **settings)
     long = [name[2:] for name in made.opts if name.startswith("--")]
-    made.envvar = ["TGOSPA_EVAL_" + name.replace("-", "_").upper() for name in long]
+    made.envvar = [PREFIX + name.replace("-", "_").upper() for name in long]
     KEYS[made.key] = made.is_flag
     if trusted:
         TRUSTED_KEYS.add(made.key)
@@ -203,6 +206,31 @@ def tell_settings(ctx: click.Context) -> None:
     if not ctx.params["quiet"] or (used.options and not used.named):
         print_notice(str(used))
         ctx.meta[CONFIG] = None  # an error of an option says it no second time
+
+
+def tell_variables(command: click.Command) -> None:
+    """Say which variables of ours set nothing, because no option reads them."""
+    given = [name for name in os.environ if name.startswith(PREFIX)]
+    if {*given} <= (read := {*_variables(command), f"{PREFIX}KERNEL"}):
+        return
+    for verb in VERBS:
+        read |= {*_variables(load(verb))}
+    for name in sorted({*given} - read):
+        key = name.removeprefix(PREFIX).replace("_", "-").lower()
+        if f"--{key}" in long_options(command):
+            why = f"--{key} is for the command line alone"
+        else:
+            near = nearest(
+                key.upper().replace("-", "_"), [f"--{one.removeprefix(PREFIX)}" for one in read]
+            )
+            why = f"did you mean {PREFIX}{near[2:]}?" if near else "no option is called so"
+        print_notice(f"{name}: sets nothing; {why}")
+
+
+def _variables(command: click.Command) -> list[str]:
+    """The variables that its options read."""
+    several = [item.envvar or () for item in command.params]
+    return [name for one in several for name in ([one] if isinstance(one, str) else one)]
 
 
 def removed(option: str) -> str:
@@ -332,6 +360,7 @@ class Verb(click.Command):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the verb; first of all it says where its settings come from."""
         tell_settings(ctx)
+        tell_variables(self)
         return super().invoke(ctx)
 
     def _check_dashes(self, ctx: click.Context, args: list[str]) -> None:
