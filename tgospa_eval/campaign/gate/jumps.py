@@ -104,20 +104,25 @@ class Rises:
 def jumps(scenes: Sequence[Rises | None]) -> list[tuple[float, Floats]]:
     """P values of each scene and of each of its runs, adjusted for the number of all of these."""
     known = [one for one in scenes if one is not None]
-    scatters = {id(one): one.scatter() for one in known}
+    squares, freedom = np.array([one.scatter() for one in known]).reshape(-1, 2).T
+    # The median of a chi-square variable is below its mean.
+    usual = np.divide(
+        squares, chi_square(0.5, np.maximum(freedom, 1)), out=squares * np.nan, where=freedom > 0
+    )
     runs = sum(len(one.rises) for one in known)
     found: list[tuple[float, Floats]] = []
+    places = iter(range(len(known)))
     for one in scenes:
         if one is None:
             found.append((1.0, np.ones(0)))
             continue
-        others = [scatters[id(other)] for other in known if other is not one]
-        others = [(squares, freedom) for squares, freedom in others if freedom > 0]
-        prior = min(PRIOR, sum(freedom for _, freedom in others))
-        # The median of a chi-square variable is below its mean.
-        usual = [squares / float(chi_square(0.5, freedom)) for squares, freedom in others]
-        beside = prior, float(np.median(usual)) if usual else 0.0
-        scene = _p_value(float(one.rises.mean()), one.of_mean, scatters[id(one)], beside)
+        place = next(places)
+        others = np.delete(usual, place)
+        prior = min(PRIOR, float(freedom.sum() - freedom[place]))
+        beside = prior, float(np.nanmedian(others)) if prior > 0 else 0.0
+        scene = _p_value(
+            float(one.rises.mean()), one.of_mean, (squares[place], freedom[place]), beside
+        )
         each = np.ones(len(one.rises))
         for k in np.flatnonzero(one.outside) if len(each) > 1 else ():
             alone = one.without(int(k)).scatter()
@@ -130,11 +135,11 @@ def jumps(scenes: Sequence[Rises | None]) -> list[tuple[float, Floats]]:
 def _p_value(
     rise: float, size: float, scatter: tuple[float, float], beside: tuple[float, float]
 ) -> float:
-    """One-sided, by Student's t with the moderated variance; 1 without any freedom."""
+    """One-sided, by Student's t with the moderated variance; 1 below the limit."""
     from scipy.special import stdtr  # here: slow to import
 
     (squares, freedom), (prior, usual) = scatter, beside
-    if freedom + prior <= 0:
+    if rise <= 0 or freedom + prior <= 0:
         return 1.0
     variance = max((squares + prior * usual) / (freedom + prior), LEAST_SCATTER**2)
     return float(stdtr(freedom + prior, -rise / np.sqrt(variance * size)))
