@@ -24,9 +24,11 @@ from tgospa_eval.campaign.gate.baseline import (
     load,
     make_entry,
     measured,
+    nights_of,
     parse,
+    with_nights,
 )
-from tgospa_eval.campaign.gate.groups import judge_groups
+from tgospa_eval.campaign.gate.groups import few_runs, judge_groups
 from tgospa_eval.campaign.gate.outcome import (
     PairOutcome,
     Report,
@@ -110,6 +112,8 @@ class GateOptions(Values):
     suite: str | None = None
     baseline: str | None = None
     update_baseline: bool = False
+    add: bool = False
+    strict: bool = False
     fail_on: tuple[str, ...] = ()
     warn_on: tuple[str, ...] = ()
     maximum: tuple[str, ...] = ()
@@ -455,7 +459,7 @@ def _check_options(gate: GateOptions, path: str) -> None:
     ConfigError
         They do not, or there is no file to make.
     """
-    for option, value in (("only", gate.only), ("prune", gate.prune)):
+    for option, value in (("only", gate.only), ("prune", gate.prune), ("add", gate.add)):
         if value and not gate.update_baseline:
             raise ConfigError(f"--{option} is for --update-baseline")
     if gate.update_baseline and (not path or is_store(path)):
@@ -491,8 +495,8 @@ def _report(
         for found in [gate.rules(pair, baseline=bool(path), default=not groups)]
     }  # wrong ones before any work
     if gate.update_baseline:
-        return _updated(gate, pairs, path, old, evaluated, whence)
-    outcomes = _judged(pairs, groups, path, old, rules, evaluated, whence)
+        return _updated(gate, pairs, groups, path, old, evaluated, whence)
+    outcomes = _judged(pairs, groups, path, old, rules, evaluated, whence, strict=gate.strict)
     again: tuple[str, ...] = ()
     if gate.typed and path and not is_store(path):
         command = without_option(gate.typed, "--against")
@@ -509,7 +513,14 @@ def _report(
         version=__version__,
         again=again,
         against=gate.against or "",
+        notices=tuple(_few_runs(pairs, groups, {})) if old is None else (),
     )
+
+
+def _few_runs(pairs: Sequence[Job], groups: Sequence[GroupTable], baseline: Baseline) -> list[str]:
+    """What is said of groups whose seeds can support nothing."""
+    nights = min((len(nights_of(entry)) for entry in baseline.values()), default=1)
+    return few_runs(groups, {pair.name: pair.labels for pair in pairs}, nights)
 
 
 def _judged(
@@ -520,6 +531,8 @@ def _judged(
     rules: Mapping[str, list[Rule]],
     evaluated: Evaluate,
     whence: str,
+    *,
+    strict: bool,
 ) -> list[PairOutcome]:
     """The outcomes of all groups and pairs; wrong files do not keep others from being judged."""
     missing = f"no such file: {path}" if baseline is None else f"not in {path}"
@@ -561,7 +574,7 @@ def _judged(
     if baseline is not None:
         failed = [one.name for one in judged if one.verdict is Verdict.ERROR]
         failed += [pair.name for pair in pairs if pair.fault and pair.name not in failed]
-        added = judge_groups(groups, results, old, labels, failed)
+        added = judge_groups(groups, results, old, labels, failed, strict=strict)
         first = (of_its_runs(one, groups, labels, results, old) for one in added[:MAX_PAGES])
         judged = [*first, *added[MAX_PAGES:], *judged]
     named = {name for name in old if any(table.has(labels[name]) for table in groups)}
@@ -592,6 +605,7 @@ NEW = "new, not judged: the target does not have it yet; its limits of --max onl
 def _updated(
     gate: GateOptions,
     pairs: Sequence[Job],
+    groups: Sequence[GroupTable],
     path: str,
     baseline: Baseline | None,
     evaluated: Evaluate,
@@ -615,7 +629,8 @@ def _updated(
         try:
             if isinstance(now, TgospaError):
                 raise now
-            new[pair.name] = make_entry(now, options, pair.labels)
+            entry = make_entry(now, options, pair.labels)
+            new[pair.name] = with_nights(entry, before) if gate.add else entry
         except TgospaError as error:
             raise type(error)(f"{gate.prefix(pair)}{error}") from None
         outcomes.append(updated_outcome(pair, before, new[pair.name], now, **about))
@@ -629,7 +644,13 @@ def _updated(
     outcomes += leftover(old, {*old} - {*gone}, Verdict.UPDATED, f"not in {whence}: {note}")
     changed = sum(new[name] != old.get(name) for name in new)
     tally = {"updated": changed, "unchanged": len(new) - changed, "removed": len({*old} - {*new})}
-    return Report(baseline=path, outcomes=tuple(outcomes), version=__version__, tally=tally)
+    return Report(
+        baseline=path,
+        outcomes=tuple(outcomes),
+        version=__version__,
+        tally=tally,
+        notices=tuple(_few_runs(pairs, groups, new)),
+    )
 
 
 def _pairs(
@@ -933,8 +954,10 @@ def gate(
     confidence: float | None = None,
     seed_label: str | None = None,
     update_baseline: bool = False,
+    add: bool = False,
     only: str | Iterable[str] = (),
     prune: bool = False,
+    strict: bool = False,
     **options: Any,
 ) -> GateResult:
     """Judge an estimate against a baseline, as ``tgospa-eval gate`` does.
@@ -964,15 +987,20 @@ def gate(
     group : str, optional
         Labels of a suite by which pairs are added up, and the sums judged: ``"scenario"``.
     confidence : float, optional
-        Of conclusions from runs with other seeds; 0.95 by default.
+        Of conclusions from runs with other seeds; 0.97 by default.
     seed_label : str, optional
         Label in which the runs of one scene differ; ``"seed"`` by default.
     update_baseline : bool
         Whether to make the baseline, or to replace it, instead.
+    add : bool
+        Whether an update keeps what the baseline has: the limit is then judged against the mean of
+        up to 10 nights.
     only : str or iterable of str
         Patterns of the pairs of a suite whose entries an update renews.
     prune : bool
         Whether an update removes entries of pairs that the suite no longer has.
+    strict : bool
+        Whether a group above its limit fails although its seeds may be the reason.
 
     An option that is not given is that of the baseline or the suite, and else as for `evaluate`.
     Options of a suite are texts and numbers: no records, matrices or tables.
@@ -995,6 +1023,8 @@ def gate(
         against=against,
         newer_than=None if newer_than is None else os.fspath(newer_than),
         update_baseline=update_baseline,
+        add=add,
+        strict=strict,
         fail_on=tuple(_texts(fail_on)),
         warn_on=tuple(_texts(warn_on)),
         maximum=tuple(f"{name}={value!r}" for name, value in (limits or {}).items()),

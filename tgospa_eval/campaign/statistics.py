@@ -203,6 +203,10 @@ def _all_exchanges(count: int, first: int) -> Floats:
 def _drawn(draws: int, signs: Floats, first: int, rng: np.random.Generator) -> Floats:
     """The same under so many random exchanges."""
     count = len(signs)
+    if first == 1:
+        rows = np.full((draws, count), signs[-1])
+        rows[np.arange(draws), rng.integers(0, count, draws)] = 1.0
+        return rows
     if first:
         return rng.permuted(np.broadcast_to(signs, (draws, count)), axis=1)
     octets = rng.integers(0, 256, (draws, -(-count // 8)), np.uint8)

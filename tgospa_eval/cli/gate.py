@@ -64,6 +64,15 @@ class Gate(Verb):
             "Make the baseline, or renew the entries of all pairs, and exit with 0.",
         ),
         _gate(
+            "--add",
+            "With --update-baseline, add this run to the nights that the baseline has, at most 10: "
+            "limits are judged against their mean.",
+        ),
+        _gate(
+            "--strict",
+            "Fail if a group is above its limit, although its seeds may be the reason.",
+        ),
+        _gate(
             "--against TARGET",
             "Judge the estimates of this branch by the suite, the baseline, the truths and the "
             "configuration of the target branch, a git revision such as origin/main, or of a "
@@ -102,7 +111,7 @@ class Gate(Verb):
             "Of what is inferred from runs with other seeds: a tracker that is as good as the "
             "limit fails in at most 1 - P of all gates.",
             type=click.FloatRange(0.5, 1, max_open=True),
-            show_default="0.95",
+            show_default="0.97",
         ),
         _gate(
             "--seed-label LABEL",

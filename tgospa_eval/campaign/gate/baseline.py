@@ -51,6 +51,8 @@ class Measured:
         Whether the asked gap was met.
     nees : NeesSums, optional
         What NEES is made of, where there is any.
+    silent : bool
+        Whether no state of the estimate takes part.
     """
 
     values: Mapping[str, Value]
@@ -63,6 +65,7 @@ class Measured:
     status: str
     certified: bool
     nees: NeesSums | None = None
+    silent: bool = False
 
     @property
     def order(self) -> float:
@@ -150,6 +153,7 @@ def measured(row: Row) -> Measured:
         version=row["version"],
         status=row["message"],
         certified=bool(row["certified"]),
+        silent=row.get("sizes.estimate_states") == 0,
     )
 
 
@@ -168,7 +172,11 @@ REMEDY = "mend it, or delete it and make it anew with --update-baseline"
 Baseline: TypeAlias = dict[str, Json]
 """An entry for each pair, by its name, as the JSON has it: `values` (`upper_bound` and what follows
 from it, the split, `lower_bound`; those of classes under `by_class`), `options` that were given,
-`parameters` that change the number, `judged`, the `version` of the program, and `labels`."""
+`parameters` that change the number, `judged`, the `version` of the program, and `labels`; and of
+earlier nights the values, the newest first, under `nights`."""
+
+MOST_NIGHTS = 10
+"""Values that an entry keeps at most."""
 
 
 def make_entry(
@@ -200,6 +208,54 @@ def make_entry(
         "version": now.version,
         **({"labels": dict(labels)} if labels else {}),
     }
+
+
+def with_nights(entry: Json, before: Json | None) -> Json:
+    """An entry, and the values of the nights before it; alone where these are of something else.
+
+    The same estimate again is no further night: what it would add is a spread of zero.
+    """
+    if before is None or [*unlike(entry["parameters"], before["parameters"])]:
+        return entry
+    if incomparable({"now": entry["judged"], "before": before["judged"]}):
+        return entry
+    same = entry["estimate_sha256"] and entry["estimate_sha256"] == before.get("estimate_sha256")
+    nights = nights_of(before)[1 if same else 0 :][: MOST_NIGHTS - 1]
+    return entry | ({"nights": nights} if nights else {})
+
+
+def nights_of(entry: Json) -> list[Json]:
+    """The values of each night that an entry keeps, the newest first."""
+    return [entry["values"], *entry.get("nights", ())]
+
+
+def typical(entry: Json) -> Json:
+    """Values of an entry: of several nights their means, of roots those of what is added."""
+    nights, order = nights_of(entry), float(str(entry["parameters"]["order"]))
+    if len(nights) == 1:
+        values: Json = entry["values"]
+        return values
+
+    def mean(path: str, name: str | None = None) -> float:
+        power = order if path in (*PROVEN[1:], *BOUNDS) else 1.0
+        found = [number_in(values, name, path) ** power for values in nights]
+        return float((math.fsum(found) / len(found)) ** (1 / power))
+
+    names = {name for values in nights for name in values.get("by_class", ())}
+    sums = NeesSums.joined(filter(None, map(NeesSums.of_values, nights)))
+    return {
+        **nested({path: mean(path) for path in BASELINE_VALUES}),
+        **({} if sums is None else {NEES: sums.record()}),
+        "by_class": {
+            name: nested({path: mean(path, name) for path in MEASURED}) for name in sorted(names)
+        },
+    }
+
+
+def number_in(values: Json, name: str | None, path: str) -> float:
+    """A value, or that of a class: one that is not there costs nothing."""
+    own = values if name is None else values.get("by_class", {}).get(name, {})
+    return float(value_at(own, path) or 0.0)
 
 
 def nested(values: Mapping[str, Any]) -> Json:
@@ -330,14 +386,17 @@ def _values(paths: Iterable[str]) -> Json:
     return nested(dict.fromkeys(paths, COST))
 
 
+VALUES = {
+    **_values(BASELINE_VALUES),
+    NEES: Maybe(NEES_RECORD),
+    "by_class": Maybe({...: _values(MEASURED)}),
+}
+
 BASELINE = {
     "pairs": {
         ...: {
-            "values": {
-                **_values(BASELINE_VALUES),
-                NEES: Maybe(NEES_RECORD),
-                "by_class": Maybe({...: _values(MEASURED)}),
-            },
+            "values": VALUES,
+            "nights": Maybe([VALUES]),
             "options": {...: ANYTHING},
             "parameters": PARAMETERS,
             "judged": JUDGED,
@@ -352,19 +411,20 @@ BASELINE = {
 
 def _contradiction(entry: Json) -> str | None:
     """The first value of an entry that does not fit the others; None if all fit."""
-    values = entry["values"]
-    classes = values.get("by_class", {})
-    groups = [("values", values, BASELINE_VALUES)]
-    groups += [(f"values.by_class.{clipped(name)}", classes[name], MEASURED) for name in classes]
-    for where, group, paths in groups:
-        numbers = {path: value_at(group, path) for path in paths}
-        wrong = contradiction(
-            numbers | {"judged.steps": entry["judged"]["steps"]}, entry["parameters"]
-        )
-        if wrong:
-            return f"{where}.{wrong}"
-    if NEES in values and not fits_sums(values[NEES]):
-        return f"values.{NEES} has other numbers than its sums make"
+    for night, values in enumerate(nights_of(entry)):
+        place = f"nights.{night - 1}" if night else "values"
+        classes = values.get("by_class", {})
+        groups = [(place, values, BASELINE_VALUES)]
+        groups += [(f"{place}.by_class.{clipped(n)}", classes[n], MEASURED) for n in classes]
+        for where, group, paths in groups:
+            numbers = {path: value_at(group, path) for path in paths}
+            wrong = contradiction(
+                numbers | {"judged.steps": entry["judged"]["steps"]}, entry["parameters"]
+            )
+            if wrong:
+                return f"{where}.{wrong}"
+        if NEES in values and not fits_sums(values[NEES]):
+            return f"{place}.{NEES} has other numbers than its sums make"
     return None
 
 

@@ -2,10 +2,14 @@
 
 A group fails if its value is above the limit, and the scatter of its runs supports that the tracker
 is worse than the limit allows. The groups of a table are judged together as well, as one more
-group: what is a little worse everywhere is seen there. `confidence` is that of the whole gate: a
-tracker that is as good as the limit fails in no more than 1 - confidence of its runs, however many
+group: what is a little worse everywhere is seen there. `confidence` is that of the whole test: a
+tracker that is as good as the limit fails in no more than 1 - confidence of its gates, however many
 groups and rules there are. For that p values are adjusted (Holm 1979, with weights): each rule of a
-table has the same share of the error, one half of it for all groups together.
+table has the same share of the error, `OF_ALL` of it for all groups together, and single groups
+share the rest equally: what a single one does beyond its noise is a jump.
+
+It fails as well if one of its scenes or runs is far outside what its seeds do (`jumps`), or if a
+run is dead: it misses more than halfway from the most that a run of its scene ever missed to all.
 """
 
 import math
@@ -19,11 +23,15 @@ from tgospa_eval.campaign.gate.baseline import (
     Measured,
     differences,
     nees_values,
-    value_at,
+    nights_of,
+    number_in,
+    typical,
 )
+from tgospa_eval.campaign.gate.jumps import FALSE_ALARMS, Rises, jumps
 from tgospa_eval.campaign.gate.outcome import PairOutcome, combined_outcome
 from tgospa_eval.campaign.gate.rules import (
     OF_NEES,
+    PROVEN,
     Finding,
     Inference,
     Rule,
@@ -47,8 +55,16 @@ from tgospa_eval.text import listed, quoted
 FEWEST_RUNS = 5
 """With fewer nothing is inferred."""
 
+OF_ALL = 0.8
+"""Share of the error of a rule that is for all groups together."""
+
 SHOWN = 5
 """Names of runs in a sentence."""
+
+LEAST_STATES = 10
+"""Of a truth of which a run that misses many, not all, can be dead."""
+
+ALIVE = Rule(text="no dead run", path="counts.missed", slack=0.0, absolute=True)
 
 Labels = Mapping[str, str]
 
@@ -62,6 +78,10 @@ class SceneRuns:
 
     Parameters
     ----------
+    name : str
+        Its labels.
+    names : sequence of str
+        Of the runs of now.
     now : sequence of Measured
         In the order of their names.
     old : sequence of dict
@@ -70,9 +90,29 @@ class SceneRuns:
         Whether the names are the same.
     """
 
+    name: str
+    names: Sequence[str]
     now: Sequence[Measured]
     old: Sequence[Json]
     paired: bool
+
+    def dead(self) -> list[Finding]:
+        """A finding for each run that misses as much as no run of the scene ever did."""
+        found = []
+        ever = max(
+            number_in(night, None, ALIVE.path) for entry in self.old for night in nights_of(entry)
+        )
+        for name, one in zip(self.names, self.now, strict=True):
+            states, missed = one.judged["truth_states"], one.values[ALIVE.path]
+            limit = (ever + states) / 2
+            if missed.lower > limit and (one.silent or states >= LEAST_STATES):
+                note = (
+                    f"{name}: is dead: it misses {missed.lower:g} of {states} states of the truth"
+                    f"{' and reports none' if one.silent else ''}; no run of {self.name} in the "
+                    f"baseline missed more than {ever:g}"
+                )
+                found.append(replace(judge(replace(ALIVE, slack=limit), missed, ever), note=note))
+        return found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,6 +148,8 @@ def judge_groups(
     old: Baseline,
     labels: Mapping[str, Labels],
     failed: Iterable[str] = (),
+    *,
+    strict: bool = False,
 ) -> list[PairOutcome]:
     """The outcomes of all groups.
 
@@ -121,6 +163,8 @@ def judge_groups(
         Pairs that could not be evaluated: their groups cannot be judged.
     labels : mapping of str to mapping
         Of the pairs of both, by name.
+    strict : bool
+        Whether a group above its limit fails whatever its seeds support.
     """
     tables = list(tables)
     groups = [_groups(table, now, old, labels, list(failed)) for table in tables]
@@ -138,19 +182,38 @@ def judge_groups(
     }
     weights: list[float] = []
     tested: list[tuple[Summed, float]] = []
+    jumped: dict[int, str] = {}
     for (place, _), found in sums.items():
-        some = [one for _, one in found if one and one.is_tested]
-        tested += [(one, tables[place].confidence) for one in some]
-        # One half of the error for all groups together, and one half for each by itself.
-        alone = len(some) - 1
-        weights += [0.5 / alone] * alone + [0.5] if alone > 0 else [1.0] * len(some)
+        some = [(one, group in groups[place]) for group, one in found if one and one.is_tested]
+        tested += [(one, tables[place].confidence) for one, _ in some]
+        alone = sum(single for _, single in some)
+        rest = 1.0 - OF_ALL if alone < len(some) else 1.0
+        weights += [rest / alone if single else OF_ALL for _, single in some]
+        jumped |= _jumped([one for one, single in some if single], FALSE_ALARMS / len(sums))
     shares = np.array(weights) / len(sums or "-")
     worse, better = (
-        holm(np.array([p_value(strata(one)) for one, _ in tested]), shares)
+        holm(
+            np.array(
+                [
+                    p_value(strata(one)) if one.group.runs >= FEWEST_RUNS else 1.0
+                    for one, _ in tested
+                ]
+            ),
+            shares,
+        )
         for strata in (Summed.strata, Summed.better)
     )
+    # Those that Holm's method does not reject share what is left.
+    errors = np.array([1 - confidence for _, confidence in tested])
+    left = float(shares[worse > errors + 1e-12].sum())
     known = {
-        id(one): one.inferred(confidence, float(share), float(p), float(q))
+        id(one): one.inferred(
+            confidence,
+            min(float(share) / left, 1.0) if left else 1.0,
+            (float(p), float(q)),
+            jumped.get(id(one), ""),
+            strict=strict,
+        )
         for (one, confidence), share, p, q in zip(tested, shares, worse, better, strict=True)
     }
     outcomes = []
@@ -158,10 +221,63 @@ def judge_groups(
         for k, group in enumerate((*among, *_together(table, among))):
             column = [sums[place, number][k][1] for number in range(len(table.rules))]
             findings = [known.get(id(one), one.finding) if one else None for one in column]
+            dead = (
+                [found for scene in group.scenes for found in scene.dead()]
+                if k < len(among)
+                else []
+            )
             outcomes.append(
-                combined_outcome(group.name, findings, table.rules, group.faults, group.notes)
+                combined_outcome(group.name, findings, table.rules, group.faults, group.notes, dead)
             )
     return outcomes
+
+
+def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
+    """Which scene or run of each sum is far outside what its seeds do, by the identity of the sum.
+
+    Of totals alone: counts of few switches have no scale.
+    """
+    if not column or column[0].part[1] not in PROVEN:
+        return {}
+    scenes = [(one, scene, side) for one in column for scene, side in one.sides()]
+    found: dict[int, str] = {}
+    judged = jumps([Rises.of(now, old, paired=scene.paired) for _, scene, (now, old) in scenes])
+    for (one, scene, _), (whole, each) in zip(scenes, judged, strict=True):
+        runs = [name for name, p in zip(scene.names, each, strict=False) if p <= error]
+        if whole <= error:
+            which = f"{scene.name}: " if len(one.group.scenes) > 1 else ""
+            found.setdefault(id(one), f"{which}far outside what its seeds do")
+        elif runs:
+            found[id(one)] = f"{listed(runs, SHOWN)}: far outside what runs of {scene.name} do"
+    return found
+
+
+def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights: int) -> list[str]:
+    """What is said of groups that can never fail by themselves through the test of their seeds.
+
+    `labels` are those of the pairs, and `nights` how many the baseline has of each at least.
+    """
+    found = []
+    columns = sum(len(table.rules) for table in tables)
+    for table in tables:
+        runs: dict[str, int] = {}
+        scenes = set[tuple[object, ...]]()
+        for name, own in labels.items():
+            if table.has(own):
+                group = patterns.fill(table.name, own)
+                runs[group] = runs.get(group, 0) + 1
+                scenes.add(tuple(sorted(i for i in own.items() if i[0] != table.seed)) or (name,))
+        share = ((1.0 - OF_ALL) / len(runs) if len(runs) > 1 else 1.0) / max(columns, 1)
+        needed = max(FEWEST_RUNS, fewest(1 - (1 - table.confidence) * share, nights=nights))
+        more = "with these nights" if nights > 1 else "or further nights with --add"
+        few = sorted((name for name in runs if runs[name] < needed), key=natural)
+        if few and len(scenes) < sum(runs.values()):
+            found.append(
+                f"group {listed(few, SHOWN)}: {min(runs[name] for name in few)} runs: their seeds "
+                f"can never support that one group alone is worse: {needed} are needed, {more}; "
+                "dead runs and jumps fail all the same"
+            )
+    return found
 
 
 def _together(table: GroupTable, among: Sequence[Group]) -> list[Group]:
@@ -235,8 +351,16 @@ def _group(
                 f"{where}: {len(mine) - len(common)} runs are not in the baseline: left out"
             )
         faults += apart[:1]
-        sides = [now[run] for run in common or mine], [old[run] for run in theirs]
-        scenes.append(SceneRuns(now=sides[0], old=sides[1], paired=bool(common)))
+        names = common or mine
+        scenes.append(
+            SceneRuns(
+                name=where,
+                names=names,
+                now=[now[run] for run in names],
+                old=[old[run] for run in theirs],
+                paired=bool(common),
+            )
+        )
     if len(scenes) == sum(len(one.now) for one in scenes) and not all(s.paired for s in scenes):
         faults.append("the seeds are others than in the baseline, and there is one run of each")
     orders = {one.order for scene in scenes for one in scene.now}
@@ -270,7 +394,7 @@ class Stratum:
 
     def relative(self) -> "Stratum":
         """The same in shares of the mean of all runs."""
-        mean = float(self.all.mean()) or 1.0
+        mean = abs(float(self.all.mean())) or 1.0
         return replace(self, now=self.now / mean, allowed=self.allowed / mean)
 
     @property
@@ -322,57 +446,91 @@ class Summed:
             rule.absolute or rule.path in OF_NEES
         )
 
-    def strata(self) -> list[Stratum]:
-        """What each run is allowed, and its value."""
+    def sides(self) -> list[tuple[SceneRuns, tuple[Floats, list[Floats]]]]:
+        """Of each scene the values of now, and what each night of each old run allows."""
         if self.finding.rule.relative and self.base > 0:
             factor, more = self.limit / self.base, 0.0
         else:
             factor, more = 1.0, (self.limit - self.base) / self.group.runs
         return [
-            Stratum(
-                allowed=np.array([_old(entry, self.part) for entry in scene.old]) * factor + more,
-                now=np.array([_now(one, self.part).lower for one in scene.now]),
-                paired=scene.paired,
+            (
+                scene,
+                (
+                    np.array([_now(one, self.part).lower for one in scene.now]),
+                    [_old(entry, self.part) * factor + more for entry in scene.old],
+                ),
             )
             for scene in self.group.scenes
         ]
 
-    def inferred(self, confidence: float, share: float, worse: float, better: float) -> Finding:
+    def strata(self) -> list[Stratum]:
+        """What each run is allowed, and its value."""
+        sides = self.sides()
+        return [one for scene, (now, old) in sides for one in _strata(now, old, scene.paired)]
+
+    def inferred(
+        self,
+        confidence: float,
+        share: float,
+        p_values: tuple[float, float],
+        jump: str,
+        *,
+        strict: bool,
+    ) -> Finding:
         """What is inferred of the tracker, where its seeds differ.
 
-        `share` is that of the error which is for this test; `worse` and `better` are p values,
-        adjusted for all tests.
+        `share` is that of the error which is for this test, after Holm's method; `p_values` that it
+        is worse, and better, adjusted for all tests; `strict` as of `judge_groups`.
         """
         runs, level = self.group.runs, 1 - (1 - confidence) * share
+        worse, better = p_values
         paired = all(scene.paired for scene in self.group.scenes)
-        needed = max(FEWEST_RUNS, fewest(level, paired=paired))
+        nights = min(len(nights_of(entry)) for scene in self.group.scenes for entry in scene.old)
+        needed = max(FEWEST_RUNS, fewest(level, paired=paired, nights=nights))
         rise = noticeable(self.strata(), level, needed=needed)
         base = self.finding.base or 0.0
+        noticed = self.of_sum(self.limit * (1 + rise)) / base - 1 if base > 0 else math.inf
         inference = Inference(
-            p_value=worse if runs >= FEWEST_RUNS else 1.0,
+            p_value=worse,
             confidence=confidence,
             runs=runs,
             needed=needed,
             paired=paired,
-            noticeable=self.of_sum(self.limit * (1 + rise)) / base - 1 if base > 0 else math.inf,
-            better=better if runs >= FEWEST_RUNS else 1.0,
+            noticeable=noticed,
+            better=better,
+            jump=jump,
         )
         verdict = self.finding.verdict
-        if verdict is Verdict.FAIL and not inference.supports(inference.p_value):
-            verdict = Verdict.NOISE
+        if verdict is Verdict.FAIL and not (inference.supports(worse) or jump):
+            verdict = Verdict.FAIL if strict else Verdict.NOISE
+            if self.finding.now.lower >= base * (1 + noticed):
+                # What is seen is in few runs: as a change of all of them it would be noticed.
+                inference = replace(inference, noticeable=math.inf)
         return replace(self.finding, verdict=verdict, inference=inference)
 
     def better(self) -> list[Stratum]:
         """Whether the baseline, less the slack of the rule, is above the values of now."""
         share = max(2 - self.limit / self.base, 0.0) if self.base > 0 else 0.0
+        found = []
+        for scene in self.group.scenes:
+            now = np.array([_now(one, self.part).upper for one in scene.now])
+            old = [_old(entry, self.part) * share for entry in scene.old]
+            found += [
+                Stratum(allowed=-one.allowed, now=-one.now, paired=one.paired)
+                for one in _strata(now, old, scene.paired)
+            ]
+        return found
+
+
+def _strata(now: Floats, old: Sequence[Floats], paired: bool) -> list[Stratum]:
+    """Runs of one scene; of those with several nights each is one, a night of now among them."""
+    if paired and any(len(nights) > 1 for nights in old):
         return [
-            Stratum(
-                allowed=np.array([_now(one, self.part).upper for one in scene.now]),
-                now=np.array([_old(entry, self.part) for entry in scene.old]) * share,
-                paired=scene.paired,
-            )
-            for scene in self.group.scenes
+            Stratum(allowed=nights, now=now[k : k + 1], paired=False)
+            for k, nights in enumerate(old)
         ]
+    means = np.array([nights.mean() for nights in old])
+    return [Stratum(allowed=means, now=now, paired=paired)]
 
 
 def _now(one: Measured, part: Part) -> Value:
@@ -382,10 +540,9 @@ def _now(one: Measured, part: Part) -> Value:
     return values[path] if values else replace(one.values[path], lower=0.0, upper=0.0)
 
 
-def _old(entry: Json, part: Part) -> float:
-    name, path = part
-    values = entry["values"] if name is None else entry["values"].get("by_class", {}).get(name, {})
-    return float(value_at(values, path) or 0.0)
+def _old(entry: Json, part: Part) -> Floats:
+    """Values of a run of the baseline, of all its nights."""
+    return np.array([number_in(night, *part) for night in nights_of(entry)])
 
 
 def _summed(rule: Rule, group: Group) -> Summed | None:
@@ -393,12 +550,17 @@ def _summed(rule: Rule, group: Group) -> Summed | None:
     runs = [one for scene in group.scenes for one in scene.now]
     classes: set[str | None] = {None, *(name for one in runs for name in one.classes)}
     for scene in group.scenes:
-        classes |= {name for entry in scene.old for name in entry["values"].get("by_class", {})}
+        classes |= {
+            name
+            for entry in scene.old
+            for night in nights_of(entry)
+            for name in night.get("by_class", {})
+        }
     part = next((part for part in meanings(rule.path) if part[0] in classes), None)
     if part is None or group.faults:
         return None
     if rule.path in OF_NEES:
-        old = [NeesSums.of_values(entry["values"]) for scene in group.scenes for entry in scene.old]
+        old = [NeesSums.of_values(typical(entry)) for scene in group.scenes for entry in scene.old]
         sums = (NeesSums.joined(filter(None, each)) for each in ([one.nees for one in runs], old))
         own, before = (nees_values(each).get(rule.path) for each in sums)
         if own is None or (before is None and not rule.absolute):
@@ -412,7 +574,7 @@ def _summed(rule: Rule, group: Group) -> Summed | None:
         steps = max(math.fsum(one.judged["steps"] for one in runs), 1.0)
         old_steps = max(_sum_of(group, lambda entry: float(entry["judged"]["steps"])), 1.0)
     found = [_now(one, part) for one in runs]
-    base = _sum_of(group, lambda entry: _old(entry, part))
+    base = _sum_of(group, lambda entry: float(_old(entry, part).mean()))
 
     def of_sum(total: float) -> float:
         return float((total / steps) ** (1 / order))
@@ -466,11 +628,11 @@ def p_value(strata: Sequence[Stratum]) -> float:
     return float(exchanged_p_values(values, size)[0])
 
 
-def fewest(confidence: float, *, paired: bool = True) -> int:
+def fewest(confidence: float, *, paired: bool = True, nights: int = 1) -> int:
     """Runs below which no test can support anything: exchanges are too few."""
     least = 1 / (1 - confidence) - 1e-9
     runs = 1
-    while exchanges(*((runs, 0) if paired else (2 * runs, runs))) < least:
+    while ((1 + nights) ** runs if paired else exchanges(2 * runs, runs)) < least:
         runs += 1
     return runs
 

@@ -10,7 +10,9 @@ from tgospa_eval.campaign.gate.baseline import (
     Measured,
     check_equal,
     differences,
+    nights_of,
     patterns_of,
+    typical,
     value_at,
 )
 from tgospa_eval.campaign.gate.rules import (
@@ -135,6 +137,8 @@ class Report:
         The target branch by which was judged; blank without one.
     tally : mapping of str to int
         Of an update, how many entries were updated, stayed, were removed.
+    notices : tuple of str
+        What is said of the baseline as a whole.
     """
 
     baseline: str
@@ -144,10 +148,11 @@ class Report:
     settings_file: SettingsFile | None = None
     against: str = ""
     tally: Mapping[str, int] = field(default_factory=dict)
+    notices: tuple[str, ...] = ()
 
     def told(self, *warnings: Notice) -> list[str]:
         """What is said beside the verdicts: where settings come from, and these warnings."""
-        return told(self.settings_file, warnings)
+        return [*told(self.settings_file, warnings), *self.notices]
 
     @property
     def status(self) -> int:
@@ -159,8 +164,8 @@ class Report:
         """The verdict that decides the exit status."""
         status = self.status  # of all pairs: once
         found = [one.verdict for one in self.outcomes if one.status == status]
-        first = (one for one in (Verdict.NOISE, Verdict.PASS) if one in found)
-        return next(first, found[0])
+        passes = Verdict.NOISE in found or Verdict.PASS in found
+        return Verdict.PASS if passes else found[0]
 
     @property
     def advice(self) -> str:
@@ -197,11 +202,11 @@ def judged_outcome(
         except SolverError as error:
             about["status"] = error.exit_status
             return PairOutcome.of(pair, Verdict.ERROR, str(error), **about)
-    findings = [_judged(rule, now, entry["values"] if entry else {}) for rule in rules]
+    findings = [_judged(rule, now, typical(entry) if entry else {}) for rule in rules]
     if noisy:
         findings = [replace(finding, noisy=True) for finding in findings]
     notes = _notes(findings, now, entry)
-    about |= {"values": now.values, "base": entry["values"]["total"] if entry else None}
+    about |= {"values": now.values, "base": typical(entry)["total"] if entry else None}
     return PairOutcome.of(pair, _worst(findings), *notes, findings=tuple(findings), **about)
 
 
@@ -211,21 +216,17 @@ def combined_outcome(
     rules: Iterable[Rule],
     faults: Iterable[str],
     more: Iterable[str] = (),
+    dead: Sequence[Finding] = (),
 ) -> PairOutcome:
-    """Verdict, findings and notes of a group; faults are why it cannot be compared."""
+    """Verdict, findings and notes of a group; faults are why it cannot be compared.
+
+    `dead` has a finding for each run that is dead.
+    """
     pair, faults = Job(name=name), list(faults)
     if faults:
         return PairOutcome.of(pair, Verdict.INCOMPARABLE, *faults, group=True)
-    found = [one or _unknown(rule) for one, rule in zip(findings, rules, strict=True)]
+    found = [*dead, *(one or _unknown(rule) for one, rule in zip(findings, rules, strict=True))]
     notes = [*more, *(text for one in found for text in _sentences(one))]
-    few = max(
-        (one.inference for one in found if one.inference), key=lambda one: one.needed, default=None
-    )
-    if few and few.runs < few.needed:
-        notes.append(
-            f"{few.runs} runs can support nothing here: at least {few.needed} are needed, or fewer "
-            "groups and rules"
-        )
     better = [one.rule.path for one in found if one.improved]
     if better:
         notes.append(TIGHTER.format(", ".join(dict.fromkeys(better))))
@@ -288,11 +289,11 @@ def _notes(findings: list[Finding], now: Measured, entry: Json | None) -> Iterat
     for finding in findings:
         yield from _sentences(finding)
     if entry and any(f.verdict is Verdict.FAIL and f.now.proven for f in findings):
-        yield from _parts(now.values, entry["values"])
+        yield from _parts(now.values, typical(entry))
     if any(f.verdict is Verdict.UNDECIDED for f in findings):
         yield f"undecided: {now.remedy}"
     if entry:
-        yield from _against(findings, now, entry["values"])
+        yield from _against(findings, now, typical(entry))
 
 
 def _against(findings: list[Finding], now: Measured, old: Json) -> Iterator[str]:
@@ -322,6 +323,8 @@ def _sentences(finding: Finding) -> Iterator[str]:
     warning = "warning: " if rule.warns else ""
     if finding.verdict is Verdict.INCOMPARABLE:
         yield f"{warning}{rule.text}: {_absent(finding)}"
+    elif finding.note:
+        yield finding.note
     elif finding.inference and finding.verdict in (Verdict.FAIL, Verdict.NOISE):
         yield from _inferred(finding, finding.inference, warning)
     elif finding.verdict is Verdict.UNDECIDED:
@@ -357,13 +360,24 @@ def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[
     )
     runs = f"{inference.runs} runs with {'the same' if inference.paired else 'other'} seeds"
     p = f"p = {inference.p_value:.2g}"
-    if finding.verdict is Verdict.FAIL:
+    supported = inference.supports(inference.p_value)
+    if inference.jump:
+        yield f"{warning}unlikely to be seeds: {inference.jump}"
+    if supported:
         yield f"inferred of the tracker: it is worse than allowed, by {runs}, {p}"
-    elif inference.runs < inference.needed:
-        yield f"{warning}undecided by {runs}"
+    if supported or inference.jump:
+        return
+    mark = "by --strict, though " if finding.verdict is Verdict.FAIL else ""
+    if inference.runs < inference.needed:
+        yield (
+            f"{mark}in noise: {runs} can support nothing less than a jump: {inference.needed} are "
+            "needed, or fewer groups and rules"
+        )
+    elif math.isinf(inference.noticeable):
+        yield f"{mark}in noise: few of {runs} are worse, none far outside what seeds do, {p}"
     else:
         yield (
-            f"{warning}undecided by {runs}, {p}: they would notice a change of about "
+            f"{mark}in noise of {runs}, {p}: they would notice a change of about "
             f"{inference.noticeable:+.1%}"
         )
 
@@ -459,6 +473,11 @@ def _update_notes(before: Json | None, entry: Json, now: Measured) -> Iterator[s
         yield "unchanged"
     elif incomparable({"before": before["judged"], "now": entry["judged"]}):
         yield "the truth is another one than before"
+    kept, nights = len(nights_of(entry)), len(nights_of(before)) if before else 1
+    if kept > 1:
+        yield f"{kept} nights, whose mean is the baseline"
+    elif nights > 1:
+        yield f"one night in place of {nights}; --add keeps those of the same data"
     for name, now_is, was in unlike(entry["parameters"], before["parameters"]) if before else ():
         yield f"{name} is {now_is}, was {was}"
     if not now.certified:

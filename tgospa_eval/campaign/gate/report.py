@@ -50,7 +50,7 @@ def headline(report: Report) -> str:
         named = any(one.group for one in report.outcomes)
         for verdict in (one for one in Verdict if one in of_kind):
             count = of_kind.count(verdict)
-            parts.append(f"{counted(count, kind) if named else count} {verdict}")
+            parts.append(f"{counted(count, kind) if named else count} {in_words(verdict)}")
     counts = f": {', '.join(parts)}" if len(report.outcomes) > 1 or report.tally else ""
     warned = sum(
         bool(one.warnings) or any(f.rule.warns for f in one.warned) for one in report.outcomes
@@ -104,7 +104,7 @@ def table(report: Report, width: int = WIDTH) -> str:
     found = list(rows_of(report))
     shown = found
     if len(found) > MANY_ROWS:  # of an update the totals
-        shown = [row for row in found if (row[1] == "total" if updated else row[3] != Verdict.PASS)]
+        shown = [row for row in found if (row[1] == "total" if updated else row[3] not in QUIET)]
         shown.sort(key=worst_first)
     rules = max([WIDTHS[1], *(len(visible(row[1])) + 3 for row in shown)])
     rules = min(rules, max(WIDTHS[1], width // 3))
@@ -196,9 +196,20 @@ def accept_title(report: Report) -> str:
     return f"To accept this, if it is right{until}"
 
 
+IN_NOISE = "in noise"
+"""Above the limit, and within what seeds do."""
+
+QUIET = (Verdict.PASS, IN_NOISE)
+
+
+def in_words(verdict: Verdict) -> str:
+    """A verdict as people read it."""
+    return IN_NOISE if verdict is Verdict.NOISE else verdict
+
+
 def shown_verdict(finding: Finding) -> str:
     """The verdict of a rule; one that only warns and is not proven to hold is a warning."""
-    return "warning" if finding.warning else finding.verdict
+    return "warning" if finding.warning else in_words(finding.verdict)
 
 
 def number_of(value: float | None) -> str:
@@ -220,6 +231,7 @@ def json_report(report: Report) -> str:
         "update": report.advice,
         **({"against": report.against} if report.against else {}),
         **settings_field(report.settings_file),
+        **({"notices": list(report.notices)} if report.notices else {}),
         "groups": [_pair(outcome) for outcome in report.outcomes if outcome.group],
         "pairs": [_pair(outcome) for outcome in report.outcomes if not outcome.group],
     }
@@ -263,7 +275,9 @@ def _inference(inference: Inference) -> Json:
         "p_value": inference.p_value,
         "confidence": inference.confidence,
         "runs": inference.runs,
+        "needed": inference.needed,
         "paired": inference.paired,
+        "jump": inference.jump,
         "noticeable": _finite(inference.noticeable),
     }
 
@@ -287,7 +301,7 @@ def github_lines(report: Report) -> Iterator[str]:
     )
     rows: dict[bool | None, list[Row]] = {True: [], None: [], False: []}
     for outcome, rule, values, verdict, proven in sorted(rows_of(report), key=worst_first):
-        passes = verdict == Verdict.PASS
+        passes = verdict in QUIET
         about = verdict if rule and passes else f"**{verdict}**"
         about += "" if proven else ", split, not proven"
         numbers = [_cell(value) for value in values] if rule else [None] * len(LIMITS)
@@ -501,7 +515,7 @@ def _cases(outcome: PairOutcome, told: list[str]) -> Iterator[str]:
         if finding.verdict is Verdict.INCOMPARABLE:
             about = f"there is no {finding.rule.path}"
         result, lines = "", [] if place else told
-        if finding.warning:
+        if finding.warning or verdict == IN_NOISE:
             lines = [f"{verdict}: {about}", *lines]
         elif verdict == Verdict.FAIL:
             result = _result("failure", verdict, text, about)
@@ -576,7 +590,7 @@ def page(report: Report, seed: str) -> str:
             "rule": rule,
             "numbers": [*map(number_of, values), change(values) or ""] if rule else [""] * 4,
             "verdict": verdict + ("" if proven else ", split, not proven"),
-            "passes": verdict == Verdict.PASS,
+            "passes": verdict in QUIET,
         }
         for outcome, rule, values, verdict, proven in sorted(rows_of(report), key=worst_first)
     ]

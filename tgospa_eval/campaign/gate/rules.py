@@ -184,6 +184,8 @@ class Inference:
         The relative change against the baseline that these runs would notice; may be infinite.
     better : float
         P value of a tracker that is better than the baseline by the slack of the rule.
+    jump : str
+        The scene or run that is far outside what its seeds do; blank if there is none.
     """
 
     p_value: float
@@ -193,6 +195,7 @@ class Inference:
     paired: bool
     noticeable: float
     better: float
+    jump: str = ""
 
     def supports(self, p_value: float) -> bool:
         """Whether this is below what the confidence leaves."""
@@ -219,6 +222,8 @@ class Finding:
         Of a group of runs with other seeds.
     noisy : bool
         Whether it is of one such run, which says nothing of an improvement.
+    note : str
+        What is said of it in place of the usual.
     """
 
     rule: Rule
@@ -228,6 +233,7 @@ class Finding:
     verdict: Verdict
     inference: Inference | None = None
     noisy: bool = False
+    note: str = ""
 
     @property
     def proven(self) -> bool:
@@ -236,9 +242,8 @@ class Finding:
 
     @property
     def warning(self) -> bool:
-        """Whether it is a rule that only warns, and is not proven to hold; or seeds decide not."""
-        open_ = self.rule.warns and self.verdict in (Verdict.FAIL, Verdict.UNDECIDED)
-        return open_ or self.verdict is Verdict.NOISE
+        """Whether it is a rule that only warns, and is not proven to hold."""
+        return self.rule.warns and self.verdict in (Verdict.FAIL, Verdict.UNDECIDED)
 
     @property
     def improved(self) -> bool:

@@ -52,7 +52,7 @@ class GroupTable:
 
     name: str
     rules: tuple[Rule, ...]
-    confidence: float = 0.95
+    confidence: float = 0.97
     seed: str = SEED
 
     def has(self, labels: Mapping[str, str]) -> bool:

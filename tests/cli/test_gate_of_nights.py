@@ -1,0 +1,269 @@
+"""The gate of many nights: dead runs, jumps, the same verdict for the same data, several nights."""
+
+import json
+import shutil
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+Invoke = Callable[..., Any]
+
+STEPS = 12
+SUITE = """
+baseline = "base.json"
+[options]
+cutoff = 10
+[[pair]]
+truth = "data/{scene}/{seed}/truth.csv"
+estimate = "out/{scene}/{seed}.csv"
+[[group]]
+name = "{scene}"
+fail-on = ["total:+2%"]
+"""
+ARGUMENTS = ("gate", "--suite", "suite.toml", "-q")
+
+
+def write(path: str, text: str) -> None:
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    Path(path).write_text(text, encoding="utf-8")
+
+
+def runs(
+    night: int,
+    *,
+    scenes: Iterable[str] = "abc",
+    seeds: Iterable[int] = range(1, 7),
+    factor: float = 1.0,
+    spread: float = 0.15,
+) -> None:
+    """Runs with totals of about 100, by the random numbers of this night."""
+    rng = np.random.default_rng(night)
+    for scene in scenes:
+        for seed in seeds:
+            error = (100 * factor * np.exp(rng.normal(0, spread)) / STEPS) ** 0.5
+            for name, y in ((f"data/{scene}/{seed}/truth", 0), (f"out/{scene}/{seed}", error)):
+                rows = "".join(f"a,{k},{k},{y:.12g}\n" for k in range(STEPS))
+                write(f"{name}.csv", f"id,t,x,y\n{rows}")
+
+
+@pytest.fixture
+def gate(invoke: Invoke) -> Invoke:
+    """The gate of three scenes with six seeds, whose baseline is night 0."""
+    write("suite.toml", SUITE)
+    runs(0)
+
+    def gate(*arguments: str) -> Any:
+        return invoke(*ARGUMENTS, *arguments)
+
+    assert gate("--update-baseline").status == 0
+    return gate
+
+
+def groups(answer: Any) -> dict[str, Any]:
+    return {one["name"]: one for one in json.loads(answer.out)["groups"]}
+
+
+def entries() -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(Path("base.json").read_text(encoding="utf-8"))["pairs"]
+    return found
+
+
+# --- dead runs and jumps --------------------------------------------------------------------------
+
+
+def test_a_run_without_rows_fails(gate: Invoke) -> None:
+    runs(1)
+    assert gate().status == 0
+    write("out/a/3.csv", "id,t,x,y\n")
+    answer = gate("--format", "json")
+    assert answer.status == 1
+    found = groups(answer)
+    assert {name for name, one in found.items() if one["verdict"] == "fail"} >= {"a"}
+    assert found["b"]["verdict"] != "fail"
+    dead = found["a"]["rules"][0]
+    assert (dead["rule"], dead["verdict"], dead["upper"]) == ("no dead run", "fail", STEPS)
+    assert "a/3: is dead: it misses 12 of 12 states of the truth" in found["a"]["notes"][0]
+    # Whatever the limit says, and where nothing else is judged.
+    write("suite.toml", SUITE.replace("+2%", "+900%"))
+    assert gate().status == 1
+
+
+def test_a_run_that_was_dead_before_is_as_ever(gate: Invoke) -> None:
+    write("out/a/3.csv", "id,t,x,y\n")
+    assert gate("--update-baseline").status == 0
+    assert gate().status == 0
+
+
+def test_a_run_that_stops_early_fails(gate: Invoke) -> None:
+    lines = Path("out/b/2.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    write("out/b/2.csv", "".join(lines[:4]))
+    answer = gate("--format", "json")
+    assert answer.status == 1
+    assert groups(answer)["b"]["rules"][0]["verdict"] == "fail"
+    write("out/b/2.csv", "".join(lines[:-1]))  # the last step alone
+    assert groups(gate("--format", "json"))["b"]["rules"][0]["rule"] == "total:+2%"
+
+
+def test_a_scene_far_outside_what_its_seeds_do_fails(gate: Invoke) -> None:
+    runs(1)
+    runs(2, scenes="b", factor=3)
+    answer = gate("--format", "json")
+    assert answer.status == 1
+    found = groups(answer)
+    (rule,) = found["b"]["rules"]
+    assert rule["verdict"] == "fail"
+    assert rule["inference"]["jump"] == "far outside what its seeds do"
+    assert {found[name]["rules"][0]["inference"]["jump"] for name in "ac"} == {""}
+    assert "unlikely to be seeds: far outside what its seeds do" in gate().out
+
+
+def test_a_run_far_outside_fails_and_is_named(gate: Invoke) -> None:
+    runs(1)
+    runs(2, scenes="c", seeds=[4], factor=11)
+    (rule,) = groups(gate("--format", "json"))["c"]["rules"]
+    assert rule["verdict"] == "fail"
+    assert rule["inference"]["jump"] == "c/4: far outside what runs of scene c do"
+
+
+def test_equal_runs_are_no_jump(gate: Invoke) -> None:
+    for night in range(1, 9):
+        runs(night)
+        found = groups(gate("--format", "json"))
+        assert all(not rule["inference"]["jump"] for one in found.values() for rule in one["rules"])
+
+
+# --- the same verdict for the same data -----------------------------------------------------------
+
+
+def test_shares_of_the_error_do_not_depend_on_names(gate: Invoke) -> None:
+    write("suite.toml", SUITE)
+    runs(0, scenes="d")
+    for scene in "bc":
+        for seed in range(1, 7):
+            shutil.copy(f"out/a/{seed}.csv", f"out/{scene}/{seed}.csv")
+    assert gate("--update-baseline").status == 0
+    for scene in "abcd":
+        runs(1, scenes=scene, factor=1.3)
+    for lost in ("d", "a"):
+        path = Path(f"out/{lost}/6.csv")
+        kept = path.read_text(encoding="utf-8")
+        path.unlink()
+        found = groups(gate("--format", "json"))
+        write(str(path), kept)
+        assert found.pop(lost)["verdict"] == "not comparable"
+        same = [found[name]["rules"][0] for name in "abc" if name != lost]
+        assert all(rule["inference"] == same[0]["inference"] for rule in same)
+        assert all(rule["verdict"] == same[0]["verdict"] for rule in same)
+
+
+def test_what_is_said_of_runs_never_contradicts_itself(gate: Invoke) -> None:
+    rng, verdicts = np.random.default_rng(3), set()
+    for night in range(30):
+        for scene in "abc":
+            factor = float(rng.choice([1.0, 1.2, 1.6, 3.0]))
+            seeds = range(1, int(rng.integers(2, 8)))
+            runs(night, scenes=scene, seeds=seeds, factor=factor, spread=0.02)
+        for one in groups(gate("--format", "json")).values():
+            for rule in (rule for rule in one["rules"] if "inference" in rule):
+                about = rule["inference"]
+                observed = rule["lower"] / rule["baseline"] - 1
+                supported = about["p_value"] <= 1 - about["confidence"]
+                verdicts.add((rule["verdict"], supported))
+                if supported:
+                    assert about["runs"] >= about["needed"]
+                    assert "can support nothing" not in " ".join(one["notes"])
+                if rule["verdict"] == "undecided by seeds":
+                    assert not supported
+                    assert about["noticeable"] is None or about["noticeable"] > observed
+    assert {("fail", True), ("undecided by seeds", False), ("pass", False)} <= verdicts
+
+
+# --- several nights -------------------------------------------------------------------------------
+
+
+def test_the_limit_is_judged_against_the_mean_of_the_nights(gate: Invoke) -> None:
+    first = {name: entry["values"]["total"] for name, entry in entries().items()}
+    runs(1, factor=1.4)
+    said = gate("--update-baseline", "--add").out
+    assert "2 nights, whose mean is the baseline" in said
+    second = {name: entry["values"]["total"] for name, entry in entries().items()}
+    assert {name: entry["nights"][0]["total"] for name, entry in entries().items()} == first
+    answer = gate("--format", "json")
+    (rule,) = groups(answer)["a"]["rules"]
+    mean = sum(first[f"a/{k}"] + second[f"a/{k}"] for k in range(1, 7)) / 2
+    assert rule["baseline"] == pytest.approx(mean)
+    assert rule["inference"]["paired"]
+    # A pair by itself as well; of roots those of the mean.
+    write("suite.toml", SUITE.split("[[group]]")[0])
+    answer = gate("--format", "json", "--fail-on", "total:+900%", "--fail-on", "tgospa:+900%")
+    pair = next(one for one in json.loads(answer.out)["pairs"] if one["name"] == "a/1")
+    total = (first["a/1"] + second["a/1"]) / 2
+    assert [rule["baseline"] for rule in pair["rules"]] == pytest.approx([total, total**0.5])
+
+
+def test_the_oldest_night_goes_and_the_same_night_is_none(gate: Invoke) -> None:
+    for night in range(1, 12):
+        runs(night)
+        assert gate("--update-baseline", "--add").status == 0
+    kept = entries()
+    assert {len(entry["nights"]) for entry in kept.values()} == {9}
+    assert "18 unchanged" in gate("--update-baseline", "--add").out
+    assert entries() == kept
+    assert gate().status == 0
+    said = " ".join(gate("--update-baseline", "--only", "a/*").out.split())
+    assert "one night in place of 10; --add keeps those of the same data" in said
+    assert "nights" not in entries()["a/1"]
+    assert gate("--add").status == 2
+
+
+def test_nights_of_other_data_are_left_out(gate: Invoke) -> None:
+    runs(1)
+    assert gate("--update-baseline", "--add").status == 0
+    for path in ("data/a/1/truth.csv", "out/a/1.csv"):
+        write(path, Path(path).read_text(encoding="utf-8").replace("a,3,3,", "a,3,3.5,"))
+    said = gate("--update-baseline", "--add").out
+    assert "one night in place of 2" in said
+    assert "nights" not in entries()["a/1"]
+    assert len(entries()["a/2"]["nights"]) == 1
+
+
+def test_wrong_nights_are_refused(gate: Invoke) -> None:
+    runs(1)
+    assert gate("--update-baseline", "--add").status == 0
+    text = Path("base.json").read_text(encoding="utf-8")
+    document = json.loads(text)
+    document["pairs"]["a/2"]["nights"][0]["localisation"] *= 3
+    write("base.json", json.dumps(document))
+    answer = gate()
+    assert answer.status == 2
+    assert "pairs.a/2.nights.0." in answer.err
+
+
+def test_more_nights_see_smaller_changes(gate: Invoke) -> None:
+    runs(20, factor=1.15)
+    before = groups(gate("--format", "json"))["a"]["rules"][0]["inference"]
+    for night in range(1, 5):
+        runs(night)
+        assert gate("--update-baseline", "--add").status == 0
+    runs(20, factor=1.15)
+    after = groups(gate("--format", "json"))["a"]["rules"][0]["inference"]
+    assert after["needed"] <= before["needed"]
+    assert after["noticeable"] is not None
+
+
+# --- seeds that are too few -----------------------------------------------------------------------
+
+
+def test_an_update_says_how_many_seeds_are_needed(gate: Invoke) -> None:
+    answer = gate("--update-baseline", "--format", "json")
+    (said,) = json.loads(answer.out)["notices"]
+    assert "group a, b, c: 6 runs: their seeds can never support" in said
+    assert "9 are needed, or further nights with --add" in said
+    runs(0, seeds=range(1, 10))
+    assert "notices" not in json.loads(gate("--update-baseline", "--format", "json").out)
+    Path("base.json").unlink()
+    answer = gate("--format", "json")
+    assert (answer.status, "notices" in json.loads(answer.out)) == (2, False)
