@@ -374,7 +374,7 @@ def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[
             "needed, or fewer groups and rules"
         )
     elif math.isinf(inference.noticeable):
-        yield f"{mark}in noise: few of {runs} are worse, none far outside what seeds do, {p}"
+        yield f"{mark}in noise: few of {runs} are worse, {p}"
     else:
         yield (
             f"{mark}in noise of {runs}, {p}: they would notice a change of about "
