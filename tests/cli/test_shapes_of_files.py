@@ -111,6 +111,8 @@ def test_the_header_that_looks_like_a_comment_is_named_in_the_message(invoke: In
     assert '"%time" and "field.header.stamp" may both be t' in answer.err
     answer = invoke(*paths, "-c", "5", "-g", "2", "--columns", "t=field.header.stamp")
     assert total(answer) == pytest.approx(TOTAL, rel=1e-4)
+    answer = invoke(*paths, "-c", "5", "-g", "2", "--columns", "t=time")
+    assert total(answer) == pytest.approx(TOTAL, rel=1e-4)
     write("a.csv", "%when,who,place x,place y\n0,1,2,3\n")
     answer = invoke("inspect", "a.csv")
     assert (answer.status, "a.csv, line 1: no column for" in answer.err) == (3, True)

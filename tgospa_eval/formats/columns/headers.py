@@ -246,6 +246,10 @@ class Headers:
     ) -> None:
         self.names, self.mapped, self.option, self.where = names, mapped, option, where
         self.exact = {name: k for k, name in enumerate(names)}
+        first = names[0].lstrip("#% ") if names else ""
+        for name, header in mapped.items():
+            if header == first and first not in self.exact:  # which begins like a comment
+                mapped[name] = names[0]
         self.folded: dict[str, list[int]] = {}
         self.keyed: dict[str, list[tuple[int, str]]] = {}
         self.hidden = {k for k, name in enumerate(names) if name in hidden}
@@ -258,8 +262,6 @@ class Headers:
         """Position of a header, upper and lower case aside; `name` is the column it is for."""
         if header in self.exact:
             return self.exact[header]
-        if self.names and header == self.names[0].lstrip("#% "):  # which begins like a comment
-            return 0
         places = self.folded.get(header.casefold())
         return self._only(places, name) if places else None
 
