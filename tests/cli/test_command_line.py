@@ -358,7 +358,7 @@ RARE = (
     *("formats.columns.spread", "formats.particles", "formats.text.small", "formats.frames"),
     "formats.arrow",
     # Of what writes folders, or other formats than the table.
-    *("reports.files", "reports.html", "cli.shared.writing", "plots.figures"),
+    *("show.files", "show.html", "cli.shared.writing", "show.drawing"),
 )
 
 
@@ -379,7 +379,7 @@ def test_a_small_evaluation_imports_little(
     assert not modules & {"pandas", "cvxpy", "clarabel", "numpy.ma", "tomllib", "html"}
     assert not modules & {"json", "fractions", "decimal", "glob", "shlex", "logging"}
     ours = {name.removeprefix("tgospa_eval.") for name in modules}
-    assert {"distances.vector", "reports.result_text"} <= ours
+    assert {"distances.vector", "show.result_text"} <= ours
     assert all(find_spec(f"tgospa_eval.{name}") for name in RARE)
     assert not ours & {*RARE}
 

@@ -6,6 +6,7 @@ The text is plain ASCII but for the user's own words. A terminal gets colours.
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +17,6 @@ from tgospa_eval.problem.solution import Windows
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.explanation import NOT_ADDITIVE, Explanation, Repair
 from tgospa_eval.results.records import PARTS, Columns
-from tgospa_eval.sensors.association import Pairing
 from tgospa_eval.show.phrases import PART_HEADS, parameters_of
 from tgospa_eval.show.rendering import (
     WIDTH,
@@ -38,6 +38,9 @@ from tgospa_eval.show.side_tables import (
     slices_table,
 )
 from tgospa_eval.text import ending, visible
+
+if TYPE_CHECKING:
+    from tgospa_eval.sensors.association import Pairing
 
 SHOWN = 5
 COUNTED = {
@@ -521,7 +524,7 @@ ROUNDING = 1e-9
 """Shift of a mean, as a share of the distance to the cloud, that is nothing but rounding."""
 
 
-def association_text(found: Pairing, *, rows: bool = True) -> str:
+def association_text(found: "Pairing", *, rows: bool = True) -> str:
     """Counts, and the associations in columns."""
     count, (rest_a, rest_b) = int(found.chosen.sum()), found.unassigned
     lines = [
