@@ -920,3 +920,22 @@ def test_action_passes_its_inputs_on(
     assert done.returncode == 4
     assert Path("out").read_text(encoding="utf-8") == "status=4\n"
     assert not Path("pwned").exists()
+
+
+def test_a_baseline_keeps_the_period_of_its_tracker(invoke: Any, write: Any) -> None:
+    """On a common clock a tracker that reports more often is judged as before."""
+    rows = [f"a,{t},{t}" for t in range(31)]
+    truth = write("truth.csv", "\n".join(("id,t,x", *rows, "")))
+
+    def estimate(step: float) -> str:
+        own = [f"e,{k * step + 0.3},{k * step + 0.3}" for k in range(int(29 / step))]
+        return write("estimate.csv", "\n".join(("id,t,x", *own, "")))
+
+    clock = ("-c", "5", "-g", "2", "--resample", "1", "--max-gap", "2")
+    gate = ("gate", truth, estimate(2), "--baseline", "b.json", "-q")
+    assert invoke(*gate, *clock, "--update-baseline").status == 0
+    assert json.loads(Path("b.json").read_text())["pairs"]["pair"]["options"]["period"] == "2.0"
+    assert invoke(*gate).status == 0
+    estimate(1.5)
+    answer = invoke(*gate, "--fail-on", "total:+50%")
+    assert (answer.status, "period is" in answer.out) == (0, False)

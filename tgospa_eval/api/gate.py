@@ -726,8 +726,11 @@ def _evaluated(
 
 
 def _chosen_by_data(row: Row) -> dict[str, object]:
-    """Options that a baseline has in any case."""
-    return {"cutoff": row["cutoff"], "switch-penalty": row["switch_penalty"]}
+    """Options that a baseline has in any case, those that follow from the data included."""
+    recorded = row["parameters"]
+    parameters = json.loads(recorded) if isinstance(recorded, str) else recorded
+    period = {"period": str(parameters["period"])} if "period" in parameters else {}
+    return {"cutoff": row["cutoff"], "switch-penalty": row["switch_penalty"], **period}
 
 
 def _task(
