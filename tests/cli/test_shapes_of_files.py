@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 
 from tgospa_eval import InputError, evaluate
 from tgospa_eval.formats import ReadOptions, read
+from tgospa_eval.formats.guess import folder_format
 
 Invoke = Callable[..., Any]
 
@@ -271,6 +273,8 @@ def test_a_folder_of_tables_without_ids_has_an_object_a_file(invoke: Invoke) -> 
     assert 'est, ship 2.csv, line 2, column "x": not a number: "far"' in answer.err
     write("est/ship 2.csv", "time;name;x;y\n0;7;1;1\n")  # a name may be an id
     assert "est: is a folder, not a file" in invoke("gt", "est").err
+    os.mkfifo("gt/pipe.csv")  # which nobody waits for
+    assert folder_format("gt") == ""
 
 
 # --- JSON and Excel -------------------------------------------------------------------------------

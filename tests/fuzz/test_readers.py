@@ -48,6 +48,7 @@ SHAPES = {
     "deeplabcut": "scorer,a,a,a\nbodyparts,nose,nose,nose\ncoords,x,y,likelihood\n"
     + "".join(f"{t},{x},{y},0.9\n" for _, t, x, y in ROWS[::3]),
     "tum": "".join(f"{t}.5 {x} {y} 0 0 0 0 1\n" for _, t, x, y in ROWS[::3]),
+    "csv-per-object": "t,x,y\n" + "".join(f"{t},{x},{y}\n" for _, t, x, y in ROWS[::3]),
     "yolo": "".join(f"0 .{i} .{t} .1 .1 {i}\n" for i, t, _, _ in ROWS),
 }
 """Of formats that pandas reads."""

@@ -188,6 +188,8 @@ def _in_turn(files: Sequence[str], asked: Sequence[str]) -> bool:
     `asked` are headers of times.
     """
     headers, spans = set(), []
+    if not all(map(os.path.isfile, files)):  # a named pipe would be waited for
+        return False
     for path in files:
         try:
             header, span = _header_and_span(path, asked)

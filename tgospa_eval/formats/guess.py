@@ -192,6 +192,8 @@ def _is_of_one_object(path: str) -> bool:
 
 
 def _beginning(path: str) -> str:
+    if not os.path.isfile(path):  # a named pipe would be waited for
+        return ""
     try:
         with open(path, "rb") as file:
             return file.read(GUESSED_FROM).decode("utf-8-sig", "replace")

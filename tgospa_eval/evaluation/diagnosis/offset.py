@@ -447,7 +447,8 @@ class Search:
         last, first = replace(best.fit, sharp=sharp), replace(before, sharp=sharp)
         pairs = float(np.maximum(before.pairs, best.fit.pairs).sum())
         cost = pairs - before.total
-        if last.better(first) < SIGNIFICANT or cost < NOTABLE_COST * pairs:
+        is_none = abs(best.fit.shift) <= best.uncertainty
+        if is_none or last.better(first) < SIGNIFICANT or cost < NOTABLE_COST * pairs:
             return ()
         return best.fit.shift, best.uncertainty, 1 - max(pairs - best.fit.total, 0.0) / cost
 

@@ -697,7 +697,9 @@ def _with_height(
 ) -> tuple[tuple[str, ...], str]:
     """State columns, and the header of heights that are left out."""
     name = OF_HEIGHTS.get(wanted, "") if options.heights else ""
-    column = next(iter(headers.places(name)), None) if name else None  # of several the best known
+    of_boxes = headers.places("height") if headers.places("width") else []
+    known = [k for k in headers.places(name) if k not in of_boxes] if name else []
+    column = next(iter(known), None)  # of several the best known
     if column is None:
         return wanted, ""
     if options.heights == "tell":
