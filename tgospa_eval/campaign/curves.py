@@ -226,33 +226,28 @@ class _Runs:
         read = [_as_read(text) for text in texts]
         (place,) = places([read])
         run, place = np.searchsorted(jobs, steps["job"]), place[codes]
-        first, last = (end(place, run, len(jobs)) for end in (_least, _largest))
         self.over, self.alone = over, over is not None
-        ends = np.stack((first, last))[:, first <= last]  # of runs with steps
-        if over is None and 2 * most_at_once(*ends) <= ends.shape[1]:
+        by_run = np.lexsort((place, run))
+        begins = np.flatnonzero(np.diff(run[by_run], prepend=-1)).tolist()
+        self.slices = [slice(*ends) for ends in pairwise([*begins, len(steps)])]
+        at_once = _running(place[by_run], self.slices, len(read))
+        if over is None and 2 * at_once.max() <= len(begins):
             self.over, self.alone = "start", True
-        if self.over == "start":
+        if self.over == "start":  # which leaves the order of the steps of a run
             since = _since_start(read, codes, run, len(jobs))
             values, place = np.unique(since, return_inverse=True)
             read, codes = values.tolist(), place
-        by_run = np.lexsort((place, run))
         self.order, self.band = order, band
         self.count, self.steps = len(jobs), steps.iloc[by_run]
         self.run, self.place = run[by_run], place[by_run]
         # Of equal times, as 1 and 1.0, that of the first run is shown.
         first = by_run[np.unique(self.place, return_index=True)[1]]
         self.times: list[Time] = [read[code] for code in codes[first].tolist()]
-        begins = np.flatnonzero(np.diff(self.run, prepend=-1)).tolist()
-        self.slices = [slice(*ends) for ends in pairwise([*begins, len(steps)])]
         self.divisor = np.maximum(self.columns(["steps"])[0], 1)
-        self.present = np.full(len(self.times), self.count)
+        size = len(self.times)
+        self.present = np.full(size, self.count)
         if self.alone:
-            self.ends = [(self.place[own.start], self.place[own.stop - 1]) for own in self.slices]
-            change = np.zeros(len(self.times) + 1, np.int64)
-            for begin, end in self.ends:
-                change[begin] += 1
-                change[end + 1] -= 1
-            self.present = np.cumsum(change)[:-1]
+            self.present = _running(self.place, self.slices, size)
 
     def columns(self, names: Sequence[str]) -> Floats:
         """Columns (M, R) of the steps."""
@@ -262,11 +257,7 @@ class _Runs:
     def apart(self) -> bool:
         """Whether most times within several runs are steps of half of these or fewer."""
         size = len(self.times)
-        inside = np.zeros(size + 1, np.int64)
-        for own in self.slices:
-            inside[self.place[own.start]] += 1
-            inside[self.place[own.stop - 1] + 1] -= 1
-        inside = np.cumsum(inside)[:-1]
+        inside = _running(self.place, self.slices, size)
         having = np.bincount(self.place, minlength=size)[inside > 1]
         few = 2 * having <= inside[inside > 1]
         return bool(2 * np.count_nonzero(few) > len(few))
@@ -338,7 +329,8 @@ class _Runs:
         ends = np.array([[0, len(self.times)]] * self.count)
         if self.alone:
             ends[:] = (1, 0)  # of runs without steps
-            ends[self.run[[own.start for own in self.slices]]] = self.ends
+            for own in self.slices:
+                ends[self.run[own.start]] = self.place[[own.start, own.stop - 1]]
         size = len(self.times)
         keys = self.run * size + self.place
         width = max(1, NUMBERS_AT_ONCE // max(self.count, BAND_RESAMPLES))
@@ -351,40 +343,22 @@ class _Runs:
             yield row, there, (at >= ends[:, :1]) & (at <= ends[:, 1:])
 
 
-def most_at_once(first: Ints, last: Ints) -> int:
-    """How many stretches, by first and last place, have a place in common at most."""
-    change = np.zeros(int(last.max(initial=0)) + 2, np.int64)
-    np.add.at(change, first, 1)
-    np.add.at(change, last + 1, -1)
-    return int(np.cumsum(change).max())
-
-
-def _least(values: Ints, run: Ints, runs: int) -> Ints:
-    """The least value of each run."""
-    found = np.full(runs, np.iinfo(np.int64).max)
-    np.minimum.at(found, run, values)
-    return found
-
-
-def _largest(values: Ints, run: Ints, runs: int) -> Ints:
-    """The largest value of each run."""
-    found = np.full(runs, -1)
-    np.maximum.at(found, run, values)
-    return found
+def _running(place: Ints, runs: Sequence[slice], size: int) -> Ints:
+    """How many runs, each with its places in order, are between their first and last (size,)."""
+    change = np.zeros(size + 1, np.int64)
+    for own in runs:
+        change[place[own.start]] += 1
+        change[place[own.stop - 1] + 1] -= 1
+    return np.cumsum(change)[:-1]
 
 
 def _since_start(read: Sequence[Time], codes: Ints, run: Ints, runs: int) -> Floats:
     """Times of steps since the first step of their run, in seconds or the unit of the stamps."""
-    unit = 1.0
-    if isinstance(read[0], str):
-        times = parse_times(list(map(str, read)), floats)
-        value, unit = times.value.astype(object), float(SECOND)
-    else:
-        value = np.array(read, dtype=object)
-    first = np.full(runs, None, dtype=object)
-    for k, moment in zip(run.tolist(), value[codes].tolist(), strict=True):
-        first[k] = moment if first[k] is None else min(first[k], moment)
-    since: Floats = (value[codes] - first[run]).astype(np.float64) / unit
+    times = parse_times(list(map(str, read)), floats)
+    value = times.value[codes]
+    first = np.full(runs, value.max(), value.dtype)
+    np.minimum.at(first, run, value)
+    since = (value - first[run]) / (1 if times.clock == "number" else SECOND)
     return np.asarray(np.round(since, DIGITS_OF_TIMES) + 0.0)
 
 

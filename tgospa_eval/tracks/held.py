@@ -38,6 +38,8 @@ class Held:
         For how long a report holds, in seconds or the unit of the stamps.
     declared : bool
         Whether the user named it.
+    source : str
+        What it was taken from, where nobody did.
     alone : int
         Reports whose track has no other one near in time.
     """
@@ -48,6 +50,7 @@ class Held:
     truth_at: Callable[[Trajectories], Trajectories]
     period: float
     declared: bool
+    source: str
     alone: int
 
     @cached_property

@@ -303,6 +303,9 @@ def hold(
         truth_at=truth_at,
         period=period,
         declared=bool(matching.period),
+        source="median interval"
+        if same.any()
+        else "step of the clock, as no track has two reports",
         alone=int(np.count_nonzero(~linked)),
     )
     side = estimate.chosen(row[order], steps[order], ticks.times, ticks.labels, ticks.clock)

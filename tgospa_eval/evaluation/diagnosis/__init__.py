@@ -83,7 +83,7 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
     if axis.held is not None:
         held, steps = axis.held, counted(len(axis.horizon.times), "step")
         used, reports = len(np.unique(held.row)), len(held.reports.step)
-        which = "--period" if held.declared else "the median interval; --period declares it"
+        which = "--period" if held.declared else f"the {held.source}; --period declares it"
         off = f"; {reports - used:,} outside of all steps" if used < reports else ""
         alone = f" ({held.alone:,} alone)" if held.alone else ""
         yield Notice(
