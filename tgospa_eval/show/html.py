@@ -127,7 +127,7 @@ def _values(result: Evaluation, names: tuple[str, str]) -> dict[str, object]:
         "nees": "" if result.nees is None else result.nees.in_words,
         "score": "" if result.calibration is None else similarity_in_words(result),
         "parts": _parts(result),
-        "per_step": result.quantity(result.normalised["tgospa"]),
+        "each": {name: result.quantity(value) for name, value in result.normalised.items()},
         "classes": class_table(result),
         "others": other_table(result.with_),
         "similarity": list(similarity(result.with_)),

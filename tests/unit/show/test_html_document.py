@@ -7,6 +7,7 @@ from html import unescape
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from pages import NASTY, embedded, unpacked
 
@@ -172,3 +173,9 @@ def test_classes_count_their_tracks_through(
     data = embedded((tmp_path / "out" / "report.html").read_text(encoding="utf-8"))
     assert data["tracks"]["truth"]["class"] == ["car", "car", "van", "van"]
     assert data["rows"]["truth"] == [12, 12]
+
+
+def test_the_head_has_the_value_per_object_and_step() -> None:
+    truth = pd.DataFrame({"id": "a", "t": [0, 1], "x": [0.0, 0.0]})
+    page = evaluate(truth, truth.assign(x=2.0), cutoff=5, switch_penalty=1).to_html()
+    assert "Per step 2, per object and step 2." in " ".join(page.split())
