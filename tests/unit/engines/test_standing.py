@@ -38,8 +38,10 @@ def test_what_is_left_when_patience_ends_is_done_by_workers(tmp_path: Path) -> N
     here = [job for job, process in first.items() if process == os.getpid()]
     assert here == [0]
     workers = set(first.values()) - {os.getpid()}
-    assert 1 <= len(workers) <= 2
-    assert set(second.values()) <= workers  # the same as before
+    assert len(workers) >= 1
+    # The same two as before, of which one may have begun after all first jobs were done.
+    assert len(workers | set(second.values())) <= 2
+    assert os.getpid() not in second.values()
 
 
 def test_errors_of_work_done_here_are_raised(tmp_path: Path) -> None:
