@@ -98,7 +98,7 @@ def association_page(found: Pairing, names: tuple[str, str]) -> str:
         version=__version__,
         lines=association_text(found, rows=False).splitlines(),
         parts=[{"name": name} for name in drawn.document["parts"]],
-        per_step=number(drawn.document["curve"]["total"][-1]) if drawn.steps else "",
+        each={"tgospa": number(drawn.document["curve"]["total"][-1]) if drawn.steps else ""},
         distance=found.distance.name,
         partitioned=False,
         **_inside(drawn),
