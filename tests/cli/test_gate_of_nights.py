@@ -38,14 +38,15 @@ def runs(
     seeds: Iterable[int] = range(1, 7),
     factor: float = 1.0,
     spread: float = 0.15,
+    steps: int = STEPS,
 ) -> None:
     """Runs with totals of about 100, by the random numbers of this night."""
     rng = np.random.default_rng(night)
     for scene in scenes:
         for seed in seeds:
-            error = (100 * factor * np.exp(rng.normal(0, spread)) / STEPS) ** 0.5
+            error = (100 * factor * np.exp(rng.normal(0, spread)) / steps) ** 0.5
             for name, y in ((f"data/{scene}/{seed}/truth", 0), (f"out/{scene}/{seed}", error)):
-                rows = "".join(f"a,{k},{k},{y:.12g}\n" for k in range(STEPS))
+                rows = "".join(f"a,{k},{k},{y:.12g}\n" for k in range(steps))
                 write(f"{name}.csv", f"id,t,x,y\n{rows}")
 
 
@@ -105,6 +106,35 @@ def test_a_run_that_stops_early_fails(gate: Invoke) -> None:
     assert groups(answer)["b"]["rules"][0]["verdict"] == "fail"
     write("out/b/2.csv", "".join(lines[:-1]))  # the last step alone
     assert groups(gate("--format", "json"))["b"]["rules"][0]["rule"] == "total:+2%"
+
+
+def test_a_run_that_crashes_in_its_second_half_fails(gate: Invoke) -> None:
+    runs(0, steps=60)
+    assert gate("--update-baseline").status == 0
+    runs(1, steps=60)
+    assert gate().status == 0
+    lines = Path("out/b/2.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    write("out/b/2.csv", "".join(lines[:37]))
+    answer = gate("--format", "json")
+    assert answer.status == 1
+    dead = groups(answer)["b"]["rules"][0]
+    assert (dead["rule"], dead["verdict"], dead["upper"]) == ("no dead run", "fail", 24)
+    write("out/b/2.csv", "".join(lines[:49]))  # a fifth is missing: no jump of so few
+    assert groups(gate("--format", "json"))["b"]["rules"][0]["rule"] == "total:+2%"
+
+
+def test_runs_that_fail_now_and_then_are_no_jump_if_the_baseline_has_such(gate: Invoke) -> None:
+    for night, scene in enumerate("abc", 1):
+        runs(night)
+        runs(night, scenes=scene, seeds=[night], factor=3)
+        assert gate("--update-baseline", "--add").status == 0
+    runs(5)
+    runs(6, scenes="b", seeds=[5], factor=2.8)
+    (rule,) = groups(gate("--format", "json"))["b"]["rules"]
+    assert rule["inference"]["jump"] == ""
+    runs(6, scenes="b", seeds=[5], factor=10)
+    (rule,) = groups(gate("--format", "json"))["b"]["rules"]
+    assert "b/5" in rule["inference"]["jump"]
 
 
 def test_a_scene_far_outside_what_its_seeds_do_fails(gate: Invoke) -> None:

@@ -27,7 +27,7 @@ from tgospa_eval.campaign.gate.baseline import (
     number_in,
     typical,
 )
-from tgospa_eval.campaign.gate.jumps import FALSE_ALARMS, Rises, jumps
+from tgospa_eval.campaign.gate.jumps import FALSE_ALARMS, LEAST_SCATTER, PRIOR, Rises, jumps
 from tgospa_eval.campaign.gate.outcome import PairOutcome, combined_outcome
 from tgospa_eval.campaign.gate.rules import (
     OF_NEES,
@@ -96,15 +96,27 @@ class SceneRuns:
     old: Sequence[Json]
     paired: bool
 
-    def dead(self) -> list[Finding]:
-        """A finding for each run that misses as much as no run of the scene ever did."""
+    def missed(self) -> Rises:
+        """How far its runs are above what those of the baseline missed."""
+        nights = [
+            np.array(list(map(_missed, nights_of(entry)))) / max(entry["judged"]["truth_states"], 1)
+            for entry in self.old
+        ]
+        states = [max(one.judged["truth_states"], 1) for one in self.now]
+        now = [one.values[ALIVE.path].lower for one in self.now]
+        size = float(np.mean(states))
+        return Rises.of_missed(np.array(now) / states, nights, size, paired=self.paired)
+
+    def dead(self, p_values: Floats) -> list[Finding]:
+        """A finding for each run that misses as much as no run of the scene ever did.
+
+        That is more than halfway from the most to all; or a quarter of it, if that is a jump.
+        """
         found = []
-        ever = max(
-            number_in(night, None, ALIVE.path) for entry in self.old for night in nights_of(entry)
-        )
-        for name, one in zip(self.names, self.now, strict=True):
+        ever = max(_missed(night) for entry in self.old for night in nights_of(entry))
+        for name, one, p in zip(self.names, self.now, p_values, strict=True):
             states, missed = one.judged["truth_states"], one.values[ALIVE.path]
-            limit = (ever + states) / 2
+            limit = ever + (states - ever) * (0.25 if p <= FALSE_ALARMS else 0.5)
             if missed.lower > limit and (one.silent or states >= LEAST_STATES):
                 note = (
                     f"{name}: is dead: it misses {missed.lower:g} of {states} states of the truth"
@@ -218,11 +230,18 @@ def judge_groups(
     }
     outcomes = []
     for place, (table, among) in enumerate(zip(tables, groups, strict=True)):
+        scenes = [scene for group in among for scene in group.scenes]
+        misses = {
+            id(scene): each
+            for scene, (_, each) in zip(
+                scenes, jumps([scene.missed() for scene in scenes]), strict=True
+            )
+        }
         for k, group in enumerate((*among, *_together(table, among))):
             column = [sums[place, number][k][1] for number in range(len(table.rules))]
             findings = [known.get(id(one), one.finding) if one else None for one in column]
             dead = (
-                [found for scene in group.scenes for found in scene.dead()]
+                [found for scene in group.scenes for found in scene.dead(misses[id(scene)])]
                 if k < len(among)
                 else []
             )
@@ -241,7 +260,9 @@ def _jumped(column: Sequence["Summed"], error: float) -> dict[int, str]:
         return {}
     scenes = [(one, scene, side) for one in column for scene, side in one.sides()]
     found: dict[int, str] = {}
-    judged = jumps([Rises.of(now, old, paired=scene.paired) for _, scene, (now, old) in scenes])
+    judged = jumps(
+        [Rises.of_costs(now, old, paired=scene.paired) for _, scene, (now, old) in scenes]
+    )
     for (one, scene, _), (whole, each) in zip(scenes, judged, strict=True):
         runs = [name for name, p in zip(scene.names, each, strict=False) if p <= error]
         if whole <= error:
@@ -381,11 +402,14 @@ class Stratum:
         Values of this run; paired with `allowed` if there are as many and `paired`.
     paired : bool
         Whether the runs have the same seeds, in this order.
+    weight : float
+        How much it counts in a sum with others.
     """
 
     allowed: Floats
     now: Floats
     paired: bool
+    weight: float = 1.0
 
     @property
     def all(self) -> Floats:
@@ -393,9 +417,19 @@ class Stratum:
         return np.concatenate([self.now, self.allowed])
 
     def relative(self) -> "Stratum":
-        """The same in shares of the mean of all runs."""
-        mean = abs(float(self.all.mean())) or 1.0
-        return replace(self, now=self.now / mean, allowed=self.allowed / mean)
+        """The same in shares of the mean of all runs, weighted."""
+        factor = self.weight / (abs(float(self.all.mean())) or 1.0)
+        return replace(self, now=self.now * factor, allowed=self.allowed * factor, weight=1.0)
+
+    def scatter(self) -> tuple[float, float]:
+        """Sum of squares of shares of single values, and its degrees of freedom.
+
+        No exchange changes them, as the hypothesis has the same mean on both sides.
+        """
+        one = replace(self, weight=1.0).relative()
+        if self.paired:
+            return float(((one.now - one.allowed) ** 2).sum()) / 2, len(one.now)
+        return float(((one.all - one.all.mean()) ** 2).sum()), len(one.all) - 1
 
     @property
     def variance(self) -> float:
@@ -465,8 +499,7 @@ class Summed:
 
     def strata(self) -> list[Stratum]:
         """What each run is allowed, and its value."""
-        sides = self.sides()
-        return [one for scene, (now, old) in sides for one in _strata(now, old, scene.paired)]
+        return weighted([_strata(now, old, scene.paired) for scene, (now, old) in self.sides()])
 
     def inferred(
         self,
@@ -511,15 +544,12 @@ class Summed:
     def better(self) -> list[Stratum]:
         """Whether the baseline, less the slack of the rule, is above the values of now."""
         share = max(2 - self.limit / self.base, 0.0) if self.base > 0 else 0.0
-        found = []
+        scenes = []
         for scene in self.group.scenes:
-            now = np.array([_now(one, self.part).upper for one in scene.now])
-            old = [_old(entry, self.part) * share for entry in scene.old]
-            found += [
-                Stratum(allowed=-one.allowed, now=-one.now, paired=one.paired)
-                for one in _strata(now, old, scene.paired)
-            ]
-        return found
+            now = np.array([-_now(one, self.part).upper for one in scene.now])
+            old = [_old(entry, self.part) * -share for entry in scene.old]
+            scenes.append(_strata(now, old, scene.paired))
+        return weighted(scenes)
 
 
 def _strata(now: Floats, old: Sequence[Floats], paired: bool) -> list[Stratum]:
@@ -531,6 +561,23 @@ def _strata(now: Floats, old: Sequence[Floats], paired: bool) -> list[Stratum]:
         ]
     means = np.array([nights.mean() for nights in old])
     return [Stratum(allowed=means, now=now, paired=paired)]
+
+
+def weighted(scenes: Sequence[Sequence[Stratum]]) -> list[Stratum]:
+    """Strata of all scenes, each scene weighted by the inverse of the variance of its shares."""
+    sums = [np.sum([one.scatter() for one in scene], axis=0) for scene in scenes]
+    squares, freedom = np.reshape(sums, (-1, 2)).T
+    usual = float(np.median(squares / freedom)) if len(scenes) else 0.0
+    variances = np.maximum((squares + PRIOR * usual) / (freedom + PRIOR), LEAST_SCATTER**2)
+    return [
+        replace(one, weight=float(1 / variance))
+        for scene, variance in zip(scenes, variances, strict=True)
+        for one in scene
+    ]
+
+
+def _missed(night: Json) -> float:
+    return number_in(night, None, ALIVE.path)
 
 
 def _now(one: Measured, part: Part) -> Value:
@@ -606,8 +653,9 @@ def _sum_of(group: Group, number: Callable[[Json], float]) -> float:
 # exchanged: the sign of their difference can be flipped (Fisher 1935, section 21). Where the seeds
 # are others than before, all runs of a stratum can be exchanged (Pitman 1937). The statistic is the
 # sum over all strata of what is above the limit, as a share of the mean of the stratum: noise grows
-# with the cost of a scene, and the dearest scene is not to drown the others. No exchange changes
-# these means.
+# with the cost of a scene, and the dearest scene is not to drown the others. Scenes are weighted by
+# the inverse of the variance of these shares, moderated as for jumps. No exchange changes means or
+# weights.
 
 POWER = 0.8
 """Probability with which the noticeable change is noticed."""
