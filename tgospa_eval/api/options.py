@@ -4,21 +4,28 @@ Imports nothing heavy: the command line needs it for its help.
 """
 
 import dataclasses
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, Self, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from tgospa_eval.common import config
+from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.options import Values, setting
 from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.distances.registry import DISTANCES
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.registry import FORMATS
 from tgospa_eval.text import quoted
 
+if TYPE_CHECKING:
+    from tgospa_eval.show.batch import BandKind
+
 # Spelled out here, because importing the members costs numpy; tests hold them together.
 SOLVERS = ("certified", "exact", "sinkhorn")
 EXISTENCES = ("ignore", "use")
+BAND_KINDS = ("interval", "bootstrap", "percentiles", "deviation")
+LAYOUTS = ("motchallenge", "kitti")
 GRIDS = ("union", "truth", "estimate", "common")
 INTERPOLATED = ("estimate", "truth")
 PREPROCESS = tuple(
@@ -36,68 +43,6 @@ ROWS_ALONE = "write files of the rows that are to be evaluated"
 RESAMPLE_FIRST = "resample first: write both sides at common times, and give these"
 
 
-@dataclass(frozen=True)
-class Setting:
-    """What is known of a field of `Request`.
-
-    Parameters
-    ----------
-    section : str
-        Of the help.
-    declaration : str
-        As the help shows the option: ``-c, --cutoff C``; without a metavar it is a flag.
-    help : str
-        What it does.
-    choices : collection of str
-        Its values, if they are few; or members, which other packages may add to.
-    kind : str
-        Of the text: ``"path"``, or ``"size"`` of memory; blank for any.
-    least, most : int, optional
-        Of a number.
-    shown : str
-        The default in words.
-    number : bool
-        Whether it changes the number or its bracket.
-    trusted : bool
-        Whether a settings file may set it that was only found. Somebody else may have written it:
-        nothing is trusted that writes, connects, takes resources, judges, says how exact is exact,
-        or keeps quiet.
-    everywhere : bool
-        Whether all verbs that evaluate have it; otherwise `evaluate` alone.
-    stored : bool
-        Whether it is read from the environment and from settings files as well.
-    parts : str
-        What to do instead where data are read in parts and it has no place; blank if it has.
-    """
-
-    section: str
-    declaration: str
-    help: str
-    choices: Collection[str] = ()
-    kind: str = ""
-    least: int | None = None
-    most: int | None = None
-    shown: str = ""
-    number: bool = True
-    trusted: bool = True
-    everywhere: bool = True
-    stored: bool = True
-    parts: str = ""
-
-    @property
-    def key(self) -> str:
-        """Its name in a settings file: the first long one."""
-        names = self.declaration.split(" ")
-        return next(name for name in names if name.startswith("--"))[2:].rstrip(",")
-
-
-def setting(section: str, declaration: str, text: str, *, default: Any = None, **about: Any) -> Any:
-    """Declare a field of `Request`."""
-    return dataclasses.field(
-        default=default, metadata={"setting": Setting(section, declaration, text, **about)}
-    )
-
-
 _metric = partial(setting, "Metric")
 _files = partial(setting, "Files")
 _filters = partial(setting, "Filters")
@@ -106,17 +51,6 @@ _gaussians = partial(setting, "Gaussians")
 _particles = partial(setting, "Particles")
 _output = partial(setting, "Output")
 _beside = partial(_output, number=False, everywhere=False, stored=False)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Values:
-    """A record of options."""
-
-    @classmethod
-    def of(cls, values: Mapping[str, object]) -> Self:
-        """From all options of a verb by parameter, those of others left aside."""
-        names = {field.name for field in dataclasses.fields(cls)}
-        return cls(**{name: value for name, value in values.items() if name in names})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -680,9 +614,7 @@ def names_file(name: str, value: object) -> bool:
     return name in SETTINGS and SETTINGS[name].kind == "path"
 
 
-SETTINGS: dict[str, Setting] = {
-    field.name: field.metadata["setting"] for field in dataclasses.fields(Request) if field.metadata
-}
+SETTINGS = Request.settings()
 """Of the fields that have an option."""
 
 NAMES = {about.key: name for name, about in SETTINGS.items() if about.everywhere}
@@ -749,3 +681,112 @@ OF_THE_NUMBER: dict[str, object] = {
     if name == "pairwise" or (name in SETTINGS and SETTINGS[name].number)
 }
 """Defaults of the fields that change the number or its bracket."""
+
+
+_batch = partial(setting, "Batch", stored=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchOptions(Values):
+    """What there is to do, and how to spread and tabulate it."""
+
+    truth: str | None = _batch(
+        "--truth PATTERN",
+        "Path of the truth, with fields: gt/{sequence}/gt/gt.txt.",
+        kind="path",
+    )
+    estimate: str | None = _batch(
+        "--estimate PATTERN",
+        "Paths of the estimates, with fields: runs/{tracker}/{sequence}.txt. Each file found is a "
+        "job.",
+        kind="path",
+    )
+    layout: str | None = _batch(
+        "--layout NAME",
+        "Folders GT TRACKERS as a benchmark has them: motchallenge or kitti.",
+        choices=LAYOUTS,
+    )
+    seqmap: str | None = _batch(
+        "--seqmap FILE",
+        "Only the sequences in this file, of a --layout; of kitti with their frames.",
+        kind="path",
+    )
+    output: str = _batch(
+        "-o, --output DIR",
+        "The store: a folder that the same command goes on with. Of batch report: where to write "
+        "its files.",
+        kind="path",
+    )
+    allow_missing: bool = _batch(
+        "--allow-missing",
+        "Go on where truths or estimates are missing.",
+        default=False,
+    )
+    retry_failed: bool = _batch(
+        "--retry-failed",
+        "Try jobs again that failed before.",
+        default=False,
+    )
+    shard: str | None = _batch(
+        "--shard K/N",
+        "Only every N-th job, from the K-th: for N processes on one store, as in a job array.",
+    )
+    workers: int | None = _batch(
+        "--workers N",
+        "Processes; by default as many as there are cores.",
+        least=1,
+    )
+    scheduler: str | None = _batch(
+        "--scheduler ADDRESS",
+        "Use the workers of a Dask cluster that is there: tcp://host:8786.",
+    )
+    reports: bool = _batch(
+        "--reports",
+        "Write the result folder of each job, DIR/reports/LABELS.",
+        default=False,
+    )
+    proof: bool = _batch(
+        "--proof",
+        "With --reports: with the proof of each value.",
+        default=False,
+    )
+    per_step: bool = _batch(
+        "--per-step",
+        "Store the costs of each step as well, for curves over time.",
+        default=False,
+    )
+    curve: bool = _batch(
+        "--curve",
+        "With --per-step: also evaluate the steps up to each step, as evaluate --curve does.",
+        default=False,
+    )
+    by: tuple[str, ...] = _batch(
+        "--by LABELS",
+        "Labels by which tables add up, with commas or this option again; values of the first are "
+        "ranked.",
+        default=(),
+        shown="the first",
+    )
+    mean_of_roots: bool = _batch(
+        "--mean-of-roots",
+        "Also show the plain means of the values, which are no sums.",
+        default=False,
+    )
+    band: "BandKind | None" = _batch(
+        "--band KIND",
+        "Bands around curves over time: interval or bootstrap, of the RMS; percentiles or "
+        "deviation, of the runs.",
+        choices=BAND_KINDS,
+        shown="interval",
+    )
+    over: str | None = _batch(
+        "--over CLOCK",
+        "Time of curves: since the start of each run, or its stamps. A run counts from its first "
+        "step to its last then.",
+        choices=("start", "stamps"),
+        shown="stamps, start where runs have none in common",
+    )
+
+    evaluation: Request = Request()
+    config: SettingsFile | None = None
+    quiet: bool = False

@@ -7,7 +7,7 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 from typing import TypeAlias
 
-from tgospa_eval.campaign.gate.rules import Rule, parse_rules, split_rules
+from tgospa_eval.campaign.gate.rules import Rule, parse_rules
 from tgospa_eval.campaign.gate.target import Target
 from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.common import config, patterns
@@ -188,10 +188,8 @@ def make_group(
             raise ConfigError(f"{where}: {quoted(name)}: {{{label}}} is in no pattern of a pair")
         if label == seed:
             raise ConfigError(f"{where}: {quoted(name)}: runs of a group differ in {{{seed}}}")
-    found = parse_rules(
-        *([part for text in texts for part in split_rules(text) or [text]] for texts in rules)
-    )
-    return GroupTable(name=name, rules=tuple(found), confidence=float(confidence), seed=seed)
+    found = tuple(parse_rules(*rules))
+    return GroupTable(name=name, rules=found, confidence=float(confidence), seed=seed)
 
 
 def _pairs(
