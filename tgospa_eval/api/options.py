@@ -691,9 +691,7 @@ class BatchOptions(Values):
     """What there is to do, and how to spread and tabulate it."""
 
     truth: str | None = _batch(
-        "--truth PATTERN",
-        "Path of the truth, with fields: gt/{sequence}/gt/gt.txt.",
-        kind="path",
+        "--truth PATTERN", "Path of the truth, with fields: gt/{sequence}/gt/gt.txt.", kind="path"
     )
     estimate: str | None = _batch(
         "--estimate PATTERN",
@@ -718,42 +716,27 @@ class BatchOptions(Values):
         kind="path",
     )
     allow_missing: bool = _batch(
-        "--allow-missing",
-        "Go on where truths or estimates are missing.",
-        default=False,
+        "--allow-missing", "Go on where truths or estimates are missing.", default=False
     )
     retry_failed: bool = _batch(
-        "--retry-failed",
-        "Try jobs again that failed before.",
-        default=False,
+        "--retry-failed", "Try jobs again that failed before.", default=False
     )
     shard: str | None = _batch(
         "--shard K/N",
         "Only every N-th job, from the K-th: for N processes on one store, as in a job array.",
     )
     workers: int | None = _batch(
-        "--workers N",
-        "Processes; by default as many as there are cores.",
-        least=1,
+        "--workers N", "Processes; by default as many as there are cores.", least=1
     )
     scheduler: str | None = _batch(
-        "--scheduler ADDRESS",
-        "Use the workers of a Dask cluster that is there: tcp://host:8786.",
+        "--scheduler ADDRESS", "Use the workers of a Dask cluster that is there: tcp://host:8786."
     )
     reports: bool = _batch(
-        "--reports",
-        "Write the result folder of each job, DIR/reports/LABELS.",
-        default=False,
+        "--reports", "Write the result folder of each job, DIR/reports/LABELS.", default=False
     )
-    proof: bool = _batch(
-        "--proof",
-        "With --reports: with the proof of each value.",
-        default=False,
-    )
+    proof: bool = _batch("--proof", "With --reports: with the proof of each value.", default=False)
     per_step: bool = _batch(
-        "--per-step",
-        "Store the costs of each step as well, for curves over time.",
-        default=False,
+        "--per-step", "Store the costs of each step as well, for curves over time.", default=False
     )
     curve: bool = _batch(
         "--curve",

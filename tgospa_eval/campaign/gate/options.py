@@ -44,9 +44,7 @@ class GateOptions(Values):
         shown="total:+0.001%",
     )
     warn_on: tuple[str, ...] = _stored(
-        "--warn-on RULE",
-        "The same, but only warn. Repeatable.",
-        default=(),
+        "--warn-on RULE", "The same, but only warn. Repeatable.", default=()
     )
     maximum: tuple[str, ...] = _stored(
         "--max NAME=VALUE",
@@ -116,9 +114,7 @@ class GateOptions(Values):
         shown="0.97",
     )
     seed_label: str | None = _gate(
-        "--seed-label LABEL",
-        "Label in which the runs of one scene differ.",
-        shown="seed",
+        "--seed-label LABEL", "Label in which the runs of one scene differ.", shown="seed"
     )
     proof: str | None = _gate(
         "--proof DIR",
