@@ -26,7 +26,7 @@ from tgospa_eval.api.batch_row import (
 )
 from tgospa_eval.api.keywords import each, with_options
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.options import FLAGS, SETTINGS, BatchOptions, Request, typed
+from tgospa_eval.api.options import ALONE, FLAGS, SETTINGS, BatchOptions, Request, typed
 from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.curves import rms_curves
 from tgospa_eval.campaign.pairs import BatchPlan, Job
@@ -84,7 +84,7 @@ MOST_HELD = 200_000
 NUMBERS_OF_STATES = ("sizes.truth_states", "sizes.estimate_states")
 """Columns that are 0 in an evaluation of nothing."""
 
-OF_ONE = ("by", "jobs", *(name for name, about in SETTINGS.items() if not about.everywhere))
+OF_ONE = ("by", "jobs", *ALONE)
 """Options of an evaluation that are not for many, or that `batch` has in another form."""
 
 Notify = Callable[[str], object]

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from datetime import datetime
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +28,7 @@ from tgospa_eval.campaign.gate.judge import (
     judge_pairs,
     rules_of,
     tables_of,
+    with_stale,
 )
 from tgospa_eval.campaign.gate.options import GateOptions
 from tgospa_eval.campaign.gate.outcome import Report
@@ -48,7 +48,6 @@ from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.evaluation.sides import TrajectoriesLike
-from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import ACCURACY
@@ -111,29 +110,7 @@ def judge_all(
     """
     check_junit(gate, truth, estimate)
     if truth is not None and is_store(truth):
-        for option, value in (("against", gate.against), ("newer-than", gate.newer_than)):
-            if value is not None:
-                raise ConfigError(f"--{option} is for files and suites, not for stores")
-        folder, path = _stores(gate, truth, estimate)
-        table = _store_rows(folder)
-        settings = _store_options(folder)
-        pairs = [
-            Job(
-                name=name,
-                truth=row["truth"],
-                estimate=row["estimate"],
-                fault=f"failed in {folder}: {row['message']}" if row["status"] == "failed" else "",
-                labels=labels_of(row),
-            )
-            for name, row in table.items()
-        ]
-
-        def evaluated(pairs: Sequence[Job], _: Baseline) -> Iterator[Evaluated]:
-            for row in (table[pair.name] for pair in pairs):
-                yield row, _row_options(row, settings, path or "")
-
-        old = load_baseline(path) if path else None
-        return judge_pairs(gate, pairs, [], path or "", old, evaluated, folder)
+        return _judge_store(gate, truth, estimate)
     if gate.against is not None and gate.update_baseline:
         raise ConfigError("--against and --update-baseline: leave one of them out")
     target = None if gate.against is None else Target(gate.against)
@@ -149,7 +126,7 @@ def judge_all(
         old = parse(target.demand(path), target.name(path)) if path else None
         pairs = [*_with_faults(gate, target, pairs, groups, old, path)]
     if gate.newer_than is not None:
-        pairs = [*_with_stale(pairs, gate.newer_than)]
+        pairs = [*with_stale(pairs, gate.newer_than)]
     report = judge_pairs(
         gate,
         pairs,
@@ -160,6 +137,30 @@ def judge_all(
         "the suite",
     )
     return _with_first_changes(gate, report, pairs, old or {}, path, target)
+
+
+def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:
+    """Judge the jobs of a store, by those of another or by a file."""
+    for option, value in (("against", gate.against), ("newer-than", gate.newer_than)):
+        if value is not None:
+            raise ConfigError(f"--{option} is for files and suites, not for stores")
+    folder, baseline = _stores(gate, first, second)
+    path = baseline or ""
+    table = _stored(folder, path)
+    pairs = [
+        Job(
+            name=name,
+            truth=row["truth"],
+            estimate=row["estimate"],
+            fault=f"failed in {folder}: {row['message']}" if row["status"] == "failed" else "",
+            labels=labels_of(row),
+        )
+        for name, (row, _) in table.items()
+    ]
+    old = load_baseline(path) if path else None
+    return judge_pairs(
+        gate, pairs, [], path, old, lambda pairs, _: (table[pair.name] for pair in pairs), folder
+    )
 
 
 def _with_first_changes(
@@ -258,33 +259,6 @@ def _with_faults(
         yield replace(pair, is_new=old is not None and pair.name not in known and not judged)
 
 
-def _with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
-    """The pairs; those whose estimates were last written before a time, or a file, have a fault.
-
-    Raises
-    ------
-    ConfigError
-        It is neither.
-    """
-    try:
-        exists = os.path.exists(since)
-        least = os.path.getmtime(since) if exists else datetime.fromisoformat(since).timestamp()
-    except ValueError:
-        raise ConfigError(
-            f"--newer-than {quoted(since)}: is neither a file nor a time, as 2026-11-28T06:00"
-        ) from None
-    for pair in pairs:
-        files = files_at(file_of(pair.estimate))
-        written = max(
-            (os.path.getmtime(file) for file in files if os.path.exists(file)), default=least
-        )
-        if written < least and not pair.fault:
-            times = (str(datetime.fromtimestamp(one)) for one in (written, least))
-            fault = "{}: is of {}, before {}: did the tracker run?".format(pair.estimate, *times)
-            pair = replace(pair, fault=fault, fault_is=Verdict.FAIL)
-        yield pair
-
-
 def _pairs(
     gate: GateOptions,
     truth: str | None,
@@ -359,8 +333,7 @@ def _evaluated(
 
 def _chosen_by_data(row: Row) -> dict[str, object]:
     """Options that a baseline has in any case, those that follow from the data included."""
-    recorded = row["parameters"]
-    parameters = json.loads(recorded) if isinstance(recorded, str) else recorded
+    parameters = json.loads(row["parameters"])
     period = {"period": str(parameters["period"])} if "period" in parameters else {}
     return {"cutoff": row["cutoff"], "switch-penalty": row["switch_penalty"], **period}
 
@@ -435,10 +408,9 @@ def load_baseline(path: str, renewed: Callable[[str], bool] | None = None) -> Ba
     """
     if not is_store(path):
         return load(path, renewed)
-    settings = _store_options(path)
     return {
-        name: make_entry(measured(row), _row_options(row, settings, path), labels_of(row))
-        for name, row in _store_rows(path).items()
+        name: make_entry(measured(row), options, labels_of(row))
+        for name, (row, options) in _stored(path, path).items()
         if row["status"] != "failed"
     }
 
@@ -467,49 +439,34 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
     return second, first
 
 
-def _store_rows(folder: str) -> dict[str, Row]:
-    """The rows of a store by the names of their jobs, as in ``careful/SIM-01 cutoff=5``.
+def _stored(folder: str, path: str) -> dict[str, Evaluated]:
+    """The rows of a store, and their options as a baseline at this path records them.
+
+    They are by the names of their jobs, as in ``careful/SIM-01 cutoff=5``.
 
     Raises
     ------
     InputError
-        It cannot be read, or has no rows.
+        It cannot be read, has no rows, or an option is none of ours.
     """
-    store = Store(folder)
-    store.settings()
-    table = store.rows()
+    store, keys = Store(folder), {name: key for key, name in NAMES.items()}
+    options, table = store.settings()["options"], store.rows()
     if not len(table):
         raise InputError(f"{folder}: no job of this batch is done")
-    rows: dict[str, Row] = {}
-    for values in table.to_dict("records"):
-        name = job_name(values)
-        if name in rows:
-            raise InputError(f"{folder}: two jobs are called {quoted(name)}; rename a label")
-        rows[name] = {str(column): value for column, value in values.items()}
-    return rows
-
-
-def _store_options(folder: str) -> dict[str, object]:
-    """Options of all jobs of a store, by their names in a configuration file.
-
-    Raises
-    ------
-    InputError
-        It holds no batch, or an option is none of ours.
-    """
-    keys = {name: key for key, name in NAMES.items()}
-    options = Store(folder).settings()["options"]
     unknown = next((name for name in options if name not in keys), None)
     if unknown is not None:
-        path = os.path.join(folder, SETTINGS_FILE)
-        raise InputError(f"{path}: options.{unknown}: is no option; make it anew with batch")
-    return {keys[name]: value for name, value in options.items()}
-
-
-def _row_options(row: Row, of_all: Mapping[str, object], path: str) -> dict[str, object]:
-    """Options of a job as a baseline records them, by their names in a configuration file."""
-    own = {key.replace("_", "-"): value for key, value in json.loads(row["options"]).items()}
-    return _portable({**of_all, **own, **_chosen_by_data(row)}, path)
+        file = os.path.join(folder, SETTINGS_FILE)
+        raise InputError(f"{file}: options.{unknown}: is no option; make it anew with batch")
+    of_all = {keys[name]: value for name, value in options.items()}
+    rows: dict[str, Evaluated] = {}
+    for values in table.to_dict("records"):
+        name, row = job_name(values), {str(column): value for column, value in values.items()}
+        if name in rows:
+            raise InputError(f"{folder}: two jobs are called {quoted(name)}; rename a label")
+        own = {key.replace("_", "-"): value for key, value in json.loads(row["options"]).items()}
+        chosen = {} if row["status"] == "failed" else _chosen_by_data(row)
+        rows[name] = row, _portable({**of_all, **own, **chosen}, path)
+    return rows
 
 
 # -------------------------------------------------------------------------------------------------

@@ -33,10 +33,9 @@ PREPROCESS = tuple(
     for name in ("motchallenge", "kitti", "visdrone", "uadetrac")
     for how in ("", ":delete", ":ignore")
 )
-REDUCTIONS = (
-    *("sliced", "recursive", "atl", "kmeans"),
-    *("systematic", "stratified", "multinomial", "top"),
-)
+ITERATED = ("sliced", "recursive", "atl", "kmeans")
+RANDOM = (*ITERATED, "systematic", "stratified", "multinomial")
+REDUCTIONS = (*RANDOM, "top")
 
 FITTING = "leave it out, or evaluate a part that fits into memory as one file"
 ROWS_ALONE = "write files of the rows that are to be evaluated"
@@ -44,11 +43,13 @@ RESAMPLE_FIRST = "resample first: write both sides at common times, and give the
 
 
 _metric = partial(setting, "Metric")
+_track_metric = partial(_metric, sensors=False)
 _files = partial(setting, "Files")
 _filters = partial(setting, "Filters")
-_solver = partial(setting, "Solver", trusted=False)
-_gaussians = partial(setting, "Gaussians")
-_particles = partial(setting, "Particles")
+_track_filters = partial(_filters, sensors=False)
+_solver = partial(setting, "Solver", trusted=False, sensors=False)
+_gaussians = partial(setting, "Gaussians", whose="gaussian-wasserstein and NEES")
+_particles = partial(setting, "Particles", whose="distances of clouds")
 _output = partial(setting, "Output")
 _beside = partial(_output, number=False, everywhere=False, stored=False)
 
@@ -69,33 +70,33 @@ class Request(Values):
         "error of c.",
         shown="10.0; 0.5 with iou",
     )
-    order: float = _metric(
+    order: float = _track_metric(
         "-p, --order P",
         "Order p >= 1: errors are raised to this power before they are summed. It does not change "
         "the distance between two states.",
         default=2.0,
         shown="2",
     )
-    switch_penalty: float | None = _metric(
+    switch_penalty: float | None = _track_metric(
         "-g, --switch-penalty, --gamma GAMMA",
         "Switch penalty gamma >= 0, in state units: what a track switch costs. 0 gives per-step "
         "GOSPA, summed.",
         shown="2.0; 0.5 with iou",
     )
-    rho: float = _metric(
+    rho: float = _track_metric(
         "--rho RHO",
         "Share of c^p that a false target costs, between 0 and 1; a missed one costs the rest. "
         "Other than 0.5 it is a quasi-metric: truth and estimate cannot be exchanged.",
         default=0.5,
     )
-    step_weights: str | None = _metric(
+    step_weights: str | None = _track_metric(
         "--step-weights FILE",
         "What each step counts: CSV t,weight[,switch_weight]. The costs of a step are multiplied "
         "by its weight, the switches into it by its switch_weight, the same by default.",
         kind="path",
         parts=FITTING,
     )
-    existence: str = _metric(
+    existence: str = _track_metric(
         "--existence NAME",
         "use: states exist with the probabilities of the column existence, 1 where a file has none "
         "(experimental); ignore: all exist.",
@@ -118,24 +119,28 @@ class Request(Values):
         "Covariance matrix for mahalanobis: a CSV file without header, with a row and a column for "
         "each state column.",
         kind="path",
+        whose="mahalanobis",
     )
     vertical_weight: float | None = _metric(
         "--vertical-weight W",
         "With --distance geodesic of lat,lon,alt: how much a metre of height counts, beside one "
         "along the surface.",
         shown="1",
+        whose="geodesic",
     )
     periodic: tuple[str, ...] = _metric(
         "--periodic NAME[=PERIOD]",
         "State columns that wrap around, such as angles: theta (period 2 pi), theta=360. Several "
         "with commas.",
         default=(),
+        whose="the norms and gaussian-wasserstein",
     )
     scale: tuple[str, ...] = _metric(
         "--scale NAME=FACTOR",
         "State units for one unit of a column: with theta=2 an error of 1 in theta counts as 2. "
         "Several with commas.",
         default=(),
+        whose="the norms, mahalanobis, gaussian-wasserstein and distances of clouds",
     )
     columns: str | None = _files(
         "--columns NAMES",
@@ -361,13 +366,13 @@ class Request(Values):
         default=(),
         parts=ROWS_ALONE,
     )
-    by: str | None = _filters(
+    by: str | None = _track_filters(
         "--by class",
         "One result for each class, and their sum. States of different classes are never matched.",
         choices=("class",),
         parts="evaluate one class after the other, by --class NAME",
     )
-    preprocess: str | None = _filters(
+    preprocess: str | None = _track_filters(
         "--preprocess RULES",
         "With boxes: leave out what a benchmark leaves out before it evaluates: motchallenge (2016 "
         "and 2017), kitti (with --class), visdrone or uadetrac (with --ignore-regions); "
@@ -376,7 +381,7 @@ class Request(Values):
         parts="it is for files of benchmarks, which are not read in parts; --ignore and "
         "--ignore-regions say what is not judged",
     )
-    ignore: tuple[str, ...] = _filters(
+    ignore: tuple[str, ...] = _track_filters(
         "--ignore SPEC",
         "What is not judged: an estimate that follows an ignored truth costs nothing, nor does its "
         "absence. Truths by a column (class=Van,Person, occlusion>1, height<25); marked: truths "
@@ -386,14 +391,14 @@ class Request(Values):
         "--ignore-regions, too. Repeatable.",
         default=(),
     )
-    ignore_regions: str | None = _filters(
+    ignore_regions: str | None = _track_filters(
         "--ignore-regions FILE",
         "Regions in which estimates may be false for nothing: CSV of boxes, circles or polygons, "
         "with t if they are of one step, or GeoJSON. Points inside, and boxes with half of their "
         "area inside. Polygons need the extra regions.",
         kind="path",
     )
-    max_speed: float | None = _filters(
+    max_speed: float | None = _track_filters(
         "--max-speed V",
         "With --ignore truth-gaps: how fast a truth may leave the line across a gap, in state "
         "units per second. What is within c, and V times the time to the nearer end, is not "
@@ -403,6 +408,7 @@ class Request(Values):
     unit: str | None = _output(
         "--unit TEXT",
         "Unit of the states, printed beside values: m. No number changes.",
+        sensors=False,
     )
     solver: str = _solver(
         "--solver NAME",
@@ -435,6 +441,7 @@ class Request(Values):
         least=1,
         shown="all cores",
         number=False,
+        sensors=True,
     )
     fix_cov: bool = _gaussians(
         "--fix-cov",
@@ -453,6 +460,7 @@ class Request(Values):
         "A particle cloud is an error, or a Gaussian with its mean and covariance (moments).",
         default="error",
         choices=("error", "moments"),
+        whose="gaussian-wasserstein",
     )
     cloud_order: int | None = _particles(
         "--cloud-order 1|2",
@@ -491,30 +499,35 @@ class Request(Values):
         "Number of projections, of the sliced distances and of sliced and recursive.",
         least=1,
         shown="32; 24 each from 3-D on",
+        methods=ITERATED[:2],
     )
     iterations: int | None = _particles(
         "--iterations N",
         "Most iterations of sliced, recursive, atl and kmeans.",
         least=1,
         shown="25",
+        methods=ITERATED,
     )
     restarts: int | None = _particles(
         "--restarts N",
         "Number of starts of these four; the nearest result is kept.",
         least=1,
         shown="1",
+        methods=ITERATED,
     )
     polish: int | None = _particles(
         "--polish N",
         "Number of atl iterations after sliced and recursive.",
         least=0,
         shown="0",
+        methods=ITERATED[:2],
     )
     seed: int | None = _particles(
         "--seed N",
         "Seed of the random choices; equal clouds are reduced alike.",
         least=0,
         shown="0",
+        methods=RANDOM,
     )
     no_gating: bool = _particles(
         "--no-gating",
@@ -620,11 +633,8 @@ SETTINGS = Request.settings()
 NAMES = {about.key: name for name, about in SETTINGS.items() if about.everywhere}
 """Of those that all verbs have, by their names in a settings file."""
 
-NOT_OF_SENSORS = (
-    *("order", "switch_penalty", "rho", "step_weights", "existence", "by", "preprocess", "ignore"),
-    *("ignore_regions", "max_speed", "unit", "solver", "gap", "epsilon", "time_limit"),
-)
-"""What `associate` does without."""
+ALONE = tuple(name for name, about in SETTINGS.items() if not about.everywhere)
+"""Of those that `evaluate` alone has."""
 
 DEFAULTS: dict[str, object] = {field.name: field.default for field in dataclasses.fields(Request)}
 

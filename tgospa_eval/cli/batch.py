@@ -10,11 +10,11 @@ from tgospa_eval.cli.shared.click_options import (
     EVALUATION,
     PICTURE_OPTIONS,
     QUIET,
-    REPORT_FORMATS,
     SLICE,
     WITH,
     OutputOptions,
     options_of,
+    report_format,
 )
 from tgospa_eval.cli.shared.command import PATH, Option, Verb, dashed, typed_options
 from tgospa_eval.cli.shared.streams import emit, print_notice
@@ -42,14 +42,7 @@ OF_REPORT = {
             "Write curves and report.html over files that no batch wrote.",
             section="Output",
         ),
-        Option(
-            "--format FORMAT",
-            "What to print: table, json, csv, markdown or latex.",
-            name="format_",
-            section="Output",
-            type=click.Choice(REPORT_FORMATS),
-            default="table",
-        ),
+        report_format(Option),
         SLICE,
         WITH,
         *(item for item in PICTURE_OPTIONS if item.key in ("pictures", "style")),
@@ -118,15 +111,13 @@ def _write(store: "Store", tables: "BatchTables", output: OutputOptions) -> None
         The folder cannot be written.
     """
     from tgospa_eval.api.batch import batch_files
-    from tgospa_eval.cli.shared.writing import can_draw, wanted_pictures, write_output
+    from tgospa_eval.cli.shared.writing import drawn_pictures, write_output
     from tgospa_eval.show.files import BATCH
 
     folder = output.output
     if folder is None or not len(tables.rows):
         return
-    wanted = wanted_pictures(output)
-    if wanted is not None and not can_draw(quiet=output.quiet):
-        wanted = None
+    wanted = drawn_pictures(output)
     write_output(output, BATCH, lambda notify: batch_files(store, tables, folder, wanted, notify))
 
 

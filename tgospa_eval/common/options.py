@@ -1,7 +1,7 @@
 """Options: what is known of them, beside the fields of the records that hold their values."""
 
 import dataclasses
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Self
 
 from tgospa_eval.common.frozen import dataclass
@@ -37,6 +37,12 @@ class Setting:
         Whether all verbs that evaluate have it; otherwise `evaluate` alone.
     stored : bool
         Whether it is read from the environment and from settings files as well.
+    sensors : bool
+        Whether `associate` has it, which knows no trajectories.
+    whose : str
+        Which of our distances have it, for messages, if not all; `Distance.options` decides.
+    methods : sequence of str
+        The reductions that it is for, if not all.
     parts : str
         What to do instead where data are read in parts and it has no place; blank if it has.
     """
@@ -53,6 +59,9 @@ class Setting:
     trusted: bool = True
     everywhere: bool = True
     stored: bool = True
+    sensors: bool = True
+    whose: str = ""
+    methods: Sequence[str] = ()
     parts: str = ""
 
     @property

@@ -3,8 +3,9 @@
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from datetime import datetime
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -38,6 +39,7 @@ from tgospa_eval.campaign.store import is_store
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.writing import write_file
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
+from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.text import quoted
 
 RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
@@ -146,6 +148,33 @@ def _check_options(gate: GateOptions, path: str) -> None:
         raise ConfigError(f"{wrong}: name the file to make with --baseline FILE")
 
 
+def with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
+    """The pairs; those whose estimates were last written before a time, or a file, have a fault.
+
+    Raises
+    ------
+    ConfigError
+        It is neither.
+    """
+    try:
+        exists = os.path.exists(since)
+        least = os.path.getmtime(since) if exists else datetime.fromisoformat(since).timestamp()
+    except ValueError:
+        raise ConfigError(
+            f"--newer-than {quoted(since)}: is neither a file nor a time, as 2026-11-28T06:00"
+        ) from None
+    for pair in pairs:
+        files = files_at(file_of(pair.estimate))
+        written = max(
+            (os.path.getmtime(file) for file in files if os.path.exists(file)), default=least
+        )
+        if written < least and not pair.fault:
+            times = (str(datetime.fromtimestamp(one)) for one in (written, least))
+            fault = "{}: is of {}, before {}: did the tracker run?".format(pair.estimate, *times)
+            pair = replace(pair, fault=fault, fault_is=Verdict.FAIL)
+        yield pair
+
+
 def judge_pairs(
     gate: GateOptions,
     pairs: Sequence[Job],
@@ -176,24 +205,26 @@ def judge_pairs(
     if gate.update_baseline:
         return _updated(gate, pairs, groups, path, old, evaluated, whence)
     outcomes = _judged(pairs, groups, path, old, rules, evaluated, whence, strict=gate.strict)
-    again: tuple[str, ...] = ()
-    if gate.typed and path and not is_store(path):
-        command = without_option(gate.typed, "--against")
-        at = command.index("--") if "--" in command else len(command)
-        accepted = accepting_options(outcomes, groups, pairs, old or {})
-        if accepted:
-            # In the environment of pre-commit, the program is not where shells look for it.
-            alone = "PRE_COMMIT" in os.environ
-            program = (sys.executable, "-m", "tgospa_eval") if alone else ("tgospa-eval",)
-            again = (*program, "gate", *command[:at], *accepted, *command[at:])
+    can_accept = gate.typed and path and not is_store(path)
+    accepted = accepting_options(outcomes, groups, pairs, old or {}) if can_accept else []
     return Report(
         baseline=path,
         outcomes=tuple(outcomes),
         version=__version__,
-        again=again,
+        again=_again(gate, accepted) if accepted else (),
         against=gate.against or "",
         notices=tuple(_few_runs(pairs, groups, {})) if old is None else (),
     )
+
+
+def _again(gate: GateOptions, accepted: Sequence[str]) -> tuple[str, ...]:
+    """The command that was typed, with options that accept what failed."""
+    command = without_option(gate.typed, "--against")
+    at = command.index("--") if "--" in command else len(command)
+    # In the environment of pre-commit, the program is not where shells look for it.
+    alone = "PRE_COMMIT" in os.environ
+    program = (sys.executable, "-m", "tgospa_eval") if alone else ("tgospa-eval",)
+    return (*program, "gate", *command[:at], *accepted, *command[at:])
 
 
 def _few_runs(pairs: Sequence[Job], groups: Sequence[GroupTable], baseline: Baseline) -> list[str]:
@@ -234,19 +265,20 @@ def _judged(
             outcomes[pair.name] = PairOutcome.of(pair, Verdict.INCOMPARABLE, missing)
     for pair, (row, _) in zip(chosen, evaluated(chosen, old), strict=True):
         now, about = _measured(row)
-        entry = old.get(pair.name)
         if isinstance(now, TgospaError):
             about = {"status": now.exit_status, **about}
             outcome = PairOutcome.of(pair, Verdict.ERROR, str(now), **about)
-        elif path and entry is None and not pair.is_new:
-            outcome = PairOutcome.of(pair, Verdict.PASS, IN_GROUP, values=now.values, **about)
         else:
             noisy = any(table.seed in pair.labels for table in tables[pair.name])
-            outcome = judged_outcome(pair, now, entry, rules[pair.name], noisy=noisy, **about)
+            entry, own = old.get(pair.name), rules[pair.name]
+            if path and entry is None and not pair.is_new:
+                outcome = PairOutcome.of(pair, Verdict.PASS, IN_GROUP, values=now.values, **about)
+            else:
+                outcome = judged_outcome(pair, now, entry, own, noisy=noisy, **about)
             if pair.is_new:
                 outcome = replace(outcome, verdict=Verdict.NEW, notes=(*outcome.notes, NEW))
-        if isinstance(now, Measured) and not pair.is_new:
-            results[pair.name] = now
+            else:
+                results[pair.name] = now
         hidden = len(pairs) > MAX_PAGES and not outcome.status
         outcomes[pair.name] = replace(outcome, page="") if hidden else outcome
     judged = [outcomes[pair.name] for pair in pairs]

@@ -1,6 +1,6 @@
 """The options of verbs, for click: those of `api.options.Request`, and those of the output."""
 
-from collections.abc import Collection, Container
+from collections.abc import Callable, Collection, Container
 from dataclasses import Field, fields
 from functools import partial
 from types import UnionType
@@ -80,7 +80,6 @@ OPTIONS = options_of(Request)
 """Of the fields of `Request`, by their names in a settings file."""
 
 EVALUATION = tuple(OPTIONS[about.key] for about in SETTINGS.values() if about.everywhere)
-BY_KEY = {item.key: item for item in EVALUATION}
 
 IN_PARTS_OPTIONS = (OPTIONS["memory"], OPTIONS["scheduler"])
 WITH, SLICE, UNIT = OPTIONS["with"], OPTIONS["slice"], OPTIONS["unit"]
@@ -91,8 +90,7 @@ BY_OF_SETTINGS = option(
 
 PARTICLES = tuple(item for item in EVALUATION if item.section == "Particles")
 REDUCTION = tuple(
-    OPTIONS[key]
-    for key in ("reduce-method", "directions", "iterations", "restarts", "polish", "seed")
+    item for item in PARTICLES if item.key == "reduce-method" or SETTINGS[str(item.name)].methods
 )
 """How clouds are reduced; without defaults, to see what was given."""
 
@@ -139,14 +137,21 @@ PICTURE_OPTIONS = (
 
 FORCE = _output("--force", "Write into a folder with other files in it.")
 
-OUTPUT = (
-    _output(
+
+def report_format(make: Callable[..., Option] = option, csv: str = "csv") -> Option:
+    """``--format`` of a report."""
+    return make(
         "--format FORMAT",
-        "What to print: table, json, csv (the costs of each step), markdown or latex.",
+        f"What to print: table, json, {csv}, markdown or latex.",
         name="format_",
+        section="Output",
         type=click.Choice(REPORT_FORMATS),
         default="table",
-    ),
+    )
+
+
+OUTPUT = (
+    report_format(csv="csv (the costs of each step)"),
     _output(
         "-o, --output DIR",
         "Write result.json, CSV tables, report.html and pictures to this folder.",
