@@ -54,6 +54,7 @@ from tgospa_eval.evaluation.slicing import parse_slices
 from tgospa_eval.formats import runs_inside
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.formats.options import parse_moments
+from tgospa_eval.results.records import Json
 from tgospa_eval.show.batch import BatchTables, curves_csv
 from tgospa_eval.show.batch_text import batch_report, slices_of_groups
 from tgospa_eval.show.files import BATCH, Files, folder_name, write_texts
@@ -264,17 +265,7 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
         Something is wrong with options, the manifest or the store; no job is begun then.
     """
     options, tell = batch.evaluation, (lambda _: None) if batch.quiet else notify
-    if batch.proof and not batch.reports:
-        raise ConfigError("--proof is for the folders of --reports")
-    if options.curve and not (batch.per_step or batch.reports):
-        raise ConfigError("--curve is for --per-step, or for the folders of --reports")
-    for name, about in BatchOptions.settings().items():
-        value, known = getattr(batch, name), about.choices
-        if known and value not in (None, *known):
-            raise ConfigError(f"--{about.key} {quoted(value)}: must be one of {', '.join(known)}")
-    parse_slices(options.slices)
-    if batch.scheduler and batch.workers:
-        raise ConfigError("--scheduler has the workers that it has: --workers is for processes")
+    _check_options(batch)
     plan = planned(paths, batch)
     for text in plan.notices:
         tell(text)
@@ -282,26 +273,7 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
     labels = list(dict.fromkeys(name for job in plan.jobs for name in job.labels))
     check_labels(grouped(batch.by, labels), labels)
     store, (number, count) = Store(batch.output), shard_of(batch.shard)
-    store.open(
-        {
-            "schema": SCHEMA,
-            "version": __version__,
-            "options": {
-                name: list(value) if isinstance(value, tuple) else value
-                for name, value in options.given.items()
-            },
-            **({"with": list(chosen_metrics(options.with_))} if options.with_ else {}),
-            **({"slices": list(options.slices)} if options.slices else {}),
-            "jobs": {
-                "paths": list(paths),
-                "truth": batch.truth,
-                "estimate": batch.estimate,
-                "layout": batch.layout,
-                "seqmap": batch.seqmap,
-            },
-            **settings_field(batch.config),
-        }
-    )
+    store.open(_record(paths, batch))
     if not batch.quiet:
         for text in about_defaults(options, boxes=batch.layout is not None):
             notify(text)
@@ -338,6 +310,48 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
         notices=tuple(notices),
         status=5 if faults else ExitStatus.NOT_REACHED if opened else ExitStatus.DONE,
     )
+
+
+def _check_options(batch: BatchOptions) -> None:
+    """Whether the options go together.
+
+    Raises
+    ------
+    ConfigError
+        They do not, or one has no meaning.
+    """
+    options = batch.evaluation
+    if batch.proof and not batch.reports:
+        raise ConfigError("--proof is for the folders of --reports")
+    if options.curve and not (batch.per_step or batch.reports):
+        raise ConfigError("--curve is for --per-step, or for the folders of --reports")
+    for name, about in BatchOptions.settings().items():
+        value, known = getattr(batch, name), about.choices
+        if known and value not in (None, *known):
+            raise ConfigError(f"--{about.key} {quoted(value)}: must be one of {', '.join(known)}")
+    parse_slices(options.slices)
+    if batch.scheduler and batch.workers:
+        raise ConfigError("--scheduler has the workers that it has: --workers is for processes")
+
+
+def _record(paths: tuple[str, ...], batch: BatchOptions) -> Json:
+    """What a store keeps of the options."""
+    options = batch.evaluation
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "options": {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in options.given.items()
+        },
+        **({"with": list(chosen_metrics(options.with_))} if options.with_ else {}),
+        **({"slices": list(options.slices)} if options.slices else {}),
+        "jobs": {
+            "paths": list(paths),
+            **{name: getattr(batch, name) for name in ("truth", "estimate", "layout", "seqmap")},
+        },
+        **settings_field(batch.config),
+    }
 
 
 def planned(paths: tuple[str, ...], batch: BatchOptions) -> BatchPlan:
