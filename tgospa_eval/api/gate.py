@@ -627,6 +627,16 @@ def gate(
     for name in ("against", "newer_than", "group", "confidence", "seed_label", "only", "prune"):
         if getattr(judge_by, name) not in (None, (), False):
             raise ConfigError(f"--{name.replace('_', '-')} is for suites")
+    return _gate_of_pair(judge_by, truth, estimate, options)
+
+
+def _gate_of_pair(
+    judge_by: GateOptions,
+    truth: TrajectoriesLike,
+    estimate: TrajectoriesLike,
+    options: Mapping[str, Any],
+) -> GateResult:
+    """Judge two sides, in memory or files, by options as of `evaluate`."""
     path = str(judge_by.baseline)
     old = load(path, judge_by.renewed)
     if old and ONLY_PAIR not in old:
