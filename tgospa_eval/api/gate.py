@@ -61,8 +61,6 @@ if TYPE_CHECKING:
 PATHS_GIVEN = tuple(key for key, name in NAMES.items() if SETTINGS[name].kind == "path")
 """Options that name a file."""
 
-ACCURACY_KEYS = tuple(name.replace("_", "-") for name in ACCURACY)
-
 
 def resolve(gate: GateOptions, pair: Job, entry: Json | None, path: str) -> dict[str, object]:
     """The options of a pair that are no defaults, by field."""
@@ -309,7 +307,6 @@ def _evaluated(
         except TgospaError as error:
             waiting[pair.name] = {"error": error, "lines": ()}
     rows = judged_rows(tasks, say, run)
-    keys = {name: key for key, name in NAMES.items()}
     for pair in pairs:
         while pair.name not in waiting:
             row = next(rows)
@@ -323,10 +320,10 @@ def _evaluated(
         # Settings of a solver that did not reach its accuracy are left out: a later run would
         # inherit them.
         recorded = {
-            keys[name]: value
+            SETTINGS[name].key: value
             for name, value in given[pair.name].items()
             if SETTINGS[name].number and value not in (None, ())
-            if row["status"] == "done" or keys[name] not in ACCURACY_KEYS
+            if row["status"] == "done" or name not in ACCURACY
         }
         yield row, _portable(recorded | _chosen_by_data(row), path)
 
@@ -449,15 +446,15 @@ def _stored(folder: str, path: str) -> dict[str, Evaluated]:
     InputError
         It cannot be read, has no rows, or an option is none of ours.
     """
-    store, keys = Store(folder), {name: key for key, name in NAMES.items()}
+    store = Store(folder)
     options, table = store.settings()["options"], store.rows()
     if not len(table):
         raise InputError(f"{folder}: no job of this batch is done")
-    unknown = next((name for name in options if name not in keys), None)
+    unknown = next((name for name in options if name not in NAMES.values()), None)
     if unknown is not None:
         file = os.path.join(folder, SETTINGS_FILE)
         raise InputError(f"{file}: options.{unknown}: is no option; make it anew with batch")
-    of_all = {keys[name]: value for name, value in options.items()}
+    of_all = {SETTINGS[name].key: value for name, value in options.items()}
     rows: dict[str, Evaluated] = {}
     for values in table.to_dict("records"):
         name, row = job_name(values), {str(column): value for column, value in values.items()}
