@@ -386,9 +386,11 @@ def test_a_small_evaluation_imports_little(
 
 def test_option_choices_are_the_members() -> None:
     # Spelled out in the options, because importing the members would make --help slow.
+    from tgospa_eval.campaign.pairs import LAYOUTS
     from tgospa_eval.show.result_text import REPORTS
     from tgospa_eval.solvers import SOLVERS
 
+    assert tuple(LAYOUTS) == options.LAYOUTS
     assert tuple(SOLVERS) == options.SOLVERS
     assert tuple(REPORTS) == click_options.REPORT_FORMATS
 

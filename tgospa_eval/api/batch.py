@@ -24,9 +24,9 @@ from tgospa_eval.api.batch_row import (
     key_of,
     lost_job,
 )
-from tgospa_eval.api.keywords import with_options
+from tgospa_eval.api.keywords import each, with_options
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.options import FLAGS, SETTINGS, Request, Values, typed
+from tgospa_eval.api.options import ALONE, FLAGS, SETTINGS, BatchOptions, Request, typed
 from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.curves import rms_curves
 from tgospa_eval.campaign.pairs import BatchPlan, Job
@@ -54,7 +54,8 @@ from tgospa_eval.evaluation.slicing import parse_slices
 from tgospa_eval.formats import runs_inside
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.formats.options import parse_moments
-from tgospa_eval.show.batch import BANDS, BatchTables, curves_csv
+from tgospa_eval.results.records import Json
+from tgospa_eval.show.batch import BatchTables, curves_csv
 from tgospa_eval.show.batch_text import batch_report, slices_of_groups
 from tgospa_eval.show.files import BATCH, Files, folder_name, write_texts
 from tgospa_eval.show.rendering import csv_text
@@ -71,9 +72,6 @@ REPORT_FOLDER = "reports"
 FAULTS_SHOWN = 10
 """Faults that are shown."""
 
-OVER = ("start", "stamps")
-"""Clocks of curves over runs."""
-
 DECIDING = ("steps", "resample", "grid", "interpolate")
 """Options that say which steps count, in place of what a benchmark declares."""
 
@@ -87,7 +85,7 @@ MOST_HELD = 200_000
 NUMBERS_OF_STATES = ("sizes.truth_states", "sizes.estimate_states")
 """Columns that are 0 in an evaluation of nothing."""
 
-OF_ONE = ("by", "jobs", *(name for name, about in SETTINGS.items() if not about.everywhere))
+OF_ONE = ("by", "jobs", *ALONE)
 """Options of an evaluation that are not for many, or that `batch` has in another form."""
 
 Notify = Callable[[str], object]
@@ -220,15 +218,15 @@ def batch(
         **typed(asked, "batch"),
         "summed": True,
         "curve": curve,
-        "with_": ",".join(_each(with_)) or None,
-        "slices": _each(slices),
+        "with_": ",".join(each(with_)) or None,
+        "slices": each(slices),
     }
     target, told = os.fspath(output), list[str]()
     given |= {
         "evaluation": Request.of(evaluation),
         "output": target,
         "seqmap": None if seqmap is None else os.fspath(seqmap),
-        "by": _each(by),
+        "by": each(by),
         "quiet": True,
     }
     names = tuple(os.fspath(path) for path in paths)
@@ -243,49 +241,19 @@ def batch(
     return replace(done, faults=tuple(map(in_python, done.faults)))
 
 
-def _each(given: str | Iterable[str]) -> tuple[str, ...]:
-    """A text, or several."""
-    return (given,) if isinstance(given, str) else tuple(given)
-
-
 # -------------------------------------------------------------------------------------------------
 # What there is to do: jobs from the options of a batch, less those that are done.
 
 
-@dataclass(frozen=True, kw_only=True)
-class BatchOptions(Values):
-    """What there is to do, and how to spread and tabulate it."""
-
-    evaluation: Request = Request()
-    output: str = ""
-    truth: str | None = None
-    estimate: str | None = None
-    layout: str | None = None
-    seqmap: str | None = None
-    allow_missing: bool = False
-    retry_failed: bool = False
-    shard: str | None = None
-    workers: int | None = None
-    scheduler: str | None = None
-    reports: bool = False
-    proof: bool = False
-    per_step: bool = False
-    by: tuple[str, ...] = ()
-    mean_of_roots: bool = False
-    band: "BandKind | None" = None
-    over: str | None = None
-    config: SettingsFile | None = None
-    quiet: bool = False
-
-    def groups(self, known: Collection[str]) -> list[str]:
-        """The labels of --by, each once; a text that is the name of one is that, commas and all."""
-        names = [
-            name
-            for text in self.by
-            if text
-            for name in ([text] if text in known else map(str.strip, text.split(",")))
-        ]
-        return list(dict.fromkeys(names))
+def grouped(by: Sequence[str], known: Collection[str]) -> list[str]:
+    """The labels of --by, each once; a text that is the name of one is that, commas and all."""
+    names = [
+        name
+        for text in by
+        if text
+        for name in ([text] if text in known else map(str.strip, text.split(",")))
+    ]
+    return list(dict.fromkeys(names))
 
 
 def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) -> Batch:
@@ -297,44 +265,15 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
         Something is wrong with options, the manifest or the store; no job is begun then.
     """
     options, tell = batch.evaluation, (lambda _: None) if batch.quiet else notify
-    if batch.proof and not batch.reports:
-        raise ConfigError("--proof is for the folders of --reports")
-    if options.curve and not (batch.per_step or batch.reports):
-        raise ConfigError("--curve is for --per-step, or for the folders of --reports")
-    if batch.band not in (None, *BANDS):
-        raise ConfigError(f"--band {quoted(batch.band)}: must be one of {', '.join(BANDS)}")
-    if batch.over not in (None, *OVER):
-        raise ConfigError(f"--over {quoted(batch.over)}: must be one of {', '.join(OVER)}")
-    parse_slices(options.slices)
-    if batch.scheduler and batch.workers:
-        raise ConfigError("--scheduler has the workers that it has: --workers is for processes")
+    _check_options(batch)
     plan = planned(paths, batch)
     for text in plan.notices:
         tell(text)
     _check_missing(plan, batch, notify)
     labels = list(dict.fromkeys(name for job in plan.jobs for name in job.labels))
-    check_labels(batch.groups(labels), labels)
+    check_labels(grouped(batch.by, labels), labels)
     store, (number, count) = Store(batch.output), shard_of(batch.shard)
-    store.open(
-        {
-            "schema": SCHEMA,
-            "version": __version__,
-            "options": {
-                name: list(value) if isinstance(value, tuple) else value
-                for name, value in options.given.items()
-            },
-            **({"with": list(chosen_metrics(options.with_))} if options.with_ else {}),
-            **({"slices": list(options.slices)} if options.slices else {}),
-            "jobs": {
-                "paths": list(paths),
-                "truth": batch.truth,
-                "estimate": batch.estimate,
-                "layout": batch.layout,
-                "seqmap": batch.seqmap,
-            },
-            **settings_field(batch.config),
-        }
-    )
+    store.open(_record(paths, batch))
     if not batch.quiet:
         for text in about_defaults(options, boxes=batch.layout is not None):
             notify(text)
@@ -371,6 +310,48 @@ def evaluate_batch(paths: tuple[str, ...], batch: BatchOptions, notify: Notify) 
         notices=tuple(notices),
         status=5 if faults else ExitStatus.NOT_REACHED if opened else ExitStatus.DONE,
     )
+
+
+def _check_options(batch: BatchOptions) -> None:
+    """Whether the options go together.
+
+    Raises
+    ------
+    ConfigError
+        They do not, or one has no meaning.
+    """
+    options = batch.evaluation
+    if batch.proof and not batch.reports:
+        raise ConfigError("--proof is for the folders of --reports")
+    if options.curve and not (batch.per_step or batch.reports):
+        raise ConfigError("--curve is for --per-step, or for the folders of --reports")
+    for name, about in BatchOptions.settings().items():
+        value, known = getattr(batch, name), about.choices
+        if known and value not in (None, *known):
+            raise ConfigError(f"--{about.key} {quoted(value)}: must be one of {', '.join(known)}")
+    parse_slices(options.slices)
+    if batch.scheduler and batch.workers:
+        raise ConfigError("--scheduler has the workers that it has: --workers is for processes")
+
+
+def _record(paths: tuple[str, ...], batch: BatchOptions) -> Json:
+    """What a store keeps of the options."""
+    options = batch.evaluation
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "options": {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in options.given.items()
+        },
+        **({"with": list(chosen_metrics(options.with_))} if options.with_ else {}),
+        **({"slices": list(options.slices)} if options.slices else {}),
+        "jobs": {
+            "paths": list(paths),
+            **{name: getattr(batch, name) for name in ("truth", "estimate", "layout", "seqmap")},
+        },
+        **settings_field(batch.config),
+    }
 
 
 def planned(paths: tuple[str, ...], batch: BatchOptions) -> BatchPlan:
@@ -602,7 +583,7 @@ def _left_out(done: "pd.DataFrame") -> Iterator[str]:
 
 def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchTables:
     """Of the labels of --by, or the first; with the curves of what is stored."""
-    asked = batch.groups(label_names(rows))
+    asked = grouped(batch.by, label_names(rows))
     by = asked or label_names(rows)[:1]
     tables = tabulated(rows, by, roots=batch.mean_of_roots)
     steps = store.steps(rows)

@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from tgospa_eval._version import __version__
+from tgospa_eval.api.notices import about_run
 from tgospa_eval.api.options import Request
 from tgospa_eval.campaign.pairs import Job
-from tgospa_eval.campaign.row import Row, row_of, row_to_judge, stored_slices
+from tgospa_eval.campaign.row import Row, row_to_judge, stored_slices
 from tgospa_eval.campaign.store import stored_steps
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
@@ -40,7 +41,12 @@ UNSEEN = "unseen"
 """Where a row names the file that its worker did not see, on its way to who looks for it too."""
 
 NAMING_FILES = ("covariance", "inner_cov", "step_weights", "ignore_regions")
-"""Options that may name a file."""
+"""Options that may name a file; their order is that of the digest of a job."""
+
+
+Work = Callable[[], Evaluation]
+Run = Callable[[Work, Stopwatch], Evaluation]
+"""Runs the work of one job; the command line shows how far it is, and lets Ctrl-C stop it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +72,8 @@ class JobTask:
         the batch, which it sees if it shares its folder.
     settings_file : SettingsFile, optional
         The configuration file that set options of the batch.
+    judged : bool
+        Whether it is for a gate, whose rows have the names of pairs as keys.
     page, quiet, verbose : bool
         Of a gate, whether a page is made, and which lines there are for the user.
     """
@@ -79,6 +87,7 @@ class JobTask:
     base: str = ""
     store: str = ""
     settings_file: SettingsFile | None = None
+    judged: bool = False
     page: bool = False
     quiet: bool = True
     verbose: bool = False
@@ -142,43 +151,84 @@ def files_of(job: Job, options: Request) -> tuple[str, ...]:
     return (job.truth, job.estimate, *filter(None, named))
 
 
-def evaluate_job(task: JobTask) -> Row:
-    """The row of a job; a wrong file or a failed solver is a row as well, with its message."""
+def evaluate_job(
+    task: JobTask, run: Run | None = None, say: Callable[[str], None] | None = None
+) -> Row:
+    """The row of a job; a wrong file or a failed solver is a row as well, with its message.
+
+    That of a gate has the error itself as well, its page, and the lines for the user unless `say`
+    gets them at once.
+    """
     from tgospa_eval.api.evaluate import evaluate_sides, read_sides  # here: the parent does without
     from tgospa_eval.api.resolve import make_settings
 
-    begin = time.monotonic()
+    begin, lines = time.monotonic(), list[str]()
+    say = say or lines.append
+
+    def notify(notice: Notice) -> None:
+        if notice.code or not task.quiet:
+            say(str(notice))
+
     try:
         here = _as_seen_here(task)
         unseen = _unseen(task, here)
         if unseen is not None:
             return finished_row(task, unseen, 0.0)
         settings, stopwatch = make_settings(here.options), Stopwatch()
-        settings = replace(settings, one_of_many=True)
-        sides = read_sides(settings, here.job.truth, here.job.estimate, stopwatch, _quiet)
-        result = evaluate_sides(settings, sides, stopwatch)
-        result = replace(result, settings_file=task.settings_file)
-        files = files_of(here.job, here.options)
-        if key_of(task.job, given_text(task.options), files) != task.key:
-            raise InputError("a file changed while it was read; the same command reads it again")
-        row = {
-            **row_of(result),
-            **stored_steps(result, per_step=task.per_step),
-            **stored_slices(result),
-            "status": "done" if result.finished else "open",
-            "message": "" if result.finished else str(result.solver["status"]),
-            "warnings": json.dumps([notice.record() for notice in result.warnings]),
-            **_written(result, task, here.folder),
-        }
+        settings = replace(settings, one_of_many=not task.judged)
+        if not task.quiet:
+            stopwatch.notify = say
+
+        def work() -> Evaluation:
+            sides = read_sides(settings, here.job.truth, here.job.estimate, stopwatch, notify)
+            return evaluate_sides(settings, sides, stopwatch, notify)
+
+        result = run(work, stopwatch) if run else work()
+        if task.judged:
+            for text in about_run(result, settings, stopwatch, verbose=task.verbose):
+                say(text)
+        row = {**row_to_judge(result), **(_judged if task.judged else _stored)(result, task, here)}
     except TgospaError as error:
-        row = {"status": "failed", "message": " ".join(error.args)}
-    except Exception as error:  # of ours: the other jobs go on
+        row = {"status": "failed", "message": " ".join(error.args), "error": error}
+    except Exception as error:  # of ours: the other jobs of a batch go on
+        if task.judged:
+            raise
         row = {"status": "failed", "message": fault_of(error)}
-    return finished_row(task, row, time.monotonic() - begin)
+    return finished_row(task, {**row, "lines": lines}, time.monotonic() - begin)
 
 
-def _quiet(_: Notice) -> None:
-    """Notices of a job go nowhere; its row has the warnings."""
+def _stored(result: Evaluation, task: JobTask, here: JobTask) -> Row:
+    """What a store has of a result beside what is judged.
+
+    Raises
+    ------
+    InputError
+        A file changed.
+    """
+    result = replace(result, settings_file=task.settings_file)
+    files = files_of(here.job, here.options)
+    if key_of(task.job, given_text(task.options), files) != task.key:
+        raise InputError("a file changed while it was read; the same command reads it again")
+    return {
+        **stored_steps(result, per_step=task.per_step),
+        **stored_slices(result),
+        **({"message": ""} if result.finished else {}),
+        **_written(result, task, here.folder),
+    }
+
+
+def _judged(result: Evaluation, task: JobTask, here: JobTask) -> Row:
+    """The page of a pair of a gate, if one is made; its proof is written."""
+    if here.folder is not None:
+        from tgospa_eval.show.files import PROOF, proof_files, write_texts  # here: few ask for it
+
+        texts = proof_files(result, task.options.given)
+        write_texts(texts, here.folder, PROOF, force=False, option="--proof")
+    if not task.page:
+        return {}
+    from tgospa_eval.show.html import page  # here: for folders only
+
+    return {"page": page(result, (task.job.truth, task.job.estimate))}
 
 
 def _as_seen_here(task: JobTask) -> JobTask:
@@ -218,11 +268,13 @@ def _unseen(asked: JobTask, here: JobTask) -> Row | None:
 
 def lost_job(task: JobTask) -> Row:
     """The row of a job whose process died, also when nothing else was worked on."""
-    return finished_row(task, {"status": "failed", "message": "its process died"}, 0.0)
+    error = SolverError("its process died")
+    row = {"status": "failed", "message": str(error), "error": error, "lines": ()}
+    return finished_row(task, row, 0.0)
 
 
 def finished_row(task: JobTask, row: Mapping[str, object], seconds: float) -> Row:
-    """With what every row has; texts as Parquet takes them."""
+    """With what every row has; in a store with texts as Parquet takes them."""
     whole = {
         "key": task.key,
         **{f"label.{name}": value for name, value in task.job.labels.items()},
@@ -234,8 +286,12 @@ def finished_row(task: JobTask, row: Mapping[str, object], seconds: float) -> Ro
         "finished": time.time_ns(),
         "version": __version__,
     }
+    if task.judged:
+        return whole
     return {
-        key: as_unicode(value) if isinstance(value, str) else value for key, value in whole.items()
+        key: as_unicode(value) if isinstance(value, str) else value
+        for key, value in whole.items()
+        if key not in ("error", "lines")
     }
 
 
@@ -274,65 +330,6 @@ PATIENCE = 2.0
 SHOWN = 10.0
 """Seconds between two lines of progress."""
 
-Work = Callable[[], Evaluation]
-Run = Callable[[Work, Stopwatch], Evaluation]
-"""Runs the work of one job; the command line shows how far it is, and lets Ctrl-C stop it."""
-
-
-def judged_row(
-    task: JobTask, run: Run | None = None, say: Callable[[str], None] | None = None
-) -> Row:
-    """The row of a job of a gate, with its name, page and lines for the user.
-
-    `say` gets lines at once. In place of values there may be an ``error``.
-    """
-    from tgospa_eval.api.evaluate import evaluate_sides, read_sides  # here: the parent does without
-    from tgospa_eval.api.notices import about_run
-    from tgospa_eval.api.resolve import make_settings
-
-    begin, lines = time.monotonic(), list[str]()
-    say = say or lines.append
-    files = task.job.truth, task.job.estimate
-
-    def notify(notice: Notice) -> None:
-        if notice.code or not task.quiet:
-            say(str(notice))
-
-    try:
-        settings, stopwatch = make_settings(task.options), Stopwatch()
-        if not task.quiet:
-            stopwatch.notify = say
-
-        def work() -> Evaluation:
-            sides = read_sides(settings, *files, stopwatch, notify)
-            return evaluate_sides(settings, sides, stopwatch, notify)
-
-        result = run(work, stopwatch) if run else work()
-        for text in about_run(result, settings, stopwatch, verbose=task.verbose):
-            say(text)
-        row = row_to_judge(result)
-        if task.folder is not None:
-            from tgospa_eval.show.files import (
-                PROOF,
-                proof_files,  # here: few ask for proofs
-                write_texts,
-            )
-
-            texts = proof_files(result, task.options.given)
-            write_texts(texts, task.folder, PROOF, force=False, option="--proof")
-        if task.page:
-            from tgospa_eval.show.html import page  # here: for folders only
-
-            row["page"] = page(result, files)
-    except TgospaError as error:
-        row = {"error": error}
-    return {**row, "name": task.job.name, "seconds": time.monotonic() - begin, "lines": lines}
-
-
-def lost_row(task: JobTask) -> Row:
-    """The row of a job whose process died, also when nothing else was worked on."""
-    return {"error": SolverError("its process died"), "name": task.job.name, "lines": ()}
-
 
 def judged_rows(
     tasks: Sequence[JobTask], notify: Callable[[str, str], None], run: Run | None
@@ -346,11 +343,11 @@ def judged_rows(
     for task in tasks:
         if done and len(tasks) - done > 1 and time.monotonic() - begin > PATIENCE:
             break
-        yield judged_row(task, run, partial(notify, task.job.name))
+        yield evaluate_job(task, run, partial(notify, task.job.name))
         done += 1
     rest = [replace(task, options=replace(task.options, jobs=1)) for task in tasks[done:]]
     engine = Processes(tasks[0].options.jobs if tasks else None)
-    for row in spread(judged_row, rest, lost_row, engine) if rest else ():
+    for row in spread(evaluate_job, rest, lost_job, engine) if rest else ():
         yield row
         done += 1
         now = time.monotonic()

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.api.options import DEFAULTS, Request
+from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import replace
 from tgospa_eval.common.notices import Notice
@@ -25,29 +25,6 @@ if TYPE_CHECKING:
 
 
 REDUCTION_NAMES = ("reduce_method", "directions", "iterations", "restarts", "polish", "seed")
-CLOUD_OPTIONS = ("cloud_order", "inner", "inner_cov", "reduce", *REDUCTION_NAMES, "no_gating")
-
-ITERATED = ("sliced", "recursive", "atl", "kmeans")
-WHOSE = {
-    "periodic": "the norms and gaussian-wasserstein",
-    "scale": "the norms, mahalanobis, gaussian-wasserstein and distances of clouds",
-    "fix_cov": "gaussian-wasserstein and NEES",
-    "missing_cov": "gaussian-wasserstein and NEES",
-    "mixed": "gaussian-wasserstein",
-    "covariance": "mahalanobis",
-    "vertical_weight": "geodesic",
-    **dict.fromkeys(CLOUD_OPTIONS, "distances of clouds"),
-}
-"""Which of ours have an option, for messages; `Distance.options` decides."""
-
-USED_BY = {
-    "directions": ITERATED[:2],
-    "iterations": ITERATED,
-    "restarts": ITERATED,
-    "polish": ITERATED[:2],
-    "seed": (*ITERATED, "systematic", "stratified", "multinomial"),
-}
-"""Methods that an option of the reduction is for."""
 
 
 def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) -> "Reduction | None":
@@ -69,12 +46,12 @@ def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) ->
             raise ConfigError(f"--{_spelt(alone[0])} is for --reduce N, which is missing")
         return None
     method = given.pop("reduce_method", "sliced")
-    for name in [name for name in given if method not in USED_BY[name]]:
+    for name in [name for name in given if method not in SETTINGS[name].methods]:
         if name in shared:
             del given[name]
         else:
             raise ConfigError(
-                f"--{name} is for the methods {', '.join(USED_BY[name])}, not for {method}"
+                f"--{name} is for the methods {', '.join(SETTINGS[name].methods)}, not for {method}"
             )
     return Reduction(size=size, method=method, **given)
 
@@ -174,11 +151,12 @@ class DistanceOptions:
             allowed = (*self.named.options, "covariance")
         if nees:
             allowed += ("fix_cov", "missing_cov")
-        for name, whose in WHOSE.items():
-            if name not in allowed and _is_given(getattr(options, name), DEFAULTS[name]):
+        for name, about in SETTINGS.items():
+            is_free = not about.whose or name in allowed
+            if not is_free and _is_given(getattr(options, name), DEFAULTS[name]):
                 other = "a record with settings of its own" if self.is_record else self.named.name
                 way = "; of local axes --scale z=W is the same" if name == "vertical_weight" else ""
-                raise ConfigError(f"--{_spelt(name)} is for {whose}, not for {other}{way}")
+                raise ConfigError(f"--{_spelt(name)} is for {about.whose}, not for {other}{way}")
         if of_matrix and not of_pairs:
             if self.path is None:
                 raise ConfigError(f"--distance {self.named.name} needs --covariance FILE")

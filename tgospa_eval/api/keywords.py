@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterable, Mapping
 from types import NoneType
 from typing import Any, ParamSpec, TypeVar, get_args
 
-from tgospa_eval.api.options import DEFAULTS, SETTINGS, TYPES, Request, Setting
+from tgospa_eval.api.options import DEFAULTS, SETTINGS, TYPES, Request
 from tgospa_eval.common.notices import spoken_in_python
+from tgospa_eval.common.options import Setting
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import quoted
 
@@ -128,6 +129,11 @@ def _kind(name: str) -> str:
     kinds = [kind for kind in get_args(TYPES[name]) or (TYPES[name],) if kind is not NoneType]
     known = [kind.__name__ for kind in kinds if isinstance(kind, type)]
     return " or ".join(known or ["str or iterable of str"])
+
+
+def each(given: str | Iterable[str]) -> tuple[str, ...]:
+    """A text, or several."""
+    return (given,) if isinstance(given, str) else tuple(given)
 
 
 def requested(values: Mapping[str, object]) -> Request:

@@ -4,21 +4,28 @@ Imports nothing heavy: the command line needs it for its help.
 """
 
 import dataclasses
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, Self, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from tgospa_eval.common import config
+from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.options import Values, setting
 from tgospa_eval.common.words import parsed, parsed_whole
 from tgospa_eval.distances.registry import DISTANCES
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.registry import FORMATS
 from tgospa_eval.text import quoted
 
+if TYPE_CHECKING:
+    from tgospa_eval.show.batch import BandKind
+
 # Spelled out here, because importing the members costs numpy; tests hold them together.
 SOLVERS = ("certified", "exact", "sinkhorn")
 EXISTENCES = ("ignore", "use")
+BAND_KINDS = ("interval", "bootstrap", "percentiles", "deviation")
+LAYOUTS = ("motchallenge", "kitti")
 GRIDS = ("union", "truth", "estimate", "common")
 INTERPOLATED = ("estimate", "truth")
 PREPROCESS = tuple(
@@ -26,97 +33,25 @@ PREPROCESS = tuple(
     for name in ("motchallenge", "kitti", "visdrone", "uadetrac")
     for how in ("", ":delete", ":ignore")
 )
-REDUCTIONS = (
-    *("sliced", "recursive", "atl", "kmeans"),
-    *("systematic", "stratified", "multinomial", "top"),
-)
+ITERATED = ("sliced", "recursive", "atl", "kmeans")
+RANDOM = (*ITERATED, "systematic", "stratified", "multinomial")
+REDUCTIONS = (*RANDOM, "top")
 
 FITTING = "leave it out, or evaluate a part that fits into memory as one file"
 ROWS_ALONE = "write files of the rows that are to be evaluated"
 RESAMPLE_FIRST = "resample first: write both sides at common times, and give these"
 
 
-@dataclass(frozen=True)
-class Setting:
-    """What is known of a field of `Request`.
-
-    Parameters
-    ----------
-    section : str
-        Of the help.
-    declaration : str
-        As the help shows the option: ``-c, --cutoff C``; without a metavar it is a flag.
-    help : str
-        What it does.
-    choices : collection of str
-        Its values, if they are few; or members, which other packages may add to.
-    kind : str
-        Of the text: ``"path"``, or ``"size"`` of memory; blank for any.
-    least, most : int, optional
-        Of a number.
-    shown : str
-        The default in words.
-    number : bool
-        Whether it changes the number or its bracket.
-    trusted : bool
-        Whether a settings file may set it that was only found. Somebody else may have written it:
-        nothing is trusted that writes, connects, takes resources, judges, says how exact is exact,
-        or keeps quiet.
-    everywhere : bool
-        Whether all verbs that evaluate have it; otherwise `evaluate` alone.
-    stored : bool
-        Whether it is read from the environment and from settings files as well.
-    parts : str
-        What to do instead where data are read in parts and it has no place; blank if it has.
-    """
-
-    section: str
-    declaration: str
-    help: str
-    choices: Collection[str] = ()
-    kind: str = ""
-    least: int | None = None
-    most: int | None = None
-    shown: str = ""
-    number: bool = True
-    trusted: bool = True
-    everywhere: bool = True
-    stored: bool = True
-    parts: str = ""
-
-    @property
-    def key(self) -> str:
-        """Its name in a settings file: the first long one."""
-        names = self.declaration.split(" ")
-        return next(name for name in names if name.startswith("--"))[2:].rstrip(",")
-
-
-def setting(section: str, declaration: str, text: str, *, default: Any = None, **about: Any) -> Any:
-    """Declare a field of `Request`."""
-    return dataclasses.field(
-        default=default, metadata={"setting": Setting(section, declaration, text, **about)}
-    )
-
-
 _metric = partial(setting, "Metric")
+_track_metric = partial(_metric, sensors=False)
 _files = partial(setting, "Files")
 _filters = partial(setting, "Filters")
-_solver = partial(setting, "Solver", trusted=False)
-_gaussians = partial(setting, "Gaussians")
-_particles = partial(setting, "Particles")
+_track_filters = partial(_filters, sensors=False)
+_solver = partial(setting, "Solver", trusted=False, sensors=False)
+_gaussians = partial(setting, "Gaussians", whose="gaussian-wasserstein and NEES")
+_particles = partial(setting, "Particles", whose="distances of clouds")
 _output = partial(setting, "Output")
 _beside = partial(_output, number=False, everywhere=False, stored=False)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Values:
-    """A record of options."""
-
-    @classmethod
-    def of(cls, values: Mapping[str, object]) -> Self:
-        """From all options of a verb by parameter, those of others left aside."""
-        names = {field.name for field in dataclasses.fields(cls)}
-        return cls(**{name: value for name, value in values.items() if name in names})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,33 +70,33 @@ class Request(Values):
         "error of c.",
         shown="10.0; 0.5 with iou",
     )
-    order: float = _metric(
+    order: float = _track_metric(
         "-p, --order P",
         "Order p >= 1: errors are raised to this power before they are summed. It does not change "
         "the distance between two states.",
         default=2.0,
         shown="2",
     )
-    switch_penalty: float | None = _metric(
+    switch_penalty: float | None = _track_metric(
         "-g, --switch-penalty, --gamma GAMMA",
         "Switch penalty gamma >= 0, in state units: what a track switch costs. 0 gives per-step "
         "GOSPA, summed.",
         shown="2.0; 0.5 with iou",
     )
-    rho: float = _metric(
+    rho: float = _track_metric(
         "--rho RHO",
         "Share of c^p that a false target costs, between 0 and 1; a missed one costs the rest. "
         "Other than 0.5 it is a quasi-metric: truth and estimate cannot be exchanged.",
         default=0.5,
     )
-    step_weights: str | None = _metric(
+    step_weights: str | None = _track_metric(
         "--step-weights FILE",
         "What each step counts: CSV t,weight[,switch_weight]. The costs of a step are multiplied "
         "by its weight, the switches into it by its switch_weight, the same by default.",
         kind="path",
         parts=FITTING,
     )
-    existence: str = _metric(
+    existence: str = _track_metric(
         "--existence NAME",
         "use: states exist with the probabilities of the column existence, 1 where a file has none "
         "(experimental); ignore: all exist.",
@@ -184,24 +119,28 @@ class Request(Values):
         "Covariance matrix for mahalanobis: a CSV file without header, with a row and a column for "
         "each state column.",
         kind="path",
+        whose="mahalanobis",
     )
     vertical_weight: float | None = _metric(
         "--vertical-weight W",
         "With --distance geodesic of lat,lon,alt: how much a metre of height counts, beside one "
         "along the surface.",
         shown="1",
+        whose="geodesic",
     )
     periodic: tuple[str, ...] = _metric(
         "--periodic NAME[=PERIOD]",
         "State columns that wrap around, such as angles: theta (period 2 pi), theta=360. Several "
         "with commas.",
         default=(),
+        whose="the norms and gaussian-wasserstein",
     )
     scale: tuple[str, ...] = _metric(
         "--scale NAME=FACTOR",
         "State units for one unit of a column: with theta=2 an error of 1 in theta counts as 2. "
         "Several with commas.",
         default=(),
+        whose="the norms, mahalanobis, gaussian-wasserstein and distances of clouds",
     )
     columns: str | None = _files(
         "--columns NAMES",
@@ -427,13 +366,13 @@ class Request(Values):
         default=(),
         parts=ROWS_ALONE,
     )
-    by: str | None = _filters(
+    by: str | None = _track_filters(
         "--by class",
         "One result for each class, and their sum. States of different classes are never matched.",
         choices=("class",),
         parts="evaluate one class after the other, by --class NAME",
     )
-    preprocess: str | None = _filters(
+    preprocess: str | None = _track_filters(
         "--preprocess RULES",
         "With boxes: leave out what a benchmark leaves out before it evaluates: motchallenge (2016 "
         "and 2017), kitti (with --class), visdrone or uadetrac (with --ignore-regions); "
@@ -442,7 +381,7 @@ class Request(Values):
         parts="it is for files of benchmarks, which are not read in parts; --ignore and "
         "--ignore-regions say what is not judged",
     )
-    ignore: tuple[str, ...] = _filters(
+    ignore: tuple[str, ...] = _track_filters(
         "--ignore SPEC",
         "What is not judged: an estimate that follows an ignored truth costs nothing, nor does its "
         "absence. Truths by a column (class=Van,Person, occlusion>1, height<25); marked: truths "
@@ -452,14 +391,14 @@ class Request(Values):
         "--ignore-regions, too. Repeatable.",
         default=(),
     )
-    ignore_regions: str | None = _filters(
+    ignore_regions: str | None = _track_filters(
         "--ignore-regions FILE",
         "Regions in which estimates may be false for nothing: CSV of boxes, circles or polygons, "
         "with t if they are of one step, or GeoJSON. Points inside, and boxes with half of their "
         "area inside. Polygons need the extra regions.",
         kind="path",
     )
-    max_speed: float | None = _filters(
+    max_speed: float | None = _track_filters(
         "--max-speed V",
         "With --ignore truth-gaps: how fast a truth may leave the line across a gap, in state "
         "units per second. What is within c, and V times the time to the nearer end, is not "
@@ -469,6 +408,7 @@ class Request(Values):
     unit: str | None = _output(
         "--unit TEXT",
         "Unit of the states, printed beside values: m. No number changes.",
+        sensors=False,
     )
     solver: str = _solver(
         "--solver NAME",
@@ -501,6 +441,7 @@ class Request(Values):
         least=1,
         shown="all cores",
         number=False,
+        sensors=True,
     )
     fix_cov: bool = _gaussians(
         "--fix-cov",
@@ -519,6 +460,7 @@ class Request(Values):
         "A particle cloud is an error, or a Gaussian with its mean and covariance (moments).",
         default="error",
         choices=("error", "moments"),
+        whose="gaussian-wasserstein",
     )
     cloud_order: int | None = _particles(
         "--cloud-order 1|2",
@@ -557,30 +499,35 @@ class Request(Values):
         "Number of projections, of the sliced distances and of sliced and recursive.",
         least=1,
         shown="32; 24 each from 3-D on",
+        methods=ITERATED[:2],
     )
     iterations: int | None = _particles(
         "--iterations N",
         "Most iterations of sliced, recursive, atl and kmeans.",
         least=1,
         shown="25",
+        methods=ITERATED,
     )
     restarts: int | None = _particles(
         "--restarts N",
         "Number of starts of these four; the nearest result is kept.",
         least=1,
         shown="1",
+        methods=ITERATED,
     )
     polish: int | None = _particles(
         "--polish N",
         "Number of atl iterations after sliced and recursive.",
         least=0,
         shown="0",
+        methods=ITERATED[:2],
     )
     seed: int | None = _particles(
         "--seed N",
         "Seed of the random choices; equal clouds are reduced alike.",
         least=0,
         shown="0",
+        methods=RANDOM,
     )
     no_gating: bool = _particles(
         "--no-gating",
@@ -680,19 +627,14 @@ def names_file(name: str, value: object) -> bool:
     return name in SETTINGS and SETTINGS[name].kind == "path"
 
 
-SETTINGS: dict[str, Setting] = {
-    field.name: field.metadata["setting"] for field in dataclasses.fields(Request) if field.metadata
-}
+SETTINGS = Request.settings()
 """Of the fields that have an option."""
 
 NAMES = {about.key: name for name, about in SETTINGS.items() if about.everywhere}
 """Of those that all verbs have, by their names in a settings file."""
 
-NOT_OF_SENSORS = (
-    *("order", "switch_penalty", "rho", "step_weights", "existence", "by", "preprocess", "ignore"),
-    *("ignore_regions", "max_speed", "unit", "solver", "gap", "epsilon", "time_limit"),
-)
-"""What `associate` does without."""
+ALONE = tuple(name for name, about in SETTINGS.items() if not about.everywhere)
+"""Of those that `evaluate` alone has."""
 
 DEFAULTS: dict[str, object] = {field.name: field.default for field in dataclasses.fields(Request)}
 
@@ -749,3 +691,95 @@ OF_THE_NUMBER: dict[str, object] = {
     if name == "pairwise" or (name in SETTINGS and SETTINGS[name].number)
 }
 """Defaults of the fields that change the number or its bracket."""
+
+
+_batch = partial(setting, "Batch", stored=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchOptions(Values):
+    """What there is to do, and how to spread and tabulate it."""
+
+    truth: str | None = _batch(
+        "--truth PATTERN", "Path of the truth, with fields: gt/{sequence}/gt/gt.txt.", kind="path"
+    )
+    estimate: str | None = _batch(
+        "--estimate PATTERN",
+        "Paths of the estimates, with fields: runs/{tracker}/{sequence}.txt. Each file found is a "
+        "job.",
+        kind="path",
+    )
+    layout: str | None = _batch(
+        "--layout NAME",
+        "Folders GT TRACKERS as a benchmark has them: motchallenge or kitti.",
+        choices=LAYOUTS,
+    )
+    seqmap: str | None = _batch(
+        "--seqmap FILE",
+        "Only the sequences in this file, of a --layout; of kitti with their frames.",
+        kind="path",
+    )
+    output: str = _batch(
+        "-o, --output DIR",
+        "The store: a folder that the same command goes on with. Of batch report: where to write "
+        "its files.",
+        kind="path",
+    )
+    allow_missing: bool = _batch(
+        "--allow-missing", "Go on where truths or estimates are missing.", default=False
+    )
+    retry_failed: bool = _batch(
+        "--retry-failed", "Try jobs again that failed before.", default=False
+    )
+    shard: str | None = _batch(
+        "--shard K/N",
+        "Only every N-th job, from the K-th: for N processes on one store, as in a job array.",
+    )
+    workers: int | None = _batch(
+        "--workers N", "Processes; by default as many as there are cores.", least=1
+    )
+    scheduler: str | None = _batch(
+        "--scheduler ADDRESS", "Use the workers of a Dask cluster that is there: tcp://host:8786."
+    )
+    reports: bool = _batch(
+        "--reports", "Write the result folder of each job, DIR/reports/LABELS.", default=False
+    )
+    proof: bool = _batch("--proof", "With --reports: with the proof of each value.", default=False)
+    per_step: bool = _batch(
+        "--per-step", "Store the costs of each step as well, for curves over time.", default=False
+    )
+    curve: bool = _batch(
+        "--curve",
+        "With --per-step: also evaluate the steps up to each step, as evaluate --curve does.",
+        default=False,
+    )
+    by: tuple[str, ...] = _batch(
+        "--by LABELS",
+        "Labels by which tables add up, with commas or this option again; values of the first are "
+        "ranked.",
+        default=(),
+        shown="the first",
+    )
+    mean_of_roots: bool = _batch(
+        "--mean-of-roots",
+        "Also show the plain means of the values, which are no sums.",
+        default=False,
+    )
+    band: "BandKind | None" = _batch(
+        "--band KIND",
+        "Bands around curves over time: interval or bootstrap, of the RMS; percentiles or "
+        "deviation, of the runs.",
+        choices=BAND_KINDS,
+        shown="interval",
+    )
+    over: str | None = _batch(
+        "--over CLOCK",
+        "Time of curves: since the start of each run, or its stamps. A run counts from its first "
+        "step to its last then.",
+        choices=("start", "stamps"),
+        shown="stamps, start where runs have none in common",
+    )
+
+    evaluation: Request = Request()
+    config: SettingsFile | None = None
+    quiet: bool = False

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.distance import REDUCTION_NAMES, reduction
 from tgospa_eval.api.keywords import requested, taken, with_options
-from tgospa_eval.api.options import NOT_OF_SENSORS, SETTINGS, Request
+from tgospa_eval.api.options import SETTINGS, Request
 from tgospa_eval.api.resolve import Settings, called, make_settings
 from tgospa_eval.common.frozen import dataclass, recast, replace
 from tgospa_eval.common.notices import in_python, warn_user
@@ -153,8 +153,7 @@ def _read(
 
 
 @with_options(
-    *NOT_OF_SENSORS,
-    *(name for name, about in SETTINGS.items() if not about.everywhere),
+    *(name for name, about in SETTINGS.items() if not (about.sensors and about.everywhere)),
     *(name for name in SETTINGS if name.startswith(("truth_", "estimate_"))),
 )
 def associate(

@@ -8,7 +8,7 @@ import numpy as np
 
 from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
-from tgospa_eval.api.options import Request
+from tgospa_eval.api.options import ALONE, Request
 from tgospa_eval.api.resolve import Settings, make_settings
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.notices import warn_user
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Values: TypeAlias = float | Sequence[float] | Floats
 
-ONE_EVALUATION = ("curve", "window", "every", "with_", "slices", "by", "similarity", "preprocess")
+ONE_EVALUATION = ("by", "preprocess", *ALONE)
 """Options that are not for a sweep."""
 
 

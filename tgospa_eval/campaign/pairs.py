@@ -7,7 +7,7 @@ import glob
 import itertools
 import os
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
@@ -106,6 +106,35 @@ class BatchPlan:
     notices: tuple[str, ...] = ()
 
 
+Values = dict[str, str]
+"""What the fields of a pattern stand for."""
+
+
+def match(
+    truth: str,
+    estimate: str,
+    folders: tuple[str, str] = ("", ""),
+    output: str | None = None,
+    inside: patterns.Inside = runs_inside,
+) -> tuple[Sequence[Values], Sequence[tuple[str, Values]], tuple[str, ...]]:
+    """Values of the truths, estimates with theirs, and notices of what was passed over.
+
+    Arguments as of `of_patterns`; a truth without fields is one without values.
+    """
+    truths = patterns.meant(truth, folders[0], output=output, inside=inside)
+    estimates = patterns.meant(
+        estimate, folders[1], output=output, truth=(truth, folders[0]), inside=inside
+    )
+    values = [own for _, own in truths.files] if patterns.fields(truth) else [{}]
+    return values, estimates.files, tuple((truths.notices | estimates.notices).values())
+
+
+def groups_of(files: Iterable[Mapping[str, str]], others: Sequence[str]) -> list[Values]:
+    """What the fields stand for that estimates have alone, such as the name of a tracker."""
+    groups = dict.fromkeys(tuple(values[name] for name in others) for values in files)
+    return [dict(zip(others, group, strict=True)) for group in groups]
+
+
 def of_patterns(
     truth: str,
     estimate: str,
@@ -141,12 +170,8 @@ def of_patterns(
             f"--truth {truth}: the field {{{unknown[0]}}} is not in --estimate {estimate}"
         )
     jobs, faults = [], []
-    meant = patterns.meant(
-        estimate, folders[1], output=output, truth=(truth, folders[0]), inside=inside
-    )
-    truths = patterns.meant(truth, folders[0], output=output, inside=inside)
-    notices = tuple((truths.notices | meant.notices).values())
-    for path, values in meant.files:
+    truths, estimates, notices = match(truth, estimate, folders, output, inside)
+    for path, values in estimates:
         if sequences and values["sequence"] not in sequences:
             continue
         whole = os.path.join(folders[1], path)
@@ -161,28 +186,15 @@ def of_patterns(
     if not jobs and not faults and not sequences:
         what = "file" if file_of(estimate) == estimate else "variable of a file"
         raise ConfigError(f"--estimate {estimate}: no {what} is like this", *notices)
-    there = [values for _, values in truths.files] if own else [{}]
-    for values, other in _without_estimate(own, theirs, there, jobs):
-        if not sequences or values["sequence"] in sequences:
-            paths = patterns.fill(truth, values), patterns.fill(estimate, other)
+    groups = groups_of((job.labels for job in jobs), [name for name in theirs if name not in own])
+    known = {frozenset(job.labels.items()) for job in jobs}
+    for values, group in itertools.product(truths, groups):
+        is_meant = not sequences or values["sequence"] in sequences
+        if is_meant and frozenset((values | group).items()) not in known:
+            paths = patterns.fill(truth, values), patterns.fill(estimate, values | group)
             lone, missing = map(os.path.join, folders, paths)
             faults.append(f"{lone}: there is no estimate {missing}")
     return BatchPlan(jobs=tuple(jobs), faults=tuple(faults), notices=notices)
-
-
-def _without_estimate(
-    own: Sequence[str],
-    theirs: Sequence[str],
-    there: Sequence[dict[str, str]],
-    jobs: Collection[Job],
-) -> Iterator[tuple[dict[str, str], dict[str, str]]]:
-    """Values of truths for which a tracker, or what other fields name, has no estimate, and its."""
-    others = [name for name in theirs if name not in own]
-    known = {tuple(job.labels[name] for name in (*own, *others)) for job in jobs}
-    groups = dict.fromkeys(tuple(job.labels[name] for name in others) for job in jobs)
-    for values, group in itertools.product(there, groups):
-        if (*(values[name] for name in own), *group) not in known:
-            yield values, values | dict(zip(others, group, strict=True))
 
 
 def _is_there(path: str, inside: patterns.Inside) -> bool:
@@ -449,15 +461,13 @@ def compared_runs(
         notices |= {
             why if why == patterns.DOTTED else text: text for why, text in meant.notices.items()
         }
-        groups = {tuple(values[name] for name in others) for values in _values(path, meant)}
-        for text in itertools.chain(*groups):
+        groups = groups_of(_values(path, meant), others)
+        for text in itertools.chain(*(group.values() for group in groups)):
             if own and patterns.fields(text):
                 raise InputError(f"{path}: fits {text}, which is like a field itself; rename that")
         kept = {name: f"{{{name}}}" for name in own}
-        each += [
-            patterns.fill(path, kept | dict(zip(others, group, strict=True)))
-            for group in sorted(groups, key=lambda group: tuple(map(natural, group)))
-        ]
+        groups.sort(key=lambda group: tuple(map(natural, group.values())))
+        each += [patterns.fill(path, kept | group) for group in groups]
     return expand(truth, each), tuple(each), tuple(notices.values())
 
 

@@ -97,11 +97,11 @@ def row_of(result: Evaluation) -> Row:
 
 
 def row_to_judge(result: Evaluation) -> Row:
-    """The row that a gate judges, with those of classes that are evaluated apart."""
+    """The row that a gate judges or a store keeps, with those of classes evaluated apart."""
     parts = result.results if isinstance(result, EvaluationByClass) else {}
     return {
         **row_of(result),
-        "classes": {name: row_of(part) for name, part in parts.items()},
+        **({"classes": {name: row_of(part) for name, part in parts.items()}} if parts else {}),
         "status": "done" if result.finished else "open",
         "message": str(result.solver["status"]),
         "warnings": json.dumps([notice.record() for notice in result.warnings]),

@@ -279,6 +279,11 @@ SETTINGS = {
 PART_FOLDER = "jobs"
 
 
+def is_store(path: str | None) -> bool:
+    """Whether it is the folder of a batch."""
+    return path is not None and os.path.isfile(os.path.join(path, SETTINGS_FILE))
+
+
 class Store:
     """A folder of results.
 

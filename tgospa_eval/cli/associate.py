@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.options import NOT_OF_SENSORS, SETTINGS, Request
+from tgospa_eval.api.options import NAMES, SETTINGS, Request
 from tgospa_eval.cli.shared.click_options import (
-    EVALUATION,
     OutputOptions,
     chosen_options,
     format_option,
@@ -29,9 +28,11 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-SENSOR_OPTIONS = {
-    item.key for item in EVALUATION if not item.key.startswith(("truth-", "estimate-"))
-} - {SETTINGS[name].key for name in (*NOT_OF_SENSORS, "cutoff")}
+SENSOR_OPTIONS = [
+    key
+    for key, name in NAMES.items()
+    if SETTINGS[name].sensors and not key.startswith(("truth-", "estimate-", "cutoff"))
+]
 """What it has of the options of everything that evaluates."""
 
 _files = partial(

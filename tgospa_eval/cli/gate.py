@@ -5,18 +5,25 @@ import shutil
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import click
 
-from tgospa_eval.cli.shared.click_options import GATE_OPTIONS, format_option
+from tgospa_eval.api.options import NAMES
+from tgospa_eval.campaign.gate.options import GateOptions
+from tgospa_eval.cli.shared.click_options import (
+    CONFIG_FILE,
+    EVALUATION,
+    QUIET,
+    VERBOSE,
+    OutputOptions,
+    format_option,
+    options_of,
+)
 from tgospa_eval.cli.shared.command import (
     IGNORED,
-    PATH,
     SOURCE,
     TARGET,
-    Option,
     Verb,
     removed,
 )
@@ -24,9 +31,7 @@ from tgospa_eval.cli.shared.streams import emit, interrupted, print_notice, prin
 from tgospa_eval.errors import ConfigError, TgospaError
 
 if TYPE_CHECKING:
-    from tgospa_eval.api.gate import GateOptions
     from tgospa_eval.campaign.gate.outcome import Report
-    from tgospa_eval.cli.shared.click_options import OutputOptions
     from tgospa_eval.common.progress import Stopwatch
     from tgospa_eval.results.evaluation import Evaluation
 
@@ -35,7 +40,9 @@ TYPED = "tgospa_eval.typed"
 
 AGAINST = "TGOSPA_EVAL_AGAINST"
 
-_gate = partial(Option, section="Gate")
+GATE = options_of(GateOptions)
+GATE["against"].envvar = AGAINST
+GATE["confidence"].type = click.FloatRange(0.5, 1, max_open=True)
 
 
 class Gate(Verb):
@@ -58,71 +65,11 @@ class Gate(Verb):
     "gate",
     cls=Gate,
     params=[
-        *GATE_OPTIONS,
-        _gate(
-            "--update-baseline",
-            "Make the baseline, or renew the entries of all pairs, and exit with 0.",
-        ),
-        _gate(
-            "--add",
-            "With --update-baseline, add this run to the nights that the baseline has, at most 10: "
-            "limits are judged against their mean.",
-        ),
-        _gate(
-            "--strict",
-            "Fail if a group is above its limit, although its seeds may be the reason.",
-        ),
-        _gate(
-            "--against TARGET",
-            "Judge the estimates of this branch by the suite, the baseline, the truths and the "
-            "configuration of the target branch, a git revision such as origin/main, or of a "
-            "folder, ./target; what this branch has of these, and the environment, count for "
-            "nothing.",
-            envvar=AGAINST,
-        ),
-        _gate(
-            "--newer-than FILE|TIME",
-            "Estimates that were written before this file, or this time (2026-11-28T06:00), fail: "
-            "the tracker did not run.",
-        ),
-        _gate(
-            "-o, --output DIR",
-            "Write gate.html, gate.md and gate.json to this folder, and a page for each pair.",
-            type=PATH,
-        ),
-        _gate("--force", "Write into a folder with other files in it."),
-        _gate(
-            "--only PATTERN",
-            "With --update-baseline, renew the entries of these pairs alone: 'slow/*'. Repeatable.",
-            multiple=True,
-        ),
-        _gate(
-            "--prune",
-            "With --update-baseline, remove entries of pairs that are there no more.",
-        ),
-        _gate(
-            "--group LABELS",
-            "Add up all pairs that agree in these labels of their patterns, such as scenario, and "
-            "judge the sums by --fail-on; all adds up all. Runs with other seeds say whether a "
-            "change is more than their noise.",
-        ),
-        _gate(
-            "--confidence P",
-            "Of what is inferred from runs with other seeds: a tracker that is as good as the "
-            "limit fails in at most 1 - P of all gates.",
-            type=click.FloatRange(0.5, 1, max_open=True),
-            show_default="0.97",
-        ),
-        _gate(
-            "--seed-label LABEL",
-            "Label in which the runs of one scene differ.",
-            show_default="seed",
-        ),
-        _gate(
-            "--proof DIR",
-            "Write the proof of each value: to DIR/run, with --update-baseline to DIR/baseline.",
-            type=PATH,
-        ),
+        *GATE.values(),
+        *EVALUATION,
+        CONFIG_FILE,
+        QUIET,
+        VERBOSE,
         format_option("table", "json", "markdown"),
     ],
 )
@@ -154,34 +101,28 @@ def command(
     Exit status: 0 passed, 1 regression (proven, or of groups inferred), 2 wrong option,
     baseline missing or not comparable, 3 bad input file, 4 undecided.
     """
-    from tgospa_eval.api.gate import GateOptions
-    from tgospa_eval.api.options import Request
-    from tgospa_eval.cli.shared.click_options import OutputOptions
-
     asked = {
         **options,
-        "evaluation": Request.of(options),
+        "evaluation": {name: options[name] for name in NAMES.values()},
         "sources": {
             name: getattr(ctx.get_parameter_source(name), "name", "").lower() for name in ctx.params
         },
         "typed": ctx.meta[TYPED],
     }
-    output, github = OutputOptions.of(options), bool(options["github"])
+    output = OutputOptions.of(options)
     if truth == "history" and estimate is not None and not os.path.lexists(truth):
         raise click.UsageError(removed("gate history"), ctx)
     if ctx.meta.get(IGNORED) and not output.quiet:
         names = ", ".join(ctx.meta[IGNORED])
         print_notice(f"{names}: ignored, {options['against']} judges")
-    ctx.exit(_run(GateOptions.of(asked), truth, estimate, output, github=github))
+    ctx.exit(_run(GateOptions.of(asked), truth, estimate, output))
 
 
 def _run(
-    gate: "GateOptions",
+    gate: GateOptions,
     truth: str | None,
     estimate: str | None,
-    output: "OutputOptions",
-    *,
-    github: bool,
+    output: OutputOptions,
 ) -> int:
     """Judge, print, write; the exit status.
 
@@ -191,12 +132,15 @@ def _run(
         Nothing could be judged.
     """
     from tgospa_eval._version import __version__
-    from tgospa_eval.api.gate import OverInputError, is_store, judge_all
+    from tgospa_eval.api.gate import judge_all
+    from tgospa_eval.campaign.gate.judge import OverInputError
     from tgospa_eval.campaign.gate.outcome import PairOutcome, Report
     from tgospa_eval.campaign.gate.report import GATE_REPORTS
     from tgospa_eval.campaign.gate.rules import Verdict, worst
+    from tgospa_eval.campaign.store import is_store
     from tgospa_eval.cli.shared.progress import run
-    from tgospa_eval.show.files import GATE, probe_folder
+    from tgospa_eval.show.files import GATE as FOLDER
+    from tgospa_eval.show.files import probe_folder
 
     def run_shown(work: "Callable[[], Evaluation]", stopwatch: "Stopwatch") -> "Evaluation":
         result = run(work, stopwatch, show=not output.quiet)
@@ -206,7 +150,7 @@ def _run(
         return result
 
     if gate.output is not None:
-        probe_folder(gate.output, GATE, force=gate.force)
+        probe_folder(gate.output, FOLDER, force=gate.force)
     try:
         report = judge_all(gate, truth, estimate, print_notice, run_shown)
     except TgospaError as error:
@@ -227,7 +171,7 @@ def _run(
         if output.format_ != "table":  # who reads it from a file finds out as well
             emit(GATE_REPORTS[output.format_](report), output.format_)
         over = isinstance(error, OverInputError)
-        _publish(replace(gate, junit=None) if over else gate, report, github=github)
+        _publish(replace(gate, junit=None) if over else gate, report)
         raise
     report = replace(report, settings_file=gate.config)
     several = (gate.suite and (truth is None or estimate is None)) or is_store(truth)
@@ -235,7 +179,7 @@ def _run(
         if outcome.verdict is Verdict.ERROR:
             print_notice((f"{outcome.name}: " if several else "") + " ".join(outcome.notes))
     # The files first: a full disk behind stdout must not cost the report, nor hide a regression.
-    status = worst((report.status, _publish(gate, report, github=github)))
+    status = worst((report.status, _publish(gate, report)))
     try:
         emit(_printed(report, output.format_), output.format_)
     except ConfigError as error:
@@ -254,7 +198,7 @@ def _printed(report: "Report", format: str) -> str:
     return table(report, max(shutil.get_terminal_size((WIDTH, 24)).columns, WIDTH))
 
 
-def _publish(gate: "GateOptions", report: "Report", *, github: bool) -> int:
+def _publish(gate: GateOptions, report: "Report") -> int:
     """Files, annotations and step summary; 2 if one cannot be written, else 0.
 
     What cannot be written must not cost the report, nor hide a regression.
@@ -276,14 +220,14 @@ def _publish(gate: "GateOptions", report: "Report", *, github: bool) -> int:
         attempt(lambda: write_file(path, junit(report, gate.output), "--junit"))
     if gate.output is not None:
         attempt(lambda: _write_folder(gate, report))
-    if github:
+    if gate.github:
         for line in annotations(report):
             print_raw(line)
         attempt(lambda: append_summary(report, os.environ.get("GITHUB_STEP_SUMMARY")))
     return status
 
 
-def _write_folder(gate: "GateOptions", report: "Report") -> None:
+def _write_folder(gate: GateOptions, report: "Report") -> None:
     """Write the folder of ``-o``.
 
     Raises
@@ -293,10 +237,11 @@ def _write_folder(gate: "GateOptions", report: "Report") -> None:
     """
     from tgospa_eval.campaign.gate.report import gate_files
     from tgospa_eval.campaign.gate.suite import SEED
-    from tgospa_eval.show.files import GATE, write_texts
+    from tgospa_eval.show.files import GATE as FOLDER
+    from tgospa_eval.show.files import write_texts
 
     assert gate.output is not None
     files = gate_files(report, gate.seed_label or SEED)
-    written = write_texts(files, gate.output, GATE, force=gate.force)
+    written = write_texts(files, gate.output, FOLDER, force=gate.force)
     if not gate.quiet:
         print_notice(str(written))

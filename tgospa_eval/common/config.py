@@ -68,7 +68,7 @@ def read_here(path: str) -> bytes | None:
 
 def load(
     path: str | None,
-    known: Mapping[str, bool],
+    known: Callable[[], Mapping[str, bool]],
     trusted: Collection[str],
     read: Callable[[str], bytes | None] = read_here,
 ) -> SettingsFile | None:
@@ -78,9 +78,9 @@ def load(
     ----------
     path : str, optional
         The file; without it the current folder is searched.
-    known : mapping of str to bool
-        Names of the options, as on the command line without dashes in front, and whether each is a
-        flag.
+    known : callable
+        Gives names of the options, as on the command line without dashes in front, and whether each
+        is a flag.
     trusted : collection of str
         Those that a file may set which was only found: somebody else may have written it.
     read : callable
@@ -107,7 +107,7 @@ def load(
             table = section(table) or {}
     if not isinstance(table, dict):
         raise ConfigError(f"{path}: [tool.{TOOL_TABLE}] must be a table")
-    options = settings_of(table, path, known)
+    options = settings_of(table, path, known())
     refused = [quoted(name) for name in options if name not in trusted]
     if refused and not named:
         raise ConfigError(

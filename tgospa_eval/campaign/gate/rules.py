@@ -332,7 +332,7 @@ def parse_maximum(text: str) -> Rule:
 def parse_rules(
     fail_on: Iterable[str], warn_on: Iterable[str], maximum: Iterable[str], *, default: bool = True
 ) -> list[Rule]:
-    """All rules; by default the usual one where none says when to fail.
+    """All rules of texts, each of which may be a list; the usual one where none says when to fail.
 
     Raises
     ------
@@ -342,13 +342,13 @@ def parse_rules(
     return [
         *([*_parsed(fail_on, "fail-on")] or [DEFAULT][:default]),
         *_parsed(warn_on, "warn-on"),
-        *(parse_maximum(text) for text in maximum),
+        *(parse_maximum(text) for text in _each(maximum)),
     ]
 
 
 def _parsed(rules: Iterable[str], option: str) -> Iterator[Rule]:
     """Those of one option; a range ``PATH:LEAST..MOST`` is a rule for each end that it has."""
-    for text in rules:
+    for text in _each(rules):
         ends = re.fullmatch(_RANGE, text.strip())
         if ends is None:
             yield parse_rule(text, option=option)
@@ -380,14 +380,15 @@ def meanings(path: str) -> list[tuple[str | None, str]]:
     return [(rest[: -len(tail) - 1], tail) for tail in TAILS if rest.endswith(f".{tail}")]
 
 
-def split_rules(text: str) -> list[str]:
-    """The rules of a list with commas.
+def _each(texts: Iterable[str]) -> Iterator[str]:
+    """The rules of lists with commas.
 
     Only a comma after the number ends a rule: the name of a class may have commas itself.
     """
-    parts = re.split(r"(:[+-][^,]*|:[^,:]*\.\.[^,:]*|=[^,=]*)(?:,|$)", text)
-    found = [head + end for head, end in zip(parts[::2], (*parts[1::2], ""), strict=True)]
-    return [rule for rule in found if rule.strip()]
+    for text in texts:
+        parts = re.split(r"(:[+-][^,]*|:[^,:]*\.\.[^,:]*|=[^,=]*)(?:,|$)", text)
+        found = [head + end for head, end in zip(parts[::2], (*parts[1::2], ""), strict=True)]
+        yield from [rule for rule in found if rule.strip()] or [text]
 
 
 def _not_negative(text: str) -> float | None:

@@ -7,13 +7,12 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 from typing import TypeAlias
 
-from tgospa_eval.campaign.gate.rules import Rule, parse_rules, split_rules
+from tgospa_eval.campaign.gate.rules import Rule, parse_rules
 from tgospa_eval.campaign.gate.target import Target
-from tgospa_eval.campaign.pairs import Job
+from tgospa_eval.campaign.pairs import Job, groups_of, match
 from tgospa_eval.common import config, patterns
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.formats import runs_inside
 from tgospa_eval.text import listed, quoted
 
 RULE_KEYS = ("fail-on", "warn-on", "max")
@@ -188,10 +187,8 @@ def make_group(
             raise ConfigError(f"{where}: {quoted(name)}: {{{label}}} is in no pattern of a pair")
         if label == seed:
             raise ConfigError(f"{where}: {quoted(name)}: runs of a group differ in {{{seed}}}")
-    found = parse_rules(
-        *([part for text in texts for part in split_rules(text) or [text]] for texts in rules)
-    )
-    return GroupTable(name=name, rules=tuple(found), confidence=float(confidence), seed=seed)
+    found = tuple(parse_rules(*rules))
+    return GroupTable(name=name, rules=found, confidence=float(confidence), seed=seed)
 
 
 def _pairs(
@@ -217,11 +214,9 @@ def _pairs(
         )
     options = common[0] | _options(table, where, known, folder)
     rules = _merged(common[1], _rules(table, where))
-    truths = patterns.meant(truth, folder, inside=runs_inside)
-    estimates = patterns.meant(estimate, folder, truth=(truth, folder), inside=runs_inside)
-    notices += (truths.notices | estimates.notices).values()
-    found = [values for _, values in truths.files] if words else [{}]
-    groups = _groups([values for _, values in estimates.files], others) if others else [{}]
+    found, estimates, told = match(truth, estimate, (folder, folder))
+    notices += told
+    groups = groups_of((values for _, values in estimates), others) if others else [{}]
     if not found or not groups:
         pattern, theirs = os.path.join(folder, truth), os.path.join(folder, estimate)
         fault = f"{where}: no file is like {quoted(theirs if found else pattern)}"
@@ -229,13 +224,13 @@ def _pairs(
     known_truths = {tuple(values.items()) for values in found}
     alone = [
         file
-        for file, values in estimates.files
+        for file, values in estimates
         if words and tuple((word, values.get(word)) for word in words) not in known_truths
     ]
     if alone:
         which = listed([os.path.join(folder, file) for file in alone], 3)
         notices.append(f"{which}: no truth is like {quoted(truth)}: not judged")
-    for file, _ in estimates.files if others else ():
+    for file, _ in estimates if others else ():
         if patterns.is_ambiguous(estimate, file):
             fault = f"{where}: the fields of {quoted(estimate)} fit {file} in two ways"
             yield Job(name=file, truth=os.path.join(folder, truth), estimate=file, fault=fault)
@@ -263,12 +258,6 @@ def _lost(table: Table, folder: str, target: Target) -> Iterator[Job]:
         if own is not None or (of_truth and target.has(of_truth)):
             fault = f"there is no such file, and {target.where} has it"
             yield Job(name=path, truth=truth, estimate=estimate, fault=fault)
-
-
-def _groups(files: Sequence[Mapping[str, str]], others: list[str]) -> list[dict[str, str]]:
-    """What the fields stand for that the estimates have alone, such as the name of a tracker."""
-    found = dict.fromkeys(tuple(values[word] for word in others) for values in files)
-    return [dict(zip(others, group, strict=True)) for group in found]
 
 
 def _options(table: Table, where: str, known: Mapping[str, bool], folder: str) -> Table:

@@ -13,22 +13,16 @@ from tgospa_eval.cli.shared.click_options import (
     EVALUATION,
     FORCE,
     QUIET,
-    REPORT_FORMATS,
     WITH,
     OutputOptions,
+    report_format,
 )
 from tgospa_eval.cli.shared.command import PATH, SOURCE, Option, Verb, dashed, option, typed_options
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.simulate import SCENARIOS
 from tgospa_eval.errors import ExitStatus
 
-ELSEWHERE = {
-    "solver",
-    "epsilon",
-    "by",
-    "seed",
-    "steps",
-}  # by: hidden, for it may come from a settings file
+ELSEWHERE = {"solver", "epsilon", "by", "seed", "steps"}
 """Options of everything that evaluates that this verb has not, or in another form; `by` is hidden,
 for it may come from a settings file."""
 
@@ -93,14 +87,7 @@ COMPARE_OPTIONS = (
     ),
 )
 COMPARE_OUTPUT = (
-    option(
-        "--format FORMAT",
-        "What to print: table, json, csv, markdown or latex.",
-        name="format_",
-        section="Output",
-        type=click.Choice(REPORT_FORMATS),
-        default="table",
-    ),
+    report_format(),
     option(
         "-o, --output DIR",
         "Write compare.json, CSV tables and pictures to this folder. A scaling study also writes "
@@ -172,10 +159,11 @@ def command(
     # The default depends on what is compared.
     has_default = ctx.get_parameter_source("epsilon") is ParameterSource.DEFAULT
     epsilon: Any = None if has_default else options["epsilon"]
+    make = partial(run.make_solvers, request, solvers, epsilon)
     if simulate:
         sizes: Any = {name: options[name] for name in OF_STUDIES}
         sizes["steps"] = options["steps"] or "50,100"
-        fine = run.study_sizes(request, output, solvers, epsilon, **sizes)
+        fine = run.study_sizes(request, output, make, **sizes)
     elif is_saved:
         fine = run.compare_saved(files, output)
     else:
@@ -185,11 +173,9 @@ def command(
             )
         per_step = options["against"] is not None
         if len(files) > 2 or per_step or request.with_ is not None or any(map(is_pattern, files)):
-            fine = run.compare_estimates(
-                files, request, output, solvers, epsilon, per_step=per_step
-            )
+            fine = run.compare_estimates(files, request, output, make, per_step=per_step)
         else:
-            fine = run.compare_files(files, request, output, solvers, epsilon)
+            fine = run.compare_files(files, request, output, make, spare=solvers is None)
     ctx.exit(ExitStatus.DONE if fine else ExitStatus.NOT_REACHED)
 
 

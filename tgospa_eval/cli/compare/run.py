@@ -45,6 +45,9 @@ from tgospa_eval.text import quoted
 
 Number = TypeVar("Number", int, float)
 
+MakeSolvers = Callable[..., list[Solver]]
+"""`make_solvers` of what was asked for; gets the default names and temperatures."""
+
 TEMPERATURES = "0.1,0.05,0.03,0.01"
 """Of sinkhorn where none are given."""
 
@@ -169,8 +172,7 @@ def compare_estimates(
     files: Sequence[str],
     request: Request,
     output: OutputOptions,
-    solvers: str | None,
-    epsilon: str | None,
+    make: MakeSolvers,
     *,
     per_step: bool,
 ) -> bool:
@@ -181,7 +183,7 @@ def compare_estimates(
     TgospaError
         An option has no meaning, or a file cannot be read.
     """
-    solver, *others = make_solvers(request, solvers, epsilon, "certified", str(Sinkhorn.epsilon))
+    solver, *others = make("certified", str(Sinkhorn.epsilon))
     if others:
         raise ConfigError(
             "estimates are compared by one solver: name one, --solvers certified, or sinkhorn with "
@@ -245,20 +247,23 @@ def compare_files(
     files: Sequence[str],
     request: Request,
     output: OutputOptions,
-    solvers: str | None,
-    epsilon: str | None,
+    make: MakeSolvers,
+    *,
+    spare: bool,
 ) -> bool:
     """One pair through several solvers; whether all did what was asked, and agree.
+
+    `spare` leaves out a referee that would take minutes.
 
     Raises
     ------
     TgospaError
         An option has no meaning, or a file cannot be read.
     """
-    chosen = make_solvers(request, solvers, epsilon, ",".join(SOLVERS))
+    chosen = make(",".join(SOLVERS))
     pairs = pair_reader(request, output, files)
     answer = run(
-        lambda: solvers_on(pairs, files[0], files[1], chosen, spare=solvers is None),
+        lambda: solvers_on(pairs, files[0], files[1], chosen, spare=spare),
         pairs.stopwatch,
         show=not output.quiet,
     )
@@ -281,8 +286,7 @@ def compare_files(
 def study_sizes(
     request: Request,
     output: OutputOptions,
-    solvers: str | None,
-    epsilon: str | None,
+    make: MakeSolvers,
     *,
     targets: str,
     steps: str,
@@ -311,7 +315,7 @@ def study_sizes(
         seed=seed,
         parameters=settings.evaluation.parameters,
         distance=settings.measure.distance(COLUMNS[scene.state]),
-        solvers=make_solvers(request, solvers, epsilon, "certified,sinkhorn"),
+        solvers=make("certified,sinkhorn"),
         targets=numbers("targets", targets, parsed_whole),
         steps=numbers("steps", steps, parsed_whole),
         runs=runs,

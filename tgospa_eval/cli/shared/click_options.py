@@ -1,23 +1,24 @@
 """The options of verbs, for click: those of `api.options.Request`, and those of the output."""
 
-from collections.abc import Collection, Container
+from collections.abc import Callable, Collection, Container
+from dataclasses import Field, fields
 from functools import partial
 from types import UnionType
 from typing import Any, get_args
 
 import click
 
-from tgospa_eval.api.options import DEFAULTS, SETTINGS, TYPES, Setting, Values
+from tgospa_eval.api.options import SETTINGS, Request
 from tgospa_eval.cli.shared.command import PATH, Option, load_config, option
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.options import Setting, Values
 from tgospa_eval.common.words import parsed_size
 from tgospa_eval.errors import ConfigError
 
 REPORT_FORMATS = ("table", "json", "csv", "markdown", "latex")
 
 _output = partial(option, section="Output")
-_gate = partial(option, section="Gate")
 _general = partial(option, section="General")
 
 
@@ -41,13 +42,21 @@ def one_of(members: Collection[str]) -> Any:
     return kind
 
 
-def _made(name: str, about: Setting) -> Option:
+def options_of(record: type[Values]) -> dict[str, Option]:
+    """The options of the fields of a record, by their names in a settings file."""
+    return {
+        field.metadata["setting"].key: _made(field) for field in fields(record) if field.metadata
+    }
+
+
+def _made(field: Field[Any]) -> Option:
     """The option of a field."""
-    kind, default = TYPES[name], DEFAULTS[name]
+    about: Setting = field.metadata["setting"]
+    kind, default = field.type, field.default
     base = next(iter(get_args(kind))) if isinstance(kind, UnionType) else kind
     given: dict[str, Any] = {"show_default": about.shown or True}
-    if name != about.key.replace("-", "_"):
-        given["name"] = name
+    if field.name != about.key.replace("-", "_"):
+        given["name"] = field.name
     if about.choices:
         given["type"] = one_of(about.choices)
     elif about.kind:
@@ -67,11 +76,10 @@ def _made(name: str, about: Setting) -> Option:
     return made
 
 
-OPTIONS = {about.key: _made(name, about) for name, about in SETTINGS.items()}
+OPTIONS = options_of(Request)
 """Of the fields of `Request`, by their names in a settings file."""
 
 EVALUATION = tuple(OPTIONS[about.key] for about in SETTINGS.values() if about.everywhere)
-BY_KEY = {item.key: item for item in EVALUATION}
 
 IN_PARTS_OPTIONS = (OPTIONS["memory"], OPTIONS["scheduler"])
 WITH, SLICE, UNIT = OPTIONS["with"], OPTIONS["slice"], OPTIONS["unit"]
@@ -82,8 +90,7 @@ BY_OF_SETTINGS = option(
 
 PARTICLES = tuple(item for item in EVALUATION if item.section == "Particles")
 REDUCTION = tuple(
-    OPTIONS[key]
-    for key in ("reduce-method", "directions", "iterations", "restarts", "polish", "seed")
+    item for item in PARTICLES if item.key == "reduce-method" or SETTINGS[str(item.name)].methods
 )
 """How clouds are reduced; without defaults, to see what was given."""
 
@@ -130,14 +137,21 @@ PICTURE_OPTIONS = (
 
 FORCE = _output("--force", "Write into a folder with other files in it.")
 
-OUTPUT = (
-    _output(
+
+def report_format(make: Callable[..., Option] = option, csv: str = "csv") -> Option:
+    """``--format`` of a report."""
+    return make(
         "--format FORMAT",
-        "What to print: table, json, csv (the costs of each step), markdown or latex.",
+        f"What to print: table, json, {csv}, markdown or latex.",
         name="format_",
+        section="Output",
         type=click.Choice(REPORT_FORMATS),
         default="table",
-    ),
+    )
+
+
+OUTPUT = (
+    report_format(csv="csv (the costs of each step)"),
     _output(
         "-o, --output DIR",
         "Write result.json, CSV tables, report.html and pictures to this folder.",
@@ -171,47 +185,12 @@ class OutputOptions(Values):
     verbose: bool = False
 
 
-GATE = (
-    _gate(
-        "--baseline FILE",
-        "Baseline to judge by, a JSON file that --update-baseline makes. A suite may name its own.",
-        type=PATH,
-    ),
-    _gate(
-        "--suite FILE",
-        "TOML file that lists several pairs of files, instead of TRUTH ESTIMATE.",
-        type=PATH,
-    ),
-    _gate(
-        "--fail-on RULE",
-        "Fail if a value is worse than in the baseline by more than this: total:+1%, "
-        "counts.switch:+2; or is not in a range: nees:1.5..2.5. Values have the names of the JSON. "
-        "Repeatable.",
-        multiple=True,
-        show_default="total:+0.001%",
-    ),
-    _gate("--warn-on RULE", "The same, but only warn. Repeatable.", multiple=True),
-    _gate(
-        "--max NAME=VALUE",
-        "Fail if a value is above this, whatever the baseline says: tgospa=45. Repeatable. "
-        "Without other rules no baseline is needed.",
-        name="maximum",
-        multiple=True,
-    ),
-    _gate("--junit FILE", "Write a JUnit XML report.", type=PATH),
-    _gate(
-        "--github",
-        "Write annotations to stderr, and a summary to the file that GITHUB_STEP_SUMMARY names.",
-    ),
-)
-
 SOLVING_KEYS = (
     *("switch-penalty", "rho", "step-weights", "existence"),
     *(item.key for item in EVALUATION if item.section == "Solver"),
 )
 """What a verb that solves nothing does without."""
 
-GATE_OPTIONS = (*GATE, *EVALUATION, CONFIG_FILE, QUIET, VERBOSE)
 READING = (
     *(item for item in EVALUATION if item.key not in SOLVING_KEYS and item not in PARTICLES),
     CONFIG_FILE,

@@ -174,10 +174,10 @@ def load_config(
     }
     target: Target | None = ctx.meta.get(TARGET)
     if target is None:
-        used = config.load(path, KEYS, TRUSTED_KEYS)
+        used = config.load(path, _keys, TRUSTED_KEYS)
     else:
         read = target.read if path is None else target.demand
-        used = config.load(path, KEYS, TRUSTED_KEYS, read)
+        used = config.load(path, _keys, TRUSTED_KEYS, read)
         used = used and replace(used, path=target.name(used.path))
     ctx.meta[CONFIG] = used
     if used is None:
@@ -189,6 +189,12 @@ def load_config(
     }
     ctx.default_map = {**(ctx.default_map or {}), **named}
     return used
+
+
+def _keys() -> dict[str, bool]:
+    """All keys; those of a gate are known when its verb is."""
+    load("gate")
+    return KEYS
 
 
 def tell_settings(ctx: click.Context) -> None:

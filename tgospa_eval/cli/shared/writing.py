@@ -141,6 +141,12 @@ def can_draw(*, quiet: bool) -> bool:
     return style.available()
 
 
+def drawn_pictures(output: OutputOptions) -> "Pictures | None":
+    """Those that the options ask for, if they can be drawn."""
+    wanted = wanted_pictures(output)
+    return wanted if wanted is not None and can_draw(quiet=output.quiet) else None
+
+
 @contextmanager
 def named_options() -> Iterator[None]:
     """What is wrong with pictures, with the name of the option as it is typed."""
@@ -154,9 +160,7 @@ def write_folder(
     result: Evaluation, options: Request, output: OutputOptions, names: tuple[str, str]
 ) -> None:
     """Write it; prints that pictures are not in it for want of the extra."""
-    wanted = wanted_pictures(output)
-    if wanted is not None and not can_draw(quiet=output.quiet):
-        wanted = None
+    wanted = drawn_pictures(output)
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("report.html", 0.0)

@@ -1,0 +1,364 @@
+"""Judging rows: pairs against a baseline by rules, or the baseline that is made of them."""
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from datetime import datetime
+from fnmatch import fnmatchcase
+from typing import Any
+
+from tgospa_eval._version import __version__
+from tgospa_eval.campaign.gate.baseline import (
+    Baseline,
+    Measured,
+    dump,
+    make_entry,
+    measured,
+    nights_of,
+    with_nights,
+)
+from tgospa_eval.campaign.gate.groups import few_runs, judge_groups
+from tgospa_eval.campaign.gate.options import GateOptions
+from tgospa_eval.campaign.gate.outcome import (
+    PairOutcome,
+    Report,
+    accepting_options,
+    judged_outcome,
+    leftover,
+    of_its_runs,
+    updated_outcome,
+    without_option,
+)
+from tgospa_eval.campaign.gate.rules import Rule, Verdict, parse_rules
+from tgospa_eval.campaign.gate.suite import ONLY_PAIR, SEED, GroupTable, make_group
+from tgospa_eval.campaign.pairs import Job
+from tgospa_eval.campaign.row import Row
+from tgospa_eval.campaign.store import is_store
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.writing import write_file
+from tgospa_eval.errors import ConfigError, InputError, TgospaError
+from tgospa_eval.formats.guess import file_of, files_at
+from tgospa_eval.text import quoted
+
+RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
+"""Rules by their names in a suite and as parameters."""
+
+Evaluated = tuple[Row, Mapping[str, object]]
+"""The row of a pair, and the options that made it."""
+
+Evaluate = Callable[[Sequence[Job], Baseline], Iterator[Evaluated]]
+"""Answers of pairs, in their order; a baseline may have options of them."""
+
+
+def tables_of(
+    gate: GateOptions, pairs: Sequence[Job], groups: Sequence[GroupTable]
+) -> list[GroupTable]:
+    """The groups of a suite, or those of the command line, which have its rules.
+
+    Raises
+    ------
+    ConfigError
+        Something is wrong with them.
+    """
+    if gate.group is None:
+        for option, value in (("confidence", gate.confidence), ("seed-label", gate.seed_label)):
+            if value is not None and not groups:
+                raise ConfigError(f"--{option} is for --group, or a suite with [[group]]")
+        return [
+            replace(
+                one,
+                confidence=gate.confidence or one.confidence,
+                seed=gate.seed_label or one.seed,
+            )
+            for one in groups
+        ]
+    names = [name.strip() for name in gate.group.split(",")]
+    pattern = "all" if names == ["all"] else "/".join(f"{{{name}}}" for name in names)
+    texts = [getattr(gate, name) for name in RULE_PARAMETERS.values()]
+    labels = {label for pair in pairs for label in pair.labels}
+    seed, confidence = gate.seed_label or SEED, gate.confidence or GroupTable.confidence
+    return [make_group(pattern, texts, confidence, seed, labels, f"--group {gate.group}")]
+
+
+def rules_of(
+    gate: GateOptions, pair: Job, *, baseline: bool = True, default: bool = True
+) -> list[Rule]:
+    """The rules of a pair; `default`: whether the usual one holds where none is given.
+
+    Raises
+    ------
+    ConfigError
+        One is wrong; or there is no baseline, and they are not all absolute limits.
+    """
+    own = {key: getattr(gate, name) for key, name in RULE_PARAMETERS.items()}
+    suite = {key: pair.rules.get(key, ()) for key in own}
+    is_own = own["fail-on"] and (gate.strong("fail_on") or not suite["fail-on"])
+    found = parse_rules(
+        (own if is_own else suite)["fail-on"],
+        (*suite["warn-on"], *own["warn-on"]),
+        (*suite["max"], *own["max"]),
+        default=baseline and default,
+    )
+    relative = [rule for rule in found if not rule.absolute]
+    if not baseline and (relative or not found) and default:
+        why = f"{relative[0].text} needs one" if relative else "limits of --max need none"
+        raise ConfigError(
+            f"{gate.prefix(pair.name)}no baseline: name it with --baseline FILE; {why}"
+        )
+    return found
+
+
+class OverInputError(ConfigError):
+    """The JUnit report would be written over what is read."""
+
+
+def check_junit(gate: GateOptions, *paths: str | None) -> None:
+    """Whether the JUnit report would be written over what is read.
+
+    Raises
+    ------
+    OverInputError
+        It is one of these files, the suite, the baseline or the configuration.
+    """
+    if not gate.junit:
+        return
+    target, used = os.path.realpath(gate.junit), gate.config
+    for path in (*paths, gate.suite, gate.baseline, used and used.path):
+        if path and os.path.realpath(path) == target:
+            raise OverInputError(
+                f"--junit {gate.junit}: is an input of the gate; name another file"
+            )
+
+
+def _check_options(gate: GateOptions, path: str) -> None:
+    """Whether the options of an update go together.
+
+    Raises
+    ------
+    ConfigError
+        They do not, or there is no file to make.
+    """
+    for option, value in (("only", gate.only), ("prune", gate.prune), ("add", gate.add)):
+        if value and not gate.update_baseline:
+            raise ConfigError(f"--{option} is for --update-baseline")
+    if gate.update_baseline and (not path or is_store(path)):
+        wrong = f"{path} is a batch, which tgospa-eval batch makes" if path else "no baseline"
+        raise ConfigError(f"{wrong}: name the file to make with --baseline FILE")
+
+
+def with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
+    """The pairs; those whose estimates were last written before a time, or a file, have a fault.
+
+    Raises
+    ------
+    ConfigError
+        It is neither.
+    """
+    try:
+        exists = os.path.exists(since)
+        least = os.path.getmtime(since) if exists else datetime.fromisoformat(since).timestamp()
+    except ValueError:
+        raise ConfigError(
+            f"--newer-than {quoted(since)}: is neither a file nor a time, as 2026-11-28T06:00"
+        ) from None
+    for pair in pairs:
+        files = files_at(file_of(pair.estimate))
+        written = max(
+            (os.path.getmtime(file) for file in files if os.path.exists(file)), default=least
+        )
+        if written < least and not pair.fault:
+            times = (str(datetime.fromtimestamp(one)) for one in (written, least))
+            fault = "{}: is of {}, before {}: did the tracker run?".format(pair.estimate, *times)
+            pair = replace(pair, fault=fault, fault_is=Verdict.FAIL)
+        yield pair
+
+
+def judge_pairs(
+    gate: GateOptions,
+    pairs: Sequence[Job],
+    groups: Sequence[GroupTable],
+    path: str,
+    old: Baseline | None,
+    evaluated: Evaluate,
+    whence: str,
+) -> Report:
+    """The outcomes of all groups and pairs, or of an update of the baseline."""
+    _check_options(gate, path)
+    groups = tables_of(gate, pairs, groups)
+    if gate.group is not None:  # whose rules are those of the command line
+        gate = replace(gate, fail_on=(), warn_on=(), maximum=())
+    alone = {pair.name for pair in pairs} == {ONLY_PAIR} and not gate.suite
+    if alone and old and ONLY_PAIR not in old:
+        raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name --suite")
+    if groups and not path:
+        raise ConfigError("no baseline: name it with --baseline FILE; groups need one")
+    rules = {
+        pair.name: [replace(rule, warns=True) for rule in found if rule.absolute]
+        if pair.is_new
+        else found
+        for pair in pairs
+        if not pair.fault
+        for found in [rules_of(gate, pair, baseline=bool(path), default=not groups)]
+    }  # wrong ones before any work
+    if gate.update_baseline:
+        return _updated(gate, pairs, groups, path, old, evaluated, whence)
+    outcomes = _judged(pairs, groups, path, old, rules, evaluated, whence, strict=gate.strict)
+    can_accept = gate.typed and path and not is_store(path)
+    accepted = accepting_options(outcomes, groups, pairs, old or {}) if can_accept else []
+    return Report(
+        baseline=path,
+        outcomes=tuple(outcomes),
+        version=__version__,
+        again=_again(gate, accepted) if accepted else (),
+        against=gate.against or "",
+        notices=tuple(_few_runs(pairs, groups, {})) if old is None else (),
+    )
+
+
+def _again(gate: GateOptions, accepted: Sequence[str]) -> tuple[str, ...]:
+    """The command that was typed, with options that accept what failed."""
+    command = without_option(gate.typed, "--against")
+    at = command.index("--") if "--" in command else len(command)
+    # In the environment of pre-commit, the program is not where shells look for it.
+    alone = "PRE_COMMIT" in os.environ
+    program = (sys.executable, "-m", "tgospa_eval") if alone else ("tgospa-eval",)
+    return (*program, "gate", *command[:at], *accepted, *command[at:])
+
+
+def _few_runs(pairs: Sequence[Job], groups: Sequence[GroupTable], baseline: Baseline) -> list[str]:
+    """What is said of groups whose seeds can support nothing."""
+    nights = min((len(nights_of(entry)) for entry in baseline.values()), default=1)
+    return few_runs(groups, {pair.name: pair.labels for pair in pairs}, nights)
+
+
+def _judged(
+    pairs: Sequence[Job],
+    groups: Sequence[GroupTable],
+    path: str,
+    baseline: Baseline | None,
+    rules: Mapping[str, list[Rule]],
+    evaluated: Evaluate,
+    whence: str,
+    *,
+    strict: bool,
+) -> list[PairOutcome]:
+    """The outcomes of all groups and pairs; wrong files do not keep others from being judged."""
+    missing = f"no such file: {path}" if baseline is None else f"not in {path}"
+    old = baseline or {}
+    labels = {name: entry.get("labels", {}) for name, entry in old.items()}
+    labels |= {pair.name: pair.labels for pair in pairs}
+    results: dict[str, Measured] = {}
+    outcomes: dict[str, PairOutcome] = {}
+    chosen: list[Job] = []
+    tables = {
+        pair.name: [table for table in groups if table.has(pair.labels) and not pair.is_new]
+        for pair in pairs
+    }
+    for pair in pairs:
+        if pair.fault:
+            outcomes[pair.name] = PairOutcome.of(pair, Verdict(pair.fault_is), pair.fault)
+        elif not path or pair.name in old or pair.is_new or (tables[pair.name] and baseline):
+            chosen.append(pair)
+        else:
+            outcomes[pair.name] = PairOutcome.of(pair, Verdict.INCOMPARABLE, missing)
+    for pair, (row, _) in zip(chosen, evaluated(chosen, old), strict=True):
+        now, about = _measured(row)
+        if isinstance(now, TgospaError):
+            about = {"status": now.exit_status, **about}
+            outcome = PairOutcome.of(pair, Verdict.ERROR, str(now), **about)
+        else:
+            noisy = any(table.seed in pair.labels for table in tables[pair.name])
+            entry, own = old.get(pair.name), rules[pair.name]
+            if path and entry is None and not pair.is_new:
+                outcome = PairOutcome.of(pair, Verdict.PASS, IN_GROUP, values=now.values, **about)
+            else:
+                outcome = judged_outcome(pair, now, entry, own, noisy=noisy, **about)
+            if pair.is_new:
+                outcome = replace(outcome, verdict=Verdict.NEW, notes=(*outcome.notes, NEW))
+            else:
+                results[pair.name] = now
+        hidden = len(pairs) > MAX_PAGES and not outcome.status
+        outcomes[pair.name] = replace(outcome, page="") if hidden else outcome
+    judged = [outcomes[pair.name] for pair in pairs]
+    if baseline is not None:
+        failed = [one.name for one in judged if one.verdict is Verdict.ERROR]
+        failed += [pair.name for pair in pairs if pair.fault and pair.name not in failed]
+        added = judge_groups(groups, results, old, labels, failed, strict=strict)
+        first = (of_its_runs(one, groups, labels, results, old) for one in added[:MAX_PAGES])
+        judged = [*first, *added[MAX_PAGES:], *judged]
+    named = {name for name in old if any(table.has(labels[name]) for table in groups)}
+    named |= {pair.name for pair in pairs}
+    note = f"in the baseline and not in {whence}; --update-baseline --prune removes it"
+    return judged + leftover(old, named, Verdict.INCOMPARABLE, note)
+
+
+def _measured(row: Row) -> tuple[Measured | TgospaError, dict[str, Any]]:
+    """Values of a row or what is wrong with it, and more for its outcome."""
+    about: dict[str, Any] = {name: row[name] for name in ("seconds", "page") if name in row}
+    if "error" in row:
+        return row["error"], about
+    about["warnings"] = tuple(Notice(**record) for record in json.loads(row["warnings"]))
+    try:
+        return measured(row), about
+    except TgospaError as error:
+        return error, about
+
+
+MAX_PAGES = 200
+"""Pairs of which each has a page; of more those have one that do not pass."""
+
+IN_GROUP = "not in the baseline: judged in its group alone"
+NEW = "new, not judged: the target does not have it yet; its limits of --max only warn"
+
+
+def _updated(
+    gate: GateOptions,
+    pairs: Sequence[Job],
+    groups: Sequence[GroupTable],
+    path: str,
+    baseline: Baseline | None,
+    evaluated: Evaluate,
+    whence: str,
+) -> Report:
+    """Renew the entries of all pairs, or of those that are named; all of these or none."""
+    chosen = [pair for pair in pairs if gate.chosen(pair.name)]
+    faults = [
+        pair.fault if gate.suite else f"{pair.name}: {pair.fault}" for pair in chosen if pair.fault
+    ]
+    if faults:
+        raise InputError(*faults)
+    old = baseline or {}
+    for pattern in gate.only:
+        if not any(fnmatchcase(name, pattern) for name in (*(pair.name for pair in pairs), *old)):
+            raise ConfigError(f"--only {quoted(pattern)}: no pair is called so")
+    new, outcomes = dict(old), []
+    for pair, (row, options) in zip(chosen, evaluated(chosen, old), strict=True):
+        now, about = _measured(row)
+        before = old.get(pair.name)
+        try:
+            if isinstance(now, TgospaError):
+                raise now
+            entry = make_entry(now, options, pair.labels)
+            new[pair.name] = with_nights(entry, before) if gate.add else entry
+        except TgospaError as error:
+            raise type(error)(f"{gate.prefix(pair.name)}{error}") from None
+        outcomes.append(updated_outcome(pair, before, new[pair.name], now, **about))
+    names = {pair.name for pair in pairs}
+    gone = [name for name in old if name not in names and gate.chosen(name)]
+    for name in gone if gate.prune else ():
+        del new[name]
+    if new != old or not os.path.exists(path):
+        write_file(path, dump(new), "--baseline")
+    note = "removed" if gate.prune else "kept; --prune removes it"
+    outcomes += leftover(old, {*old} - {*gone}, Verdict.UPDATED, f"not in {whence}: {note}")
+    changed = sum(new[name] != old.get(name) for name in new)
+    tally = {"updated": changed, "unchanged": len(new) - changed, "removed": len({*old} - {*new})}
+    return Report(
+        baseline=path,
+        outcomes=tuple(outcomes),
+        version=__version__,
+        tally=tally,
+        notices=tuple(_few_runs(pairs, groups, new)),
+    )

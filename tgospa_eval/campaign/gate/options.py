@@ -1,0 +1,155 @@
+"""Options of a gate: what to judge by, and what to write. Imports nothing heavy, for the help."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import field
+from fnmatch import fnmatchcase
+from functools import partial
+
+from tgospa_eval.common.config import SettingsFile
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.options import Values, setting
+from tgospa_eval.text import clipped
+
+_stored = partial(setting, "Gate", trusted=False)
+_gate = partial(setting, "Gate", stored=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GateOptions(Values):
+    """What to judge by, how to evaluate, and what to write.
+
+    A default yields to the baseline, that to a configuration file, that to the suite, that to the
+    environment, that to a flag. `evaluation` has the options of the evaluation by field, `sources`
+    where the value of each parameter comes from (``commandline``, ``environment``, ``default_map``
+    for a configuration file, or ``default``), `typed` the arguments, for commands that messages
+    propose.
+    """
+
+    baseline: str | None = _stored(
+        "--baseline FILE",
+        "Baseline to judge by, a JSON file that --update-baseline makes. A suite may name its own.",
+        kind="path",
+    )
+    suite: str | None = _stored(
+        "--suite FILE",
+        "TOML file that lists several pairs of files, instead of TRUTH ESTIMATE.",
+        kind="path",
+    )
+    fail_on: tuple[str, ...] = _stored(
+        "--fail-on RULE",
+        "Fail if a value is worse than in the baseline by more than this: total:+1%, "
+        "counts.switch:+2; or is not in a range: nees:1.5..2.5. Values have the names of the JSON. "
+        "Repeatable.",
+        default=(),
+        shown="total:+0.001%",
+    )
+    warn_on: tuple[str, ...] = _stored(
+        "--warn-on RULE", "The same, but only warn. Repeatable.", default=()
+    )
+    maximum: tuple[str, ...] = _stored(
+        "--max NAME=VALUE",
+        "Fail if a value is above this, whatever the baseline says: tgospa=45. Repeatable. "
+        "Without other rules no baseline is needed.",
+        default=(),
+    )
+    junit: str | None = _stored("--junit FILE", "Write a JUnit XML report.", kind="path")
+    github: bool = _stored(
+        "--github",
+        "Write annotations to stderr, and a summary to the file that GITHUB_STEP_SUMMARY names.",
+        default=False,
+    )
+    update_baseline: bool = _gate(
+        "--update-baseline",
+        "Make the baseline, or renew the entries of all pairs, and exit with 0.",
+        default=False,
+    )
+    add: bool = _gate(
+        "--add",
+        "With --update-baseline, add this run to the nights that the baseline has, at most 10: "
+        "limits are judged against their mean.",
+        default=False,
+    )
+    strict: bool = _gate(
+        "--strict",
+        "Fail if a group is above its limit, although its seeds may be the reason.",
+        default=False,
+    )
+    against: str | None = _gate(
+        "--against TARGET",
+        "Judge the estimates of this branch by the suite, the baseline, the truths and the "
+        "configuration of the target branch, a git revision such as origin/main, or of a folder, "
+        "./target; what this branch has of these, and the environment, count for nothing.",
+    )
+    newer_than: str | None = _gate(
+        "--newer-than FILE|TIME",
+        "Estimates that were written before this file, or this time (2026-11-28T06:00), fail: the "
+        "tracker did not run.",
+    )
+    output: str | None = _gate(
+        "-o, --output DIR",
+        "Write gate.html, gate.md and gate.json to this folder, and a page for each pair.",
+        kind="path",
+    )
+    force: bool = _gate("--force", "Write into a folder with other files in it.", default=False)
+    only: tuple[str, ...] = _gate(
+        "--only PATTERN",
+        "With --update-baseline, renew the entries of these pairs alone: 'slow/*'. Repeatable.",
+        default=(),
+    )
+    prune: bool = _gate(
+        "--prune",
+        "With --update-baseline, remove entries of pairs that are there no more.",
+        default=False,
+    )
+    group: str | None = _gate(
+        "--group LABELS",
+        "Add up all pairs that agree in these labels of their patterns, such as scenario, and "
+        "judge the sums by --fail-on; all adds up all. Runs with other seeds say whether a change "
+        "is more than their noise.",
+    )
+    confidence: float | None = _gate(
+        "--confidence P",
+        "Of what is inferred from runs with other seeds: a tracker that is as good as the limit "
+        "fails in at most 1 - P of all gates.",
+        shown="0.97",
+    )
+    seed_label: str | None = _gate(
+        "--seed-label LABEL", "Label in which the runs of one scene differ.", shown="seed"
+    )
+    proof: str | None = _gate(
+        "--proof DIR",
+        "Write the proof of each value: to DIR/run, with --update-baseline to DIR/baseline.",
+        kind="path",
+    )
+
+    evaluation: Mapping[str, object] = field(default_factory=dict)
+    sources: Mapping[str, str] = field(default_factory=dict)
+    typed: tuple[str, ...] = ()
+    quiet: bool = False
+    verbose: bool = False
+    config: SettingsFile | None = None
+
+    def given(self, *sources: str) -> dict[str, object]:
+        """Options of the evaluation from these sources, by field."""
+        return {
+            name: value
+            for name, value in self.evaluation.items()
+            if self.sources.get(name) in sources
+        }
+
+    def strong(self, name: str) -> bool:
+        """Whether it is a flag or from the environment."""
+        return self.sources.get(name) in ("commandline", "environment")
+
+    def chosen(self, name: str) -> bool:
+        """Whether an update is about this pair."""
+        return not self.only or any(fnmatchcase(name, pattern) for pattern in self.only)
+
+    @property
+    def renewed(self) -> Callable[[str], bool] | None:
+        """Which entries an update makes anew; None without one."""
+        return self.chosen if self.update_baseline else None
+
+    def prefix(self, name: str) -> str:
+        """What a line about a pair begins with: its name, where there are several."""
+        return f"{clipped(name)}: " if self.suite else ""
