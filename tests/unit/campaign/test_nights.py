@@ -26,7 +26,9 @@ def test_an_equal_tracker_jumps_in_one_gate_of_500_at_most(pool: nights.Pool, be
     for _ in range(count):
         order = np.argsort(rng.random(totals.shape), axis=-1)[..., : 1 + before]
         drawn = np.take_along_axis(totals, order, axis=-1)
-        scenes = [Rises.of_costs(runs[:, 0], [*(runs[:, 1:] * LIMIT)], paired=True) for runs in drawn]
+        scenes = [
+            Rises.of_costs(runs[:, 0], [*(runs[:, 1:] * LIMIT)], paired=True) for runs in drawn
+        ]
         least = min(min(p, *each) for p, each in jumps(scenes))
         found += least <= nights.FALSE_ALARMS
     assert found / count <= 0.002
