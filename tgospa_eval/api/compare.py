@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
-from tgospa_eval.api.resolve import Settings, called, make_settings
+from tgospa_eval.api.reading import called
+from tgospa_eval.api.resolve import Settings, make_settings
 from tgospa_eval.api.sweep import ONE_EVALUATION
 from tgospa_eval.campaign.pairs import expand, first_file, is_pattern, short_names
 from tgospa_eval.campaign.ranking import (
@@ -37,8 +38,8 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.evaluation.other_metrics import Others, joined, other_metrics
 from tgospa_eval.evaluation.prepare import Prepared, prepare
-from tgospa_eval.evaluation.sides import TrajectoriesLike, as_solver
 from tgospa_eval.formats import Reading
+from tgospa_eval.formats.objects import TrajectoriesLike
 from tgospa_eval.results.consistency import ABOUT_COVARIANCES
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import (
@@ -49,14 +50,14 @@ from tgospa_eval.results.saved import (
     unlike,
 )
 from tgospa_eval.show.comparison import estimates_columns, pairs_columns, render, solvers_columns
-from tgospa_eval.solvers import SOLVERS, Solver
+from tgospa_eval.solvers import SOLVERS, Solver, as_solver
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.ignored import refuse_own_marks
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tgospa_eval.evaluation.sides import Components
+    from tgospa_eval.formats.objects import Components
 
 
 COMMAND = r"; to [a-z ]+: tgospa-eval compare [A-Z ]+"

@@ -11,9 +11,9 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import parsed
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.base import Fault
+from tgospa_eval.distances.registry import as_distance
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats.columns.headers import BOX, parse_columns
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.trajectories import PLACES

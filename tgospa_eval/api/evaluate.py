@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, cast
 from tgospa_eval.api.in_parts import check_parts, evaluate_in_parts, parts_in_words
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.notices import about, about_same, pair_notices, slow_notice
-from tgospa_eval.api.resolve import Settings, called, make_settings
+from tgospa_eval.api.reading import align_sides, called, read_comparable
+from tgospa_eval.api.resolve import Settings, make_settings
 from tgospa_eval.api.result import ByClass, Result, ResultInParts, result_of
 from tgospa_eval.common.frozen import dataclass, recast, replace
 from tgospa_eval.common.notices import Notice, in_python, warn_user
@@ -23,11 +24,11 @@ from tgospa_eval.evaluation.by_class import add_up
 from tgospa_eval.evaluation.evaluate import evaluate_fitted
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.evaluation.sides import is_path
 from tgospa_eval.formats import Reading
+from tgospa_eval.formats.objects import is_path
 
 if TYPE_CHECKING:
-    from tgospa_eval.evaluation.sides import Components, TrajectoriesLike
+    from tgospa_eval.formats.objects import Components, TrajectoriesLike
 
 Notify = Callable[[Notice], None]
 """What to do with a notice, or a warning."""
@@ -83,7 +84,7 @@ def read_sides(
     settings : Settings
         The request.
     truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
-        The two sides; the truth may be what `Settings.read_side` made of it.
+        The two sides; the truth may be a `Reading`.
     stopwatch : Stopwatch
         Running clock.
     notify : callable, optional
@@ -100,9 +101,11 @@ def read_sides(
     """
     given = (truth, estimate)
     with stopwatch.span("read"):
-        sides = settings.read(*given, mapping=mapping, advise=notify is not None, known=known)
+        sides = read_comparable(
+            settings, *given, mapping=mapping, advise=notify is not None, known=known
+        )
     names = called(given)
-    fitted, request = settings.fit(sides, names)
+    fitted, request = align_sides(settings, sides, names)
     notices = [
         *(notice for name, side in zip(names, sides, strict=True) for notice in about(name, side)),
         *(about_same(*fitted.read) if is_path(truth) or truth is not estimate else ()),

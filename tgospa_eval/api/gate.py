@@ -58,8 +58,8 @@ from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.writing import write_file
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
-from tgospa_eval.evaluation.sides import TrajectoriesLike
 from tgospa_eval.formats.guess import file_of, files_at
+from tgospa_eval.formats.objects import TrajectoriesLike
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import ACCURACY

@@ -9,16 +9,18 @@ import os
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request, is_coverage
+from tgospa_eval.api.reading import check_sides
 from tgospa_eval.api.resolve import Settings
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.machine import cores, machine_memory
 from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.distances.registry import as_distance
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats.columns.headers import Headers
 from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.guess import ENDINGS, folder_format, is_table_folder
@@ -157,7 +159,7 @@ def evaluate_in_parts(
         engine=engine_of(options.scheduler, jobs) if spread else None,
         kept=kept,
         stopwatch=stopwatch,
-        check=settings.check,
+        check=partial(check_sides, settings),
     )
     return replace(result, calibration=settings.similarity)
 

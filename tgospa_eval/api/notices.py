@@ -10,6 +10,7 @@ from tgospa_eval.api.resolve import Settings
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
+from tgospa_eval.distances.registry import as_distance
 from tgospa_eval.evaluation.diagnosis import (
     alignment_notices,
     axis_notices,
@@ -18,7 +19,6 @@ from tgospa_eval.evaluation.diagnosis import (
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained, unit_notices
 from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats import Reading
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.results.evaluation import Evaluation

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval.api.distance import REDUCTION_NAMES, reduction
 from tgospa_eval.api.keywords import requested, taken, with_options
 from tgospa_eval.api.options import NOT_OF_SENSORS, SETTINGS, Request
-from tgospa_eval.api.resolve import Settings, called, make_settings
+from tgospa_eval.api.reading import align_sides, called, read_comparable
+from tgospa_eval.api.resolve import Settings, make_settings
 from tgospa_eval.common.frozen import dataclass, recast, replace
 from tgospa_eval.common.notices import in_python, warn_user
 from tgospa_eval.distances import Effort, Reduction
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from tgospa_eval.evaluation.sides import Components, TrajectoriesLike
+    from tgospa_eval.formats.objects import Components, TrajectoriesLike
     from tgospa_eval.show.plot_data import PlotData
 
 
@@ -102,7 +103,7 @@ def associate_sides(
     all_pairs: bool,
 ) -> Association:
     """The association of sides that were read; `names` are for messages."""
-    fitted, _ = settings.fit(sides, names)
+    fitted, _ = align_sides(settings, sides, names)
     found = associate_states(
         fitted.alignment.truth,
         fitted.alignment.estimate,
@@ -146,7 +147,7 @@ def _read(
 ) -> tuple[Reading, ...]:
     """Sides in the role of estimates, with a Python warning for what looks wrong."""
     roles = ("estimate",) * len(given)
-    sides = settings.read(*given, roles=roles, names=names, mapping=mapping)
+    sides = read_comparable(settings, *given, roles=roles, names=names, mapping=mapping)
     for side in sides:
         warn_user(side.warnings, lambda text: in_python(text, reads=False))
     return sides

@@ -19,7 +19,7 @@ from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.results.sweep import Sweep
 
 if TYPE_CHECKING:
-    from tgospa_eval.evaluation.sides import Components, TrajectoriesLike
+    from tgospa_eval.formats.objects import Components, TrajectoriesLike
 
 Values: TypeAlias = float | Sequence[float] | Floats
 

@@ -49,6 +49,7 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
+    from tgospa_eval.api.reading import align_sides, read_comparable
     from tgospa_eval.api.resolve import make_settings
     from tgospa_eval.cli.shared.progress import run
     from tgospa_eval.cli.shared.streams import emit, print_notice
@@ -75,11 +76,11 @@ def command(
 
     def work() -> Json:
         with stopwatch.span("read"):
-            sides = settings.read(*paths)
+            sides = read_comparable(settings, *paths)
         if len(sides) == 1:
             fitted, asked = None, settings.request(sides[0].trajectories.columns)
         else:
-            fitted, asked = settings.fit(sides, paths)
+            fitted, asked = align_sides(settings, sides, paths)
         if plot is not None:
             seen = [side.trajectories for side in sides] if fitted is None else fitted.read
             sides_seen = list(zip(paths, seen, strict=True))

@@ -225,6 +225,7 @@ def _prepared(
     from dataclasses import replace
 
     from tgospa_eval.api.keywords import requested
+    from tgospa_eval.api.reading import align_sides, read_comparable
     from tgospa_eval.api.resolve import make_settings
     from tgospa_eval.evaluation.prepare import fit, prepare
 
@@ -236,8 +237,8 @@ def _prepared(
             }
         )
     )
-    sides = settings.read(*files)
-    fitted, request = settings.fit(sides, files)
+    sides = read_comparable(settings, *files)
+    fitted, request = align_sides(settings, sides, files)
     if "class" in proof:
         truth, estimate = (side.of_class(proof["class"]) for side in sides)
         fitted = fit(truth, estimate, replace(request, distance=fitted.distance))

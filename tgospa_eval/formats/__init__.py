@@ -1,4 +1,4 @@
-"""FILES -> Trajectories: readers by name, how to read, and what was read.
+"""FILES and objects -> Trajectories: readers by name, how to read, and what was read.
 
 The public names are imported when they are used: the command line needs the names of formats alone.
 """
@@ -10,6 +10,7 @@ from tgospa_eval.formats.registry import FORMATS
 
 if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.formats.files import read as read
+    from tgospa_eval.formats.files import read_pair as read_pair
     from tgospa_eval.formats.files import read_trajectories as read_trajectories
     from tgospa_eval.formats.files import runs_inside as runs_inside
     from tgospa_eval.formats.options import ROLES as ROLES
@@ -21,6 +22,7 @@ _HOME = {
     "ReadOptions": "options",
     "Reading": "reading",
     "read": "files",
+    "read_pair": "files",
     "read_trajectories": "files",
     "runs_inside": "files",
 }

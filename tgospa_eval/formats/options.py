@@ -256,6 +256,8 @@ class ReadOptions:
         What these files are.
     option : str
         What messages call `columns`, see `formats.columns.headers.ask`.
+    of_tables : str
+        An option in use that only what has rows and headers can follow; blank if there is none.
 
     Raises
     ------
@@ -295,6 +297,7 @@ class ReadOptions:
     beside: tuple[str, ...] = ()
     roles: tuple[str, ...] = ROLES
     option: str = "columns"
+    of_tables: str = ""
 
     def __post_init__(self) -> None:
         for name in ("columns", "classes", "attributes"):

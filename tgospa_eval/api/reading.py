@@ -1,0 +1,231 @@
+"""Both sides of a request as they can be compared, and on the same steps."""
+
+import os
+from collections.abc import Sequence
+from contextlib import nullcontext, suppress
+from typing import TYPE_CHECKING, Any
+
+from tgospa_eval.api.places import check_places
+from tgospa_eval.api.resolve import Settings
+from tgospa_eval.common.frozen import replace
+from tgospa_eval.distances.checks import check_columns, check_states
+from tgospa_eval.errors import InputError, NothingLeftError
+from tgospa_eval.evaluation.axis import check_left
+from tgospa_eval.evaluation.prepare import Fitted, fit
+from tgospa_eval.evaluation.request import OF_TRACKEVAL, EvaluationRequest
+from tgospa_eval.formats import ROLES, Reading, read, read_pair
+from tgospa_eval.formats.objects import has_rows, is_path
+from tgospa_eval.formats.reading import check_classes, in_one_clock
+from tgospa_eval.formats.rows import NOT_CONSIDERED
+
+if TYPE_CHECKING:
+    from tgospa_eval.formats.objects import Components, TrajectoriesLike
+
+
+def called(given: Sequence[object], roles: Sequence[str] = ROLES) -> tuple[str, ...]:
+    """What sides are called in messages: files by their paths, others by what they are."""
+    return tuple(
+        os.fsdecode(side) if is_path(side) else role
+        for side, role in zip(given, roles, strict=False)
+    )
+
+
+def read_comparable(
+    settings: Settings,
+    *given: "TrajectoriesLike | Reading",
+    roles: tuple[str, ...] = ROLES,
+    names: tuple[str, ...] | None = None,
+    mapping: "Components | None" = None,
+    advise: bool = True,
+    known: dict[str, Reading] | None = None,
+) -> tuple[Reading, ...]:
+    """Read the truth, and the estimate if there is one; or sides in other roles.
+
+    Both are in the same units, clock and frame, and without the rows that take no part.
+
+    Parameters
+    ----------
+    settings : Settings
+        How to read them.
+    *given : path, Trajectories, DataFrame, array, mapping, set of tracks, or Reading
+        Each side.
+    roles : tuple of str
+        What they are.
+    names : tuple of str, optional
+        What messages call those that are no files; by default their roles.
+    mapping : sequence of int, or pair of such, optional
+        Of tracks with state vectors the components to compare.
+    advise : bool
+        Whether a folder gets a message with what to type.
+    known : dict, optional
+        The last truth by its path, for several estimates of it: it is read once.
+
+    Raises
+    ------
+    InputError
+        A path is a folder, a side is wrong, or all lack a header that is mapped; all faults at
+        once.
+    ConfigError
+        No side has a class that was asked for, the filters leave no row of any, or are not for
+        what a side is.
+    """
+    names = called(given, names or roles)
+    if advise:
+        check_places(names)
+    frames, distance = settings.frames, settings.evaluation.distance
+    sides = read_pair(
+        given,
+        settings.each,
+        settings.formats,
+        names,
+        roles,
+        distance=distance.name,
+        columns=distance.columns,
+        local=frames is not None and frames.begin is not None,
+        mapping=mapping,
+        known=known,
+    )
+    if len(sides) == len(ROLES):
+        for k in range(len(ROLES)):
+            sides = _converted(settings, sides, k, given[k])
+        sides = in_one_clock(sides)
+        if frames is not None:
+            truth, estimate = sides
+            *placed, warning = frames.joined((truth.trajectories, estimate.trajectories), names)
+            warnings = estimate.warnings if warning is None else (*estimate.warnings, warning)
+            sides = (
+                replace(truth, trajectories=placed[0]),
+                replace(estimate, trajectories=placed[1], warnings=warnings),
+            )
+    if settings.coverage is not None:
+        sides = _covered(settings, sides, names)
+    with suppress(NothingLeftError) if settings.one_of_many else nullcontext():
+        check_sides(settings, sides, names)
+    if roles != ROLES or len(sides) < len(ROLES):
+        return sides
+    sides = _preprocessed(settings, sides, names)
+    ignoring = settings.evaluation.ignoring
+    return sides if ignoring is None else ignoring.mark(sides, names)
+
+
+def _converted(
+    settings: Settings, sides: tuple[Reading, ...], k: int, given: object
+) -> tuple[Reading, ...]:
+    """Both sides, one with the stamps and states that are asked for, if reading left that open."""
+    conversion, role, own = settings.conversions[k], ROLES[k], settings.each[k]
+    if not conversion.recorded_of(role):
+        return sides
+    if own.conversion.recorded_of(role) and has_rows(given, own):
+        return sides
+    if conversion.unit_scale != 1:
+        truth, estimate = (side.trajectories for side in sides)
+        check_columns(truth, estimate)
+        check_states(truth, estimate, settings.evaluation.distance)
+        distance = settings.measure.distance(truth.columns).settings(truth.columns)
+        conversion = replace(conversion, angles=tuple(distance.get("periodic", ())))
+    made = conversion(sides[k].trajectories, role)
+    return (*sides[:k], replace(sides[k], trajectories=made), *sides[k + 1 :])
+
+
+def _covered(
+    settings: Settings, sides: tuple[Reading, ...], names: tuple[str, ...]
+) -> tuple[Reading, ...]:
+    """The rows of all sides that are inside the regions of --region."""
+    from tgospa_eval.evaluation.preprocess import kept_rows  # lazy: few have regions
+    from tgospa_eval.evaluation.regions import coverage, inside
+
+    assert settings.coverage is not None
+    kept, origin = [], None if settings.frames is None else settings.frames.begin
+    for side, name in zip(sides, names, strict=True):
+        earth = origin is not None or "lat" in side.trajectories.columns
+        regions = coverage(settings.coverage, settings.reading.decimal, earth=earth)
+        regions = replace(regions, origin=origin)
+        near = settings.evaluation.time_matching.near
+        rows = inside(regions, side.trajectories, near, name)
+        kept.append(kept_rows(side, rows, "region"))
+    return tuple(kept)
+
+
+def _preprocessed(
+    settings: Settings, sides: tuple[Reading, ...], paths: tuple[str, ...]
+) -> tuple[Reading, ...]:
+    """Both files without what the rules of a benchmark leave out, if that is asked for.
+
+    Where it is not, and numbers are asked for that tables have, a warning says so.
+
+    Raises
+    ------
+    ConfigError
+        The truth does not say what that is.
+    """
+    with_ = {*settings.evaluation.with_}
+    if not settings.preprocess and (not settings.measure.boxes or with_.isdisjoint(OF_TRACKEVAL)):
+        return sides
+    from tgospa_eval.evaluation.preprocess import (  # lazy: for boxes only
+        benchmark_warnings,
+        preprocessed,
+    )
+
+    of_truth = settings.each[0]
+
+    def everything(**changes: Any) -> Reading:
+        """With the rows that a flag leaves out, of all classes."""
+        options = replace(of_truth, classes=None, kept=(NOT_CONSIDERED,), **changes)
+        return read(paths[0], options, "truth", settings.formats[0])
+
+    if settings.preprocess:
+        ignoring = settings.evaluation.ignoring
+        return preprocessed(
+            settings.preprocess,
+            sides,
+            lambda: everything(attributes=(*of_truth.attributes, "conf")),
+            (paths[0], paths[1]),
+            None if ignoring is None else ignoring.regions,
+        )
+    warnings = benchmark_warnings(sides[0], lambda: everything(attributes=("class",)))
+    return replace(sides[0], warnings=(*sides[0].warnings, *warnings)), *sides[1:]
+
+
+def check_sides(settings: Settings, sides: tuple[Reading, ...], paths: tuple[str, ...]) -> None:
+    """Whether some file has what was asked of all.
+
+    Raises
+    ------
+    InputError
+        None has a header that is mapped, or classes.
+    ConfigError
+        None has a class that was asked for, or the filters leave no row of any.
+    """
+    for name in sides[0].missing:
+        if all(name in side.missing for side in sides):
+            raise InputError(*dict.fromkeys(side.missing[name] for side in sides))
+    check_classes(sides, paths, settings.reading.classes, settings.each)
+    filters = {"time", "class", "region", "where"}
+    if not any(side.taken for side in sides) and any(
+        filters & side.left_out.keys() for side in sides
+    ):
+        used = (name.replace("_", "-") for name in settings.recorded)
+        given = " and ".join(f"--{name}" for name in used if name.split("-")[-1] in filters)
+        raise NothingLeftError(f"{given}: no row is left to evaluate")
+
+
+def align_sides(
+    settings: Settings, sides: tuple[Reading, ...], names: tuple[str, ...]
+) -> tuple[Fitted, EvaluationRequest]:
+    """Two sides on the same steps, and what is asked of them.
+
+    Raises
+    ------
+    ConfigError
+        The options do not fit the sides.
+    InputError
+        The sides do not fit each other.
+    """
+    truth, estimate = (side.trajectories for side in sides)
+    check_columns(truth, estimate, (names[0], names[1]))
+    request = settings.request(truth.columns)
+    fitted = fit(truth, estimate, request, (names[0], names[1]))
+    if not settings.one_of_many:
+        kept = sum(len(side.step) for side in fitted.axis.sides)
+        check_left(request.time_matching, kept, fitted.axis.left_out)
+    return fitted, request
