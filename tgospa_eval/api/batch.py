@@ -26,7 +26,7 @@ from tgospa_eval.api.batch_row import (
 )
 from tgospa_eval.api.keywords import with_options
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.options import FLAGS, SETTINGS, Request, Values, typed
+from tgospa_eval.api.options import FLAGS, OPTION_SPECS, Request, Values, typed
 from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.curves import rms_curves
 from tgospa_eval.campaign.pairs import BatchPlan, Job
@@ -87,7 +87,7 @@ MOST_HELD = 200_000
 NUMBERS_OF_STATES = ("sizes.truth_states", "sizes.estimate_states")
 """Columns that are 0 in an evaluation of nothing."""
 
-OF_ONE = ("by", "jobs", *(name for name, about in SETTINGS.items() if not about.everywhere))
+OF_ONE = ("by", "jobs", *(name for name, about in OPTION_SPECS.items() if not about.everywhere))
 """Options of an evaluation that are not for many, or that `batch` has in another form."""
 
 Notify = Callable[[str], object]
@@ -215,7 +215,7 @@ def batch(
         An option or the manifest is wrong, or files are missing; nothing is begun then.
     """
     given = dict(locals())  # options of batch by their names
-    asked = {SETTINGS[name].key: value for name, value in options.items() if value is not None}
+    asked = {OPTION_SPECS[name].key: value for name, value in options.items() if value is not None}
     evaluation = {
         **typed(asked, "batch"),
         "summed": True,

@@ -145,7 +145,7 @@ def files_of(job: Job, options: Request) -> tuple[str, ...]:
 def evaluate_job(task: JobTask) -> Row:
     """The row of a job; a wrong file or a failed solver is a row as well, with its message."""
     from tgospa_eval.api.evaluate import evaluate_sides, read_sides  # here: the parent does without
-    from tgospa_eval.api.resolve import make_settings
+    from tgospa_eval.api.resolve import resolve_request
 
     begin = time.monotonic()
     try:
@@ -153,8 +153,8 @@ def evaluate_job(task: JobTask) -> Row:
         unseen = _unseen(task, here)
         if unseen is not None:
             return finished_row(task, unseen, 0.0)
-        settings, stopwatch = make_settings(here.options), Stopwatch()
-        settings = replace(settings, one_of_many=True)
+        settings, stopwatch = resolve_request(here.options), Stopwatch()
+        settings = replace(settings, allow_empty=True)
         sides = read_sides(settings, here.job.truth, here.job.estimate, stopwatch, _quiet)
         result = evaluate_sides(settings, sides, stopwatch)
         result = replace(result, settings_file=task.settings_file)
@@ -288,7 +288,7 @@ def judged_row(
     """
     from tgospa_eval.api.evaluate import evaluate_sides, read_sides  # here: the parent does without
     from tgospa_eval.api.notices import about_run
-    from tgospa_eval.api.resolve import make_settings
+    from tgospa_eval.api.resolve import resolve_request
 
     begin, lines = time.monotonic(), list[str]()
     say = say or lines.append
@@ -299,7 +299,7 @@ def judged_row(
             say(str(notice))
 
     try:
-        settings, stopwatch = make_settings(task.options), Stopwatch()
+        settings, stopwatch = resolve_request(task.options), Stopwatch()
         if not task.quiet:
             stopwatch.notify = say
 

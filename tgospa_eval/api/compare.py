@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.reading import called
-from tgospa_eval.api.resolve import Settings, make_settings
+from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.api.sweep import ONE_EVALUATION
 from tgospa_eval.campaign.pairs import expand, first_file, is_pattern, short_names
 from tgospa_eval.campaign.ranking import (
@@ -35,9 +35,9 @@ from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Effort
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.evaluation.other_metrics import Others, joined, other_metrics
-from tgospa_eval.evaluation.prepare import Prepared, prepare
+from tgospa_eval.evaluation.prepare import PreparedPair, prepare
+from tgospa_eval.evaluation.prove import solve
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.objects import TrajectoriesLike
 from tgospa_eval.results.consistency import ABOUT_COVARIANCES
@@ -161,7 +161,7 @@ def compare(
     chosen = [as_solver(item) for item in solvers]
     if chosen:
         given["solver"] = chosen[0]
-    settings, stopwatch = make_settings(requested(given)), Stopwatch()
+    settings, stopwatch = resolve_request(requested(given)), Stopwatch()
     check_solvers(chosen)
     notices: list[Notice] = []
     pairs = PairReader(settings, stopwatch, notices.append, mapping=mapping, in_python=True)
@@ -217,7 +217,7 @@ class PairReader:
 
     Parameters
     ----------
-    settings : Settings
+    settings : ResolvedRequest
         How to read and evaluate.
     stopwatch : Stopwatch
         Gets the time by stage.
@@ -231,7 +231,7 @@ class PairReader:
 
     def __init__(
         self,
-        settings: Settings,
+        settings: ResolvedRequest,
         stopwatch: Stopwatch,
         notify: Notify,
         *,
@@ -252,7 +252,7 @@ class PairReader:
 
     def prepared(
         self, truth: TrajectoriesLike, estimate: TrajectoriesLike, name: str = ""
-    ) -> Prepared:
+    ) -> PreparedPair:
         """The problem of two sides; notices about both together have a name, if it is given."""
         of_file = tuple(f"{path}: " for path in called((truth, estimate), ("", "")))
 

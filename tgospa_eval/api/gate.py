@@ -15,7 +15,15 @@ from tgospa_eval._version import __version__
 from tgospa_eval.api.batch_row import JobTask, Run, judged_rows
 from tgospa_eval.api.evaluate import evaluate
 from tgospa_eval.api.keywords import KEYWORDS, with_options
-from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, SETTINGS, Request, Values, typed
+from tgospa_eval.api.options import (
+    FLAGS,
+    NAMES,
+    OF_THE_NUMBER,
+    OPTION_SPECS,
+    Request,
+    Values,
+    typed,
+)
 from tgospa_eval.campaign.gate.baseline import (
     CHANGED,
     Baseline,
@@ -349,7 +357,7 @@ def _first_change(options: Mapping[str, object], pair: Job, content: bytes) -> s
     from tempfile import TemporaryDirectory  # here: truths seldom change
 
     from tgospa_eval.api.evaluate import read_sides
-    from tgospa_eval.api.resolve import make_settings
+    from tgospa_eval.api.resolve import resolve_request
 
     def states(truth: str) -> dict[tuple[float, str], tuple[str, list[float]]]:
         sides = read_sides(settings, truth, pair.estimate, Stopwatch(), lambda _: None)
@@ -360,7 +368,7 @@ def _first_change(options: Mapping[str, object], pair: Job, content: bytes) -> s
             for k, track, state in rows
         }
 
-    settings = make_settings(Request.of(options))
+    settings = resolve_request(Request.of(options))
     with TemporaryDirectory() as folder:
         path = os.path.join(folder, os.path.basename(pair.truth))
         with open(path, "wb") as file:
@@ -1077,7 +1085,7 @@ def gate(
 def _gate_of_suite(judge_by: GateOptions, options: Mapping[str, Any]) -> GateResult:
     """Judge a suite by options that are texts and numbers, as those of a batch."""
     given = {name: value for name, value in options.items() if value is not None}
-    values = typed({SETTINGS[name].key: value for name, value in given.items()}, "gate")
+    values = typed({OPTION_SPECS[name].key: value for name, value in given.items()}, "gate")
     named = ("baseline", "suite", *RULE_PARAMETERS.values())
     chosen = {name for name in named if getattr(judge_by, name)}
     sources = dict.fromkeys(NAMES.values(), "default")

@@ -37,7 +37,7 @@ RESAMPLE_FIRST = "resample first: write both sides at common times, and give the
 
 
 @dataclass(frozen=True)
-class Setting:
+class OptionSpec:
     """What is known of a field of `Request`.
 
     Parameters
@@ -94,7 +94,7 @@ class Setting:
 def setting(section: str, declaration: str, text: str, *, default: Any = None, **about: Any) -> Any:
     """Declare a field of `Request`."""
     return dataclasses.field(
-        default=default, metadata={"setting": Setting(section, declaration, text, **about)}
+        default=default, metadata={"setting": OptionSpec(section, declaration, text, **about)}
     )
 
 
@@ -677,15 +677,15 @@ def names_file(name: str, value: object) -> bool:
         return value not in ("global", "pair")
     if name == "region":
         return is_coverage(str(value)) and not str(value).startswith("circle=")
-    return name in SETTINGS and SETTINGS[name].kind == "path"
+    return name in OPTION_SPECS and OPTION_SPECS[name].kind == "path"
 
 
-SETTINGS: dict[str, Setting] = {
+OPTION_SPECS: dict[str, OptionSpec] = {
     field.name: field.metadata["setting"] for field in dataclasses.fields(Request) if field.metadata
 }
 """Of the fields that have an option."""
 
-NAMES = {about.key: name for name, about in SETTINGS.items() if about.everywhere}
+NAMES = {about.key: name for name, about in OPTION_SPECS.items() if about.everywhere}
 """Of those that all verbs have, by their names in a settings file."""
 
 NOT_OF_SENSORS = (
@@ -720,7 +720,7 @@ def typed(settings: Mapping[str, object], where: str) -> dict[str, Any]:
 
 
 def _typed(name: str, value: str | float, where: str, key: str) -> Any:
-    about, fault = SETTINGS[name], ""
+    about, fault = OPTION_SPECS[name], ""
     kinds = get_args(TYPES[name]) or (TYPES[name],)
     kind = next((kind for kind in (bool, int, float) if kind in kinds), str)
     made: Any = value
@@ -746,6 +746,6 @@ def _typed(name: str, value: str | float, where: str, key: str) -> Any:
 OF_THE_NUMBER: dict[str, object] = {
     name: default
     for name, default in DEFAULTS.items()
-    if name == "pairwise" or (name in SETTINGS and SETTINGS[name].number)
+    if name == "pairwise" or (name in OPTION_SPECS and OPTION_SPECS[name].number)
 }
 """Defaults of the fields that change the number or its bracket."""

@@ -6,12 +6,12 @@ from contextlib import nullcontext, suppress
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.places import check_places
-from tgospa_eval.api.resolve import Settings
+from tgospa_eval.api.resolve import ResolvedRequest
 from tgospa_eval.common.frozen import replace
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.errors import InputError, NothingLeftError
 from tgospa_eval.evaluation.axis import check_left
-from tgospa_eval.evaluation.prepare import Fitted, fit
+from tgospa_eval.evaluation.prepare import AlignedPair, fit
 from tgospa_eval.evaluation.request import OF_TRACKEVAL, EvaluationRequest
 from tgospa_eval.formats import ROLES, Reading, read, read_pair
 from tgospa_eval.formats.objects import has_rows, is_path
@@ -31,7 +31,7 @@ def called(given: Sequence[object], roles: Sequence[str] = ROLES) -> tuple[str, 
 
 
 def read_comparable(
-    settings: Settings,
+    resolved: ResolvedRequest,
     *given: "TrajectoriesLike | Reading",
     roles: tuple[str, ...] = ROLES,
     names: tuple[str, ...] | None = None,
@@ -45,7 +45,7 @@ def read_comparable(
 
     Parameters
     ----------
-    settings : Settings
+    resolved : ResolvedRequest
         How to read them.
     *given : path, Trajectories, DataFrame, array, mapping, set of tracks, or Reading
         Each side.
@@ -72,11 +72,11 @@ def read_comparable(
     names = called(given, names or roles)
     if advise:
         check_places(names)
-    frames, distance = settings.frames, settings.evaluation.distance
+    frames, distance = resolved.frames, resolved.evaluation.distance
     sides = read_pair(
         given,
-        settings.each,
-        settings.formats,
+        resolved.each,
+        resolved.formats,
         names,
         roles,
         distance=distance.name,
@@ -87,7 +87,7 @@ def read_comparable(
     )
     if len(sides) == len(ROLES):
         for k in range(len(ROLES)):
-            sides = _converted(settings, sides, k, given[k])
+            sides = _converted(resolved, sides, k, given[k])
         sides = in_one_clock(sides)
         if frames is not None:
             truth, estimate = sides
@@ -97,22 +97,22 @@ def read_comparable(
                 replace(truth, trajectories=placed[0]),
                 replace(estimate, trajectories=placed[1], warnings=warnings),
             )
-    if settings.coverage is not None:
-        sides = _covered(settings, sides, names)
-    with suppress(NothingLeftError) if settings.one_of_many else nullcontext():
-        check_sides(settings, sides, names)
+    if resolved.coverage is not None:
+        sides = _covered(resolved, sides, names)
+    with suppress(NothingLeftError) if resolved.allow_empty else nullcontext():
+        check_sides(resolved, sides, names)
     if roles != ROLES or len(sides) < len(ROLES):
         return sides
-    sides = _preprocessed(settings, sides, names)
-    ignoring = settings.evaluation.ignoring
+    sides = _preprocessed(resolved, sides, names)
+    ignoring = resolved.evaluation.ignoring
     return sides if ignoring is None else ignoring.mark(sides, names)
 
 
 def _converted(
-    settings: Settings, sides: tuple[Reading, ...], k: int, given: object
+    resolved: ResolvedRequest, sides: tuple[Reading, ...], k: int, given: object
 ) -> tuple[Reading, ...]:
     """Both sides, one with the stamps and states that are asked for, if reading left that open."""
-    conversion, role, own = settings.conversions[k], ROLES[k], settings.each[k]
+    conversion, role, own = resolved.conversions[k], ROLES[k], resolved.each[k]
     if not conversion.recorded_of(role):
         return sides
     if own.conversion.recorded_of(role) and has_rows(given, own):
@@ -120,34 +120,34 @@ def _converted(
     if conversion.unit_scale != 1:
         truth, estimate = (side.trajectories for side in sides)
         check_columns(truth, estimate)
-        check_states(truth, estimate, settings.evaluation.distance)
-        distance = settings.measure.distance(truth.columns).settings(truth.columns)
+        check_states(truth, estimate, resolved.evaluation.distance)
+        distance = resolved.measure.distance(truth.columns).settings(truth.columns)
         conversion = replace(conversion, angles=tuple(distance.get("periodic", ())))
     made = conversion(sides[k].trajectories, role)
     return (*sides[:k], replace(sides[k], trajectories=made), *sides[k + 1 :])
 
 
 def _covered(
-    settings: Settings, sides: tuple[Reading, ...], names: tuple[str, ...]
+    resolved: ResolvedRequest, sides: tuple[Reading, ...], names: tuple[str, ...]
 ) -> tuple[Reading, ...]:
     """The rows of all sides that are inside the regions of --region."""
     from tgospa_eval.evaluation.preprocess import kept_rows  # lazy: few have regions
     from tgospa_eval.evaluation.regions import coverage, inside
 
-    assert settings.coverage is not None
-    kept, origin = [], None if settings.frames is None else settings.frames.begin
+    assert resolved.coverage is not None
+    kept, origin = [], None if resolved.frames is None else resolved.frames.begin
     for side, name in zip(sides, names, strict=True):
         earth = origin is not None or "lat" in side.trajectories.columns
-        regions = coverage(settings.coverage, settings.reading.decimal, earth=earth)
+        regions = coverage(resolved.coverage, resolved.reading.decimal, earth=earth)
         regions = replace(regions, origin=origin)
-        near = settings.evaluation.time_matching.near
+        near = resolved.evaluation.time_matching.near
         rows = inside(regions, side.trajectories, near, name)
         kept.append(kept_rows(side, rows, "region"))
     return tuple(kept)
 
 
 def _preprocessed(
-    settings: Settings, sides: tuple[Reading, ...], paths: tuple[str, ...]
+    resolved: ResolvedRequest, sides: tuple[Reading, ...], paths: tuple[str, ...]
 ) -> tuple[Reading, ...]:
     """Both files without what the rules of a benchmark leave out, if that is asked for.
 
@@ -158,25 +158,25 @@ def _preprocessed(
     ConfigError
         The truth does not say what that is.
     """
-    with_ = {*settings.evaluation.with_}
-    if not settings.preprocess and (not settings.measure.boxes or with_.isdisjoint(OF_TRACKEVAL)):
+    with_ = {*resolved.evaluation.with_}
+    if not resolved.preprocess and (not resolved.measure.boxes or with_.isdisjoint(OF_TRACKEVAL)):
         return sides
     from tgospa_eval.evaluation.preprocess import (  # lazy: for boxes only
         benchmark_warnings,
         preprocessed,
     )
 
-    of_truth = settings.each[0]
+    of_truth = resolved.each[0]
 
     def everything(**changes: Any) -> Reading:
         """With the rows that a flag leaves out, of all classes."""
         options = replace(of_truth, classes=None, kept=(NOT_CONSIDERED,), **changes)
-        return read(paths[0], options, "truth", settings.formats[0])
+        return read(paths[0], options, "truth", resolved.formats[0])
 
-    if settings.preprocess:
-        ignoring = settings.evaluation.ignoring
+    if resolved.preprocess:
+        ignoring = resolved.evaluation.ignoring
         return preprocessed(
-            settings.preprocess,
+            resolved.preprocess,
             sides,
             lambda: everything(attributes=(*of_truth.attributes, "conf")),
             (paths[0], paths[1]),
@@ -186,7 +186,9 @@ def _preprocessed(
     return replace(sides[0], warnings=(*sides[0].warnings, *warnings)), *sides[1:]
 
 
-def check_sides(settings: Settings, sides: tuple[Reading, ...], paths: tuple[str, ...]) -> None:
+def check_sides(
+    resolved: ResolvedRequest, sides: tuple[Reading, ...], paths: tuple[str, ...]
+) -> None:
     """Whether some file has what was asked of all.
 
     Raises
@@ -199,19 +201,19 @@ def check_sides(settings: Settings, sides: tuple[Reading, ...], paths: tuple[str
     for name in sides[0].missing:
         if all(name in side.missing for side in sides):
             raise InputError(*dict.fromkeys(side.missing[name] for side in sides))
-    check_classes(sides, paths, settings.reading.classes, settings.each)
+    check_classes(sides, paths, resolved.reading.classes, resolved.each)
     filters = {"time", "class", "region", "where"}
     if not any(side.taken for side in sides) and any(
         filters & side.left_out.keys() for side in sides
     ):
-        used = (name.replace("_", "-") for name in settings.recorded)
+        used = (name.replace("_", "-") for name in resolved.recorded)
         given = " and ".join(f"--{name}" for name in used if name.split("-")[-1] in filters)
         raise NothingLeftError(f"{given}: no row is left to evaluate")
 
 
 def align_sides(
-    settings: Settings, sides: tuple[Reading, ...], names: tuple[str, ...]
-) -> tuple[Fitted, EvaluationRequest]:
+    resolved: ResolvedRequest, sides: tuple[Reading, ...], names: tuple[str, ...]
+) -> tuple[AlignedPair, EvaluationRequest]:
     """Two sides on the same steps, and what is asked of them.
 
     Raises
@@ -223,9 +225,9 @@ def align_sides(
     """
     truth, estimate = (side.trajectories for side in sides)
     check_columns(truth, estimate, (names[0], names[1]))
-    request = settings.request(truth.columns)
+    request = resolved.request(truth.columns)
     fitted = fit(truth, estimate, request, (names[0], names[1]))
-    if not settings.one_of_many:
+    if not resolved.allow_empty:
         kept = sum(len(side.step) for side in fitted.axis.sides)
         check_left(request.time_matching, kept, fitted.axis.left_out)
     return fitted, request

@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from tgospa_eval.api.distance import DistanceOptions, numbers_by_name
-from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request, is_coverage
+from tgospa_eval.api.options import DEFAULTS, OPTION_SPECS, Request, is_coverage
 from tgospa_eval.common.frozen import dataclass, replace
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.request import (
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Settings:
+class ResolvedRequest:
     """A request, checked, as records: how to read both sides, and what to evaluate.
 
     Parameters
@@ -61,7 +61,7 @@ class Settings:
         A circle, or a file of regions: only rows inside take part.
     similarity : Calibration, optional
         Of the score that is shown.
-    one_of_many : bool
+    allow_empty : bool
         Whether filters may leave nothing.
     """
 
@@ -75,7 +75,7 @@ class Settings:
     frames: "Frames | None" = None
     coverage: str | None = None
     similarity: Calibration | None = None
-    one_of_many: bool = False
+    allow_empty: bool = False
 
     @property
     def recorded(self) -> dict[str, object]:
@@ -137,7 +137,7 @@ class Settings:
         )
 
 
-def make_settings(options: Request) -> Settings:
+def resolve_request(options: Request) -> ResolvedRequest:
     """The records that the options ask for.
 
     Raises
@@ -150,20 +150,20 @@ def make_settings(options: Request) -> Settings:
     # A file may change from one job of a batch to the next; options do not, if they are texts.
     named = options.covariance, options.inner_cov, options.step_weights, options.ignore_regions
     if any(name is not None for name in named):
-        return _settings(options)
+        return _resolved(options)
     try:
         hash(options)
     except TypeError:  # arrays of Python
-        return _settings(options)
+        return _resolved(options)
     return _kept(options)
 
 
 @lru_cache(maxsize=8)
-def _kept(options: Request) -> Settings:
-    return _settings(options)
+def _kept(options: Request) -> ResolvedRequest:
+    return _resolved(options)
 
 
-def _settings(options: Request) -> Settings:
+def _resolved(options: Request) -> ResolvedRequest:
     asked = () if options.with_ is None else chosen_metrics(options.with_)
     others, nees = tuple(name for name in asked if name != NEES), NEES in asked
     if options.by and others:
@@ -186,7 +186,7 @@ def _settings(options: Request) -> Settings:
     if frames is not None and ignoring is not None and ignoring.regions is not None:
         placed = replace(ignoring.regions, origin=frames.begin)
         ignoring = replace(ignoring, regions=placed)
-    return Settings(
+    return ResolvedRequest(
         reading=reading,
         each=_each(options, reading, measure, conversions, frames, ignoring),
         evaluation=EvaluationRequest(
@@ -409,7 +409,7 @@ def _of_tables(options: Request, side: str) -> str:
     own = ("columns", "class", "where", "format", "time_format", "time_zone")
     names = (*(f"{side}_{name}" for name in own), *of_both)
     used = (name for name in names if getattr(options, name) != DEFAULTS[name])
-    return next((SETTINGS[name].key for name in used), "")
+    return next((OPTION_SPECS[name].key for name in used), "")
 
 
 def _calibration(options: Request) -> Calibration | None:
@@ -489,8 +489,8 @@ def _solver(options: Request) -> Solver:
         for name in ("gap", "epsilon", "time_limit", "jobs"):
             if getattr(options, name) != DEFAULTS[name]:
                 raise ConfigError(
-                    f"--{SETTINGS[name].key} is for a solver by its name, not for a record with "
-                    "settings of its own"
+                    f"--{OPTION_SPECS[name].key} is for a solver by its name, not for a "
+                    "record with settings of its own"
                 )
         return as_solver(options.solver)
     settings: dict[str, float | None] = {"time_limit": options.time_limit}

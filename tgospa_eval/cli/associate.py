@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.options import NOT_OF_SENSORS, SETTINGS, Request
+from tgospa_eval.api.options import NOT_OF_SENSORS, OPTION_SPECS, Request
 from tgospa_eval.cli.shared.click_options import (
     EVALUATION,
     OutputOptions,
@@ -21,7 +21,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.registry import FORMATS
 
 if TYPE_CHECKING:
-    from tgospa_eval.api.resolve import Settings
+    from tgospa_eval.api.resolve import ResolvedRequest
     from tgospa_eval.api.sensors import Association
     from tgospa_eval.distances import Effort
     from tgospa_eval.formats import Reading
@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 SENSOR_OPTIONS = {
     item.key for item in EVALUATION if not item.key.startswith(("truth-", "estimate-"))
-} - {SETTINGS[name].key for name in (*NOT_OF_SENSORS, "cutoff")}
+} - {OPTION_SPECS[name].key for name in (*NOT_OF_SENSORS, "cutoff")}
 """What it has of the options of everything that evaluates."""
 
 _files = partial(
@@ -59,7 +59,7 @@ _output = partial(Option, section="Output")
             SENSOR_OPTIONS,
             _files(
                 "--a-format FORMAT",
-                SETTINGS["truth_format"].help.replace("TRUTH", "A"),
+                OPTION_SPECS["truth_format"].help.replace("TRUTH", "A"),
                 name="truth_format",
             ),
             _files("--b-format FORMAT", "Format of B, one of the same.", name="estimate_format"),
@@ -121,7 +121,7 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
-    from tgospa_eval.api.resolve import make_settings
+    from tgospa_eval.api.resolve import resolve_request
     from tgospa_eval.api.sensors import associate_sides, of_pairs
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.cli.shared.writing import write_output
@@ -142,12 +142,12 @@ def command(
         taken.append(path)
     if output.output is not None:
         probe_folder(output.output, ASSOCIATION, force=force)
-    settings = make_settings(request)
+    resolved = resolve_request(request)
 
     def work(effort: "Effort") -> "tuple[Association, dict[str, str]]":
-        sides = read_states((a, b), settings, ("--a-format", "--b-format"), quiet=output.quiet)
+        sides = read_states((a, b), resolved, ("--a-format", "--b-format"), quiet=output.quiet)
         every = "--cost-matrix" in files
-        found = associate_sides(settings, sides, (a, b), effort, all_pairs=every)
+        found = associate_sides(resolved, sides, (a, b), effort, all_pairs=every)
         make = {"--cost-matrix": found.costs_table, "--cross-cov": found.cross_covariances_table}
         return found, {name: csv_text(make[name]()) for name in files}
 
@@ -157,7 +157,7 @@ def command(
     used = settings_field(output.config)
     shown = {
         "table": lambda: association_text(found),
-        "json": lambda: json_text(_document(found, settings) | used),
+        "json": lambda: json_text(_document(found, resolved) | used),
         "csv": lambda: csv_text(found.associations_table()),
     }
     write_output(
@@ -168,7 +168,7 @@ def command(
     emit(shown[output.format_](), output.format_)
 
 
-def _document(found: "Association", settings: "Settings") -> "Json":
+def _document(found: "Association", resolved: "ResolvedRequest") -> "Json":
     """The document of ``associate``."""
     from tgospa_eval.results.records import records
 
@@ -181,8 +181,8 @@ def _document(found: "Association", settings: "Settings") -> "Json":
             "distance": found.distance.name,
             **found.distance.settings(columns),
             "columns": list(columns),
-            **settings.evaluation.time_matching.recorded,
-            **settings.recorded,
+            **resolved.evaluation.time_matching.recorded,
+            **resolved.recorded,
         },
         "counts": {
             "steps": len(found.first.times),
@@ -196,7 +196,7 @@ def _document(found: "Association", settings: "Settings") -> "Json":
 
 
 def read_states(
-    paths: tuple[str, ...], settings: "Settings", formats: tuple[str, ...], *, quiet: bool
+    paths: tuple[str, ...], resolved: "ResolvedRequest", formats: tuple[str, ...], *, quiet: bool
 ) -> "tuple[Reading, ...]":
     """The states of sensors: the role of challenge formats is that of results.
 
@@ -207,7 +207,7 @@ def read_states(
     from tgospa_eval.cli.shared.streams import notifier
 
     try:
-        sides = read_comparable(settings, *paths, roles=("estimate",) * len(paths))
+        sides = read_comparable(resolved, *paths, roles=("estimate",) * len(paths))
     except InputError as error:
         usual = "(--truth-format, --estimate-format)"
         raise InputError(str(error).replace(usual, f"({', '.join(formats)})")) from None

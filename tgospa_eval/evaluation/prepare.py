@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fitted:
+class AlignedPair:
     """Two sides that fit each other.
 
     Parameters
@@ -122,9 +122,9 @@ class MeasuredSides(ComparedSides):
             problem = weight_steps(problem, self.step_weights)
         return problem
 
-    def prepared(self, states: States, parameters: Parameters) -> "Prepared":
+    def prepared(self, states: States, parameters: Parameters) -> "PreparedPair":
         """With the reduced problem, ready for a solver."""
-        return Prepared(
+        return PreparedPair(
             **{
                 **vars(self),
                 "parameters": parameters,
@@ -135,7 +135,7 @@ class MeasuredSides(ComparedSides):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Prepared(MeasuredSides):
+class PreparedPair(MeasuredSides):
     """A problem that waits for a solver: what all solvers have in common.
 
     Parameters
@@ -170,12 +170,12 @@ class Prepared(MeasuredSides):
 
 
 def prepare(
-    sides: Fitted,
+    sides: AlignedPair,
     request: EvaluationRequest,
     *,
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
-) -> Prepared:
+) -> PreparedPair:
     """The problem of two sides, all before the solver."""
     measured, pairs = measure(
         sides, request, cutoff=request.parameters.cutoff, files=files, stopwatch=stopwatch
@@ -338,7 +338,7 @@ def recorded_settings(
 
 
 def measure(
-    sides: Fitted,
+    sides: AlignedPair,
     request: EvaluationRequest,
     *,
     cutoff: float,
@@ -458,7 +458,7 @@ def digest_of_judged(request: EvaluationRequest, truth: str) -> str:
 
 
 def _recorded(
-    sides: Fitted, request: EvaluationRequest, files: Sequence[Json] | None
+    sides: AlignedPair, request: EvaluationRequest, files: Sequence[Json] | None
 ) -> tuple[dict[str, Json], Judged]:
     """Rows and digest of either side, and what it is judged on: what is digested is what counts."""
     aligned, kinds, likely = sides.alignment, sides.distance.kinds, request.probabilistic
@@ -487,7 +487,7 @@ def fit(
     request: EvaluationRequest,
     names: tuple[str, str] = ("truth", "estimate"),
     placed: Callable[[Sides], Axis] | None = None,
-) -> Fitted:
+) -> AlignedPair:
     """Both sides on the same steps, and the distance with what it takes from the data.
 
     `placed` brings them to steps that were found before, by default those that are asked for.
@@ -537,7 +537,7 @@ def fit(
     if request.sliding is not None:
         request.sliding.check(aligned.truth.clock)
     fitted = distance.fitted((aligned.truth, aligned.estimate))
-    return Fitted(
+    return AlignedPair(
         given=given,
         read=(truth, estimate),
         alignment=aligned,

@@ -15,9 +15,9 @@ from tgospa_eval._version import __version__
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Pairs
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.evaluate import prove, solver_settings
 from tgospa_eval.evaluation.pair import PairEvaluation
-from tgospa_eval.evaluation.prepare import Fitted, MeasuredSides, fit, measure
+from tgospa_eval.evaluation.prepare import AlignedPair, MeasuredSides, fit, measure
+from tgospa_eval.evaluation.prove import prove, solver_settings
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
@@ -58,7 +58,7 @@ def in_order(
 
 
 def _check_steps(
-    sides: Fitted, request: EvaluationRequest, parameter: str, parameters: Sequence[Parameters]
+    sides: AlignedPair, request: EvaluationRequest, parameter: str, parameters: Sequence[Parameters]
 ) -> None:
     """Whether all points are of the same steps: what is near ends a silence of the estimate."""
     matching = request.time_matching
@@ -76,7 +76,7 @@ def _check_steps(
 
 
 def sweep_fitted(
-    sides: Fitted,
+    sides: AlignedPair,
     request: EvaluationRequest,
     parameter: str,
     parameters: Sequence[Parameters],
@@ -88,7 +88,7 @@ def sweep_fitted(
 
     Parameters
     ----------
-    sides : Fitted
+    sides : AlignedPair
         Truth and estimate, aligned, and their distance.
     request : EvaluationRequest
         Everything but the parameters.
@@ -97,7 +97,7 @@ def sweep_fitted(
     parameters : sequence of Parameters
         Of each point, by value, as from `in_order`.
     files, stopwatch
-        As for `evaluation.evaluate.evaluate_fitted`.
+        As for `api.evaluate.evaluate_pair`.
 
     Raises
     ------

@@ -124,7 +124,7 @@ def read_pair(
     sides: list[Reading | None] = []
     again: list[Callable[[ReadOptions], Reading] | None] = []
     faults: list[TgospaError] = []
-    for k, (side, chosen) in enumerate(zip(given, components_of(given, mapping), strict=True)):
+    for k, (side, chosen) in enumerate(zip(given, components_of(given, mapping), strict=False)):
         read_by = partial(read_side, k, chosen)
         again.append(read_by if _stays(side) else None)
         try:

@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 import click
 
-from tgospa_eval.api.options import DEFAULTS, SETTINGS, TYPES, Setting, Values
+from tgospa_eval.api.options import DEFAULTS, OPTION_SPECS, TYPES, OptionSpec, Values
 from tgospa_eval.cli.shared.command import PATH, Option, load_config, option
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
@@ -41,7 +41,7 @@ def one_of(members: Collection[str]) -> Any:
     return kind
 
 
-def _made(name: str, about: Setting) -> Option:
+def _made(name: str, about: OptionSpec) -> Option:
     """The option of a field."""
     kind, default = TYPES[name], DEFAULTS[name]
     base = next(iter(get_args(kind))) if isinstance(kind, UnionType) else kind
@@ -67,10 +67,10 @@ def _made(name: str, about: Setting) -> Option:
     return made
 
 
-OPTIONS = {about.key: _made(name, about) for name, about in SETTINGS.items()}
+OPTIONS = {about.key: _made(name, about) for name, about in OPTION_SPECS.items()}
 """Of the fields of `Request`, by their names in a settings file."""
 
-EVALUATION = tuple(OPTIONS[about.key] for about in SETTINGS.values() if about.everywhere)
+EVALUATION = tuple(OPTIONS[about.key] for about in OPTION_SPECS.values() if about.everywhere)
 BY_KEY = {item.key: item for item in EVALUATION}
 
 IN_PARTS_OPTIONS = (OPTIONS["memory"], OPTIONS["scheduler"])
