@@ -336,7 +336,7 @@ PROGRAMMES = (
     "restricted_lp.solve_restricted_lp = and_never_end"
 )
 PROOF = f"{SWEEPS}; from tgospa_eval.evaluation import prove; prove.certify = and_never_end"
-READING = "from tgospa_eval.api import evaluate; evaluate.read_comparable = and_never_end"
+READING = "from tgospa_eval.api import evaluate; evaluate.read_pair = and_never_end"
 DRAWING = "from tgospa_eval.show import html; html.page = and_never_end"
 HARD = ("-c", "25", "-g", "2", "--time", "0:15")
 """Of a crowd: what no solver settles without work."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 from tgospa_eval.api.in_parts import in_parts_if_large
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.notices import pair_notices
-from tgospa_eval.api.reading import align_sides, called, read_comparable
+from tgospa_eval.api.reading import align_sides, called, read_pair
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.api.result import ByClass, Result, ResultInParts, result_of
 from tgospa_eval.common.frozen import dataclass, recast, replace
@@ -172,9 +172,7 @@ def read_sides(
     """
     given = (truth, estimate)
     with stopwatch.span("read"):
-        sides = read_comparable(
-            resolved, *given, mapping=mapping, advise=notify is not None, known=known
-        )
+        sides = read_pair(resolved, *given, mapping=mapping, advise=notify is not None, known=known)
     names = called(given)
     fitted, request = align_sides(resolved, sides, names)
     notices = list(pair_notices(given, names, sides, fitted, request))

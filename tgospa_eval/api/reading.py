@@ -1,21 +1,30 @@
 """Both sides of a request as they can be compared, and on the same steps."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.places import check_places
 from tgospa_eval.api.resolve import ResolvedRequest
+from tgospa_eval.common.files import is_regular
 from tgospa_eval.common.frozen import replace
 from tgospa_eval.distances.checks import check_columns, check_states
-from tgospa_eval.errors import InputError, NothingLeftError
+from tgospa_eval.errors import ConfigError, InputError, NothingLeftError, TgospaError
 from tgospa_eval.evaluation.axis import check_left
 from tgospa_eval.evaluation.prepare import AlignedPair, fit
 from tgospa_eval.evaluation.request import OF_TRACKEVAL, EvaluationRequest
-from tgospa_eval.formats import ROLES, Reading, read, read_pair
-from tgospa_eval.formats.objects import has_rows, is_path
-from tgospa_eval.formats.reading import check_classes, in_one_clock
+from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
+from tgospa_eval.formats.objects import (
+    check_as_long,
+    components_of,
+    filled,
+    has_rows,
+    is_empty,
+    is_path,
+)
+from tgospa_eval.formats.reading import by_one_place, check_classes, in_one_clock, with_heights
 from tgospa_eval.formats.rows import NOT_CONSIDERED
 
 if TYPE_CHECKING:
@@ -30,7 +39,7 @@ def called(given: Sequence[object], roles: Sequence[str] = ROLES) -> tuple[str, 
     )
 
 
-def read_comparable(
+def read_pair(
     resolved: ResolvedRequest,
     *given: "TrajectoriesLike | Reading",
     roles: tuple[str, ...] = ROLES,
@@ -72,31 +81,9 @@ def read_comparable(
     names = called(given, names or roles)
     if advise:
         check_places(names)
-    frames, distance = resolved.frames, resolved.evaluation.distance
-    sides = read_pair(
-        given,
-        resolved.each,
-        resolved.formats,
-        names,
-        roles,
-        distance=distance.name,
-        columns=distance.columns,
-        local=frames is not None and frames.begin is not None,
-        mapping=mapping,
-        known=known,
-    )
+    sides = _read(resolved, given, roles, names, mapping, known)
     if len(sides) == len(ROLES):
-        for k in range(len(ROLES)):
-            sides = _converted(resolved, sides, k, given[k])
-        sides = in_one_clock(sides)
-        if frames is not None:
-            truth, estimate = sides
-            *placed, warning = frames.joined((truth.trajectories, estimate.trajectories), names)
-            warnings = estimate.warnings if warning is None else (*estimate.warnings, warning)
-            sides = (
-                replace(truth, trajectories=placed[0]),
-                replace(estimate, trajectories=placed[1], warnings=warnings),
-            )
+        sides = _brought_together(resolved, sides, names, given)
     if resolved.coverage is not None:
         sides = _covered(resolved, sides, names)
     with suppress(NothingLeftError) if resolved.allow_empty else nullcontext():
@@ -106,6 +93,81 @@ def read_comparable(
     sides = _preprocessed(resolved, sides, names)
     ignoring = resolved.evaluation.ignoring
     return sides if ignoring is None else ignoring.mark(sides, names)
+
+
+def _read(
+    resolved: ResolvedRequest,
+    given: Sequence["TrajectoriesLike | Reading"],
+    roles: tuple[str, ...],
+    names: tuple[str, ...],
+    mapping: "Components | None",
+    known: dict[str, Reading] | None,
+) -> tuple[Reading, ...]:
+    """All sides by one place, with heights where all have some; all faults at once."""
+    distance, frames = resolved.evaluation.distance, resolved.frames
+    paths = tuple(os.fsdecode(side) for side in given if is_path(side))
+
+    def read_side(k: int, chosen: Sequence[int] | None, options: ReadOptions) -> Reading:
+        if is_path(given[k]):
+            options = options.beside_others(paths, roles)
+            options = replace(options, option="--columns") if len(paths) == 1 else options
+        about = roles[k], resolved.formats[k], names[k]
+        return read(given[k], options, *about, columns=distance.columns, mapping=chosen)
+
+    made: list[Reading | None] = []
+    again: list[Callable[[ReadOptions], Reading] | None] = []
+    faults: list[TgospaError] = []
+    for k, (side, chosen) in enumerate(zip(given, components_of(given, mapping), strict=False)):
+        again.append(partial(read_side, k, chosen) if _stays(side) else None)
+        try:
+            before = known.get(names[0]) if known and k == 0 else None
+            made.append(
+                None if is_empty(side) else before or read_side(k, chosen, resolved.each[k])
+            )
+        except (InputError, ConfigError) as error:
+            faults.append(error)
+    if faults:
+        raise type(faults[0])(*dict.fromkeys(line for fault in faults for line in fault.args))
+    if known is not None and is_path(given[0]) and made[0]:
+        known.clear()
+        known[names[0]] = made[0]  # not as one estimate alone needs it
+    made = by_one_place(made, resolved.each, again)
+    if len(made) == len(ROLES):
+        local = frames is not None and frames.begin is not None
+        made = with_heights(made, resolved.each, again, names, local=local, distance=distance.name)
+    sides = filled(made, distance.columns)
+    check_as_long(given, sides, names)
+    return sides
+
+
+def _brought_together(
+    resolved: ResolvedRequest,
+    sides: tuple[Reading, ...],
+    names: tuple[str, ...],
+    given: Sequence[object],
+) -> tuple[Reading, ...]:
+    """Both sides in the same units, clock and frame."""
+    for k in range(len(ROLES)):
+        sides = _converted(resolved, sides, k, given[k])
+    sides = in_one_clock(sides)
+    if resolved.frames is not None:
+        truth, estimate = sides
+        *placed, warning = resolved.frames.joined(
+            (truth.trajectories, estimate.trajectories), names
+        )
+        warnings = estimate.warnings if warning is None else (*estimate.warnings, warning)
+        sides = (
+            replace(truth, trajectories=placed[0]),
+            replace(estimate, trajectories=placed[1], warnings=warnings),
+        )
+    return sides
+
+
+def _stays(side: object) -> bool:
+    """Whether a side can be read a second time: what a pipe had is gone, and waiting is forever."""
+    if isinstance(side, Reading):
+        return False
+    return not is_path(side) or not os.path.exists(side) or is_regular(os.fsdecode(side))
 
 
 def _converted(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval.api.distance import REDUCTION_NAMES, reduction
 from tgospa_eval.api.keywords import requested, taken, with_options
 from tgospa_eval.api.options import NOT_OF_SENSORS, OPTION_SPECS, Request
-from tgospa_eval.api.reading import align_sides, called, read_comparable
+from tgospa_eval.api.reading import align_sides, called, read_pair
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.common.frozen import dataclass, recast, replace
 from tgospa_eval.common.notices import in_python, warn_user
@@ -147,7 +147,7 @@ def _read(
 ) -> tuple[Reading, ...]:
     """Sides in the role of estimates, with a Python warning for what looks wrong."""
     roles = ("estimate",) * len(given)
-    sides = read_comparable(resolved, *given, roles=roles, names=names, mapping=mapping)
+    sides = read_pair(resolved, *given, roles=roles, names=names, mapping=mapping)
     for side in sides:
         warn_user(side.warnings, lambda text: in_python(text, reads=False))
     return sides

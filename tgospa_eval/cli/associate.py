@@ -203,11 +203,11 @@ def read_states(
     `formats` are the options that name the formats; messages know those of truth and estimate.
     """
     from tgospa_eval.api.notices import about
-    from tgospa_eval.api.reading import read_comparable
+    from tgospa_eval.api.reading import read_pair
     from tgospa_eval.cli.shared.streams import notifier
 
     try:
-        sides = read_comparable(resolved, *paths, roles=("estimate",) * len(paths))
+        sides = read_pair(resolved, *paths, roles=("estimate",) * len(paths))
     except InputError as error:
         usual = "(--truth-format, --estimate-format)"
         raise InputError(str(error).replace(usual, f"({', '.join(formats)})")) from None

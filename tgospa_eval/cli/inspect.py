@@ -49,7 +49,7 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
-    from tgospa_eval.api.reading import align_sides, read_comparable
+    from tgospa_eval.api.reading import align_sides, read_pair
     from tgospa_eval.api.resolve import resolve_request
     from tgospa_eval.cli.shared.progress import run
     from tgospa_eval.cli.shared.streams import emit, print_notice
@@ -76,7 +76,7 @@ def command(
 
     def work() -> Json:
         with stopwatch.span("read"):
-            sides = read_comparable(resolved, *paths)
+            sides = read_pair(resolved, *paths)
         if len(sides) == 1:
             fitted, asked = None, resolved.request(sides[0].trajectories.columns)
         else:

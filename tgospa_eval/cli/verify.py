@@ -227,7 +227,7 @@ def _prepared(
     from dataclasses import replace
 
     from tgospa_eval.api.keywords import requested
-    from tgospa_eval.api.reading import align_sides, read_comparable
+    from tgospa_eval.api.reading import align_sides, read_pair
     from tgospa_eval.api.resolve import resolve_request
     from tgospa_eval.evaluation.prepare import fit, prepare
 
@@ -239,7 +239,7 @@ def _prepared(
             }
         )
     )
-    sides = read_comparable(resolved, *files)
+    sides = read_pair(resolved, *files)
     fitted, request = align_sides(resolved, sides, files)
     if "class" in proof:
         truth, estimate = (side.of_class(proof["class"]) for side in sides)

@@ -143,14 +143,14 @@ def other_metrics(
     with effort.stopwatch.span("other_metrics"):
         if asked:
             sides = prepared.sides
-            if proof is not None and prepared.unjudged is not None:
+            if proof is not None and prepared.states.problem.unjudged is not None:
                 kept = judged_rows(proof.states, proof.weights)
                 first, second = (
                     side.chosen(np.flatnonzero(rows))
                     for side, rows in zip(sides, kept, strict=True)
                 )
                 sides = first, second
-            if prepared.held is not None and prepared.unjudged is not None:
+            if prepared.held is not None and prepared.states.problem.unjudged is not None:
                 raise ConfigError(
                     "--with hota, clear and identity do not go together with --resample and "
                     "--ignore; leave one out"

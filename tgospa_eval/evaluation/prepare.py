@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask
-from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.frozen import dataclass, recast
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.checks import check_columns, check_states
@@ -86,10 +86,6 @@ class MeasuredSides(ComparedSides):
         What each step counts.
     existence : pair of (R,) float arrays, optional
         Probability of each row of either side.
-    unjudged : pair of (R,) bool arrays, optional
-        Ignored rows of the truth, excused rows of the estimate.
-    reach : (R_truth,) float array, optional
-        How far beyond the cutoff an ignored truth may be followed.
     """
 
     sides: tuple[Trajectories, Trajectories]
@@ -97,24 +93,14 @@ class MeasuredSides(ComparedSides):
     recorded: Callable[[], tuple[Mapping[str, Json], Judged]]
     step_weights: StepWeights | None = None
     existence: tuple[Floats, Floats] | None = None
-    unjudged: tuple[Mask, Mask] | None = None
-    reach: Floats | None = None
 
     @property
     def input(self) -> Mapping[str, Json]:
         """Rows and digest of either side."""
         return self.recorded()[0]
 
-    def problem(self, pairs: Pairs, parameters: Parameters) -> Problem:
+    def problem(self, near: "NearPairs", parameters: Parameters) -> Problem:
         """The problem of pairs that include all nearer than the cutoff."""
-        near = NearPairs(
-            sides=self.sides,
-            distance=self.distance,
-            pairs=pairs,
-            unjudged=self.unjudged,
-            reach=self.reach,
-            given=self.held is not None,
-        )
         problem = near.problem(parameters)
         if self.existence is not None:
             problem = weight_existence(problem, *self.existence)
@@ -124,14 +110,8 @@ class MeasuredSides(ComparedSides):
 
     def prepared(self, states: States, parameters: Parameters) -> "PreparedPair":
         """With the reduced problem, ready for a solver."""
-        return PreparedPair(
-            **{
-                **vars(self),
-                "parameters": parameters,
-                "states": states,
-                "settings": {**parameters.recorded, **self.settings},
-            }
-        )
+        settings = {**parameters.recorded, **self.settings}
+        return recast(self, PreparedPair, parameters=parameters, states=states, settings=settings)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -177,12 +157,12 @@ def prepare(
     stopwatch: Stopwatch,
 ) -> PreparedPair:
     """The problem of two sides, all before the solver."""
-    measured, pairs = measure(
+    measured, near = measure(
         sides, request, cutoff=request.parameters.cutoff, files=files, stopwatch=stopwatch
     )
     with stopwatch.span("solve/preparation"):
-        problem = measured.problem(pairs, request.parameters)
-        del pairs  # the distances are as long as the entries
+        problem = measured.problem(near, request.parameters)
+        del near  # the distances are as long as the entries
         states = merge_runs(problem)
     return measured.prepared(states, request.parameters)
 
@@ -344,7 +324,7 @@ def measure(
     cutoff: float,
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
-) -> tuple[MeasuredSides, Pairs]:
+) -> tuple[MeasuredSides, "NearPairs"]:
     """Both sides as they are compared, and all pairs nearer than the cutoff.
 
     `files` are those of the two sides, as of `input_record`; by default their rows.
@@ -395,11 +375,9 @@ def measure(
             if request.probabilistic
             else None
         ),
-        unjudged=near.unjudged,
-        reach=near.reach,
         held=aligned.held,
     )
-    return measured, near.pairs
+    return measured, near
 
 
 def reach_of(truth: Trajectories, request: EvaluationRequest) -> Floats | None:

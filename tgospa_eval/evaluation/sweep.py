@@ -13,10 +13,9 @@ import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.distances import Pairs
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.pair import PairEvaluation
-from tgospa_eval.evaluation.prepare import AlignedPair, MeasuredSides, fit, measure
+from tgospa_eval.evaluation.prepare import AlignedPair, MeasuredSides, NearPairs, fit, measure
 from tgospa_eval.evaluation.prove import prove, solver_settings
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import kernels
@@ -106,8 +105,8 @@ def sweep_fitted(
     """
     _check_steps(sides, request, parameter, parameters)
     widest = max(point.cutoff for point in parameters)
-    measured, pairs = measure(sides, request, cutoff=widest, files=files, stopwatch=stopwatch)
-    line = _Line(measured, pairs, tuple(parameters), parameter, request.solver, stopwatch)
+    measured, near = measure(sides, request, cutoff=widest, files=files, stopwatch=stopwatch)
+    line = _Line(measured, near, tuple(parameters), parameter, request.solver, stopwatch)
     points = line.points()
     others = {k: v for k, v in parameters[0].recorded.items() if k != parameter}
     left, right = measured.sides
@@ -128,13 +127,13 @@ class _Line:
     def __init__(
         self,
         measured: MeasuredSides,
-        pairs: Pairs,
+        near: NearPairs,
         parameters: tuple[Parameters, ...],
         name: str,
         solver: Solver,
         stopwatch: Stopwatch,
     ) -> None:
-        self.measured, self.pairs, self.name = measured, pairs, name
+        self.measured, self.near, self.name = measured, near, name
         self.parameters, self.solver, self.stopwatch = parameters, solver, stopwatch
         self.states: States | None = None
         self.found: Solution | None = None
@@ -161,7 +160,7 @@ class _Line:
             prepared = self.measured.prepared(self._reduced(parameters), parameters)
         states = prepared.states
         stopwatch.progress.begin(parameters.root)
-        if self.name == "rho" and self.measured.unjudged is None:
+        if self.name == "rho" and self.near.unjudged is None:
             # Bounds at smaller cutoffs are for the prices that they were solved with.
             if self.found is None or self.found.reduced:
                 self.found = replace(solver(states, stopwatch), disposable=False)
@@ -194,9 +193,9 @@ class _Line:
 
         Where states are not judged, rho changes which pairs gain.
         """
-        problem = self.measured.problem(self.pairs, parameters)
+        problem = self.measured.problem(self.near, parameters)
         unchanged = self.name == "switch_penalty" or (
-            self.name == "rho" and self.measured.unjudged is None
+            self.name == "rho" and self.near.unjudged is None
         )
         if self.states is not None and unchanged:
             return replace(self.states, problem=problem)

@@ -10,7 +10,6 @@ from tgospa_eval.formats.registry import FORMATS
 
 if TYPE_CHECKING:  # with `as`, which makes a name public
     from tgospa_eval.formats.files import read as read
-    from tgospa_eval.formats.files import read_pair as read_pair
     from tgospa_eval.formats.files import read_trajectories as read_trajectories
     from tgospa_eval.formats.files import runs_inside as runs_inside
     from tgospa_eval.formats.options import ROLES as ROLES
@@ -22,7 +21,6 @@ _HOME = {
     "ReadOptions": "options",
     "Reading": "reading",
     "read": "files",
-    "read_pair": "files",
     "read_trajectories": "files",
     "runs_inside": "files",
 }

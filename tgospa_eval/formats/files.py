@@ -1,34 +1,26 @@
-"""A side, or both, to `Reading`: a path by the format of its file, an object by what it is.
+"""A side to `Reading`: a path by the format of its file, an object by what it is.
 
 A reader yields `formats.rows.Rows`, the rows before anything is left out, or a DataFrame;
 `formats.assemble` makes a `Reading` of them.
 """
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 from tgospa_eval.common.files import is_regular
 from tgospa_eval.common.notices import spoken_in_python
-from tgospa_eval.errors import ConfigError, InputError, TgospaError
-from tgospa_eval.formats.objects import (
-    check_as_long,
-    components_of,
-    filled,
-    is_empty,
-    is_path,
-    read_object,
-)
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats.objects import is_path, read_object
 from tgospa_eval.formats.options import ROLES, ReadOptions, one_of
-from tgospa_eval.formats.reading import Reading, by_one_place, by_place, with_heights
+from tgospa_eval.formats.reading import Reading, by_place
 from tgospa_eval.formats.registry import FORMATS
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
-    from tgospa_eval.formats.objects import Components, TrajectoriesLike
+    from tgospa_eval.formats.objects import TrajectoriesLike
 
 
 def read(
@@ -36,8 +28,8 @@ def read(
     options: ReadOptions | None = None,
     role: str = "truth",
     format: str | None = None,
-    *,
     name: str | None = None,
+    *,
     columns: tuple[str, ...] | None = None,
     mapping: Sequence[int] | None = None,
 ) -> Reading:
@@ -74,82 +66,6 @@ def read(
     if is_path(side):
         return _read_file(side, options, role, format)
     return read_object(side, options, name or role, columns, mapping)
-
-
-def read_pair(
-    given: Sequence["TrajectoriesLike | Reading"],
-    each: Sequence[ReadOptions],
-    formats: Sequence[str | None],
-    names: Sequence[str],
-    roles: Sequence[str] = ROLES,
-    *,
-    distance: str,
-    columns: tuple[str, ...] | None,
-    local: bool = False,
-    mapping: "Components | None" = None,
-    known: dict[str, Reading] | None = None,
-) -> tuple[Reading, ...]:
-    """Read both sides, or one alone: by one place, with heights where both have some.
-
-    Parameters
-    ----------
-    given : sequence of path, Trajectories, DataFrame, array, mapping, set of tracks, or Reading
-        The sides.
-    each, formats, names, roles : sequences
-        Arguments of `read`, of each side.
-    distance, columns : str
-        Name of the distance, and the state columns that it prescribes, if it does.
-    local : bool
-        Places on the Earth are brought to local axes.
-    mapping : sequence of int, or pair of such, optional
-        Of tracks with state vectors the components to compare.
-    known : dict, optional
-        The last truth by its path, for several estimates of it: it is read once.
-
-    Raises
-    ------
-    InputError, ConfigError
-        Sides are wrong, all faults at once; or they do not fit each other.
-    """
-    paths = tuple(os.fsdecode(side) for side in given if is_path(side))
-
-    def read_side(k: int, chosen: Sequence[int] | None, options: ReadOptions) -> Reading:
-        side = given[k]
-        if is_path(side):
-            options = options.beside_others(paths, tuple(roles))
-            options = replace(options, option="--columns") if len(paths) == 1 else options
-        about = roles[k], formats[k]
-        return read(side, options, *about, name=names[k], columns=columns, mapping=chosen)
-
-    sides: list[Reading | None] = []
-    again: list[Callable[[ReadOptions], Reading] | None] = []
-    faults: list[TgospaError] = []
-    for k, (side, chosen) in enumerate(zip(given, components_of(given, mapping), strict=False)):
-        read_by = partial(read_side, k, chosen)
-        again.append(read_by if _stays(side) else None)
-        try:
-            before = known.get(names[0]) if known and k == 0 else None
-            sides.append(None if is_empty(side) else before or read_by(each[k]))
-        except (InputError, ConfigError) as error:
-            faults.append(error)
-    if faults:
-        raise type(faults[0])(*dict.fromkeys(line for fault in faults for line in fault.args))
-    if known is not None and is_path(given[0]) and sides[0]:
-        known.clear()
-        known[names[0]] = sides[0]  # not as one estimate alone needs it
-    sides = by_one_place(sides, each, again)
-    if len(sides) == len(ROLES):
-        sides = with_heights(sides, each, again, names, local=local, distance=distance)
-    made = filled(sides, columns)
-    check_as_long(given, made, names)
-    return made
-
-
-def _stays(side: object) -> bool:
-    """Whether a side can be read a second time: what a pipe had is gone, and waiting is forever."""
-    if isinstance(side, Reading):
-        return False
-    return not is_path(side) or not os.path.exists(side) or is_regular(os.fsdecode(side))
 
 
 def _read_file(

@@ -161,13 +161,11 @@ def _states_of_tracks(
                 )
             chosen = components(mapping, size, name)
             mean = numbers_of(vector, where).ravel()[chosen]
-            cloud, spread = (mean[None], np.ones(1)), getattr(state, "covar", None)
+            cloud, spread = (mean[None], np.ones(1)), None
             if options.covariance and np.size(getattr(state, "state_vector", vector)) > size:
-                cloud, spread = _cloud(state, chosen, where), None
-            elif not options.covariance or spread is None:
-                spread = None
-            else:
-                spread = numbers_of(spread, where)
+                cloud = _cloud(state, chosen, where)
+            elif options.covariance and getattr(state, "covar", None) is not None:
+                spread = numbers_of(state.covar, where)
                 if spread.shape != (size, size):
                     raise InputError(
                         f"{where}, t {moment}: covar is {spread.shape}; must be {(size, size)}"
@@ -326,15 +324,12 @@ def read_object(
         from tgospa_eval.formats.frames import from_frame  # here: pandas
 
         return by_place(lambda how: replace(from_frame(frame, how, name=name), format=""), options)
-    if isinstance(side, Trajectories):
-        rows = None
-    elif _is_tracks(side):
+    rows = None
+    if _is_tracks(side):
         tracks = [side] if hasattr(side, "states") else cast("Iterable[TrackLike]", side)
         rows = _rows_of_tracks(tracks, name, options, columns, mapping)
-    elif is_variables(side) or options.of_tables:
+    elif not isinstance(side, Trajectories) and (is_variables(side) or options.of_tables):
         rows = _rows_of_arrays(side, name, options, columns, mapping)
-    else:
-        rows = None
     if rows is not None:
         from tgospa_eval.formats.assemble import assemble
 

@@ -18,7 +18,7 @@ from tgospa_eval.cli.evaluate.sweep import parse_sweep
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances.registry import as_distance
 from tgospa_eval.evaluation import sweep as sensitivity
-from tgospa_eval.evaluation.prepare import MeasuredSides, fit, measure
+from tgospa_eval.evaluation.prepare import MeasuredSides, NearPairs, fit, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ReadOptions
 from tgospa_eval.formats.objects import read_object
@@ -101,7 +101,7 @@ def test_by_hand() -> None:
 
 def measured(
     truth: np.ndarray, estimate: np.ndarray, cutoff: float
-) -> tuple[MeasuredSides, object]:
+) -> tuple[MeasuredSides, NearPairs]:
     request = EvaluationRequest(
         parameters=Parameters(cutoff=cutoff, order=2, switch_penalty=0.0),
         distance=as_distance("euclidean"),

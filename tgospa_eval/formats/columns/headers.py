@@ -27,7 +27,6 @@ from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
 
 if TYPE_CHECKING:
-    from tgospa_eval.formats.clocks import TimeForm
     from tgospa_eval.formats.columns.spread import SpreadColumns
 
 WEIGHT = "weight"
@@ -517,8 +516,6 @@ class Roles:
         Their names.
     second : int, optional
         Column of what is behind the times, where they are of two columns: date and time of day.
-    form : TimeForm, optional
-        How times are written.
     klass : int, optional
         Column of the classes, if a filter asks for it.
     region : dict of str to Mix
@@ -537,10 +534,6 @@ class Roles:
         Columns of the attributes that are asked for, as far as they are there.
     spread : SpreadColumns, optional
         Columns of the covariances.
-    asked : bool
-        Whether covariances were asked for.
-    option : str
-        How the user names columns, see `ask`.
     headers : tuple of str
         All headers.
     fixed : bool
@@ -560,8 +553,8 @@ class Roles:
         Columns without use of recordings, clusters or classes, in which ids may be numbered anew.
     height : str
         Header of the heights of places on the Earth, or elevations of ranges, that are left out.
-    drop_blank_ids : bool
-        Whether rows without an id are left out, or wrong.
+    options : ReadOptions
+        How the table is read.
     """
 
     id: int
@@ -577,20 +570,17 @@ class Roles:
     attributes: dict[str, int] = field(default_factory=dict)
     where: dict[str, int] = field(default_factory=dict)
     spread: "SpreadColumns | None" = None
-    asked: bool = False
-    option: str = ""
     headers: tuple[str, ...] = ()
     fixed: bool = False
     passed: tuple[str, ...] = ()
     second: int | None = None
-    form: "TimeForm | None" = None
     missing: dict[str, str] = field(default_factory=dict)
     doubts: tuple[Notice, ...] = ()
     more_ids: tuple[int, ...] = ()
     other_ids: tuple[str, ...] = ()
     groups: tuple[int, ...] = ()
     height: str = ""
-    drop_blank_ids: bool = False
+    options: ReadOptions
 
     @cached_property
     def numbers(self) -> tuple[int, ...]:
@@ -646,6 +636,7 @@ class Roles:
                     "--columns"
                 )
         yield from self.passed
+        asked = self.options.covariance and not self.options.clouds
         unused = list(self.unused)
         if clouds and self.spread is not None:
             unused += [self.headers[column] for column in self.spread.columns]
@@ -654,7 +645,7 @@ class Roles:
         if unused:
             folded = {name.casefold() for name in unused}
             way = ""
-            if not (self.asked or clouds) and any(map(SPREAD.fullmatch, folded)):
+            if not (asked or clouds) and any(map(SPREAD.fullmatch, folded)):
                 way = "; --distance gaussian-wasserstein compares covariances; see also --with nees"
             if EXISTENCE in folded:
                 way += "; --existence use takes existence as probabilities"
@@ -665,14 +656,14 @@ class Roles:
             if self.spread.is_unusual or others:
                 what = "standard deviations" if self.spread.deviations else "covariances"
                 yield f"{what} are read from {listed(read)}"
-        if self.asked and self.spread is None and not clouds:
+        if asked and self.spread is None and not clouds:
             from tgospa_eval.formats.columns.spread import entries  # here: most states are points
 
             labels = [label for _, _, label in entries(self.names)]
             text = f"no columns of covariances ({', '.join(labels[:3])}): its states are points"
             if any(map(SPREAD.fullmatch, unused)):
                 items = [f"{label}=HEADER" for label in labels[:3]]
-                text += f"; if others are such, map them with {ask(self.option, items)}"
+                text += f"; if others are such, map them with {ask(self.options.option, items)}"
             yield text
 
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
@@ -811,13 +802,10 @@ def find_roles(
         attributes=attributes,
         where=where_columns,
         spread=spread,
-        asked=options.covariance and not options.clouds,
-        option=options.option,
         headers=tuple(names),
         fixed=fixed,
         passed=(*headers.passed_over("id", unused), *headers.passed_over("t", unused)),
         second=second,
-        form=options.form,
         missing=missing,
         more_ids=more_ids,
         other_ids=tuple(headers.names[k] for k in headers.places("id") if k not in used),
@@ -827,7 +815,7 @@ def find_roles(
             if k not in used and (GROUP.fullmatch(name) or CLASS.fullmatch(name))
         ),
         height=height,
-        drop_blank_ids=options.on_invalid == "drop",
+        options=options,
         doubts=() if named or options.boxes else tuple(mixes.doubts),
     )
 
