@@ -8,7 +8,6 @@ be missing, `OrNull` for objects that may be null, `Closed` for objects without 
 import json
 import sys
 from collections.abc import Callable, Iterator
-from datetime import UTC, datetime
 from typing import Any, NoReturn
 
 from tgospa_eval.common.files import SETTINGS, read_bytes
