@@ -104,7 +104,7 @@ def _read(
     known: dict[str, Reading] | None,
 ) -> tuple[Reading, ...]:
     """All sides by one place, with heights where all have some; all faults at once."""
-    distance, frames = resolved.evaluation.distance, resolved.frames
+    distance, frames, each = resolved.evaluation.distance, resolved.frames, resolved.each
     paths = tuple(os.fsdecode(side) for side in given if is_path(side))
 
     def read_side(k: int, chosen: Sequence[int] | None, options: ReadOptions) -> Reading:
@@ -121,9 +121,7 @@ def _read(
         again.append(partial(read_side, k, chosen) if _stays(side) else None)
         try:
             before = known.get(names[0]) if known and k == 0 else None
-            made.append(
-                None if is_empty(side) else before or read_side(k, chosen, resolved.each[k])
-            )
+            made.append(None if is_empty(side) else before or read_side(k, chosen, each[k]))
         except (InputError, ConfigError) as error:
             faults.append(error)
     if faults:
@@ -131,10 +129,10 @@ def _read(
     if known is not None and is_path(given[0]) and made[0]:
         known.clear()
         known[names[0]] = made[0]  # not as one estimate alone needs it
-    made = by_one_place(made, resolved.each, again)
+    made = by_one_place(made, each, again)
     if len(made) == len(ROLES):
         local = frames is not None and frames.begin is not None
-        made = with_heights(made, resolved.each, again, names, local=local, distance=distance.name)
+        made = with_heights(made, each, again, names, local=local, distance=distance.name)
     sides = filled(made, distance.columns)
     check_as_long(given, sides, names)
     return sides
@@ -150,11 +148,10 @@ def _brought_together(
     for k in range(len(ROLES)):
         sides = _converted(resolved, sides, k, given[k])
     sides = in_one_clock(sides)
+    truth, estimate = sides
     if resolved.frames is not None:
-        truth, estimate = sides
-        *placed, warning = resolved.frames.joined(
-            (truth.trajectories, estimate.trajectories), names
-        )
+        both = truth.trajectories, estimate.trajectories
+        *placed, warning = resolved.frames.joined(both, names)
         warnings = estimate.warnings if warning is None else (*estimate.warnings, warning)
         sides = (
             replace(truth, trajectories=placed[0]),
@@ -201,9 +198,8 @@ def _covered(
     for side, name in zip(sides, names, strict=True):
         earth = origin is not None or "lat" in side.trajectories.columns
         regions = coverage(resolved.coverage, resolved.reading.decimal, earth=earth)
-        regions = replace(regions, origin=origin)
         near = resolved.evaluation.time_matching.near
-        rows = inside(regions, side.trajectories, near, name)
+        rows = inside(replace(regions, origin=origin), side.trajectories, near, name)
         kept.append(kept_rows(side, rows, "region"))
     return tuple(kept)
 

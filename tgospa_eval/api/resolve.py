@@ -158,11 +158,6 @@ def resolve_request(options: Request) -> ResolvedRequest:
     return _kept(options)
 
 
-@lru_cache(maxsize=8)
-def _kept(options: Request) -> ResolvedRequest:
-    return _resolved(options)
-
-
 def _resolved(options: Request) -> ResolvedRequest:
     asked = () if options.with_ is None else chosen_metrics(options.with_)
     others, nees = tuple(name for name in asked if name != NEES), NEES in asked
@@ -213,6 +208,9 @@ def _resolved(options: Request) -> ResolvedRequest:
         coverage=options.region if is_coverage(options.region) else None,
         similarity=_calibration(options),
     )
+
+
+_kept = lru_cache(maxsize=8)(_resolved)
 
 
 def _reading(

@@ -269,7 +269,10 @@ def since_1970(side: Trajectories) -> tuple[Trajectories, str]:
 
     The unit is blank if they do not.
     """
-    unit = _unit_of(side.times)
+    ends = [abs(float(side.times[k])) for k in (0, -1)]
+    scales = {unit: SECOND / TIME_UNITS[unit] for unit in EPOCHS}
+    fits = (u for u, s in scales.items() if all(EARLIEST * s <= end < LATEST * s for end in ends))
+    unit = next(fits, "")
     if not unit:
         return side, ""
     exact = [int(Decimal(str(time)) * TIME_UNITS[unit]) for time in side.times.tolist()]
@@ -277,13 +280,3 @@ def since_1970(side: Trajectories) -> tuple[Trajectories, str]:
     labels = np.empty(len(value), dtype=object)
     labels[:] = [iso(moment, "zoned") for moment in value.tolist()]
     return replace(side, times=value, clock="zoned", labels=labels), unit
-
-
-def _unit_of(times: TimeArray) -> str:
-    """The unit in which numbers may be times since 1970, by their size; blank if none fits."""
-    ends = [abs(float(times[k])) for k in (0, -1)]
-    for unit in EPOCHS:
-        scale = SECOND / TIME_UNITS[unit]
-        if all(EARLIEST * scale <= end < LATEST * scale for end in ends):
-            return unit
-    return ""
