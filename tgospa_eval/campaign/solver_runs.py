@@ -315,7 +315,7 @@ def solvers_document(
         "left_out": left_out,
         "parameters": dict(prepared.settings),
         "sizes": {**prepared.sizes, "states": len(prepared.states.begin)},
-        "input": prepared.input,
+        "input": prepared.recorded()[0],
         "seconds": seconds,
         "warnings": warnings,
     }

@@ -94,11 +94,6 @@ class MeasuredSides(ComparedSides):
     step_weights: StepWeights | None = None
     existence: tuple[Floats, Floats] | None = None
 
-    @property
-    def input(self) -> Mapping[str, Json]:
-        """Rows and digest of either side."""
-        return self.recorded()[0]
-
     def problem(self, near: "NearPairs", parameters: Parameters) -> Problem:
         """The problem of pairs that include all nearer than the cutoff."""
         problem = near.problem(parameters)
@@ -515,13 +510,8 @@ def fit(
     if request.sliding is not None:
         request.sliding.check(aligned.truth.clock)
     fitted = distance.fitted((aligned.truth, aligned.estimate))
-    return AlignedPair(
-        given=given,
-        read=(truth, estimate),
-        alignment=aligned,
-        distance=fitted,
-        axis=axis,
-    )
+    both = truth, estimate
+    return AlignedPair(given=given, read=both, alignment=aligned, distance=fitted, axis=axis)
 
 
 def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:

@@ -115,7 +115,7 @@ def sweep_fitted(
         points=points,
         settings={**others, **measured.settings, **solver_settings(request.solver)},
         sizes={"truth": len(left.ids), "estimates": len(right.ids), "steps": len(left.times)},
-        input=measured.input,
+        input=measured.recorded()[0],
         timings=_timings(stopwatch),
         version=__version__,
     )

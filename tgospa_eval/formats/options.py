@@ -315,9 +315,7 @@ class ReadOptions:
         parse_moments(self.time)
         parse_region(self.region)
 
-    def beside_others(
-        self, paths: tuple[str, ...], roles: tuple[str, ...] = ROLES
-    ) -> "ReadOptions":
+    def beside_others(self, paths: tuple[str, ...], roles: tuple[str, ...]) -> "ReadOptions":
         """The same for a file that is read with these; what was checked is not checked again."""
         same = object.__new__(ReadOptions)
         vars(same).update(vars(self), beside=paths, roles=roles)

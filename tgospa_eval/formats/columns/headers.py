@@ -724,35 +724,17 @@ def find_roles(
         names[0] = UNNAMED
     _check_names(names, where, options.option)
     mapped, wanted = parse_columns(options.columns)
-    if wide and has_patterns(options) and (objects := objects_in(names, mapped)):
-        if "id" in mapped:
-            ids = f"{ID_MARK} in headers and id={mapped['id']}"
-            raise ConfigError(f"columns: ids are named by {ids}; leave out one")
-        own = list(next(iter(objects.values())))
-        names = ["id", *(names[k] for k in shared_columns(names, objects)), *own]
-        mapped |= dict(zip(own, own, strict=True))
+    if wide and has_patterns(options):
+        names = _lengthened(names, mapped)
     if options.boxes:
-        # x and y are centres of boxes; those that one file names are asked of both.
-        other = next((name for name in wanted if name not in (*BOX, "x", "y")), None)
-        if other is not None:
-            raise ConfigError(
-                f"columns: {quoted(other)} is no part of a box; for boxes map left, top, width, "
-                "height, or the centre: x, y, width, height"
-            )
-        wanted = BOX
+        wanted = _box_columns(wanted)
     headers = Headers(names, mapped, options.option, where, options.hidden)
     second = _second_of_times(headers)
     more_ids = _more_ids(headers)
     missing = without_maps(headers, options)
     mixes = _Mixes(headers)
     identity = headers.find("id")
-    if "t" not in mapped and not set(FIRST_ALIASES["t"]) & headers.folded.keys():
-        stamp = two_parts_of_a_stamp(names)
-        if stamp:
-            items = [f"{name}={header}" for name, header in mapped.items()]
-            remedy = ask(options.option, [*items, f"t={'+'.join(stamp)}"])
-            parts = " and ".join(map(quoted, stamp))
-            raise InputError(f"{where}: {parts} are two parts of one time; read both, {remedy}")
+    _check_stamp(headers)
     time = headers.find("t")
     named, wanted = bool(wanted), wanted or mixes.default_states()
     wanted, height = _with_height(headers, options, wanted)
@@ -763,13 +745,7 @@ def find_roles(
         raise InputError(f"{fault}; this format has no other" if fixed else fault)
     region = {name: mixes.of_region(name, wanted) for name in options.ranges}
     klass = _class_column(headers, options, missing, fixed=fixed)
-    spread = None
-    if options.covariance:
-        from tgospa_eval.formats.columns.spread import find_spread  # here: most states are points
-
-        namings = _namings(wanted, state, headers)
-        each = (find_spread(naming, headers.find, where) for naming in namings)
-        spread = next(filter(None, each), None)
+    spread = _spread(wanted, state, headers) if options.covariance else None
     weight = None if options.boxes else headers.find(WEIGHT)
     is_width = weight is not None and names[weight].casefold() == "w"
     if is_width and headers.find("height") is not None:
@@ -778,11 +754,10 @@ def find_roles(
     sizes = (mixes.box["width"], mixes.box["height"]) if centres or options.boxes else ()
     used = {identity, time, second, klass, *more_ids}
     used |= {column for mix in (*state, *region.values(), *sizes) for column, _ in mix}
-    if weight in used:
-        weight = None
+    weight = None if weight in used else weight
     used |= {weight, *(spread.columns if spread else ())}
-    places = {name: headers.find(name) for name in options.attributes}
-    attributes = {name: column for name, column in places.items() if column is not None}
+    places = ((name, headers.find(name)) for name in options.attributes)
+    attributes = {name: column for name, column in places if column is not None}
     where_columns = {
         name: headers.compared(name, one.option) for one in options.where for name in one.columns
     }
@@ -818,6 +793,43 @@ def find_roles(
         options=options,
         doubts=() if named or options.boxes else tuple(mixes.doubts),
     )
+
+
+def _lengthened(names: list[str], mapped: dict[str, str]) -> list[str]:
+    """Headers of the table that `formats.frames.lengthened` makes of a wide one."""
+    objects = objects_in(names, mapped)
+    if not objects:
+        return names
+    if "id" in mapped:
+        ids = f"{ID_MARK} in headers and id={mapped['id']}"
+        raise ConfigError(f"columns: ids are named by {ids}; leave out one")
+    own = list(next(iter(objects.values())))
+    mapped |= dict(zip(own, own, strict=True))
+    return ["id", *(names[k] for k in shared_columns(names, objects)), *own]
+
+
+def _box_columns(wanted: tuple[str, ...]) -> tuple[str, ...]:
+    """State columns of boxes: x and y are centres, and what one file names is asked of both."""
+    other = next((name for name in wanted if name not in (*BOX, "x", "y")), None)
+    if other is not None:
+        raise ConfigError(
+            f"columns: {quoted(other)} is no part of a box; for boxes map left, top, width, "
+            "height, or the centre: x, y, width, height"
+        )
+    return BOX
+
+
+def _check_stamp(headers: Headers) -> None:
+    """Whether no column of times is there, but two that are parts of one time."""
+    mapped = headers.mapped
+    if "t" in mapped or set(FIRST_ALIASES["t"]) & headers.folded.keys():
+        return
+    stamp = two_parts_of_a_stamp(headers.names)
+    if stamp:
+        items = [f"{name}={header}" for name, header in mapped.items()]
+        remedy = ask(headers.option, [*items, f"t={'+'.join(stamp)}"])
+        parts = " and ".join(map(quoted, stamp))
+        raise InputError(f"{headers.where}: {parts} are two parts of one time; read both, {remedy}")
 
 
 GROUP = re.compile(
@@ -964,6 +976,16 @@ def _class_column(
             raise InputError(fault)
         missing["class"] = fault
     return klass
+
+
+def _spread(
+    wanted: tuple[str, ...], state: Sequence[Mix], headers: Headers
+) -> "SpreadColumns | None":
+    """Columns of the covariances, if there are any."""
+    from tgospa_eval.formats.columns.spread import find_spread  # lazy: most states are points
+
+    namings = _namings(wanted, state, headers)
+    return next(filter(None, (find_spread(n, headers.find, headers.where) for n in namings)), None)
 
 
 def _namings(
