@@ -14,7 +14,7 @@ from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.clock import find_clock
 from tgospa_eval.evaluation.diagnosis.costs import SAMPLE, occupied
 from tgospa_eval.evaluation.diagnosis.scale import explained, suggest_cutoff, unit_notices
-from tgospa_eval.evaluation.prepare import Fitted
+from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.results.records import Json
@@ -28,7 +28,7 @@ QUANTILES = (5, 25, 50, 75, 95)
 
 
 def inspect(
-    files: list[tuple[str, Reading]], sides: Fitted | None, request: EvaluationRequest
+    files: list[tuple[str, Reading]], sides: AlignedPair | None, request: EvaluationRequest
 ) -> Json:
     """What paths and contents of the truth, and of an estimate, hold, and how both sides fit."""
     time_matching, parameters = request.time_matching, request.parameters
@@ -162,7 +162,7 @@ def spread(values: Floats | Ints) -> Json | None:
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def compare(sides: Fitted, request: EvaluationRequest) -> Json:
+def compare(sides: AlignedPair, request: EvaluationRequest) -> Json:
     """What both files have in common: steps, time, another clock, space, nearest estimates."""
     aligned, parameters = sides.alignment, request.parameters
     distance = sides.distance.lower_bound

@@ -20,10 +20,10 @@ import pytest
 from tgospa_eval.cli.shared import progress as shown
 from tgospa_eval.cli.shared.progress import Display, bracket, line
 from tgospa_eval.common.progress import Progress, StoppedError, Stopwatch
-from tgospa_eval.evaluation.evaluate import solve
+from tgospa_eval.distances.registry import as_distance
 from tgospa_eval.evaluation.prepare import fit, prepare
+from tgospa_eval.evaluation.prove import solve
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.show.charts import CHARTS
@@ -335,8 +335,8 @@ PROGRAMMES = (
     "from tgospa_eval.solvers import restricted_lp; "
     "restricted_lp.solve_restricted_lp = and_never_end"
 )
-PROOF = f"{SWEEPS}; from tgospa_eval.evaluation import evaluate; evaluate.certify = and_never_end"
-READING = "from tgospa_eval.api import resolve; resolve.Settings.read = and_never_end"
+PROOF = f"{SWEEPS}; from tgospa_eval.evaluation import prove; prove.certify = and_never_end"
+READING = "from tgospa_eval.api import evaluate; evaluate.read_pair = and_never_end"
 DRAWING = "from tgospa_eval.show import html; html.page = and_never_end"
 HARD = ("-c", "25", "-g", "2", "--time", "0:15")
 """Of a crowd: what no solver settles without work."""

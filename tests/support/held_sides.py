@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tgospa_eval.distances.registry import as_distance
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.steps import BlockPlan
 from tgospa_eval.problem.metric_family import Parameters

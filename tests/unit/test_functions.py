@@ -29,7 +29,7 @@ from tgospa_eval import (
     verify,
 )
 from tgospa_eval.api.keywords import OF_THE_COMMAND
-from tgospa_eval.api.options import SETTINGS
+from tgospa_eval.api.options import OPTION_SPECS
 from tgospa_eval.cli.simulate import OPTIONS
 from tgospa_eval.common.notices import in_python
 from tgospa_eval.distances import Mahalanobis
@@ -52,7 +52,7 @@ def test_no_folder_takes_the_name_of_a_function() -> None:
 
 
 def test_every_option_is_a_keyword() -> None:
-    named = {name for name in SETTINGS if name not in OF_THE_COMMAND}
+    named = {name for name in OPTION_SPECS if name not in OF_THE_COMMAND}
     for function in (evaluate, gate):
         assert named <= inspect.signature(function).parameters.keys()
     with pytest.raises(TypeError, match=r"evaluate\(\) has no keyword cutof; did you mean cutoff"):
@@ -131,7 +131,7 @@ def test_python_and_the_command_make_one_document(
     pair = [str(next(p for p in found if p.stem in stems)) for stems in (TRUTHS, ESTIMATES)]
     typed = []
     for field, value in options.items():
-        flag = f"--{SETTINGS[field].key}"
+        flag = f"--{OPTION_SPECS[field].key}"
         several = value if isinstance(value, list) and field == "slices" else [value]
         for one in several:
             text = ",".join(map(str, one)) if isinstance(one, list | tuple) else str(one)

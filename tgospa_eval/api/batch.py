@@ -26,7 +26,7 @@ from tgospa_eval.api.batch_row import (
 )
 from tgospa_eval.api.keywords import each, with_options
 from tgospa_eval.api.notices import about_defaults
-from tgospa_eval.api.options import ALONE, FLAGS, SETTINGS, BatchOptions, Request, typed
+from tgospa_eval.api.options import ALONE, FLAGS, OPTION_SPECS, BatchOptions, Request, typed
 from tgospa_eval.campaign import pairs
 from tgospa_eval.campaign.curves import rms_curves
 from tgospa_eval.campaign.pairs import BatchPlan, Job
@@ -213,7 +213,7 @@ def batch(
         An option or the manifest is wrong, or files are missing; nothing is begun then.
     """
     given = dict(locals())  # options of batch by their names
-    asked = {SETTINGS[name].key: value for name, value in options.items() if value is not None}
+    asked = {OPTION_SPECS[name].key: value for name, value in options.items() if value is not None}
     evaluation = {
         **typed(asked, "batch"),
         "summed": True,

@@ -160,7 +160,7 @@ def evaluate_job(
     gets them at once.
     """
     from tgospa_eval.api.evaluate import evaluate_sides, read_sides  # here: the parent does without
-    from tgospa_eval.api.resolve import make_settings
+    from tgospa_eval.api.resolve import resolve_request
 
     begin, lines = time.monotonic(), list[str]()
     say = say or lines.append
@@ -174,8 +174,8 @@ def evaluate_job(
         unseen = _unseen(task, here)
         if unseen is not None:
             return finished_row(task, unseen, 0.0)
-        settings, stopwatch = make_settings(here.options), Stopwatch()
-        settings = replace(settings, one_of_many=not task.judged)
+        settings, stopwatch = resolve_request(here.options), Stopwatch()
+        settings = replace(settings, allow_empty=not task.judged)
         if not task.quiet:
             stopwatch.notify = say
 

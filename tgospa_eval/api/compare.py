@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
-from tgospa_eval.api.resolve import Settings, called, make_settings
+from tgospa_eval.api.reading import called
+from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.api.sweep import ONE_EVALUATION
 from tgospa_eval.campaign.pairs import expand, first_file, is_pattern, short_names
 from tgospa_eval.campaign.ranking import (
@@ -34,11 +35,11 @@ from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Effort
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.evaluation.other_metrics import Others, joined, other_metrics
-from tgospa_eval.evaluation.prepare import Prepared, prepare
-from tgospa_eval.evaluation.sides import TrajectoriesLike, as_solver
+from tgospa_eval.evaluation.prepare import PreparedPair, prepare
+from tgospa_eval.evaluation.prove import solve
 from tgospa_eval.formats import Reading
+from tgospa_eval.formats.objects import TrajectoriesLike
 from tgospa_eval.results.consistency import ABOUT_COVARIANCES
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import (
@@ -49,14 +50,14 @@ from tgospa_eval.results.saved import (
     unlike,
 )
 from tgospa_eval.show.comparison import estimates_columns, pairs_columns, render, solvers_columns
-from tgospa_eval.solvers import SOLVERS, Solver
+from tgospa_eval.solvers import SOLVERS, Solver, as_solver
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.ignored import refuse_own_marks
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tgospa_eval.evaluation.sides import Components
+    from tgospa_eval.formats.objects import Components
 
 
 COMMAND = r"; to [a-z ]+: tgospa-eval compare [A-Z ]+"
@@ -160,7 +161,7 @@ def compare(
     chosen = [as_solver(item) for item in solvers]
     if chosen:
         given["solver"] = chosen[0]
-    settings, stopwatch = make_settings(requested(given)), Stopwatch()
+    settings, stopwatch = resolve_request(requested(given)), Stopwatch()
     check_solvers(chosen)
     notices: list[Notice] = []
     pairs = PairReader(settings, stopwatch, notices.append, mapping=mapping, in_python=True)
@@ -216,7 +217,7 @@ class PairReader:
 
     Parameters
     ----------
-    settings : Settings
+    settings : ResolvedRequest
         How to read and evaluate.
     stopwatch : Stopwatch
         Gets the time by stage.
@@ -230,7 +231,7 @@ class PairReader:
 
     def __init__(
         self,
-        settings: Settings,
+        settings: ResolvedRequest,
         stopwatch: Stopwatch,
         notify: Notify,
         *,
@@ -251,7 +252,7 @@ class PairReader:
 
     def prepared(
         self, truth: TrajectoriesLike, estimate: TrajectoriesLike, name: str = ""
-    ) -> Prepared:
+    ) -> PreparedPair:
         """The problem of two sides; notices about both together have a name, if it is given."""
         of_file = tuple(f"{path}: " for path in called((truth, estimate), ("", "")))
 

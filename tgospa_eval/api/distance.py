@@ -4,16 +4,16 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request
+from tgospa_eval.api.options import DEFAULTS, OPTION_SPECS, Request
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import replace
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import parsed
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.base import Fault
+from tgospa_eval.distances.registry import as_distance
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats.columns.headers import BOX, parse_columns
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.trajectories import PLACES
@@ -46,12 +46,13 @@ def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) ->
             raise ConfigError(f"--{_spelt(alone[0])} is for --reduce N, which is missing")
         return None
     method = given.pop("reduce_method", "sliced")
-    for name in [name for name in given if method not in SETTINGS[name].methods]:
+    for name in [name for name in given if method not in OPTION_SPECS[name].methods]:
         if name in shared:
             del given[name]
         else:
             raise ConfigError(
-                f"--{name} is for the methods {', '.join(SETTINGS[name].methods)}, not for {method}"
+                f"--{name} is for the methods {', '.join(OPTION_SPECS[name].methods)}, "
+                f"not for {method}"
             )
     return Reduction(size=size, method=method, **given)
 
@@ -151,7 +152,7 @@ class DistanceOptions:
             allowed = (*self.named.options, "covariance")
         if nees:
             allowed += ("fix_cov", "missing_cov")
-        for name, about in SETTINGS.items():
+        for name, about in OPTION_SPECS.items():
             is_free = not about.whose or name in allowed
             if not is_free and _is_given(getattr(options, name), DEFAULTS[name]):
                 other = "a record with settings of its own" if self.is_record else self.named.name

@@ -1,173 +1,33 @@
-"""One evaluation: read, align, fit, diagnose, solve, report, each once, whoever asks."""
+"""Read this first: the line of one evaluation, from two sides to a result."""
 
-import os
-import shutil
-import tempfile
-import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from tgospa_eval.api.in_parts import check_parts, evaluate_in_parts, parts_in_words
+from tgospa_eval.api.in_parts import in_parts_if_large
 from tgospa_eval.api.keywords import requested, with_options
-from tgospa_eval.api.notices import about, about_same, pair_notices, slow_notice
-from tgospa_eval.api.resolve import Settings, called, make_settings
+from tgospa_eval.api.notices import pair_notices
+from tgospa_eval.api.reading import align_sides, called, read_pair
+from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.api.result import ByClass, Result, ResultInParts, result_of
 from tgospa_eval.common.frozen import dataclass, recast, replace
 from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.common.words import parsed_size
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.common.words import natural, parsed_size
+from tgospa_eval.distances import Effort
 from tgospa_eval.evaluation.by_class import add_up
-from tgospa_eval.evaluation.evaluate import evaluate_fitted
-from tgospa_eval.evaluation.prepare import Fitted, fit
+from tgospa_eval.evaluation.prepare import AlignedPair, fit, prepare
+from tgospa_eval.evaluation.prove import nested_timings, prove
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.evaluation.sides import is_path
 from tgospa_eval.formats import Reading
+from tgospa_eval.formats.objects import is_path
+from tgospa_eval.results.records import Json
 
 if TYPE_CHECKING:
-    from tgospa_eval.evaluation.sides import Components, TrajectoriesLike
+    from tgospa_eval.formats.objects import Components, TrajectoriesLike
 
 Notify = Callable[[Notice], None]
 """What to do with a notice, or a warning."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SidesRead:
-    """Truth and estimate, ready to be evaluated.
-
-    Parameters
-    ----------
-    read : pair of Reading
-        As they were read.
-    fitted : Fitted
-        The same, on one grid.
-    request : EvaluationRequest
-        What is asked of them.
-    files : dict
-        Paths of truth and estimate; None of what is no file.
-    warnings : tuple of Notice
-        What looks wrong with them.
-    notices : tuple of str
-        How they were read, and what nobody chose.
-    """
-
-    read: tuple[Reading, ...]
-    fitted: Fitted
-    request: EvaluationRequest
-    files: dict[str, str | None]
-    warnings: tuple[Notice, ...]
-    notices: tuple[str, ...]
-
-    @property
-    def records(self) -> list[dict[str, Any]]:
-        """What a result records of both files."""
-        return [side.record for side in self.read]
-
-
-def read_sides(
-    settings: Settings,
-    truth: "TrajectoriesLike | Reading",
-    estimate: "TrajectoriesLike",
-    stopwatch: Stopwatch,
-    notify: Notify | None = None,
-    *,
-    mapping: "Components | None" = None,
-    known: dict[str, Reading] | None = None,
-) -> SidesRead:
-    """Read truth and estimate, align and fit them, and say what looks wrong.
-
-    Parameters
-    ----------
-    settings : Settings
-        The request.
-    truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
-        The two sides; the truth may be what `Settings.read_side` made of it.
-    stopwatch : Stopwatch
-        Running clock.
-    notify : callable, optional
-        What to do with what the user should know. Without, warnings are in the words of Python.
-    mapping : sequence of int, or pair of such, optional
-        Of tracks with state vectors the components to compare.
-    known : dict, optional
-        The last truth by its path, for several estimates of it: it is read once.
-
-    Raises
-    ------
-    TgospaError
-        Something is wrong with the sides, or the options do not fit them.
-    """
-    given = (truth, estimate)
-    with stopwatch.span("read"):
-        sides = settings.read(*given, mapping=mapping, advise=notify is not None, known=known)
-    names = called(given)
-    fitted, request = settings.fit(sides, names)
-    notices = [
-        *(notice for name, side in zip(names, sides, strict=True) for notice in about(name, side)),
-        *(about_same(*fitted.read) if is_path(truth) or truth is not estimate else ()),
-        *pair_notices(fitted, request, sides),
-        *(() if request.solver.referee else slow_notice()),
-    ]
-    if notify is None:
-        spoken = partial(in_python, reads=False)
-        notices = [replace(n, text=spoken(n.text), remedy=spoken(n.remedy)) for n in notices]
-    else:
-        for notice in notices:
-            notify(notice)
-    paths = (name if is_path(side) else None for name, side in zip(names, given, strict=True))
-    return SidesRead(
-        read=sides,
-        fitted=fitted,
-        request=request,
-        files=dict(zip(("truth", "estimate"), paths, strict=True)),
-        warnings=tuple(notice for notice in notices if notice.code),
-        notices=tuple(notice.sentence for notice in notices if not notice.code),
-    )
-
-
-def evaluate_sides(
-    settings: Settings, sides: SidesRead, stopwatch: Stopwatch, notify: Notify | None = None
-) -> Result | ByClass:
-    """Solve, prove and report; of each class by itself, if that is asked for.
-
-    `notify` takes what the solution shows.
-    """
-    result: Result | ByClass
-    if settings.reading.by_class:
-        result = _evaluate_classes(sides, stopwatch)
-    else:
-        result = result_of(
-            evaluate_fitted(sides.fitted, sides.request, files=sides.records, stopwatch=stopwatch)
-        )
-    for notice in result.warnings if notify else ():
-        notify(notice)  # type: ignore[misc]
-    return replace(
-        result,
-        warnings=(*sides.warnings, *result.warnings),
-        notices=sides.notices,
-        files=sides.files,
-        calibration=settings.similarity,
-    )
-
-
-def _evaluate_classes(sides: SidesRead, stopwatch: Stopwatch) -> ByClass:
-    """One evaluation for each class, and their sum."""
-    from tgospa_eval.common.words import natural
-
-    # What the distance takes from the data, it takes from all.
-    request = replace(sides.request, distance=sides.fitted.distance)
-    truth, estimate = sides.read
-    read_s = stopwatch.elapsed()
-    results = {}
-    classes = sorted({*truth.classes, *estimate.classes}, key=natural) or [""]
-    for number, name in enumerate(classes):
-        part = stopwatch.beside()
-        with stopwatch.progress.part(f"class {name}", number, len(classes)):
-            fitted = fit(truth.of_class(name), estimate.of_class(name), request)
-            results[name] = result_of(evaluate_fitted(fitted, request, stopwatch=part))
-        stopwatch.absorb(part)
-    return recast(add_up(results, sides.records, read_s), ByClass)
 
 
 @with_options()
@@ -235,28 +95,182 @@ def evaluate(
     given = {"cutoff": cutoff, "order": order, "switch_penalty": switch_penalty, **options}
     limit = None if memory is None else parsed_size(memory)
     request = requested({**given, "memory": limit, "scheduler": scheduler})
-    settings, stopwatch = make_settings(request), Stopwatch()
-    result: Result | ByClass | ResultInParts
-    why = None
-    if is_path(truth) and is_path(estimate):
-        paths = os.fspath(truth), os.fspath(estimate)
-        why = parts_in_words(paths, request)
-    if why is not None:
-        check_parts(request, why)
-        folder = tempfile.mkdtemp(prefix="tgospa-eval-")
-        try:
-            in_parts = evaluate_in_parts(
-                paths, request, settings, Path(folder), stopwatch, kept=True
-            )
-        except BaseException:
-            shutil.rmtree(folder, ignore_errors=True)
-            raise
-        weakref.finalize(in_parts.tables, shutil.rmtree, folder, ignore_errors=True)
-        result = recast(in_parts, ResultInParts)
-    elif scheduler is not None:
-        raise ConfigError("scheduler is for data in parts: folders of tables")
-    else:
-        sides = read_sides(settings, truth, estimate, stopwatch, mapping=mapping)
-        result = evaluate_sides(settings, sides, stopwatch)
+    resolved, stopwatch = resolve_request(request), Stopwatch()
+    result: Result | ByClass | ResultInParts | None
+    result = in_parts_if_large(truth, estimate, request, resolved, stopwatch)
+    if result is None:
+        pair = read_sides(resolved, truth, estimate, stopwatch, mapping=mapping)
+        result = evaluate_sides(resolved, pair, stopwatch)
     warn_user(result.warnings)
     return cast("Result", result)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrackPair:
+    """Truth and estimate, ready to be evaluated.
+
+    Parameters
+    ----------
+    read : pair of Reading
+        As they were read.
+    fitted : AlignedPair
+        The same, on one grid.
+    request : EvaluationRequest
+        What is asked of them.
+    files : dict
+        Paths of truth and estimate; None of what is no file.
+    warnings : tuple of Notice
+        What looks wrong with them.
+    notices : tuple of str
+        How they were read, and what nobody chose.
+    """
+
+    read: tuple[Reading, ...]
+    fitted: AlignedPair
+    request: EvaluationRequest
+    files: dict[str, str | None]
+    warnings: tuple[Notice, ...]
+    notices: tuple[str, ...]
+
+    @property
+    def records(self) -> list[dict[str, Any]]:
+        """What a result records of both files."""
+        return [side.record for side in self.read]
+
+
+def read_sides(
+    resolved: ResolvedRequest,
+    truth: "TrajectoriesLike | Reading",
+    estimate: "TrajectoriesLike",
+    stopwatch: Stopwatch,
+    notify: Notify | None = None,
+    *,
+    mapping: "Components | None" = None,
+    known: dict[str, Reading] | None = None,
+) -> TrackPair:
+    """Read truth and estimate, align and fit them, and say what looks wrong.
+
+    Parameters
+    ----------
+    resolved : ResolvedRequest
+        The request.
+    truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
+        The two sides; the truth may be a `Reading`.
+    stopwatch : Stopwatch
+        Running clock.
+    notify : callable, optional
+        What to do with what the user should know. Without, warnings are in the words of Python.
+    mapping : sequence of int, or pair of such, optional
+        Of tracks with state vectors the components to compare.
+    known : dict, optional
+        The last truth by its path, for several estimates of it: it is read once.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with the sides, or the options do not fit them.
+    """
+    given = (truth, estimate)
+    with stopwatch.span("read"):
+        sides = read_pair(resolved, *given, mapping=mapping, advise=notify is not None, known=known)
+    names = called(given)
+    fitted, request = align_sides(resolved, sides, names)
+    notices = list(pair_notices(given, names, sides, fitted, request))
+    if notify is None:
+        spoken = partial(in_python, reads=False)
+        notices = [replace(n, text=spoken(n.text), remedy=spoken(n.remedy)) for n in notices]
+    else:
+        for notice in notices:
+            notify(notice)
+    paths = (name if is_path(side) else None for name, side in zip(names, given, strict=True))
+    return TrackPair(
+        read=sides,
+        fitted=fitted,
+        request=request,
+        files=dict(zip(("truth", "estimate"), paths, strict=True)),
+        warnings=tuple(notice for notice in notices if notice.code),
+        notices=tuple(notice.sentence for notice in notices if not notice.code),
+    )
+
+
+def evaluate_sides(
+    resolved: ResolvedRequest, sides: TrackPair, stopwatch: Stopwatch, notify: Notify | None = None
+) -> Result | ByClass:
+    """Solve, prove and report; of each class by itself, if that is asked for.
+
+    `notify` takes what the solution shows.
+    """
+    result: Result | ByClass
+    if resolved.reading.by_class:
+        result = _evaluate_classes(sides, stopwatch)
+    else:
+        result = evaluate_pair(sides.fitted, sides.request, stopwatch, sides.records)
+    for notice in result.warnings if notify else ():
+        notify(notice)  # type: ignore[misc]
+    return replace(
+        result,
+        warnings=(*sides.warnings, *result.warnings),
+        notices=sides.notices,
+        files=sides.files,
+        calibration=resolved.similarity,
+    )
+
+
+def evaluate_pair(
+    aligned: AlignedPair,
+    request: EvaluationRequest,
+    stopwatch: Stopwatch,
+    files: Sequence[Json] | None = None,
+) -> Result:
+    """Build the problem of two sides, solve it, certify the solution, and add what is asked for.
+
+    Parameters
+    ----------
+    aligned : AlignedPair
+        Truth and estimate, aligned, and their distance.
+    request : EvaluationRequest
+        Everything else.
+    stopwatch : Stopwatch
+        Running clock with the time of reading.
+    files : pair of dict, optional
+        The two files, as of `input_record`.
+    """
+    prepared = prepare(aligned, request, files=files, stopwatch=stopwatch)
+    slices = None
+    if request.slices:
+        from tgospa_eval.evaluation.slices import split  # lazy: few ask for them
+
+        with stopwatch.span("slices"):
+            slices = split.cut(aligned, request.slices, request.parameters.cutoff)
+    stopwatch.progress.begin(request.parameters.root)
+    solution = request.solver(prepared.states, stopwatch)
+    result = prove(prepared, request.solver, solution, stopwatch, request)
+    result = replace(result, source=(aligned, request))
+    if request.with_:
+        from tgospa_eval.evaluation.other_metrics import joined, other_metrics  # lazy: likewise
+
+        effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
+        others = other_metrics(prepared, request.with_, effort, result.proof)
+        result = replace(result, with_=joined([others]), sums=others.sums())
+    if slices is not None:
+        with stopwatch.span("slices"):
+            sliced = split.slicings(slices, result)
+        result = replace(result, sliced=sliced, timings=nested_timings(stopwatch))
+    return result_of(result)
+
+
+def _evaluate_classes(sides: TrackPair, stopwatch: Stopwatch) -> ByClass:
+    """One evaluation for each class, and their sum."""
+    # What the distance takes from the data, it takes from all.
+    request = replace(sides.request, distance=sides.fitted.distance)
+    truth, estimate = sides.read
+    read_s = stopwatch.elapsed()
+    results = {}
+    classes = sorted({*truth.classes, *estimate.classes}, key=natural) or [""]
+    for number, name in enumerate(classes):
+        part = stopwatch.beside()
+        with stopwatch.progress.part(f"class {name}", number, len(classes)):
+            fitted = fit(truth.of_class(name), estimate.of_class(name), request)
+            results[name] = evaluate_pair(fitted, request, part)
+        stopwatch.absorb(part)
+    return recast(add_up(results, sides.records, read_s), ByClass)

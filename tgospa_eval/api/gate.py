@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval.api.batch_row import JobTask, Run, judged_rows
 from tgospa_eval.api.evaluate import evaluate
 from tgospa_eval.api.keywords import KEYWORDS, each, with_options
-from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, SETTINGS, Request, typed
+from tgospa_eval.api.options import FLAGS, NAMES, OF_THE_NUMBER, OPTION_SPECS, Request, typed
 from tgospa_eval.campaign.gate.baseline import (
     CHANGED,
     Baseline,
@@ -47,7 +47,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
-from tgospa_eval.evaluation.sides import TrajectoriesLike
+from tgospa_eval.formats.objects import TrajectoriesLike
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import ACCURACY
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 
     from tgospa_eval.api.result import Result
 
-PATHS_GIVEN = tuple(key for key, name in NAMES.items() if SETTINGS[name].kind == "path")
+PATHS_GIVEN = tuple(key for key, name in NAMES.items() if OPTION_SPECS[name].kind == "path")
 """Options that name a file."""
 
 
@@ -200,7 +200,7 @@ def _first_change(options: Mapping[str, object], pair: Job, content: bytes) -> s
     from tempfile import TemporaryDirectory  # here: truths seldom change
 
     from tgospa_eval.api.evaluate import read_sides
-    from tgospa_eval.api.resolve import make_settings
+    from tgospa_eval.api.resolve import resolve_request
 
     def states(truth: str) -> dict[tuple[float, str], tuple[str, list[float]]]:
         sides = read_sides(settings, truth, pair.estimate, Stopwatch(), lambda _: None)
@@ -211,7 +211,7 @@ def _first_change(options: Mapping[str, object], pair: Job, content: bytes) -> s
             for k, track, state in rows
         }
 
-    settings = make_settings(Request.of(options))
+    settings = resolve_request(Request.of(options))
     with TemporaryDirectory() as folder:
         path = os.path.join(folder, os.path.basename(pair.truth))
         with open(path, "wb") as file:
@@ -320,9 +320,9 @@ def _evaluated(
         # Settings of a solver that did not reach its accuracy are left out: a later run would
         # inherit them.
         recorded = {
-            SETTINGS[name].key: value
+            OPTION_SPECS[name].key: value
             for name, value in given[pair.name].items()
-            if SETTINGS[name].number and value not in (None, ())
+            if OPTION_SPECS[name].number and value not in (None, ())
             if row["status"] == "done" or name not in ACCURACY
         }
         yield row, _portable(recorded | _chosen_by_data(row), path)
@@ -420,7 +420,7 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
     ConfigError
         An option is given that is for evaluating, or the baseline twice.
     """
-    typed = [SETTINGS[name].key for name in gate.given("commandline")]
+    typed = [OPTION_SPECS[name].key for name in gate.given("commandline")]
     if gate.proof:
         typed.append("proof")
     if typed:
@@ -454,7 +454,7 @@ def _stored(folder: str, path: str) -> dict[str, Evaluated]:
     if unknown is not None:
         file = os.path.join(folder, SETTINGS_FILE)
         raise InputError(f"{file}: options.{unknown}: is no option; make it anew with batch")
-    of_all = {SETTINGS[name].key: value for name, value in options.items()}
+    of_all = {OPTION_SPECS[name].key: value for name, value in options.items()}
     rows: dict[str, Evaluated] = {}
     for values in table.to_dict("records"):
         name, row = job_name(values), {str(column): value for column, value in values.items()}
@@ -660,7 +660,7 @@ def _gate_of_pair(
 def _gate_of_suite(judge_by: GateOptions, options: Mapping[str, Any]) -> GateResult:
     """Judge a suite by options that are texts and numbers, as those of a batch."""
     given = {name: value for name, value in options.items() if value is not None}
-    values = typed({SETTINGS[name].key: value for name, value in given.items()}, "gate")
+    values = typed({OPTION_SPECS[name].key: value for name, value in given.items()}, "gate")
     named = ("baseline", "suite", *RULE_PARAMETERS.values())
     chosen = {name for name in named if getattr(judge_by, name)}
     sources = dict.fromkeys({*chosen, *given}, "commandline")

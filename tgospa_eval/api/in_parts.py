@@ -7,22 +7,30 @@ import csv
 import itertools
 import os
 import re
+import shutil
+import tempfile
+import weakref
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request, is_coverage
-from tgospa_eval.api.resolve import Settings
+from tgospa_eval.api.options import DEFAULTS, OPTION_SPECS, Request, is_coverage
+from tgospa_eval.api.reading import check_sides
+from tgospa_eval.api.resolve import ResolvedRequest
+from tgospa_eval.api.result import ResultInParts
 from tgospa_eval.common.files import STDIN
+from tgospa_eval.common.frozen import recast
 from tgospa_eval.common.machine import cores, machine_memory
 from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.distances.registry import as_distance
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats.columns.headers import Headers
 from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.guess import ENDINGS, folder_format, is_table_folder
 from tgospa_eval.formats.loading import TABLE, TEXT
+from tgospa_eval.formats.objects import is_path
 from tgospa_eval.formats.times import parse_times
 from tgospa_eval.results.consistency import NEES
 
@@ -96,7 +104,7 @@ def check_parts(options: Request, why: str, others: Iterable[tuple[str, str]] = 
     """
     requested = [
         (about.key, about.parts)
-        for name, about in SETTINGS.items()
+        for name, about in OPTION_SPECS.items()
         if about.parts and getattr(options, name) not in (DEFAULTS[name], NEES)
     ]
     requested += others
@@ -116,7 +124,7 @@ def jobs_of(options: Request) -> int:
 def evaluate_in_parts(
     paths: tuple[str, str],
     options: Request,
-    settings: Settings,
+    resolved: ResolvedRequest,
     work: Path,
     stopwatch: Stopwatch,
     *,
@@ -128,7 +136,7 @@ def evaluate_in_parts(
     ----------
     paths : pair of str
         Truth and estimate.
-    options, settings : Request, Settings
+    options, resolved : Request, ResolvedRequest
         The options, checked by `check_parts`, and what is made of them.
     work : Path
         Folder for intermediate data and the tables of the result.
@@ -149,17 +157,52 @@ def evaluate_in_parts(
     spread = bool(options.scheduler) or jobs > 1
     result = evaluate_partitioned(
         paths,
-        settings.each,
-        settings.request,
+        resolved.each,
+        resolved.request,
         work=work,
         memory=memory_of(options.memory) or UNKNOWN_MEMORY,
         jobs=jobs,
         engine=engine_of(options.scheduler, jobs) if spread else None,
         kept=kept,
         stopwatch=stopwatch,
-        check=settings.check,
+        check=partial(check_sides, resolved),
     )
-    return replace(result, calibration=settings.similarity)
+    return replace(result, calibration=resolved.similarity)
+
+
+def in_parts_if_large(
+    truth: object,
+    estimate: object,
+    options: Request,
+    resolved: ResolvedRequest,
+    stopwatch: Stopwatch,
+) -> ResultInParts | None:
+    """The evaluation of folders of tables, and of files that would not fit; None of other sides.
+
+    The folder of its tables goes with the result.
+
+    Raises
+    ------
+    ConfigError
+        An option is not for such data, or for such alone.
+    """
+    why = None
+    if is_path(truth) and is_path(estimate):
+        paths = os.fspath(truth), os.fspath(estimate)
+        why = parts_in_words(paths, options)
+    if why is None:
+        if options.scheduler is not None:
+            raise ConfigError("scheduler is for data in parts: folders of tables")
+        return None
+    check_parts(options, why)
+    folder = tempfile.mkdtemp(prefix="tgospa-eval-")
+    try:
+        result = evaluate_in_parts(paths, options, resolved, Path(folder), stopwatch, kept=True)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    weakref.finalize(result.tables, shutil.rmtree, folder, ignore_errors=True)
+    return recast(result, ResultInParts)
 
 
 def is_recording(folder: str, columns: str) -> bool:

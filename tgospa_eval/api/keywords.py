@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterable, Mapping
 from types import NoneType
 from typing import Any, ParamSpec, TypeVar, get_args
 
-from tgospa_eval.api.options import DEFAULTS, SETTINGS, TYPES, Request
+from tgospa_eval.api.options import DEFAULTS, OPTION_SPECS, TYPES, Request
 from tgospa_eval.common.notices import spoken_in_python
-from tgospa_eval.common.options import Setting
+from tgospa_eval.common.options import OptionSpec
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import quoted
 
@@ -21,7 +21,7 @@ T = TypeVar("T")
 OF_THE_COMMAND = ("memory", "scheduler", "explain")
 """Fields of a request that are not for Python: results explain themselves."""
 
-KEYWORDS = {about.key: name for name, about in SETTINGS.items()}
+KEYWORDS = {about.key: name for name, about in OPTION_SPECS.items()}
 """Names of fields by those of their options."""
 
 IN_OBJECTS = {
@@ -54,7 +54,7 @@ IN_OBJECTS = {
 
 def taken(without: Iterable[str] = ()) -> list[str]:
     """Names of the keywords of a function that does without some."""
-    return [name for name in SETTINGS if name not in (*OF_THE_COMMAND, *without)]
+    return [name for name in OPTION_SPECS if name not in (*OF_THE_COMMAND, *without)]
 
 
 def with_options(*without: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
@@ -112,7 +112,7 @@ def _documented(doc: str, names: Iterable[str]) -> str:
     """A docstring with the options before what is returned."""
     lines = ["Other Parameters", "----------------"]
     for name in names:
-        about = SETTINGS[name]
+        about = OPTION_SPECS[name]
         text = re.sub(r"([*|`])", r"\\\1", about.help)
         text = re.sub(r"--([a-z][a-z-]*)", lambda found: f"`{KEYWORDS[found[1]]}`", text)
         if name in IN_OBJECTS:
@@ -152,9 +152,9 @@ KINDS = {float: "a number", int: "a whole number", bool: "True or False"}
 
 def _value(name: str, value: object) -> Any:
     """A keyword as a request has it."""
-    if name not in SETTINGS or value is None:
+    if name not in OPTION_SPECS or value is None:
         return value
-    about, option = SETTINGS[name], name.rstrip("_")
+    about, option = OPTION_SPECS[name], name.rstrip("_")
     if isinstance(value, os.PathLike):
         value = os.fspath(value)
     kinds = [kind for kind in get_args(TYPES[name]) or (TYPES[name],) if kind is not NoneType]
@@ -187,7 +187,7 @@ def _names(name: str, value: object) -> str | tuple[str, ...]:
     return texts
 
 
-def _check_range(option: str, about: Setting, value: float) -> None:
+def _check_range(option: str, about: OptionSpec, value: float) -> None:
     """Whether a number is in the range of the command line."""
     if about.least is not None and not value >= about.least:
         raise ConfigError(f"{option} is {value}: must be {about.least} or more")

@@ -6,20 +6,21 @@ import numpy as np
 
 from tgospa_eval.api.distance import notices
 from tgospa_eval.api.options import Request
-from tgospa_eval.api.resolve import Settings
+from tgospa_eval.api.resolve import ResolvedRequest
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import counted
+from tgospa_eval.distances.registry import as_distance
 from tgospa_eval.evaluation.diagnosis import (
     alignment_notices,
     axis_notices,
     diagnose,
 )
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained, unit_notices
-from tgospa_eval.evaluation.prepare import Fitted
+from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats import Reading
+from tgospa_eval.formats.objects import is_path
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
@@ -61,11 +62,25 @@ def about_same(truth: Trajectories, estimate: Trajectories) -> Iterator[Notice]:
 
 
 def pair_notices(
-    sides: Fitted,
-    request: EvaluationRequest,
+    given: Sequence[object],
+    names: Sequence[str],
     files: Sequence[Reading],
+    sides: AlignedPair,
+    request: EvaluationRequest,
 ) -> Iterator[Notice]:
-    """What the user should know of the choice of the distance, and of the two files together."""
+    """What the user should know of both sides, of the distance, and of the two together.
+
+    Parameters
+    ----------
+    given, names, files : pairs
+        Both sides, what messages call them, and how they were read.
+    sides, request : AlignedPair, EvaluationRequest
+        The same, aligned, and what is asked of them.
+    """
+    for name, side in zip(names, files, strict=True):
+        yield from about(name, side)
+    if is_path(given[0]) or given[0] is not given[1]:
+        yield from about_same(*sides.read)
     aligned, distance, parameters = sides.alignment, sides.distance, request.parameters
     yield from notices(distance, aligned.truth.columns, parameters.cutoff)
     truth, estimate = sides.read
@@ -94,6 +109,8 @@ def pair_notices(
             others=explained(found),
             boxes=any(side.centres for side in files),
         )
+    if not request.solver.referee:
+        yield from slow_notice()
 
 
 def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
@@ -124,16 +141,16 @@ def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
 
 
 def about_run(
-    result: Evaluation, settings: Settings, stopwatch: Stopwatch, *, verbose: bool
+    result: Evaluation, resolved: ResolvedRequest, stopwatch: Stopwatch, *, verbose: bool
 ) -> Iterator[str]:
     """How it went, if that is asked for, and where the accuracy is not reached."""
     if verbose:
         yield from _progress(result, stopwatch)
     if not result.finished:
-        yield from _not_reached(result, settings)
+        yield from _not_reached(result, resolved)
 
 
-def _not_reached(result: Evaluation, settings: Settings) -> Iterator[str]:
+def _not_reached(result: Evaluation, resolved: ResolvedRequest) -> Iterator[str]:
     """Where the accuracy that was asked for is not reached."""
     if result.certified:
         asked = ((result.traced, "step", " of the curve"), (result.slid, "window", ""))
@@ -143,7 +160,7 @@ def _not_reached(result: Evaluation, settings: Settings) -> Iterator[str]:
                 where = f"{counted(missed, what)}{of}"
                 yield f"accuracy not reached at {where}, asked was {result.gap:g}"
         return
-    asked_gap = f", asked was {result.gap:g}" if settings.evaluation.solver.proves else ""
+    asked_gap = f", asked was {result.gap:g}" if resolved.evaluation.solver.proves else ""
     narrowest = ""
     if result.gap < NARROWEST:
         narrowest = f": bounds are rounded outward, ask for no less than {NARROWEST:g}"

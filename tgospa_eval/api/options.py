@@ -624,16 +624,16 @@ def names_file(name: str, value: object) -> bool:
         return value not in ("global", "pair")
     if name == "region":
         return is_coverage(str(value)) and not str(value).startswith("circle=")
-    return name in SETTINGS and SETTINGS[name].kind == "path"
+    return name in OPTION_SPECS and OPTION_SPECS[name].kind == "path"
 
 
-SETTINGS = Request.settings()
+OPTION_SPECS = Request.settings()
 """Of the fields that have an option."""
 
-NAMES = {about.key: name for name, about in SETTINGS.items() if about.everywhere}
+NAMES = {about.key: name for name, about in OPTION_SPECS.items() if about.everywhere}
 """Of those that all verbs have, by their names in a settings file."""
 
-ALONE = tuple(name for name, about in SETTINGS.items() if not about.everywhere)
+ALONE = tuple(name for name, about in OPTION_SPECS.items() if not about.everywhere)
 """Of those that `evaluate` alone has."""
 
 DEFAULTS: dict[str, object] = {field.name: field.default for field in dataclasses.fields(Request)}
@@ -662,7 +662,7 @@ def typed(settings: Mapping[str, object], where: str) -> dict[str, Any]:
 
 
 def _typed(name: str, value: str | float, where: str, key: str) -> Any:
-    about, fault = SETTINGS[name], ""
+    about, fault = OPTION_SPECS[name], ""
     kinds = get_args(TYPES[name]) or (TYPES[name],)
     kind = next((kind for kind in (bool, int, float) if kind in kinds), str)
     made: Any = value
@@ -688,7 +688,7 @@ def _typed(name: str, value: str | float, where: str, key: str) -> Any:
 OF_THE_NUMBER: dict[str, object] = {
     name: default
     for name, default in DEFAULTS.items()
-    if name == "pairwise" or (name in SETTINGS and SETTINGS[name].number)
+    if name == "pairwise" or (name in OPTION_SPECS and OPTION_SPECS[name].number)
 }
 """Defaults of the fields that change the number or its bracket."""
 

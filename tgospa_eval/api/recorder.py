@@ -8,16 +8,16 @@ import numpy as np
 from tgospa_eval.api.evaluate import evaluate
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.notices import spoken_in_python
+from tgospa_eval.distances.registry import as_distance
 from tgospa_eval.errors import InputError
-from tgospa_eval.evaluation.objects import array_of, from_rows, numbers_of, times_of
-from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.formats import ROLES
+from tgospa_eval.formats.objects import array_of, from_rows, numbers_of, times_of
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
     from tgospa_eval.api.result import Result
-    from tgospa_eval.evaluation.objects import ArrayLike
+    from tgospa_eval.formats.objects import ArrayLike
 
 
 class Recorder:

@@ -281,7 +281,7 @@ class Result(Showable, PairEvaluation):
         Bounds and assignment.
     labels, gap, settings, solver, timings, input, version
         Times and ids, the gap that counts as exact, options, and how it was made.
-    source : pair of Fitted and EvaluationRequest, optional
+    source : pair of AlignedPair and EvaluationRequest, optional
         What was evaluated, and how.
     assigned : mapping of str to (N,) float array
         What is known of each assigned pair beside its cost, in the order of the table of

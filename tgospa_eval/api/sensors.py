@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.distance import REDUCTION_NAMES, reduction
 from tgospa_eval.api.keywords import requested, taken, with_options
-from tgospa_eval.api.options import SETTINGS, Request
-from tgospa_eval.api.resolve import Settings, called, make_settings
+from tgospa_eval.api.options import OPTION_SPECS, Request
+from tgospa_eval.api.reading import align_sides, called, read_pair
+from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.common.frozen import dataclass, recast, replace
 from tgospa_eval.common.notices import in_python, warn_user
 from tgospa_eval.distances import Effort, Reduction
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from tgospa_eval.evaluation.sides import Components, TrajectoriesLike
+    from tgospa_eval.formats.objects import Components, TrajectoriesLike
     from tgospa_eval.show.plot_data import PlotData
 
 
@@ -94,7 +95,7 @@ def of_pairs(options: dict[str, Any]) -> dict[str, Any]:
 
 
 def associate_sides(
-    settings: Settings,
+    resolved: ResolvedRequest,
     sides: tuple[Reading, ...],
     names: tuple[str, ...],
     effort: Effort,
@@ -102,11 +103,11 @@ def associate_sides(
     all_pairs: bool,
 ) -> Association:
     """The association of sides that were read; `names` are for messages."""
-    fitted, _ = settings.fit(sides, names)
+    fitted, _ = align_sides(resolved, sides, names)
     found = associate_states(
         fitted.alignment.truth,
         fitted.alignment.estimate,
-        cutoff=settings.evaluation.parameters.cutoff,
+        cutoff=resolved.evaluation.parameters.cutoff,
         distance=fitted.distance,
         all_pairs=all_pairs,
         effort=effort,
@@ -114,11 +115,11 @@ def associate_sides(
     return recast(found, Association)
 
 
-def reducing(request: Request, size: int) -> tuple[Reduction, Settings]:
+def reducing(request: Request, size: int) -> tuple[Reduction, ResolvedRequest]:
     """How to reduce, and how to read what is reduced."""
     how = reduction(request, size) or Reduction(size=size)
     fixed: dict[str, Any] = {"reduce": size, "cutoff": 1.0, "switch_penalty": 0.0}
-    return how, make_settings(replace(request, distance="cloud-wasserstein", **fixed))
+    return how, resolve_request(replace(request, distance="cloud-wasserstein", **fixed))
 
 
 def reduce_side(
@@ -139,22 +140,22 @@ def reduce_side(
 
 
 def _read(
-    settings: Settings,
+    resolved: ResolvedRequest,
     given: Sequence["TrajectoriesLike"],
     names: tuple[str, ...],
     mapping: "Components | None",
 ) -> tuple[Reading, ...]:
     """Sides in the role of estimates, with a Python warning for what looks wrong."""
     roles = ("estimate",) * len(given)
-    sides = settings.read(*given, roles=roles, names=names, mapping=mapping)
+    sides = read_pair(resolved, *given, roles=roles, names=names, mapping=mapping)
     for side in sides:
         warn_user(side.warnings, lambda text: in_python(text, reads=False))
     return sides
 
 
 @with_options(
-    *(name for name, about in SETTINGS.items() if not (about.sensors and about.everywhere)),
-    *(name for name in SETTINGS if name.startswith(("truth_", "estimate_"))),
+    *(name for name, about in OPTION_SPECS.items() if not (about.sensors and about.everywhere)),
+    *(name for name in OPTION_SPECS if name.startswith(("truth_", "estimate_"))),
 )
 def associate(
     a: "TrajectoriesLike",
@@ -212,10 +213,10 @@ def associate(
         "estimate_where": b_where,
     }
     request = requested(of_pairs({"cutoff": cutoff, **of_sides, **options}))
-    settings, names = make_settings(request), called((a, b), request.sides)
-    sides = _read(settings, (a, b), request.sides, mapping)
+    resolved, names = resolve_request(request), called((a, b), request.sides)
+    sides = _read(resolved, (a, b), request.sides, mapping)
     effort = Effort(jobs=request.jobs)
-    return associate_sides(settings, sides, names, effort, all_pairs=all_pairs)
+    return associate_sides(resolved, sides, names, effort, all_pairs=all_pairs)
 
 
 @with_options(*(name for name in taken() if name not in (*OF_REDUCE, *REDUCTION_NAMES)))
@@ -257,8 +258,8 @@ def reduce(
     import pandas as pd
 
     request = requested({**options, "truth_format": in_format})
-    how, settings = reducing(request, size)
+    how, resolved = reducing(request, size)
     names = called((side,), ("side",))
-    (read,) = _read(settings, (side,), ("side",), mapping)
+    (read,) = _read(resolved, (side,), ("side",), mapping)
     after, table = reduce_side(read, how, names[0], Effort(jobs=request.jobs))
     return after, pd.DataFrame(table)

@@ -9,7 +9,7 @@ import numpy as np
 from tgospa_eval.api.evaluate import Notify, read_sides
 from tgospa_eval.api.keywords import requested, with_options
 from tgospa_eval.api.options import ALONE, Request
-from tgospa_eval.api.resolve import Settings, make_settings
+from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.notices import warn_user
 from tgospa_eval.common.progress import Stopwatch
@@ -19,7 +19,7 @@ from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.results.sweep import Sweep
 
 if TYPE_CHECKING:
-    from tgospa_eval.evaluation.sides import Components, TrajectoriesLike
+    from tgospa_eval.formats.objects import Components, TrajectoriesLike
 
 Values: TypeAlias = float | Sequence[float] | Floats
 
@@ -29,7 +29,7 @@ ONE_EVALUATION = ("by", "preprocess", *ALONE)
 
 def swept_parameters(
     request: Request, name: str, values: Sequence[float]
-) -> tuple[Settings, tuple[Parameters, ...]]:
+) -> tuple[ResolvedRequest, tuple[Parameters, ...]]:
     """The settings of a point in the middle, and the parameters of all points by value.
 
     Raises
@@ -38,13 +38,13 @@ def swept_parameters(
         As of an evaluation; there is no value, one is repeated or out of its range.
     """
     middle: dict[str, Any] = {name: sorted(values)[len(values) // 2]} if values else {}
-    settings = make_settings(replace(request, by=None, **middle))
-    others = {k: v for k, v in vars(settings.evaluation.parameters).items() if k != name}
-    return settings, in_order(name, values, others)
+    resolved = resolve_request(replace(request, by=None, **middle))
+    others = {k: v for k, v in vars(resolved.evaluation.parameters).items() if k != name}
+    return resolved, in_order(name, values, others)
 
 
 def sweep_sides(
-    settings: Settings,
+    resolved: ResolvedRequest,
     name: str,
     parameters: tuple[Parameters, ...],
     sides: "tuple[TrajectoriesLike, TrajectoriesLike]",
@@ -54,7 +54,7 @@ def sweep_sides(
     mapping: "Components | None" = None,
 ) -> Sweep:
     """Read both sides once, and evaluate them at each point; arguments as of `read_sides`."""
-    read = read_sides(settings, *sides, stopwatch, notify, mapping=mapping)
+    read = read_sides(resolved, *sides, stopwatch, notify, mapping=mapping)
     found = sweep_fitted(
         read.fitted, read.request, name, parameters, files=read.records, stopwatch=stopwatch
     )
@@ -118,7 +118,7 @@ def sweep(
         )
     name = swept[0]
     values = [float(value) for value in given.pop(name)]
-    settings, parameters = swept_parameters(requested({**given, **options}), name, values)
-    found = sweep_sides(settings, name, parameters, (truth, estimate), Stopwatch(), mapping=mapping)
+    resolved, parameters = swept_parameters(requested({**given, **options}), name, values)
+    found = sweep_sides(resolved, name, parameters, (truth, estimate), Stopwatch(), mapping=mapping)
     warn_user(found.warnings)
     return found

@@ -26,9 +26,9 @@ from tgospa_eval.common.progress import Limit, Progress, Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import DISTANCES, Distance
 from tgospa_eval.errors import ConfigError, TgospaError
-from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve, solver_settings
 from tgospa_eval.evaluation.pair import PairEvaluation
-from tgospa_eval.evaluation.prepare import Prepared, fit, prepare
+from tgospa_eval.evaluation.prepare import PreparedPair, fit, prepare
+from tgospa_eval.evaluation.prove import solve, solver_settings
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.metric_family import Parameters
@@ -89,7 +89,7 @@ Run = tuple[Json, PairEvaluation | None]
 """The record of a run, and what came of it; None where it failed."""
 
 
-def run_here(prepared: Prepared, solver: Solver, progress: Progress | None = None) -> Run:
+def run_here(prepared: PreparedPair, solver: Solver, progress: Progress | None = None) -> Run:
     """Solve and prove; `progress` gets how far that is."""
     stopwatch = Stopwatch()
     stopwatch.progress = progress or stopwatch.progress
@@ -120,7 +120,7 @@ def run_here(prepared: Prepared, solver: Solver, progress: Progress | None = Non
     return made, result
 
 
-def _entropic(prepared: Prepared, solver: Solver, progress: Progress) -> Json | None:
+def _entropic(prepared: PreparedPair, solver: Solver, progress: Progress) -> Json | None:
     """The value of the regularised problem of a temperature, in units of the total."""
     if solver.epsilon is None:
         return None
@@ -157,10 +157,11 @@ def warm_up(solvers: Iterable[Solver]) -> None:
             solver=solver,
         )
         with suppress(Exception):  # what fails here fails again where it is recorded
-            evaluate_fitted(fit(truth, estimate, request), request, stopwatch=Stopwatch())
+            pair = fit(truth, estimate, request)
+            solve(prepare(pair, request, stopwatch=Stopwatch()), solver, Stopwatch(), request)
 
 
-def takes_long(prepared: Prepared) -> int | None:
+def takes_long(prepared: PreparedPair) -> int | None:
     """Number of states if the referee would take more than a minute or so, else None."""
     states = prepared.states
     sizes = np.bincount(
@@ -237,7 +238,7 @@ def bracket_of(run: Json) -> Interval | None:
 
 
 def compare_solvers(
-    prepared: Prepared,
+    prepared: PreparedPair,
     solvers: Sequence[Solver],
     progress: Progress | None = None,
 ) -> list[Run]:
@@ -247,7 +248,7 @@ def compare_solvers(
 
     Parameters
     ----------
-    prepared : Prepared
+    prepared : PreparedPair
         The problem; made once.
     solvers : sequence of Solver
         With their settings.
@@ -269,7 +270,7 @@ def compare_solvers(
 
 def solvers_document(
     runs: Sequence[Json],
-    prepared: Prepared,
+    prepared: PreparedPair,
     left_out: dict[str, str],
     seconds: dict[str, float],
     warnings: list[dict[str, str]],
@@ -280,7 +281,7 @@ def solvers_document(
     ----------
     runs : sequence of dict
         What was found.
-    prepared : Prepared
+    prepared : PreparedPair
         The problem.
     left_out : dict
         Solvers that did not run, and why.
@@ -314,7 +315,7 @@ def solvers_document(
         "left_out": left_out,
         "parameters": dict(prepared.settings),
         "sizes": {**prepared.sizes, "states": len(prepared.states.begin)},
-        "input": prepared.input,
+        "input": prepared.recorded()[0],
         "seconds": seconds,
         "warnings": warnings,
     }

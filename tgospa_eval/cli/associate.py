@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.options import NAMES, SETTINGS, Request
+from tgospa_eval.api.options import NAMES, OPTION_SPECS, Request
 from tgospa_eval.cli.shared.click_options import (
     OutputOptions,
     chosen_options,
@@ -20,7 +20,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.registry import FORMATS
 
 if TYPE_CHECKING:
-    from tgospa_eval.api.resolve import Settings
+    from tgospa_eval.api.resolve import ResolvedRequest
     from tgospa_eval.api.sensors import Association
     from tgospa_eval.distances import Effort
     from tgospa_eval.formats import Reading
@@ -31,7 +31,7 @@ T = TypeVar("T")
 SENSOR_OPTIONS = [
     key
     for key, name in NAMES.items()
-    if SETTINGS[name].sensors and not key.startswith(("truth-", "estimate-", "cutoff"))
+    if OPTION_SPECS[name].sensors and not key.startswith(("truth-", "estimate-", "cutoff"))
 ]
 """What it has of the options of everything that evaluates."""
 
@@ -60,7 +60,7 @@ _output = partial(Option, section="Output")
             SENSOR_OPTIONS,
             _files(
                 "--a-format FORMAT",
-                SETTINGS["truth_format"].help.replace("TRUTH", "A"),
+                OPTION_SPECS["truth_format"].help.replace("TRUTH", "A"),
                 name="truth_format",
             ),
             _files("--b-format FORMAT", "Format of B, one of the same.", name="estimate_format"),
@@ -122,7 +122,7 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
-    from tgospa_eval.api.resolve import make_settings
+    from tgospa_eval.api.resolve import resolve_request
     from tgospa_eval.api.sensors import associate_sides, of_pairs
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.cli.shared.writing import write_output
@@ -143,12 +143,12 @@ def command(
         taken.append(path)
     if output.output is not None:
         probe_folder(output.output, ASSOCIATION, force=force)
-    settings = make_settings(request)
+    resolved = resolve_request(request)
 
     def work(effort: "Effort") -> "tuple[Association, dict[str, str]]":
-        sides = read_states((a, b), settings, ("--a-format", "--b-format"), quiet=output.quiet)
+        sides = read_states((a, b), resolved, ("--a-format", "--b-format"), quiet=output.quiet)
         every = "--cost-matrix" in files
-        found = associate_sides(settings, sides, (a, b), effort, all_pairs=every)
+        found = associate_sides(resolved, sides, (a, b), effort, all_pairs=every)
         make = {"--cost-matrix": found.costs_table, "--cross-cov": found.cross_covariances_table}
         return found, {name: csv_text(make[name]()) for name in files}
 
@@ -158,7 +158,7 @@ def command(
     used = settings_field(output.config)
     shown = {
         "table": lambda: association_text(found),
-        "json": lambda: json_text(_document(found, settings) | used),
+        "json": lambda: json_text(_document(found, resolved) | used),
         "csv": lambda: csv_text(found.associations_table()),
     }
     write_output(
@@ -169,7 +169,7 @@ def command(
     emit(shown[output.format_](), output.format_)
 
 
-def _document(found: "Association", settings: "Settings") -> "Json":
+def _document(found: "Association", resolved: "ResolvedRequest") -> "Json":
     """The document of ``associate``."""
     from tgospa_eval.results.records import records
 
@@ -182,8 +182,8 @@ def _document(found: "Association", settings: "Settings") -> "Json":
             "distance": found.distance.name,
             **found.distance.settings(columns),
             "columns": list(columns),
-            **settings.evaluation.time_matching.recorded,
-            **settings.recorded,
+            **resolved.evaluation.time_matching.recorded,
+            **resolved.recorded,
         },
         "counts": {
             "steps": len(found.first.times),
@@ -197,17 +197,18 @@ def _document(found: "Association", settings: "Settings") -> "Json":
 
 
 def read_states(
-    paths: tuple[str, ...], settings: "Settings", formats: tuple[str, ...], *, quiet: bool
+    paths: tuple[str, ...], resolved: "ResolvedRequest", formats: tuple[str, ...], *, quiet: bool
 ) -> "tuple[Reading, ...]":
     """The states of sensors: the role of challenge formats is that of results.
 
     `formats` are the options that name the formats; messages know those of truth and estimate.
     """
     from tgospa_eval.api.notices import about
+    from tgospa_eval.api.reading import read_pair
     from tgospa_eval.cli.shared.streams import notifier
 
     try:
-        sides = settings.read(*paths, roles=("estimate",) * len(paths))
+        sides = read_pair(resolved, *paths, roles=("estimate",) * len(paths))
     except InputError as error:
         usual = "(--truth-format, --estimate-format)"
         raise InputError(str(error).replace(usual, f"({', '.join(formats)})")) from None

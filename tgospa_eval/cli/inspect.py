@@ -49,7 +49,8 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
-    from tgospa_eval.api.resolve import make_settings
+    from tgospa_eval.api.reading import align_sides, read_pair
+    from tgospa_eval.api.resolve import resolve_request
     from tgospa_eval.cli.shared.progress import run
     from tgospa_eval.cli.shared.streams import emit, print_notice
     from tgospa_eval.common.config import settings_field
@@ -71,15 +72,15 @@ def command(
         ending = check_file(plot, "--plot", force=True, others=paths, endings=endings)
         if not available():
             raise ConfigError(MISSING)
-    settings, stopwatch = make_settings(request), Stopwatch()
+    resolved, stopwatch = resolve_request(request), Stopwatch()
 
     def work() -> Json:
         with stopwatch.span("read"):
-            sides = settings.read(*paths)
+            sides = read_pair(resolved, *paths)
         if len(sides) == 1:
-            fitted, asked = None, settings.request(sides[0].trajectories.columns)
+            fitted, asked = None, resolved.request(sides[0].trajectories.columns)
         else:
-            fitted, asked = settings.fit(sides, paths)
+            fitted, asked = align_sides(resolved, sides, paths)
         if plot is not None:
             seen = [side.trajectories for side in sides] if fitted is None else fitted.read
             sides_seen = list(zip(paths, seen, strict=True))

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.api.options import SETTINGS, Request
+from tgospa_eval.api.options import OPTION_SPECS, Request
 from tgospa_eval.cli.associate import read_states, run_with_effort
 from tgospa_eval.cli.shared.click_options import (
     REDUCTION,
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
             *REDUCTION,
             option(
                 "--in-format FORMAT",
-                SETTINGS["truth_format"].help.replace("TRUTH", "IN"),
+                OPTION_SPECS["truth_format"].help.replace("TRUTH", "IN"),
                 name="truth_format",
                 section="Files",
                 trusted=True,

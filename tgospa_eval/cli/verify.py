@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tgospa_eval.api.options import SETTINGS, names_file
+from tgospa_eval.api.options import OPTION_SPECS, names_file
 from tgospa_eval.cli.shared.command import PATH, Option, Verb
 from tgospa_eval.errors import ConfigError, ExitStatus, InputError
 
 if TYPE_CHECKING:
     from tgospa_eval.common.progress import Stopwatch
-    from tgospa_eval.evaluation.prepare import Prepared
+    from tgospa_eval.evaluation.prepare import PreparedPair
     from tgospa_eval.proof.check import Claim
     from tgospa_eval.proof.verify_tgospa import Folder
 
@@ -36,8 +36,8 @@ NAMED = ("ignore_regions", "region", "covariance", "inner_cov")
     params=[
         *(
             Option(
-                f"--{SETTINGS[name].key} FILE",
-                f"With the original files: the one that --{SETTINGS[name].key} named.",
+                f"--{OPTION_SPECS[name].key} FILE",
+                f"With the original files: the one that --{OPTION_SPECS[name].key} named.",
                 section="Files",
                 type=PATH,
             )
@@ -92,7 +92,9 @@ def command(
         raise click.UsageError("name both files, TRUTH and ESTIMATE, or none")
     given = {name: path for name, path in named.items() if path is not None}
     if given and truth is None:
-        raise click.UsageError(f"--{SETTINGS[min(given)].key} is for TRUTH and ESTIMATE: name both")
+        raise click.UsageError(
+            f"--{OPTION_SPECS[min(given)].key} is for TRUTH and ESTIMATE: name both"
+        )
     from tgospa_eval.common.progress import Stopwatch
     from tgospa_eval.proof import verify_tgospa
     from tgospa_eval.proof.check import check, check_folders
@@ -206,29 +208,30 @@ def _options(folder: str, recorded: Mapping[str, Any], given: Mapping[str, str])
     options = dict(recorded)
     for name, value in recorded.items():
         if names_file(name, value) and name not in given:
-            yours = f"; name yours, with --{SETTINGS[name].key} FILE" if name in NAMED else ""
+            yours = f"; name yours, with --{OPTION_SPECS[name].key} FILE" if name in NAMED else ""
             raise InputError(
                 f"{folder}: proof.json, options, {name}: names a file, {value!r:.80}, which is not "
                 f"opened for that alone{yours}"
             )
     for name, path in given.items():
         if name not in recorded or not names_file(name, recorded[name]):
-            raise click.UsageError(f"--{SETTINGS[name].key}: the proof was written without")
+            raise click.UsageError(f"--{OPTION_SPECS[name].key}: the proof was written without")
         options[name] = path
     return options
 
 
 def _prepared(
     files: Files, proof: Mapping[str, Any], options: Mapping[str, Any], stopwatch: "Stopwatch"
-) -> "Prepared":
+) -> "PreparedPair":
     """What an evaluation of these files would solve."""
     from dataclasses import replace
 
     from tgospa_eval.api.keywords import requested
-    from tgospa_eval.api.resolve import make_settings
+    from tgospa_eval.api.reading import align_sides, read_pair
+    from tgospa_eval.api.resolve import resolve_request
     from tgospa_eval.evaluation.prepare import fit, prepare
 
-    settings = make_settings(
+    resolved = resolve_request(
         requested(
             {
                 name: tuple(value) if isinstance(value, list) else value
@@ -236,8 +239,8 @@ def _prepared(
             }
         )
     )
-    sides = settings.read(*files)
-    fitted, request = settings.fit(sides, files)
+    sides = read_pair(resolved, *files)
+    fitted, request = align_sides(resolved, sides, files)
     if "class" in proof:
         truth, estimate = (side.of_class(proof["class"]) for side in sides)
         fitted = fit(truth, estimate, replace(request, distance=fitted.distance))

@@ -8,7 +8,6 @@ be missing, `OrNull` for objects that may be null, `Closed` for objects without 
 import json
 import sys
 from collections.abc import Callable, Iterator
-from datetime import UTC, datetime
 from typing import Any, NoReturn
 
 from tgospa_eval.common.files import SETTINGS, read_bytes
@@ -67,14 +66,6 @@ def _is_number(value: object) -> bool:
     return type(value) in (int, float) and abs(value) <= sys.float_info.max  # type: ignore[arg-type]
 
 
-def _is_moment(value: object) -> bool:
-    try:
-        datetime.fromisoformat(value).astimezone(UTC)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
-        return False
-    return True
-
-
 ANYTHING = FieldKind("a value", lambda _: True)
 TEXT = FieldKind("a text", lambda value: isinstance(value, str))
 FLAG = FieldKind("true or false", lambda value: isinstance(value, bool))
@@ -85,7 +76,6 @@ COUNT = FieldKind("a whole number >= 0", lambda value: type(value) is int and 0 
 TIME = FieldKind(
     "a finite number or a text", lambda value: isinstance(value, str) or _is_number(value)
 )
-MOMENT = FieldKind("an ISO 8601 time", _is_moment)
 
 
 def or_null(kind: FieldKind) -> FieldKind:

@@ -8,7 +8,7 @@ from tgospa_eval.common.frozen import dataclass
 
 
 @dataclass(frozen=True)
-class Setting:
+class OptionSpec:
     """What is known of a field that is an option.
 
     Parameters
@@ -74,7 +74,7 @@ class Setting:
 def setting(section: str, declaration: str, text: str, *, default: Any = None, **about: Any) -> Any:
     """Declare a field of a record of options."""
     return dataclasses.field(
-        default=default, metadata={"setting": Setting(section, declaration, text, **about)}
+        default=default, metadata={"setting": OptionSpec(section, declaration, text, **about)}
     )
 
 
@@ -89,7 +89,7 @@ class Values:
         return cls(**{name: value for name, value in values.items() if name in names})
 
     @classmethod
-    def settings(cls) -> dict[str, Setting]:
+    def settings(cls) -> dict[str, OptionSpec]:
         """What is known of the fields that have an option."""
         fields = dataclasses.fields(cls)
         return {one.name: one.metadata["setting"] for one in fields if one.metadata}

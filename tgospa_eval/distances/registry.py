@@ -42,3 +42,12 @@ DISTANCES: "Registry[Distance]" = Registry(
     _distance,
 )
 """Base distances by name; Mahalanobis without its covariance."""
+
+
+def as_distance(distance: "str | Distance | None") -> "Distance":
+    """A record of settings, of a name that with the default ones; euclidean if none is chosen."""
+    from tgospa_eval.distances.base import Distance  # here: imports numpy
+
+    if isinstance(distance, Distance):
+        return distance
+    return DISTANCES.ours("euclidean") if distance is None else DISTANCES.chosen(distance)

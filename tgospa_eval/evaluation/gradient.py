@@ -14,7 +14,7 @@ from tgospa_eval.common.arrays import Floats, Ints, concatenated
 from tgospa_eval.distances import CloudWasserstein, Distance, Effort, Pairs
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.pair import PairEvaluation, source_of
-from tgospa_eval.evaluation.prepare import Fitted
+from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.weights import ONE
@@ -60,7 +60,7 @@ def gradient(result: PairEvaluation) -> Gradient:
 
 
 def _moved(
-    fitted: Fitted, given: Distance, pairs: Pairs, change: Floats
+    fitted: AlignedPair, given: Distance, pairs: Pairs, change: Floats
 ) -> tuple[Floats, Floats | None, Ints | None]:
     """Derivative by each state of the estimate (R, d), of clouds by each particle (P, d).
 

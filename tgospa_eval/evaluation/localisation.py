@@ -9,7 +9,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.distances.base import Sides
-from tgospa_eval.evaluation.prepare import Prepared
+from tgospa_eval.evaluation.prepare import PreparedPair
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.readout import read_assigned
@@ -53,7 +53,7 @@ def at_cutoff(pairs: int) -> tuple[Notice, ...]:
     )
 
 
-def rounded_coordinates(prepared: Prepared, proof: PairProof) -> tuple[Notice, ...]:
+def rounded_coordinates(prepared: PreparedPair, proof: PairProof) -> tuple[Notice, ...]:
     """Whether decimals of large coordinates are so rounded that ten digits of the total are not.
 
     Let u be the distance of neighbouring doubles; a decimal is off by u / sqrt(12), a difference by
@@ -87,7 +87,7 @@ BLOCK = 1 << 16
 """Pairs whose distances are taken apart at a time."""
 
 
-def pair_parts(prepared: Prepared, proof: PairProof) -> dict[str, Floats]:
+def pair_parts(prepared: PreparedPair, proof: PairProof) -> dict[str, Floats]:
     """Parts of the cost of each assigned pair (N,), which sum to it, if it has any."""
     if prepared.existence is None and type(prepared.distance).parts is Distance.parts:
         return {}

@@ -23,7 +23,7 @@ from tgospa_eval.distances.base import Sides
 from tgospa_eval.distances.boxes import overlaps
 from tgospa_eval.distances.pair_search import prepared_pairs, starts_of_steps
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.prepare import Prepared, held_pairs
+from tgospa_eval.evaluation.prepare import PreparedPair, held_pairs
 from tgospa_eval.problem.gospa import per_step_gospa
 from tgospa_eval.problem.readout import judged_rows
 from tgospa_eval.results.proof import PairProof
@@ -118,7 +118,7 @@ def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> Other
 
 
 def other_metrics(
-    prepared: Prepared, names: Sequence[str], effort: Effort, proof: PairProof | None = None
+    prepared: PreparedPair, names: Sequence[str], effort: Effort, proof: PairProof | None = None
 ) -> Others:
     """Metrics by name, of two sides as they are compared.
 
@@ -126,7 +126,7 @@ def other_metrics(
 
     Parameters
     ----------
-    prepared : Prepared
+    prepared : PreparedPair
         The problem; filters, grid and joined stamps hold for these metrics as well.
     names : sequence of str
         Of `evaluation.request.OTHER_METRICS`.
@@ -143,14 +143,14 @@ def other_metrics(
     with effort.stopwatch.span("other_metrics"):
         if asked:
             sides = prepared.sides
-            if proof is not None and prepared.unjudged is not None:
+            if proof is not None and prepared.states.problem.unjudged is not None:
                 kept = judged_rows(proof.states, proof.weights)
                 first, second = (
                     side.chosen(np.flatnonzero(rows))
                     for side, rows in zip(sides, kept, strict=True)
                 )
                 sides = first, second
-            if prepared.held is not None and prepared.unjudged is not None:
+            if prepared.held is not None and prepared.states.problem.unjudged is not None:
                 raise ConfigError(
                     "--with hota, clear and identity do not go together with --resample and "
                     "--ignore; leave one out"
@@ -191,7 +191,7 @@ def _plain(value: Any) -> float:
     return int(mean) if float(mean).is_integer() and not np.ndim(value) else float(mean)
 
 
-def _gospa(prepared: Prepared) -> dict[str, float]:
+def _gospa(prepared: PreparedPair) -> dict[str, float]:
     problem, parameters = prepared.states.problem, prepared.parameters
     scale = parameters.scale
     step = per_step_gospa(problem)

@@ -18,7 +18,7 @@ from tgospa_eval.results.proof import PairProof
 from tgospa_eval.results.records import Columns, Json, as_lists, track_columns
 
 if TYPE_CHECKING:
-    from tgospa_eval.evaluation.prepare import Fitted
+    from tgospa_eval.evaluation.prepare import AlignedPair
     from tgospa_eval.evaluation.request import EvaluationRequest
 
 
@@ -32,7 +32,7 @@ class PairEvaluation(Evaluation):
         Bounds and assignment.
     labels, gap, settings, solver, timings, input, version
         Times and ids, the gap that counts as exact, options, and how it was made.
-    source : pair of Fitted and EvaluationRequest, optional
+    source : pair of AlignedPair and EvaluationRequest, optional
         What was evaluated, and how.
     assigned : mapping of str to (N,) float array
         What is known of each assigned pair beside its cost, in the order of the table of
@@ -43,7 +43,7 @@ class PairEvaluation(Evaluation):
 
     proof: PairProof
     assigned: Mapping[str, Floats] = field(default_factory=dict)
-    source: "tuple[Fitted, EvaluationRequest] | None" = None
+    source: "tuple[AlignedPair, EvaluationRequest] | None" = None
     explained: Explanation | None = None
 
     def to_dict(self) -> Json:
@@ -127,7 +127,7 @@ def explanation_of(evaluation: Evaluation) -> Explanation | None:
     return evaluation.explained if isinstance(evaluation, PairEvaluation) else None
 
 
-def source_of(result: PairEvaluation) -> "tuple[Fitted, EvaluationRequest]":
+def source_of(result: PairEvaluation) -> "tuple[AlignedPair, EvaluationRequest]":
     """What was evaluated, and how: enough to evaluate something like it.
 
     Raises

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask
-from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.frozen import dataclass, recast
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.checks import check_columns, check_states
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fitted:
+class AlignedPair:
     """Two sides that fit each other.
 
     Parameters
@@ -86,10 +86,6 @@ class MeasuredSides(ComparedSides):
         What each step counts.
     existence : pair of (R,) float arrays, optional
         Probability of each row of either side.
-    unjudged : pair of (R,) bool arrays, optional
-        Ignored rows of the truth, excused rows of the estimate.
-    reach : (R_truth,) float array, optional
-        How far beyond the cutoff an ignored truth may be followed.
     """
 
     sides: tuple[Trajectories, Trajectories]
@@ -97,24 +93,9 @@ class MeasuredSides(ComparedSides):
     recorded: Callable[[], tuple[Mapping[str, Json], Judged]]
     step_weights: StepWeights | None = None
     existence: tuple[Floats, Floats] | None = None
-    unjudged: tuple[Mask, Mask] | None = None
-    reach: Floats | None = None
 
-    @property
-    def input(self) -> Mapping[str, Json]:
-        """Rows and digest of either side."""
-        return self.recorded()[0]
-
-    def problem(self, pairs: Pairs, parameters: Parameters) -> Problem:
+    def problem(self, near: "NearPairs", parameters: Parameters) -> Problem:
         """The problem of pairs that include all nearer than the cutoff."""
-        near = NearPairs(
-            sides=self.sides,
-            distance=self.distance,
-            pairs=pairs,
-            unjudged=self.unjudged,
-            reach=self.reach,
-            given=self.held is not None,
-        )
         problem = near.problem(parameters)
         if self.existence is not None:
             problem = weight_existence(problem, *self.existence)
@@ -122,20 +103,14 @@ class MeasuredSides(ComparedSides):
             problem = weight_steps(problem, self.step_weights)
         return problem
 
-    def prepared(self, states: States, parameters: Parameters) -> "Prepared":
+    def prepared(self, states: States, parameters: Parameters) -> "PreparedPair":
         """With the reduced problem, ready for a solver."""
-        return Prepared(
-            **{
-                **vars(self),
-                "parameters": parameters,
-                "states": states,
-                "settings": {**parameters.recorded, **self.settings},
-            }
-        )
+        settings = {**parameters.recorded, **self.settings}
+        return recast(self, PreparedPair, parameters=parameters, states=states, settings=settings)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Prepared(MeasuredSides):
+class PreparedPair(MeasuredSides):
     """A problem that waits for a solver: what all solvers have in common.
 
     Parameters
@@ -170,19 +145,19 @@ class Prepared(MeasuredSides):
 
 
 def prepare(
-    sides: Fitted,
+    sides: AlignedPair,
     request: EvaluationRequest,
     *,
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
-) -> Prepared:
+) -> PreparedPair:
     """The problem of two sides, all before the solver."""
-    measured, pairs = measure(
+    measured, near = measure(
         sides, request, cutoff=request.parameters.cutoff, files=files, stopwatch=stopwatch
     )
     with stopwatch.span("solve/preparation"):
-        problem = measured.problem(pairs, request.parameters)
-        del pairs  # the distances are as long as the entries
+        problem = measured.problem(near, request.parameters)
+        del near  # the distances are as long as the entries
         states = merge_runs(problem)
     return measured.prepared(states, request.parameters)
 
@@ -338,13 +313,13 @@ def recorded_settings(
 
 
 def measure(
-    sides: Fitted,
+    sides: AlignedPair,
     request: EvaluationRequest,
     *,
     cutoff: float,
     files: Sequence[Json] | None = None,
     stopwatch: Stopwatch,
-) -> tuple[MeasuredSides, Pairs]:
+) -> tuple[MeasuredSides, "NearPairs"]:
     """Both sides as they are compared, and all pairs nearer than the cutoff.
 
     `files` are those of the two sides, as of `input_record`; by default their rows.
@@ -395,11 +370,9 @@ def measure(
             if request.probabilistic
             else None
         ),
-        unjudged=near.unjudged,
-        reach=near.reach,
         held=aligned.held,
     )
-    return measured, near.pairs
+    return measured, near
 
 
 def reach_of(truth: Trajectories, request: EvaluationRequest) -> Floats | None:
@@ -458,7 +431,7 @@ def digest_of_judged(request: EvaluationRequest, truth: str) -> str:
 
 
 def _recorded(
-    sides: Fitted, request: EvaluationRequest, files: Sequence[Json] | None
+    sides: AlignedPair, request: EvaluationRequest, files: Sequence[Json] | None
 ) -> tuple[dict[str, Json], Judged]:
     """Rows and digest of either side, and what it is judged on: what is digested is what counts."""
     aligned, kinds, likely = sides.alignment, sides.distance.kinds, request.probabilistic
@@ -487,7 +460,7 @@ def fit(
     request: EvaluationRequest,
     names: tuple[str, str] = ("truth", "estimate"),
     placed: Callable[[Sides], Axis] | None = None,
-) -> Fitted:
+) -> AlignedPair:
     """Both sides on the same steps, and the distance with what it takes from the data.
 
     `placed` brings them to steps that were found before, by default those that are asked for.
@@ -537,13 +510,8 @@ def fit(
     if request.sliding is not None:
         request.sliding.check(aligned.truth.clock)
     fitted = distance.fitted((aligned.truth, aligned.estimate))
-    return Fitted(
-        given=given,
-        read=(truth, estimate),
-        alignment=aligned,
-        distance=fitted,
-        axis=axis,
-    )
+    both = truth, estimate
+    return AlignedPair(given=given, read=both, alignment=aligned, distance=fitted, axis=axis)
 
 
 def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:

@@ -11,8 +11,8 @@ from tgospa_eval.common.words import install
 from tgospa_eval.distances.pair_search import SearchedSide, search, starts_of_steps
 from tgospa_eval.distances.sphere import Haversine
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation.sides import as_frame, is_path
 from tgospa_eval.formats.fields import is_number
+from tgospa_eval.formats.objects import as_frame, is_path
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.interpolation import found_near
 from tgospa_eval.tracks.places import on_earth
@@ -22,7 +22,7 @@ from tgospa_eval.tracks.trajectories import PLACES, TimeArray, Trajectories
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tgospa_eval.evaluation.sides import ArrowTable
+    from tgospa_eval.formats.objects import ArrowTable
 
 RegionsLike: TypeAlias = "str | os.PathLike[str] | pd.DataFrame | ArrowTable | Mapping[str, Any]"
 """A path, a table, or a GeoJSON document."""

@@ -13,11 +13,10 @@ import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.common.progress import Stopwatch
-from tgospa_eval.distances import Pairs
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.evaluate import prove, solver_settings
 from tgospa_eval.evaluation.pair import PairEvaluation
-from tgospa_eval.evaluation.prepare import Fitted, MeasuredSides, fit, measure
+from tgospa_eval.evaluation.prepare import AlignedPair, MeasuredSides, NearPairs, fit, measure
+from tgospa_eval.evaluation.prove import prove, solver_settings
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
@@ -58,7 +57,7 @@ def in_order(
 
 
 def _check_steps(
-    sides: Fitted, request: EvaluationRequest, parameter: str, parameters: Sequence[Parameters]
+    sides: AlignedPair, request: EvaluationRequest, parameter: str, parameters: Sequence[Parameters]
 ) -> None:
     """Whether all points are of the same steps: what is near ends a silence of the estimate."""
     matching = request.time_matching
@@ -76,7 +75,7 @@ def _check_steps(
 
 
 def sweep_fitted(
-    sides: Fitted,
+    sides: AlignedPair,
     request: EvaluationRequest,
     parameter: str,
     parameters: Sequence[Parameters],
@@ -88,7 +87,7 @@ def sweep_fitted(
 
     Parameters
     ----------
-    sides : Fitted
+    sides : AlignedPair
         Truth and estimate, aligned, and their distance.
     request : EvaluationRequest
         Everything but the parameters.
@@ -97,7 +96,7 @@ def sweep_fitted(
     parameters : sequence of Parameters
         Of each point, by value, as from `in_order`.
     files, stopwatch
-        As for `evaluation.evaluate.evaluate_fitted`.
+        As for `api.evaluate.evaluate_pair`.
 
     Raises
     ------
@@ -106,8 +105,8 @@ def sweep_fitted(
     """
     _check_steps(sides, request, parameter, parameters)
     widest = max(point.cutoff for point in parameters)
-    measured, pairs = measure(sides, request, cutoff=widest, files=files, stopwatch=stopwatch)
-    line = _Line(measured, pairs, tuple(parameters), parameter, request.solver, stopwatch)
+    measured, near = measure(sides, request, cutoff=widest, files=files, stopwatch=stopwatch)
+    line = _Line(measured, near, tuple(parameters), parameter, request.solver, stopwatch)
     points = line.points()
     others = {k: v for k, v in parameters[0].recorded.items() if k != parameter}
     left, right = measured.sides
@@ -116,7 +115,7 @@ def sweep_fitted(
         points=points,
         settings={**others, **measured.settings, **solver_settings(request.solver)},
         sizes={"truth": len(left.ids), "estimates": len(right.ids), "steps": len(left.times)},
-        input=measured.input,
+        input=measured.recorded()[0],
         timings=_timings(stopwatch),
         version=__version__,
     )
@@ -128,13 +127,13 @@ class _Line:
     def __init__(
         self,
         measured: MeasuredSides,
-        pairs: Pairs,
+        near: NearPairs,
         parameters: tuple[Parameters, ...],
         name: str,
         solver: Solver,
         stopwatch: Stopwatch,
     ) -> None:
-        self.measured, self.pairs, self.name = measured, pairs, name
+        self.measured, self.near, self.name = measured, near, name
         self.parameters, self.solver, self.stopwatch = parameters, solver, stopwatch
         self.states: States | None = None
         self.found: Solution | None = None
@@ -161,7 +160,7 @@ class _Line:
             prepared = self.measured.prepared(self._reduced(parameters), parameters)
         states = prepared.states
         stopwatch.progress.begin(parameters.root)
-        if self.name == "rho" and self.measured.unjudged is None:
+        if self.name == "rho" and self.near.unjudged is None:
             # Bounds at smaller cutoffs are for the prices that they were solved with.
             if self.found is None or self.found.reduced:
                 self.found = replace(solver(states, stopwatch), disposable=False)
@@ -194,9 +193,9 @@ class _Line:
 
         Where states are not judged, rho changes which pairs gain.
         """
-        problem = self.measured.problem(self.pairs, parameters)
+        problem = self.measured.problem(self.near, parameters)
         unchanged = self.name == "switch_penalty" or (
-            self.name == "rho" and self.measured.unjudged is None
+            self.name == "rho" and self.near.unjudged is None
         )
         if self.states is not None and unchanged:
             return replace(self.states, problem=problem)

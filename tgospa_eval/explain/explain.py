@@ -14,7 +14,7 @@ from tgospa_eval.distances import near_pairs
 from tgospa_eval.errors import ConfigError, InputError, whole_number
 from tgospa_eval.evaluation.axis import check_left, periods_of
 from tgospa_eval.evaluation.pair import PairEvaluation, source_of
-from tgospa_eval.evaluation.prepare import Fitted, Prepared, fit, prepare, reach_of
+from tgospa_eval.evaluation.prepare import AlignedPair, PreparedPair, fit, prepare, reach_of
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.explain.candidates import (
     Candidate,
@@ -72,14 +72,14 @@ class Trials:
         What is proven of it.
     assigned : Assigned
         Its assignment.
-    sides : Fitted
+    sides : AlignedPair
         What was evaluated.
     request : EvaluationRequest
         How.
     """
 
     def __init__(
-        self, proof: PairProof, assigned: Assigned, sides: Fitted, request: EvaluationRequest
+        self, proof: PairProof, assigned: Assigned, sides: AlignedPair, request: EvaluationRequest
     ) -> None:
         self.assigned, self.sides, self.request = assigned, sides, request
         self.aligned, self.parameters = sides.alignment, proof.parameters
@@ -157,7 +157,7 @@ class Trials:
         return np.array([number[name] for name in side.ids.tolist()], np.int64)
 
     def _of_components(
-        self, edit: Edit, after: Fitted, stopwatch: Stopwatch
+        self, edit: Edit, after: AlignedPair, stopwatch: Stopwatch
     ) -> tuple[Bounds, float]:
         """The components that an edit touches are evaluated again, the others stay."""
         problem = self.problem
@@ -211,7 +211,9 @@ class Trials:
         estimate_in |= blocks[self.blocks[1]]
         return (truth_in, estimate_in), blocks[:-1]
 
-    def _evaluated(self, sides: Fitted, edit: Edit, stopwatch: Stopwatch) -> tuple[Bounds, float]:
+    def _evaluated(
+        self, sides: AlignedPair, edit: Edit, stopwatch: Stopwatch
+    ) -> tuple[Bounds, float]:
         """Both sides evaluated as any others, from the solution before the edit."""
         prepared = prepare(sides, self.request, stopwatch=stopwatch)
         solver = self.request.solver
@@ -222,7 +224,7 @@ class Trials:
         bounds, _, split = certify(prepared.states, solution, consume=solution.disposable)
         return bounds, split.total
 
-    def _warm_start(self, edit: Edit, prepared: Prepared) -> WarmStart:
+    def _warm_start(self, edit: Edit, prepared: PreparedPair) -> WarmStart:
         """The assignment and the prices at hand, with the names of tracks after the edit."""
         held = self.assigned.held
         run, estimate, begin, end = renamed(held, edit)
@@ -345,7 +347,11 @@ def not_explained(request: EvaluationRequest) -> tuple[str, ...]:
 
 
 def _candidates(
-    result: PairEvaluation, sides: Fitted, request: EvaluationRequest, assigned: Assigned, most: int
+    result: PairEvaluation,
+    sides: AlignedPair,
+    request: EvaluationRequest,
+    assigned: Assigned,
+    most: int,
 ) -> Iterator[Candidate]:
     """What may save something at the assignment at hand, of each kind `most` or a few more."""
     estimate = sides.alignment.estimate
@@ -367,7 +373,7 @@ def _candidates(
         yield from (candidate for candidate in maker if candidate.saving > 0)
 
 
-def _places(result: PairEvaluation, sides: Fitted, request: EvaluationRequest) -> StatePlaces:
+def _places(result: PairEvaluation, sides: AlignedPair, request: EvaluationRequest) -> StatePlaces:
     columns = sides.read[0].columns
     periods = periods_of(sides.distance, columns)
     return StatePlaces(

@@ -1,4 +1,4 @@
-"""FILES -> Trajectories: readers by name, how to read, and what was read.
+"""FILES and objects -> Trajectories: readers by name, how to read, and what was read.
 
 The public names are imported when they are used: the command line needs the names of formats alone.
 """

@@ -264,39 +264,19 @@ def _day_of(time: float) -> int:
     return next((DAY * 10**k for k in (0, 3, 6) if time < DAY * 10**k), DAY * SECOND)
 
 
-def in_one_clock(
-    sides: tuple[Trajectories, Trajectories],
-) -> tuple[tuple[Trajectories, Trajectories], list[str]]:
-    """Numbers beside ISO times with zone as such, if by their size they count since 1970.
+def since_1970(side: Trajectories) -> tuple[Trajectories, str]:
+    """A side whose numbers by their size count since 1970, with zoned times, and their unit.
 
-    And what to tell the user of either side; blank if nothing was done.
+    The unit is blank if they do not.
     """
-    clocks = [side.clock for side in sides]
-    if sorted(clocks) != ["number", "zoned"] or not all(len(side.times) for side in sides):
-        return sides, ["", ""]
-    which = clocks.index("number")
-    side = sides[which]
-    unit = _unit_of(side.times)
+    ends = [abs(float(side.times[k])) for k in (0, -1)]
+    scales = {unit: SECOND / TIME_UNITS[unit] for unit in EPOCHS}
+    fits = (u for u, s in scales.items() if all(EARLIEST * s <= end < LATEST * s for end in ends))
+    unit = next(fits, "")
     if not unit:
-        return sides, ["", ""]
+        return side, ""
     exact = [int(Decimal(str(time)) * TIME_UNITS[unit]) for time in side.times.tolist()]
     value = np.array(exact, np.int64)
     labels = np.empty(len(value), dtype=object)
     labels[:] = [iso(moment, "zoned") for moment in value.tolist()]
-    made = replace(side, times=value, clock="zoned", labels=labels)
-    told = ["", ""]
-    told[which] = (
-        f"times are taken as {unit} since 1970, by their size; "
-        f"--{('truth', 'estimate')[which]}-time-format {unit} says so"
-    )
-    return ((made, sides[1]) if which == 0 else (sides[0], made)), told
-
-
-def _unit_of(times: TimeArray) -> str:
-    """The unit in which numbers may be times since 1970, by their size; blank if none fits."""
-    ends = [abs(float(times[k])) for k in (0, -1)]
-    for unit in EPOCHS:
-        scale = SECOND / TIME_UNITS[unit]
-        if all(EARLIEST * scale <= end < LATEST * scale for end in ends):
-            return unit
-    return ""
+    return replace(side, times=value, clock="zoned", labels=labels), unit

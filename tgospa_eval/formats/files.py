@@ -1,48 +1,77 @@
-"""Path to `Reading`: the format of a file, its reader, and the rows that take part.
+"""A side to `Reading`: a path by the format of its file, an object by what it is.
 
 A reader yields `formats.rows.Rows`, the rows before anything is left out, or a DataFrame;
 `formats.assemble` makes a `Reading` of them.
 """
 
 import os
+from collections.abc import Sequence
 from dataclasses import fields, replace
+from typing import TYPE_CHECKING
 
 from tgospa_eval.common.files import is_regular
 from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats.objects import is_path, read_object
 from tgospa_eval.formats.options import ROLES, ReadOptions, one_of
 from tgospa_eval.formats.reading import Reading, by_place
 from tgospa_eval.formats.registry import FORMATS
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories
 
+if TYPE_CHECKING:
+    from tgospa_eval.formats.objects import TrajectoriesLike
+
 
 def read(
-    path: str | os.PathLike[str],
+    side: "TrajectoriesLike | Reading",
     options: ReadOptions | None = None,
     role: str = "truth",
     format: str | None = None,
+    name: str | None = None,
+    *,
+    columns: tuple[str, ...] | None = None,
+    mapping: Sequence[int] | None = None,
 ) -> Reading:
-    """Read a file of trajectories, with its notices.
+    """Read a side, a file or an object, with its notices.
 
     Parameters
     ----------
-    path : path
-        The file.
+    side : path, Trajectories, DataFrame, array, mapping, set of tracks, or Reading
+        The side; what was read before is returned.
     options : ReadOptions, optional
         How, and which rows.
     role : {"truth", "estimate"}
-        What the file is; formats of challenges mean different things by one column.
+        What the side is; formats of challenges mean different things by one column.
     format : str, optional
-        A key of `FORMATS`; by default guessed by name and content.
+        Of a file a key of `FORMATS`; by default guessed by name and content.
+    name : str, optional
+        What messages call an object; by default its role.
+    columns : tuple of str, optional
+        Of an object the state columns that the distance prescribes.
+    mapping : sequence of int, optional
+        Of tracks with state vectors the components to compare.
 
     Raises
     ------
     InputError
-        The file is missing, unreadable or wrong; the message names line and column.
+        The side is missing, unreadable or wrong; the message names line and column.
     ConfigError
-        An option is none of those allowed, or the package that reads the format is missing.
+        An option is none of those allowed or not for such a side, or the package that reads the
+        format is missing.
     """
+    options = options or ReadOptions()
+    if isinstance(side, Reading):
+        return side
+    if is_path(side):
+        return _read_file(side, options, role, format)
+    return read_object(side, options, name or role, columns, mapping)
+
+
+def _read_file(
+    path: str | os.PathLike[str], options: ReadOptions, role: str, format: str | None
+) -> Reading:
+    """Read a file, by the reader of its format."""
     from tgospa_eval.formats.assemble import assemble
     from tgospa_eval.formats.columns.headers import has_patterns
     from tgospa_eval.formats.guess import file_of, folder_format, guess
@@ -57,7 +86,6 @@ def read(
         tables = "; evaluate takes DataFrames themselves" if hasattr(path, "columns") else ""
         kind = type(path).__name__
         raise ConfigError(f"path is of the type {kind}: must be a path{tables}") from None
-    options = options or ReadOptions()
     file = file_of(name)
     kind = folder_format(file)
     is_folder = kind != "" and format in (None, kind)
@@ -193,4 +221,4 @@ def read_trajectories(
             time_offset=time_offset, time_scale=time_scale, unit_scale=unit_scale
         ),
     )
-    return read(path, options, role, format).warn()
+    return _read_file(path, options, role, format).warn()

@@ -115,7 +115,7 @@ def frame_rows(
         times = _formed_times(frame, roles, name, decimal)
     ids = named_ids([named(column, "an id") for column in (roles.id, *roles.more_ids)])
     blank = blanks(ids)
-    if len(blank) and not roles.drop_blank_ids:
+    if len(blank) and roles.options.on_invalid != "drop":
         header = frame.columns[roles.id]
         raise InputError(
             f"{where(int(blank[0]))}, column {quoted(header)}: blank id{more(len(blank))}; "
@@ -282,11 +282,11 @@ def id_text(value: object, name: str) -> str:
 def _formed_times(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) -> Times:
     """The times of a table, of one column or two, as they are written."""
     column = frame.iloc[:, roles.time]
-    if roles.second is None and (roles.form is None or not roles.form.format):
+    if roles.second is None and (roles.options.form is None or not roles.options.form.format):
         times = _times(column, name, decimal)
-        return times if roles.form is None else roles.form.zoned(times)
+        return times if roles.options.form is None else roles.options.form.zoned(times)
     second = None if roles.second is None else _as_texts(frame.iloc[:, roles.second], decimal)
-    return read_times(_as_texts(column, decimal), decimal, roles.form, second, roles.digits)
+    return read_times(_as_texts(column, decimal), decimal, roles.options.form, second, roles.digits)
 
 
 def _as_texts(column: pd.Series, decimal: str) -> Coded:

@@ -256,6 +256,8 @@ class ReadOptions:
         What these files are.
     option : str
         What messages call `columns`, see `formats.columns.headers.ask`.
+    of_tables : str
+        An option in use that only what has rows and headers can follow; blank if there is none.
 
     Raises
     ------
@@ -295,6 +297,7 @@ class ReadOptions:
     beside: tuple[str, ...] = ()
     roles: tuple[str, ...] = ROLES
     option: str = "columns"
+    of_tables: str = ""
 
     def __post_init__(self) -> None:
         for name in ("columns", "classes", "attributes"):
@@ -312,9 +315,7 @@ class ReadOptions:
         parse_moments(self.time)
         parse_region(self.region)
 
-    def beside_others(
-        self, paths: tuple[str, ...], roles: tuple[str, ...] = ROLES
-    ) -> "ReadOptions":
+    def beside_others(self, paths: tuple[str, ...], roles: tuple[str, ...]) -> "ReadOptions":
         """The same for a file that is read with these; what was checked is not checked again."""
         same = object.__new__(ReadOptions)
         vars(same).update(vars(self), beside=paths, roles=roles)

@@ -241,6 +241,26 @@ def with_heights(
     return answer
 
 
+def in_one_clock(sides: tuple[Reading, ...]) -> tuple[Reading, ...]:
+    """Both sides with zoned times, where one has these and the other counts since 1970.
+
+    That is seen by their size, and a notice says so.
+    """
+    clocks = [side.trajectories.clock for side in sides]
+    if sorted(clocks) != ["number", "zoned"] or not all(len(s.trajectories.times) for s in sides):
+        return sides
+    from tgospa_eval.formats.clocks import since_1970  # lazy: most sides have one clock
+
+    k = clocks.index("number")
+    made, unit = since_1970(sides[k].trajectories)
+    if not unit:
+        return sides
+    text = f"times are taken as {unit} since 1970, by their size; "
+    text += f"--{ROLES[k]}-time-format {unit} says so"
+    side = replace(sides[k], trajectories=made, notices=(*sides[k].notices, text))
+    return (side, sides[1]) if k == 0 else (sides[0], side)
+
+
 def check_heights(headers: Sequence[str], distance: str) -> None:
     """Whether the distance compares heights, which both sides have.
 

@@ -20,10 +20,10 @@ from tgospa_eval.engines.processes import PersistentPool, Processes
 from tgospa_eval.errors import InputError
 from tgospa_eval.evaluation.axis import Axis, check_left
 from tgospa_eval.evaluation.diagnosis import alignment_notices, axis_notices, diagnose
-from tgospa_eval.evaluation.evaluate import nested_timings, solver_record, solver_settings
 from tgospa_eval.evaluation.ignoring import Ignoring
 from tgospa_eval.evaluation.localisation import at_cutoff, within_rounding
 from tgospa_eval.evaluation.prepare import digest_of_judged, fit, recorded_settings
+from tgospa_eval.evaluation.prove import nested_timings, solver_record, solver_settings
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.columns.headers import ask

@@ -15,7 +15,7 @@ from tgospa_eval.common.writing import writing_folder
 from tgospa_eval.distances import Effort, Pairs
 from tgospa_eval.evaluation.axis import Axis, Sides
 from tgospa_eval.evaluation.localisation import parts_of_distances
-from tgospa_eval.evaluation.prepare import Fitted, NearPairs, fit
+from tgospa_eval.evaluation.prepare import AlignedPair, NearPairs, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.shards import ENTRY, marks_of
 from tgospa_eval.partitioned.steps import BlockPiece
@@ -31,7 +31,7 @@ PAIR = np.dtype([("truth", "<i4"), ("estimate", "<i4"), ("entries", "<i8")])
 
 def fitted(
     piece: BlockPiece, sides: Sides, request: EvaluationRequest, names: tuple[str, str]
-) -> tuple[Fitted, tuple[int, int]]:
+) -> tuple[AlignedPair, tuple[int, int]]:
     """Both sides of a block on its steps, and how many of their rows are there."""
     truth, estimate = (
         stretch.at(side, piece.times) for stretch, side in zip(piece.stretches, sides, strict=True)
@@ -156,7 +156,7 @@ def scan(
         (folder / READ).write_text(json.dumps(known), encoding="utf-8")
 
 
-def _write_block(folder: Path, low: int, fitted: Fitted, request: EvaluationRequest) -> None:
+def _write_block(folder: Path, low: int, fitted: AlignedPair, request: EvaluationRequest) -> None:
     """Write the near pairs of some steps, the first of this number, and what `Scanned` has."""
     near, problem, beside = _problem(fitted, request)
     aligned, kinds = (fitted.alignment.truth, fitted.alignment.estimate), fitted.distance.kinds
@@ -190,7 +190,7 @@ def _write_block(folder: Path, low: int, fitted: Fitted, request: EvaluationRequ
     np.savez(folder / "block.npz", **found)  # type: ignore[arg-type]
 
 
-def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[NearPairs, Problem, Arrays]:
+def _problem(sides: AlignedPair, request: EvaluationRequest) -> tuple[NearPairs, Problem, Arrays]:
     """The near pairs of a block, and their problem.
 
     And of each near pair what the table of assignments has beside its cost.

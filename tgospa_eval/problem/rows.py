@@ -105,10 +105,3 @@ def _first_places(
     known = np.repeat(columns, np.diff(places.first)) + places.step
     sought = np.repeat(columns[estimate], np.diff(pair_first)) + begin
     return np.searchsorted(known, sought).astype(np.int32)
-
-
-def running_of(places: PricedPlaces, truths: int) -> tuple[Floats, Ints]:
-    """The running sums of the prices, as `Slots.running` of `rows_of_component` has them."""
-    sums = np.zeros(len(places.whole) + 1, np.int64)
-    np.cumsum(places.whole, out=sums[1:])  # integers: differences are exact, even past 2^63
-    return np.concatenate((np.ones(truths), places.unit)), sums

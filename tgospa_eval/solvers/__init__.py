@@ -79,3 +79,12 @@ def solver_class(name: str) -> type[Solver]:
     module, _, attribute = SOLVERS[name].partition(":")
     found: type[Solver] = getattr(import_module(module), attribute)
     return found
+
+
+def as_solver(solver: str | Solver) -> Solver:
+    """A record of settings, of a name that with the default ones."""
+    if isinstance(solver, str):
+        return solver_class(solver)()
+    if isinstance(solver, type) or not isinstance(solver, Solver):
+        raise ConfigError(f"solver is {solver!r}: must be a name or a record such as Certified()")
+    return solver

@@ -18,7 +18,7 @@ from tgospa_eval.campaign import solver_runs
 from tgospa_eval.campaign.solver_runs import called, contradictions, errors, referee
 from tgospa_eval.common.interval import Interval, equal, excess, less, narrowest, overlap, places
 from tgospa_eval.common.progress import Progress
-from tgospa_eval.evaluation.prepare import Prepared
+from tgospa_eval.evaluation.prepare import PreparedPair
 from tgospa_eval.results.records import Json
 from tgospa_eval.show.rendering import Document, Table, as_latex, as_markdown, as_text, csv_text
 from tgospa_eval.solvers import Solver
@@ -107,7 +107,7 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     def here(change: Callable[[Solver, Json], Json] = lambda _, made: made) -> None:
         run_here = solver_runs.run_here
 
-        def run(prepared: Prepared, solver: Solver, progress: Progress) -> solver_runs.Run:
+        def run(prepared: PreparedPair, solver: Solver, progress: Progress) -> solver_runs.Run:
             made, result = run_here(prepared, solver, progress)
             return change(solver, made), result
 

@@ -16,10 +16,12 @@ from strategies import ORDERS, pairs_of_sets, scene
 from tgospa_eval import Certified, ConfigError, Sinkhorn, evaluate, sweep
 from tgospa_eval.cli.evaluate.sweep import parse_sweep
 from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.distances.registry import as_distance
 from tgospa_eval.evaluation import sweep as sensitivity
-from tgospa_eval.evaluation.prepare import MeasuredSides, fit, measure
+from tgospa_eval.evaluation.prepare import MeasuredSides, NearPairs, fit, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.evaluation.sides import as_distance, of_object
+from tgospa_eval.formats import ReadOptions
+from tgospa_eval.formats.objects import read_object
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.metric_family import Parameters
@@ -99,13 +101,13 @@ def test_by_hand() -> None:
 
 def measured(
     truth: np.ndarray, estimate: np.ndarray, cutoff: float
-) -> tuple[MeasuredSides, object]:
+) -> tuple[MeasuredSides, NearPairs]:
     request = EvaluationRequest(
         parameters=Parameters(cutoff=cutoff, order=2, switch_penalty=0.0),
         distance=as_distance("euclidean"),
         solver=Certified(),
     )
-    sides = [of_object(side, "side", request).trajectories for side in (truth, estimate)]
+    sides = [read_object(side, ReadOptions(), "side").trajectories for side in (truth, estimate)]
     return measure(fit(*sides, request), request, cutoff=cutoff, stopwatch=Stopwatch())
 
 

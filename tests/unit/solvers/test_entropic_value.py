@@ -5,10 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
+from tgospa_eval.api.evaluate import evaluate_pair
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import DISTANCES
-from tgospa_eval.evaluation.evaluate import evaluate_fitted
-from tgospa_eval.evaluation.prepare import Prepared, fit, prepare
+from tgospa_eval.evaluation.prepare import PreparedPair, fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.metric_family import Parameters
@@ -19,7 +19,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 pytestmark = pytest.mark.skipif(not kernels, reason="sweeps need the compiled kernels")
 
 
-def prepared(x: np.ndarray, y: np.ndarray, **parameters: float) -> Prepared:
+def prepared(x: np.ndarray, y: np.ndarray, **parameters: float) -> PreparedPair:
     """Tracks (T, m, d) and (T, n, d)."""
     request = EvaluationRequest(
         parameters=Parameters(**parameters), distance=DISTANCES["euclidean"], solver=Certified()
@@ -28,7 +28,7 @@ def prepared(x: np.ndarray, y: np.ndarray, **parameters: float) -> Prepared:
     return prepare(sides, request, stopwatch=Stopwatch())
 
 
-def trace(problem: Prepared, epsilon: float) -> Trace:
+def trace(problem: PreparedPair, epsilon: float) -> Trace:
     return entropic_trace(problem.states, epsilon, lambda: False)
 
 
@@ -98,7 +98,7 @@ def test_it_goes_to_the_total() -> None:
         parameters=problem.parameters, distance=DISTANCES["euclidean"], solver=Certified()
     )
     sides = fit(Trajectories.from_array(x), Trajectories.from_array(y), request)
-    total = evaluate_fitted(sides, request, stopwatch=Stopwatch()).total / problem.parameters.scale
+    total = evaluate_pair(sides, request, Stopwatch()).total / problem.parameters.scale
     far = []
     for epsilon in (0.1, 0.03, 0.01, 0.002):
         history = trace(problem, epsilon)

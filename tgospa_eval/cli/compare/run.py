@@ -9,7 +9,7 @@ from tgospa_eval.api.compare import PairReader, Ranked, rank_saved, ranked, solv
 from tgospa_eval.api.notices import slow_notice
 from tgospa_eval.api.options import Request
 from tgospa_eval.api.places import find_place
-from tgospa_eval.api.resolve import make_settings
+from tgospa_eval.api.resolve import resolve_request
 from tgospa_eval.campaign.pairs import compared_runs, short_names
 from tgospa_eval.campaign.ranking import steps_columns, steps_costs
 from tgospa_eval.campaign.solver_runs import (
@@ -161,7 +161,7 @@ def pair_reader(request: Request, output: OutputOptions, paths: Iterable[str]) -
     if output.output is not None:
         probe_folder(output.output, COMPARISON, force=output.force)
     stopwatch = new_stopwatch(quiet=output.quiet)
-    return PairReader(make_settings(request), stopwatch, notifier(quiet=output.quiet))
+    return PairReader(resolve_request(request), stopwatch, notifier(quiet=output.quiet))
 
 
 # -------------------------------------------------------------------------------------------------
@@ -307,7 +307,7 @@ def study_sizes(
     folder, quiet = output.output, output.quiet
     if folder is not None:
         probe_folder(folder, STUDY, force=output.force)
-    settings = make_settings(request)
+    settings = resolve_request(request)
     scene = Scene(scenario=scenario, area=area)
     study = Study(
         scene=scene,

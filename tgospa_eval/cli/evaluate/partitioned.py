@@ -13,7 +13,7 @@ from tgospa_eval._version import __version__
 from tgospa_eval.api.in_parts import evaluate_in_parts, jobs_of, memory_of
 from tgospa_eval.api.notices import about_defaults, about_run
 from tgospa_eval.api.options import Request
-from tgospa_eval.api.resolve import make_settings
+from tgospa_eval.api.resolve import resolve_request
 from tgospa_eval.campaign.store import locked
 from tgospa_eval.cli.evaluate.run import show
 from tgospa_eval.cli.shared.click_options import OutputOptions
@@ -54,7 +54,7 @@ def evaluate_parts(
     TgospaError
         Something is wrong with options or data.
     """
-    settings = make_settings(options)
+    resolved = resolve_request(options)
     if output.output is not None:
         probed_folder(output.output, options, output, TABLE_FILES)
     stopwatch = new_stopwatch(quiet=output.quiet)
@@ -63,13 +63,13 @@ def evaluate_parts(
         for text in about_defaults(options, boxes=False):
             print_notice(text)
     identity = identity_of(paths, options)
-    if settings.evaluation.ignoring is not None:
-        identity |= settings.evaluation.ignoring.recorded  # the content of a file of regions
+    if resolved.evaluation.ignoring is not None:
+        identity |= resolved.evaluation.ignoring.recorded  # the content of a file of regions
     with work_folder(output, identity) as work:
         try:
             with shown(stopwatch, show=not output.quiet):
                 result = evaluate_in_parts(
-                    paths, options, settings, work, stopwatch, kept=output.output is not None
+                    paths, options, resolved, work, stopwatch, kept=output.output is not None
                 )
         except KeyboardInterrupt:
             print_notice(_interrupted(stopwatch.progress, output))
@@ -78,7 +78,7 @@ def evaluate_parts(
         notify = notifier(quiet=output.quiet)
         for notice in result.warnings:
             notify(notice)
-        for text in about_run(result, settings, stopwatch, verbose=output.verbose):
+        for text in about_run(result, resolved, stopwatch, verbose=output.verbose):
             print_notice(text)
         show(result, options, output, paths)
         return result.finished

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from tgospa_eval.api.evaluate import evaluate_sides, read_sides
 from tgospa_eval.api.notices import about_run
 from tgospa_eval.api.options import Request
-from tgospa_eval.api.resolve import make_settings
+from tgospa_eval.api.resolve import resolve_request
 from tgospa_eval.cli.shared.click_options import OutputOptions
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import emit, notifier, on_terminal, print_notice, shielded
@@ -46,7 +46,7 @@ def evaluate_files(
     TgospaError
         Something is wrong with options or files.
     """
-    settings = make_settings(options)
+    resolved = resolve_request(options)
     wanted = None
     if output.output is not None:
         # Here: only where there is a folder.
@@ -59,15 +59,15 @@ def evaluate_files(
     notify = notifier(quiet=output.quiet, output=output_line)
 
     def work() -> Evaluation:
-        sides = read_sides(settings, truth, estimate, stopwatch, notify)
+        sides = read_sides(resolved, truth, estimate, stopwatch, notify)
         if wanted is not None:
             with named_options():
                 wanted.check(sides.read[0].trajectories.columns)
-        result = evaluate_sides(settings, sides, stopwatch, notify)
+        result = evaluate_sides(resolved, sides, stopwatch, notify)
         return replace(result, settings_file=output.config)
 
     result = run(work, stopwatch, show=not output.quiet)
-    for text in about_run(result, settings, stopwatch, verbose=output.verbose):
+    for text in about_run(result, resolved, stopwatch, verbose=output.verbose):
         output_line(text)
     return result, result.finished
 

@@ -8,11 +8,11 @@ from typing import Any, get_args
 
 import click
 
-from tgospa_eval.api.options import SETTINGS, Request
+from tgospa_eval.api.options import OPTION_SPECS, Request
 from tgospa_eval.cli.shared.command import PATH, Option, load_config, option
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.options import Setting, Values
+from tgospa_eval.common.options import OptionSpec, Values
 from tgospa_eval.common.words import parsed_size
 from tgospa_eval.errors import ConfigError
 
@@ -51,7 +51,7 @@ def options_of(record: type[Values]) -> dict[str, Option]:
 
 def _made(field: Field[Any]) -> Option:
     """The option of a field."""
-    about: Setting = field.metadata["setting"]
+    about: OptionSpec = field.metadata["setting"]
     kind, default = field.type, field.default
     base = next(iter(get_args(kind))) if isinstance(kind, UnionType) else kind
     given: dict[str, Any] = {"show_default": about.shown or True}
@@ -79,7 +79,7 @@ def _made(field: Field[Any]) -> Option:
 OPTIONS = options_of(Request)
 """Of the fields of `Request`, by their names in a settings file."""
 
-EVALUATION = tuple(OPTIONS[about.key] for about in SETTINGS.values() if about.everywhere)
+EVALUATION = tuple(OPTIONS[about.key] for about in OPTION_SPECS.values() if about.everywhere)
 
 IN_PARTS_OPTIONS = (OPTIONS["memory"], OPTIONS["scheduler"])
 WITH, SLICE, UNIT = OPTIONS["with"], OPTIONS["slice"], OPTIONS["unit"]
@@ -90,7 +90,9 @@ BY_OF_SETTINGS = option(
 
 PARTICLES = tuple(item for item in EVALUATION if item.section == "Particles")
 REDUCTION = tuple(
-    item for item in PARTICLES if item.key == "reduce-method" or SETTINGS[str(item.name)].methods
+    item
+    for item in PARTICLES
+    if item.key == "reduce-method" or OPTION_SPECS[str(item.name)].methods
 )
 """How clouds are reduced; without defaults, to see what was given."""
 

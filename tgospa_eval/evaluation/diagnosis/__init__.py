@@ -23,17 +23,17 @@ from tgospa_eval.tracks.alignment import Alignment, TimeMatching
 from tgospa_eval.tracks.conversion import iso
 
 if TYPE_CHECKING:
-    from tgospa_eval.evaluation.prepare import Fitted
+    from tgospa_eval.evaluation.prepare import AlignedPair
     from tgospa_eval.evaluation.request import EvaluationRequest
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of states that nobody has
-def diagnose(sides: "Fitted", request: "EvaluationRequest") -> list[Notice]:
+def diagnose(sides: "AlignedPair", request: "EvaluationRequest") -> list[Notice]:
     """Warnings about two sides, and what is to be told of gaps of the truth.
 
     Parameters
     ----------
-    sides : Fitted
+    sides : AlignedPair
         Truth and estimate.
     request : EvaluationRequest
         What is asked of them.
@@ -99,7 +99,7 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
         )
 
 
-def step_warnings(sides: "Fitted", matching: TimeMatching) -> list[Notice]:
+def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
     """Declared steps that leave out one before or after, and have none at their other end."""
     if matching.steps is None or not any(sides.axis.left_out):
         return []
@@ -155,7 +155,7 @@ def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
     ]
 
 
-def gap_warnings(sides: "Fitted", request: "EvaluationRequest") -> list[Notice]:
+def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Notice]:
     """Gaps of the truth, and what the estimate reports in them."""
     if not sides.axis.made:
         return []

@@ -29,7 +29,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 if TYPE_CHECKING:
     from fractions import Fraction
 
-    from tgospa_eval.evaluation.prepare import Fitted
+    from tgospa_eval.evaluation.prepare import AlignedPair
     from tgospa_eval.evaluation.request import EvaluationRequest
 
 COMMON_SHARE = 0.9
@@ -63,7 +63,9 @@ RATES = 3.0
 """Rates of two files differ by no more where only the unit of their stamps does."""
 
 
-def clock_warnings(sides: "Fitted", request: "EvaluationRequest", sample: Sample) -> list[Notice]:
+def clock_warnings(
+    sides: "AlignedPair", request: "EvaluationRequest", sample: Sample
+) -> list[Notice]:
     """What looks wrong with the times of the two sides; parameters as of `diagnose`."""
     found = [_few_common(sides, request.time_matching)]
     clock = None
@@ -102,7 +104,7 @@ def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
     return None
 
 
-def _few_common(sides: "Fitted", matching: TimeMatching) -> Notice | None:
+def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
     aligned, silences = sides.alignment, sides.axis.silences
     steps, meaning = len(aligned.truth.times), "what exists at another is missed or false"
     if matching.grid == "common":  # of two rates the lower one may be wholly in the other

@@ -14,7 +14,7 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.by_class import EvaluationByClass
 from tgospa_eval.evaluation.pair import PairEvaluation, source_of
-from tgospa_eval.evaluation.prepare import Fitted
+from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.slices.members import MOST_CROSSINGS, Members, members
 from tgospa_eval.evaluation.slices.values import values_of
 from tgospa_eval.evaluation.slicing import SliceBy, parse_slices
@@ -31,7 +31,7 @@ RowCosts = tuple[dict[str, Floats], dict[str, Floats]]
 and switches of truths, false targets of estimates."""
 
 
-def cut(fitted: Fitted, asked: Sequence[SliceBy], cutoff: float) -> dict[str, Members]:
+def cut(fitted: AlignedPair, asked: Sequence[SliceBy], cutoff: float) -> dict[str, Members]:
     """What each row of two sides belongs to, by what is asked for; known before a solution.
 
     Raises
@@ -70,7 +70,7 @@ def slices_of(
     return slicings(members, result)
 
 
-def _members(by: SliceBy, fitted: Fitted, cutoff: float) -> Members:
+def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
     aligned = fitted.alignment
     sides, held = (aligned.truth, aligned.estimate), aligned.held
     rows = len(sides[0].step), len(sides[1].step)

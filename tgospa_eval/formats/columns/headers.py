@@ -27,7 +27,6 @@ from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
 
 if TYPE_CHECKING:
-    from tgospa_eval.formats.clocks import TimeForm
     from tgospa_eval.formats.columns.spread import SpreadColumns
 
 WEIGHT = "weight"
@@ -517,8 +516,6 @@ class Roles:
         Their names.
     second : int, optional
         Column of what is behind the times, where they are of two columns: date and time of day.
-    form : TimeForm, optional
-        How times are written.
     klass : int, optional
         Column of the classes, if a filter asks for it.
     region : dict of str to Mix
@@ -537,10 +534,6 @@ class Roles:
         Columns of the attributes that are asked for, as far as they are there.
     spread : SpreadColumns, optional
         Columns of the covariances.
-    asked : bool
-        Whether covariances were asked for.
-    option : str
-        How the user names columns, see `ask`.
     headers : tuple of str
         All headers.
     fixed : bool
@@ -560,8 +553,8 @@ class Roles:
         Columns without use of recordings, clusters or classes, in which ids may be numbered anew.
     height : str
         Header of the heights of places on the Earth, or elevations of ranges, that are left out.
-    drop_blank_ids : bool
-        Whether rows without an id are left out, or wrong.
+    options : ReadOptions
+        How the table is read.
     """
 
     id: int
@@ -577,20 +570,17 @@ class Roles:
     attributes: dict[str, int] = field(default_factory=dict)
     where: dict[str, int] = field(default_factory=dict)
     spread: "SpreadColumns | None" = None
-    asked: bool = False
-    option: str = ""
     headers: tuple[str, ...] = ()
     fixed: bool = False
     passed: tuple[str, ...] = ()
     second: int | None = None
-    form: "TimeForm | None" = None
     missing: dict[str, str] = field(default_factory=dict)
     doubts: tuple[Notice, ...] = ()
     more_ids: tuple[int, ...] = ()
     other_ids: tuple[str, ...] = ()
     groups: tuple[int, ...] = ()
     height: str = ""
-    drop_blank_ids: bool = False
+    options: ReadOptions
 
     @cached_property
     def numbers(self) -> tuple[int, ...]:
@@ -646,6 +636,7 @@ class Roles:
                     "--columns"
                 )
         yield from self.passed
+        asked = self.options.covariance and not self.options.clouds
         unused = list(self.unused)
         if clouds and self.spread is not None:
             unused += [self.headers[column] for column in self.spread.columns]
@@ -654,7 +645,7 @@ class Roles:
         if unused:
             folded = {name.casefold() for name in unused}
             way = ""
-            if not (self.asked or clouds) and any(map(SPREAD.fullmatch, folded)):
+            if not (asked or clouds) and any(map(SPREAD.fullmatch, folded)):
                 way = "; --distance gaussian-wasserstein compares covariances; see also --with nees"
             if EXISTENCE in folded:
                 way += "; --existence use takes existence as probabilities"
@@ -665,14 +656,14 @@ class Roles:
             if self.spread.is_unusual or others:
                 what = "standard deviations" if self.spread.deviations else "covariances"
                 yield f"{what} are read from {listed(read)}"
-        if self.asked and self.spread is None and not clouds:
+        if asked and self.spread is None and not clouds:
             from tgospa_eval.formats.columns.spread import entries  # here: most states are points
 
             labels = [label for _, _, label in entries(self.names)]
             text = f"no columns of covariances ({', '.join(labels[:3])}): its states are points"
             if any(map(SPREAD.fullmatch, unused)):
                 items = [f"{label}=HEADER" for label in labels[:3]]
-                text += f"; if others are such, map them with {ask(self.option, items)}"
+                text += f"; if others are such, map them with {ask(self.options.option, items)}"
             yield text
 
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
@@ -733,35 +724,17 @@ def find_roles(
         names[0] = UNNAMED
     _check_names(names, where, options.option)
     mapped, wanted = parse_columns(options.columns)
-    if wide and has_patterns(options) and (objects := objects_in(names, mapped)):
-        if "id" in mapped:
-            ids = f"{ID_MARK} in headers and id={mapped['id']}"
-            raise ConfigError(f"columns: ids are named by {ids}; leave out one")
-        own = list(next(iter(objects.values())))
-        names = ["id", *(names[k] for k in shared_columns(names, objects)), *own]
-        mapped |= dict(zip(own, own, strict=True))
+    if wide and has_patterns(options):
+        names = _lengthened(names, mapped)
     if options.boxes:
-        # x and y are centres of boxes; those that one file names are asked of both.
-        other = next((name for name in wanted if name not in (*BOX, "x", "y")), None)
-        if other is not None:
-            raise ConfigError(
-                f"columns: {quoted(other)} is no part of a box; for boxes map left, top, width, "
-                "height, or the centre: x, y, width, height"
-            )
-        wanted = BOX
+        wanted = _box_columns(wanted)
     headers = Headers(names, mapped, options.option, where, options.hidden)
     second = _second_of_times(headers)
     more_ids = _more_ids(headers)
     missing = without_maps(headers, options)
     mixes = _Mixes(headers)
     identity = headers.find("id")
-    if "t" not in mapped and not set(FIRST_ALIASES["t"]) & headers.folded.keys():
-        stamp = two_parts_of_a_stamp(names)
-        if stamp:
-            items = [f"{name}={header}" for name, header in mapped.items()]
-            remedy = ask(options.option, [*items, f"t={'+'.join(stamp)}"])
-            parts = " and ".join(map(quoted, stamp))
-            raise InputError(f"{where}: {parts} are two parts of one time; read both, {remedy}")
+    _check_stamp(headers)
     time = headers.find("t")
     named, wanted = bool(wanted), wanted or mixes.default_states()
     wanted, height = _with_height(headers, options, wanted)
@@ -772,13 +745,7 @@ def find_roles(
         raise InputError(f"{fault}; this format has no other" if fixed else fault)
     region = {name: mixes.of_region(name, wanted) for name in options.ranges}
     klass = _class_column(headers, options, missing, fixed=fixed)
-    spread = None
-    if options.covariance:
-        from tgospa_eval.formats.columns.spread import find_spread  # here: most states are points
-
-        namings = _namings(wanted, state, headers)
-        each = (find_spread(naming, headers.find, where) for naming in namings)
-        spread = next(filter(None, each), None)
+    spread = _spread(wanted, state, headers) if options.covariance else None
     weight = None if options.boxes else headers.find(WEIGHT)
     is_width = weight is not None and names[weight].casefold() == "w"
     if is_width and headers.find("height") is not None:
@@ -787,11 +754,10 @@ def find_roles(
     sizes = (mixes.box["width"], mixes.box["height"]) if centres or options.boxes else ()
     used = {identity, time, second, klass, *more_ids}
     used |= {column for mix in (*state, *region.values(), *sizes) for column, _ in mix}
-    if weight in used:
-        weight = None
+    weight = None if weight in used else weight
     used |= {weight, *(spread.columns if spread else ())}
-    places = {name: headers.find(name) for name in options.attributes}
-    attributes = {name: column for name, column in places.items() if column is not None}
+    places = ((name, headers.find(name)) for name in options.attributes)
+    attributes = {name: column for name, column in places if column is not None}
     where_columns = {
         name: headers.compared(name, one.option) for one in options.where for name in one.columns
     }
@@ -811,13 +777,10 @@ def find_roles(
         attributes=attributes,
         where=where_columns,
         spread=spread,
-        asked=options.covariance and not options.clouds,
-        option=options.option,
         headers=tuple(names),
         fixed=fixed,
         passed=(*headers.passed_over("id", unused), *headers.passed_over("t", unused)),
         second=second,
-        form=options.form,
         missing=missing,
         more_ids=more_ids,
         other_ids=tuple(headers.names[k] for k in headers.places("id") if k not in used),
@@ -827,9 +790,46 @@ def find_roles(
             if k not in used and (GROUP.fullmatch(name) or CLASS.fullmatch(name))
         ),
         height=height,
-        drop_blank_ids=options.on_invalid == "drop",
+        options=options,
         doubts=() if named or options.boxes else tuple(mixes.doubts),
     )
+
+
+def _lengthened(names: list[str], mapped: dict[str, str]) -> list[str]:
+    """Headers of the table that `formats.frames.lengthened` makes of a wide one."""
+    objects = objects_in(names, mapped)
+    if not objects:
+        return names
+    if "id" in mapped:
+        ids = f"{ID_MARK} in headers and id={mapped['id']}"
+        raise ConfigError(f"columns: ids are named by {ids}; leave out one")
+    own = list(next(iter(objects.values())))
+    mapped |= dict(zip(own, own, strict=True))
+    return ["id", *(names[k] for k in shared_columns(names, objects)), *own]
+
+
+def _box_columns(wanted: tuple[str, ...]) -> tuple[str, ...]:
+    """State columns of boxes: x and y are centres, and what one file names is asked of both."""
+    other = next((name for name in wanted if name not in (*BOX, "x", "y")), None)
+    if other is not None:
+        raise ConfigError(
+            f"columns: {quoted(other)} is no part of a box; for boxes map left, top, width, "
+            "height, or the centre: x, y, width, height"
+        )
+    return BOX
+
+
+def _check_stamp(headers: Headers) -> None:
+    """Whether no column of times is there, but two that are parts of one time."""
+    mapped = headers.mapped
+    if "t" in mapped or set(FIRST_ALIASES["t"]) & headers.folded.keys():
+        return
+    stamp = two_parts_of_a_stamp(headers.names)
+    if stamp:
+        items = [f"{name}={header}" for name, header in mapped.items()]
+        remedy = ask(headers.option, [*items, f"t={'+'.join(stamp)}"])
+        parts = " and ".join(map(quoted, stamp))
+        raise InputError(f"{headers.where}: {parts} are two parts of one time; read both, {remedy}")
 
 
 GROUP = re.compile(
@@ -976,6 +976,16 @@ def _class_column(
             raise InputError(fault)
         missing["class"] = fault
     return klass
+
+
+def _spread(
+    wanted: tuple[str, ...], state: Sequence[Mix], headers: Headers
+) -> "SpreadColumns | None":
+    """Columns of the covariances, if there are any."""
+    from tgospa_eval.formats.columns.spread import find_spread  # lazy: most states are points
+
+    namings = _namings(wanted, state, headers)
+    return next(filter(None, (find_spread(n, headers.find, headers.where) for n in namings)), None)
 
 
 def _namings(

@@ -426,7 +426,7 @@ def convert(
     of_weights: list[str] = []  # a column of this name may be something else
     ids = named_ids([coded[column] for column in (roles.id, *roles.more_ids)], name_id)
     blank = blanks(ids)
-    if len(blank) and not roles.drop_blank_ids:
+    if len(blank) and roles.options.on_invalid != "drop":
         place = f"{where(int(blank[0]))}, column {quoted(names[roles.id])}"
         problems.append(f"{place}: blank id{more(len(blank))}; {NAME_OBJECTS}")
     for column, row, message in fields.mistakes:
@@ -434,7 +434,7 @@ def convert(
         wrong.append(f"{where(row)}, column {quoted(names[column])}: {message}")
     try:
         second = None if roles.second is None else coded[roles.second]
-        times = read_times(coded[roles.time], decimal, roles.form, second, roles.digits)
+        times = read_times(coded[roles.time], decimal, roles.options.form, second, roles.digits)
     except TimeError as error:
         problems.append(f"{where(error.row)}, column {quoted(names[roles.time])}: {error}")
     if problems:

@@ -1,12 +1,10 @@
-"""The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
+"""Problem -> solution -> proof -> what is known of one evaluation."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, cast
 
 from tgospa_eval._version import __version__
 from tgospa_eval.common.frozen import replace
 from tgospa_eval.common.progress import Status, Stopwatch
-from tgospa_eval.distances import Effort
 from tgospa_eval.evaluation.localisation import (
     at_cutoff,
     pair_parts,
@@ -14,7 +12,7 @@ from tgospa_eval.evaluation.localisation import (
     within_rounding,
 )
 from tgospa_eval.evaluation.pair import PairEvaluation
-from tgospa_eval.evaluation.prepare import Fitted, Prepared, prepare
+from tgospa_eval.evaluation.prepare import PreparedPair
 from tgospa_eval.evaluation.request import EvaluationRequest, in_words
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
@@ -24,7 +22,7 @@ from tgospa_eval.problem.solution import Solution
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.numbers import SPREAD
 from tgospa_eval.results.proof import PairProof
-from tgospa_eval.results.records import Json, MetricSums, OtherMetrics
+from tgospa_eval.results.records import Json
 from tgospa_eval.solvers import Solver
 
 if TYPE_CHECKING:
@@ -34,52 +32,8 @@ GAP = 1e-9
 """Relative gap that counts as exact, for solvers that have no setting for it."""
 
 
-def evaluate_fitted(
-    sides: Fitted,
-    request: EvaluationRequest,
-    *,
-    files: Sequence[Json] | None = None,
-    stopwatch: Stopwatch,
-) -> PairEvaluation:
-    """`evaluate` with everything resolved.
-
-    Parameters
-    ----------
-    sides : Fitted
-        Truth and estimate, aligned, and their distance.
-    request : EvaluationRequest
-        Everything else.
-    files : pair of dict, optional
-        The two files, as of `input_record`.
-    stopwatch : Stopwatch
-        Running clock with the time of reading.
-    """
-    prepared = prepare(sides, request, files=files, stopwatch=stopwatch)
-    cut = None
-    if request.slices:
-        from tgospa_eval.evaluation.slices import split  # here: as the curve
-
-        with stopwatch.span("slices"):
-            cut = split.cut(sides, request.slices, request.parameters.cutoff)
-    result = solve(prepared, request.solver, stopwatch, request)
-    others: OtherMetrics = {}
-    sums: MetricSums = {}
-    if request.with_:
-        from tgospa_eval.evaluation.other_metrics import joined, other_metrics  # here: as the curve
-
-        effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
-        found = other_metrics(prepared, request.with_, effort, result.proof)
-        others, sums = joined([found]), found.sums()
-    result = replace(result, with_=others, sums=sums, source=(sides, request))
-    if cut is None:
-        return result
-    with stopwatch.span("slices"):
-        sliced = split.slicings(cut, result)
-    return replace(result, sliced=sliced, timings=nested_timings(stopwatch))
-
-
 def solve(
-    prepared: Prepared,
+    prepared: PreparedPair,
     solver: Solver,
     stopwatch: Stopwatch,
     request: EvaluationRequest | None = None,
@@ -90,7 +44,7 @@ def solve(
 
 
 def prove(
-    prepared: Prepared,
+    prepared: PreparedPair,
     solver: Solver,
     solution: Solution,
     stopwatch: Stopwatch,

@@ -1,40 +1,42 @@
-"""What a user gives of a side, as `Trajectories`; names of distances and solvers as records."""
+"""Objects in memory to `Reading`: tables, arrays, mappings and sets of tracks; weights of steps."""
 
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
+from dataclasses import replace
 from operator import index
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard, cast
 
 import numpy as np
 
-from tgospa_eval.common.arrays import Floats
+from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.words import more
-from tgospa_eval.distances import DISTANCES, Distance
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation.objects import (
-    ArrayLike,
-    TimedArray,
-    array_of,
-    is_timed_array,
-    numbers_of,
-    of_array,
-    of_mapping,
-    of_timed_array,
-)
-from tgospa_eval.formats import Reading, ReadOptions
 from tgospa_eval.formats.arrays import all_compared, array_rows, components, meant, spread_columns
 from tgospa_eval.formats.columns.headers import find_roles
+from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.reading import Reading, by_place
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.step_weights import WeightsByTime, repeated
-from tgospa_eval.tracks.trajectories import Trajectories, column_names
+from tgospa_eval.tracks.trajectories import Trajectories, as_doubles, column_names
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tgospa_eval.evaluation.request import EvaluationRequest
+    from tgospa_eval.formats.times import Times
     from tgospa_eval.tracks.clouds import Cloud
+    from tgospa_eval.tracks.trajectories import TimeArray
+
+
+class ArrayLike(Protocol):
+    """A tensor of PyTorch or JAX, or another array: NumPy can see its numbers."""
+
+    def __array__(self) -> "np.ndarray[Any, Any]":
+        """The numbers."""
+
+
+TimedArray: TypeAlias = "tuple[Sequence[object] | ArrayLike, ArrayLike]"
+"""Times and states."""
 
 
 # -------------------------------------------------------------------------------------------------
@@ -60,7 +62,7 @@ Components: TypeAlias = "Sequence[int] | Sequence[Sequence[int]]"
 """Of state vectors those to compare; for both sides, or a pair of such."""
 
 
-def rows_of_tracks(
+def _rows_of_tracks(
     tracks: Iterable[Any],
     name: str,
     options: ReadOptions,
@@ -159,13 +161,11 @@ def _states_of_tracks(
                 )
             chosen = components(mapping, size, name)
             mean = numbers_of(vector, where).ravel()[chosen]
-            cloud, spread = (mean[None], np.ones(1)), getattr(state, "covar", None)
+            cloud, spread = (mean[None], np.ones(1)), None
             if options.covariance and np.size(getattr(state, "state_vector", vector)) > size:
-                cloud, spread = _cloud(state, chosen, where), None
-            elif not options.covariance or spread is None:
-                spread = None
-            else:
-                spread = numbers_of(spread, where)
+                cloud = _cloud(state, chosen, where)
+            elif options.covariance and getattr(state, "covar", None) is not None:
+                spread = numbers_of(state.covar, where)
                 if spread.shape != (size, size):
                     raise InputError(
                         f"{where}, t {moment}: covar is {spread.shape}; must be {(size, size)}"
@@ -228,15 +228,15 @@ def check_as_long(given: Sequence[object], sides: Sequence[Reading], names: Sequ
         )
 
 
-def filled(sides: Sequence[Reading | None], distance: Distance) -> tuple[Reading, ...]:
-    """Sides without any track have the columns of the other."""
+def filled(sides: Sequence[Reading | None], columns: tuple[str, ...] | None) -> tuple[Reading, ...]:
+    """Sides without any track have the columns of the other, or those that are prescribed."""
     found = tuple(side for side in sides if side is not None)
     if len(found) == len(sides):
         return found
     if found:
         there = found[0].trajectories
     else:
-        there = Trajectories.from_array(np.zeros((0, 0, len(distance.columns or "xy"))))
+        there = Trajectories.from_array(np.zeros((0, 0, len(columns or "xy"))))
     nothing = Trajectories.of_times(there.times[:0], there.columns, there.clock)
     empty = Reading(trajectories=nothing, rows=0, format="")
     return tuple(empty if side is None else side for side in sides)
@@ -303,57 +303,42 @@ def is_variables(side: object) -> bool:
     )
 
 
-def has_rows(side: object) -> bool:
-    """Whether it is read row by row, as a table."""
-    return _is_tracks(side) or is_variables(side)
-
-
-def rows_of(
-    side: object,
-    name: str,
+def read_object(
+    side: TrajectoriesLike,
     options: ReadOptions,
-    columns: tuple[str, ...] | None,
-    mapping: "Sequence[int] | None",
-) -> Rows | None:
-    """Tracks of Stone Soup and arrays as rows of a table; None of what is neither.
+    name: str,
+    columns: tuple[str, ...] | None = None,
+    mapping: "Sequence[int] | None" = None,
+) -> Reading:
+    """Read what is no path: tables, tracks and arrays row by row, the rest as a whole.
 
     `name` begins the messages; `columns` are what the distance prescribes, if it does.
 
     Raises
     ------
     ConfigError, InputError
-        It is wrong.
+        It is of no accepted type, or wrong; or options cannot be followed.
     """
+    frame = as_frame(side, name)
+    if frame is not None:
+        from tgospa_eval.formats.frames import from_frame  # here: pandas
+
+        return by_place(lambda how: replace(from_frame(frame, how, name=name), format=""), options)
+    rows = None
     if _is_tracks(side):
         tracks = [side] if hasattr(side, "states") else cast("Iterable[TrackLike]", side)
-        return rows_of_tracks(tracks, name, options, columns, mapping)
-    if is_timed_array(side):
-        times, states = cast("tuple[Any, Any]", side)
-        side = {"t": list(times), "x": states}
-    elif hasattr(side, "__array__"):
-        side = {"x": side}
-    elif not is_variables(side):
-        return None
-    arrays = {k: array_of(v, f"{name}, {k}") for k, v in cast("Mapping[str, Any]", side).items()}
-    return array_rows(name, arrays, options, names=columns, chosen=mapping)
+        rows = _rows_of_tracks(tracks, name, options, columns, mapping)
+    elif not isinstance(side, Trajectories) and (is_variables(side) or options.of_tables):
+        rows = _rows_of_arrays(side, name, options, columns, mapping)
+    if rows is not None:
+        from tgospa_eval.formats.assemble import assemble
 
-
-def of_object(
-    side: TrajectoriesLike,
-    name: str,
-    request: "EvaluationRequest",
-    mapping: "Sequence[int] | None" = None,
-) -> Reading:
-    """What is read as a whole: Trajectories, arrays and mappings from id to array.
-
-    `name` begins the messages; the request may prescribe the state columns.
-
-    Raises
-    ------
-    ConfigError, InputError
-        It is of no accepted type, or wrong.
-    """
-    columns = request.distance.columns
+        return assemble(rows, options, "")
+    if options.of_tables:
+        raise ConfigError(
+            f"--{options.of_tables} is for files and tables, and {name} is none: choose "
+            "its rows and columns before"
+        )
     if isinstance(side, Trajectories):
         return Reading(trajectories=side, rows=len(side.step), format="")
     given: Any = side if mapping is None else _picked(side, mapping, name)
@@ -373,6 +358,32 @@ def of_object(
     is_chosen = mapping is not None or made.columns == columns or len(made.columns) <= 3
     warnings = () if is_chosen else (all_compared(made.columns),)
     return Reading(trajectories=made, rows=len(made.step), format="", warnings=warnings)
+
+
+def has_rows(side: object, options: ReadOptions) -> bool:
+    """Whether a side is read row by row, by its options."""
+    if isinstance(side, Trajectories):
+        return False
+    is_table = is_path(side) or as_frame(side, "") is not None
+    return is_table or _is_tracks(side) or is_variables(side) or bool(options.of_tables)
+
+
+def _rows_of_arrays(
+    side: Any,
+    name: str,
+    options: ReadOptions,
+    columns: tuple[str, ...] | None,
+    mapping: "Sequence[int] | None",
+) -> Rows | None:
+    """Arrays as rows of a table; None of what is none."""
+    if is_timed_array(side):
+        side = {"t": list(side[0]), "x": side[1]}
+    elif hasattr(side, "__array__"):
+        side = {"x": side}
+    elif not is_variables(side):
+        return None
+    arrays = {key: array_of(value, f"{name}, {key}") for key, value in side.items()}
+    return array_rows(name, arrays, options, names=columns, chosen=mapping)
 
 
 def _picked(side: Any, mapping: Sequence[int], name: str) -> Any:
@@ -405,20 +416,231 @@ def as_frame(side: object, name: str) -> "pd.DataFrame | None":
     return frame
 
 
-def as_solver(solver: str | Solver) -> Solver:
-    """A record of settings, of a name that with the default ones."""
-    if isinstance(solver, str):
-        return solver_class(solver)()
-    if isinstance(solver, type) or not isinstance(solver, Solver):
-        raise ConfigError(f"solver is {solver!r}: must be a name or a record such as Certified()")
-    return solver
+# -------------------------------------------------------------------------------------------------
+# Arrays with times, and mappings of such.
 
 
-def as_distance(distance: str | Distance | None) -> Distance:
-    """A record of settings, of a name that with the default ones; euclidean if none is chosen."""
-    if isinstance(distance, Distance):
-        return distance
-    return DISTANCES.ours("euclidean") if distance is None else DISTANCES.chosen(distance)
+def array_of(value: object, name: str) -> "np.ndarray[Any, Any]":
+    """The array that NumPy sees: of a tensor without its derivative, off its device.
+
+    Raises
+    ------
+    InputError
+        NumPy cannot see it.
+    """
+    if isinstance(value, np.ndarray):
+        return value
+    tensor: Any = value
+    for method in ("detach", "cpu"):
+        tensor = getattr(tensor, method)() if hasattr(tensor, method) else tensor
+    try:
+        return np.asarray(tensor)
+    except (TypeError, ValueError, RuntimeError) as error:
+        text = " ".join(str(error).split())
+        raise InputError(f"{name}: no array that NumPy can see: {text}") from None
+
+
+def of_array(side: object, name: str, columns: tuple[str, ...] | None) -> Trajectories:
+    """An array (T, k, d)."""
+    states = array_of(side, name)
+    fits = columns is not None and states.ndim == 3 and states.shape[2] == len(columns)
+    try:
+        return Trajectories.from_array(states, columns if fits else None)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+
+
+def of_timed_array(
+    side: tuple[object, ...], name: str, columns: tuple[str, ...] | None
+) -> Trajectories:
+    """Times and an array (T, k, d)."""
+    made = of_array(side[1], name, columns)
+    times = times_of(side[0], name)
+    if len(times.value) != len(made.times):
+        raise InputError(
+            f"{name}: {len(times.value)} times and {len(made.times)} steps of the array (T, k, d); "
+            "one time for each step"
+        )
+    if (np.diff(times.value) <= 0).any():
+        raise InputError(f"{name}: times must increase strictly")
+    return _timed(made, times)
+
+
+def is_timed_array(side: object) -> bool:
+    """Whether it is times and states."""
+    return isinstance(side, tuple) and len(side) == 2 and hasattr(side[1], "__array__")
+
+
+def of_mapping(
+    tracks: Mapping[object, object], name: str, columns: tuple[str, ...] | None
+) -> Trajectories:
+    """Tracks by their ids, each an array (T, d) or a pair of times and such.
+
+    Raises
+    ------
+    InputError
+        Shapes do not fit, some have times and others not, or an id is there twice.
+    """
+    timed = {isinstance(value, tuple) for value in tracks.values()}
+    if len(timed) > 1:
+        raise InputError(
+            f"{name}: some tracks are pairs of times and states, others are not; all or none"
+        )
+    moments: list[object] = []
+    states: list[Floats] = []
+    for key, value in tracks.items():
+        where = f"{name}, track {quoted(key)}"
+        if not isinstance(value, tuple):
+            states.append(_states(value, where))
+            continue
+        if len(value) != 2:
+            raise InputError(f"{where}: a tuple of {len(value)}; a pair is times and states")
+        states.append(_states(value[1], where))
+        own = _listed(value[0], where)
+        if len(own) != len(states[-1]):
+            raise InputError(f"{where}: {len(own)} times and {len(states[-1])} states")
+        moments += own
+    first = states[0]
+    for key, found in zip(tracks, states, strict=True):
+        if found.shape[1] != first.shape[1] or (timed == {False} and len(found) != len(first)):
+            raise InputError(
+                f"{name}: track {quoted(next(iter(tracks)))} has the shape {first.shape}, track "
+                f"{quoted(key)} {found.shape}: arrays (T, d) have the same d and, unless they are "
+                "pairs of times and states, the same T; NaN where a track is absent"
+            )
+    steps = np.tile(np.arange(len(first)), len(states))
+    times = times_of(moments if timed == {True} else steps, name)
+    track = np.repeat(np.arange(len(states)), [len(found) for found in states])
+    at = np.arange(len(track)), track
+    return from_rows(name, list(tracks), at, np.concatenate(states), times, columns)
+
+
+def from_rows(
+    name: str,
+    ids: Sequence[object],
+    at: tuple[Ints, Ints],
+    states: Floats,
+    times: "Times",
+    columns: tuple[str, ...] | None,
+) -> Trajectories:
+    """Trajectories of rows in any order; those with NaN are absent, their times remain steps.
+
+    Parameters
+    ----------
+    name : str
+        What messages begin with.
+    ids : sequence of k objects
+        Texts, numbers and the like.
+    at : pair of (R,) int arrays
+        Positions in `times` and in `ids`.
+    states : (R, d) array
+        States.
+    times : Times
+        Every one of them is a step, and they may repeat.
+    columns : tuple of str, optional
+        Names of the d columns, where there are so many.
+
+    Raises
+    ------
+    InputError
+        A state is infinite, or an id is none, is there twice, or twice at a time.
+    """
+    from tgospa_eval.formats.frames import id_text  # here: as pandas
+    from tgospa_eval.formats.rows import number_ids
+
+    table, number = number_ids([id_text(value, name) for value in ids])
+    if len(table) < len(ids):
+        twice = next(text for k, text in enumerate(table) if (number == k).sum() > 1)
+        raise InputError(f"{name}: two tracks have the id {quoted(twice)}")
+    moments, of_stamp = np.unique(times.value, return_inverse=True)
+    step, track = of_stamp[at[0]], number[at[1]]
+    order = np.lexsort((track, step))
+    again = np.flatnonzero((np.diff(step[order]) == 0) & (np.diff(track[order]) == 0))
+    if len(again):
+        row = order[again[0]]
+        stamp = at[0][row]
+        moment = times.value[stamp] if times.text is None else times.text[stamp]
+        raise InputError(f"{name}: id {quoted(table[track[row]])} is there twice at t = {moment}")
+    if np.isinf(states).any():
+        row = int(np.flatnonzero(np.isinf(states).any(axis=1))[0])
+        raise InputError(
+            f"{name}, track {quoted(table[track[row]])}: infinite state; NaN means absent"
+        )
+    kept = order[~np.isnan(states[order]).any(axis=1)]
+    size = states.shape[1]
+    made = Trajectories(
+        step=step[kept],
+        track=track[kept],
+        state=states[kept],
+        ids=table,
+        times=np.arange(len(moments)),
+        columns=columns if columns is not None and len(columns) == size else column_names(size),
+    )
+    return _timed(made, times)
+
+
+def _timed(made: Trajectories, times: "Times") -> Trajectories:
+    """The same steps at these times, which may repeat."""
+    labels = None
+    moments, step = np.unique(times.value, return_inverse=True)
+    if times.text is not None:
+        labels = np.empty(len(moments), dtype=object)
+        labels[step[::-1]] = np.array(times.text, dtype=object)[::-1]
+    return replace(made, times=cast("TimeArray", moments), clock=times.clock, labels=labels)
+
+
+def _listed(moments: object, where: str) -> Sequence[Any]:
+    """Times one by one."""
+    if isinstance(moments, (list, tuple)):
+        return moments
+    if hasattr(moments, "tolist") and not hasattr(moments, "dtype"):
+        return list(moments.tolist())
+    array = array_of(moments, f"{where}: times")
+    if array.ndim != 1:
+        raise InputError(f"{where}: times of shape {array.shape}; must be (T,)")
+    return list(array)
+
+
+def times_of(moments: object, name: str) -> "Times":
+    """Numbers, datetimes or ISO texts as times.
+
+    Raises
+    ------
+    InputError
+        One is no time, or they are of several kinds.
+    """
+    import pandas as pd  # here: arrays and files do without
+
+    from tgospa_eval.formats.frames import frame_times
+
+    given = moments if isinstance(moments, (list, tuple)) else array_of(moments, f"{name}: times")
+    if np.ndim(given) != 1:
+        raise InputError(f"{name}: times of shape {np.shape(given)}; must be (T,)")
+    kind = None if len(given) else np.int64
+    return frame_times(pd.Series(given, name="t", dtype=kind), name)
+
+
+def _states(value: object, where: str) -> Floats:
+    """States of one track (T, d)."""
+    found = array_of(value, where)
+    if found.ndim != 2 or not found.shape[1]:
+        hint = "; a table is a DataFrame, pandas.DataFrame(...)" if found.ndim == 1 else ""
+        raise InputError(f"{where}: shape {found.shape}; states have the axes (T, d){hint}")
+    return numbers_of(found, where)
+
+
+def numbers_of(value: object, where: str) -> Floats:
+    """Numbers as doubles.
+
+    Raises
+    ------
+    InputError
+        They are none.
+    """
+    try:
+        return as_doubles(value)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{where}: a state holds numbers: {error}") from None
 
 
 # -------------------------------------------------------------------------------------------------

@@ -1,0 +1,291 @@
+"""Both sides of a request as they can be compared, and on the same steps."""
+
+import os
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext, suppress
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from tgospa_eval.api.places import check_places
+from tgospa_eval.api.resolve import ResolvedRequest
+from tgospa_eval.common.files import is_regular
+from tgospa_eval.common.frozen import replace
+from tgospa_eval.distances.checks import check_columns, check_states
+from tgospa_eval.errors import ConfigError, InputError, NothingLeftError, TgospaError
+from tgospa_eval.evaluation.axis import check_left
+from tgospa_eval.evaluation.prepare import AlignedPair, fit
+from tgospa_eval.evaluation.request import OF_TRACKEVAL, EvaluationRequest
+from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
+from tgospa_eval.formats.objects import (
+    check_as_long,
+    components_of,
+    filled,
+    has_rows,
+    is_empty,
+    is_path,
+)
+from tgospa_eval.formats.reading import by_one_place, check_classes, in_one_clock, with_heights
+from tgospa_eval.formats.rows import NOT_CONSIDERED
+
+if TYPE_CHECKING:
+    from tgospa_eval.formats.objects import Components, TrajectoriesLike
+
+
+def called(given: Sequence[object], roles: Sequence[str] = ROLES) -> tuple[str, ...]:
+    """What sides are called in messages: files by their paths, others by what they are."""
+    return tuple(
+        os.fsdecode(side) if is_path(side) else role
+        for side, role in zip(given, roles, strict=False)
+    )
+
+
+def read_pair(
+    resolved: ResolvedRequest,
+    *given: "TrajectoriesLike | Reading",
+    roles: tuple[str, ...] = ROLES,
+    names: tuple[str, ...] | None = None,
+    mapping: "Components | None" = None,
+    advise: bool = True,
+    known: dict[str, Reading] | None = None,
+) -> tuple[Reading, ...]:
+    """Read the truth, and the estimate if there is one; or sides in other roles.
+
+    Both are in the same units, clock and frame, and without the rows that take no part.
+
+    Parameters
+    ----------
+    resolved : ResolvedRequest
+        How to read them.
+    *given : path, Trajectories, DataFrame, array, mapping, set of tracks, or Reading
+        Each side.
+    roles : tuple of str
+        What they are.
+    names : tuple of str, optional
+        What messages call those that are no files; by default their roles.
+    mapping : sequence of int, or pair of such, optional
+        Of tracks with state vectors the components to compare.
+    advise : bool
+        Whether a folder gets a message with what to type.
+    known : dict, optional
+        The last truth by its path, for several estimates of it: it is read once.
+
+    Raises
+    ------
+    InputError
+        A path is a folder, a side is wrong, or all lack a header that is mapped; all faults at
+        once.
+    ConfigError
+        No side has a class that was asked for, the filters leave no row of any, or are not for
+        what a side is.
+    """
+    names = called(given, names or roles)
+    if advise:
+        check_places(names)
+    sides = _read(resolved, given, roles, names, mapping, known)
+    if len(sides) == len(ROLES):
+        sides = _brought_together(resolved, sides, names, given)
+    if resolved.coverage is not None:
+        sides = _covered(resolved, sides, names)
+    with suppress(NothingLeftError) if resolved.allow_empty else nullcontext():
+        check_sides(resolved, sides, names)
+    if roles != ROLES or len(sides) < len(ROLES):
+        return sides
+    sides = _preprocessed(resolved, sides, names)
+    ignoring = resolved.evaluation.ignoring
+    return sides if ignoring is None else ignoring.mark(sides, names)
+
+
+def _read(
+    resolved: ResolvedRequest,
+    given: Sequence["TrajectoriesLike | Reading"],
+    roles: tuple[str, ...],
+    names: tuple[str, ...],
+    mapping: "Components | None",
+    known: dict[str, Reading] | None,
+) -> tuple[Reading, ...]:
+    """All sides by one place, with heights where all have some; all faults at once."""
+    distance, frames, each = resolved.evaluation.distance, resolved.frames, resolved.each
+    paths = tuple(os.fsdecode(side) for side in given if is_path(side))
+
+    def read_side(k: int, chosen: Sequence[int] | None, options: ReadOptions) -> Reading:
+        if is_path(given[k]):
+            options = options.beside_others(paths, roles)
+            options = replace(options, option="--columns") if len(paths) == 1 else options
+        about = roles[k], resolved.formats[k], names[k]
+        return read(given[k], options, *about, columns=distance.columns, mapping=chosen)
+
+    made: list[Reading | None] = []
+    again: list[Callable[[ReadOptions], Reading] | None] = []
+    faults: list[TgospaError] = []
+    for k, (side, chosen) in enumerate(zip(given, components_of(given, mapping), strict=False)):
+        again.append(partial(read_side, k, chosen) if _stays(side) else None)
+        try:
+            before = known.get(names[0]) if known and k == 0 else None
+            made.append(None if is_empty(side) else before or read_side(k, chosen, each[k]))
+        except (InputError, ConfigError) as error:
+            faults.append(error)
+    if faults:
+        raise type(faults[0])(*dict.fromkeys(line for fault in faults for line in fault.args))
+    if known is not None and is_path(given[0]) and made[0]:
+        known.clear()
+        known[names[0]] = made[0]  # not as one estimate alone needs it
+    made = by_one_place(made, each, again)
+    if len(made) == len(ROLES):
+        local = frames is not None and frames.begin is not None
+        made = with_heights(made, each, again, names, local=local, distance=distance.name)
+    sides = filled(made, distance.columns)
+    check_as_long(given, sides, names)
+    return sides
+
+
+def _brought_together(
+    resolved: ResolvedRequest,
+    sides: tuple[Reading, ...],
+    names: tuple[str, ...],
+    given: Sequence[object],
+) -> tuple[Reading, ...]:
+    """Both sides in the same units, clock and frame."""
+    for k in range(len(ROLES)):
+        sides = _converted(resolved, sides, k, given[k])
+    sides = in_one_clock(sides)
+    truth, estimate = sides
+    if resolved.frames is not None:
+        both = truth.trajectories, estimate.trajectories
+        *placed, warning = resolved.frames.joined(both, names)
+        warnings = estimate.warnings if warning is None else (*estimate.warnings, warning)
+        sides = (
+            replace(truth, trajectories=placed[0]),
+            replace(estimate, trajectories=placed[1], warnings=warnings),
+        )
+    return sides
+
+
+def _stays(side: object) -> bool:
+    """Whether a side can be read a second time: what a pipe had is gone, and waiting is forever."""
+    if isinstance(side, Reading):
+        return False
+    return not is_path(side) or not os.path.exists(side) or is_regular(os.fsdecode(side))
+
+
+def _converted(
+    resolved: ResolvedRequest, sides: tuple[Reading, ...], k: int, given: object
+) -> tuple[Reading, ...]:
+    """Both sides, one with the stamps and states that are asked for, if reading left that open."""
+    conversion, role, own = resolved.conversions[k], ROLES[k], resolved.each[k]
+    if not conversion.recorded_of(role):
+        return sides
+    if own.conversion.recorded_of(role) and has_rows(given, own):
+        return sides
+    if conversion.unit_scale != 1:
+        truth, estimate = (side.trajectories for side in sides)
+        check_columns(truth, estimate)
+        check_states(truth, estimate, resolved.evaluation.distance)
+        distance = resolved.measure.distance(truth.columns).settings(truth.columns)
+        conversion = replace(conversion, angles=tuple(distance.get("periodic", ())))
+    made = conversion(sides[k].trajectories, role)
+    return (*sides[:k], replace(sides[k], trajectories=made), *sides[k + 1 :])
+
+
+def _covered(
+    resolved: ResolvedRequest, sides: tuple[Reading, ...], names: tuple[str, ...]
+) -> tuple[Reading, ...]:
+    """The rows of all sides that are inside the regions of --region."""
+    from tgospa_eval.evaluation.preprocess import kept_rows  # lazy: few have regions
+    from tgospa_eval.evaluation.regions import coverage, inside
+
+    assert resolved.coverage is not None
+    kept, origin = [], None if resolved.frames is None else resolved.frames.begin
+    for side, name in zip(sides, names, strict=True):
+        earth = origin is not None or "lat" in side.trajectories.columns
+        regions = coverage(resolved.coverage, resolved.reading.decimal, earth=earth)
+        near = resolved.evaluation.time_matching.near
+        rows = inside(replace(regions, origin=origin), side.trajectories, near, name)
+        kept.append(kept_rows(side, rows, "region"))
+    return tuple(kept)
+
+
+def _preprocessed(
+    resolved: ResolvedRequest, sides: tuple[Reading, ...], paths: tuple[str, ...]
+) -> tuple[Reading, ...]:
+    """Both files without what the rules of a benchmark leave out, if that is asked for.
+
+    Where it is not, and numbers are asked for that tables have, a warning says so.
+
+    Raises
+    ------
+    ConfigError
+        The truth does not say what that is.
+    """
+    with_ = {*resolved.evaluation.with_}
+    if not resolved.preprocess and (not resolved.measure.boxes or with_.isdisjoint(OF_TRACKEVAL)):
+        return sides
+    from tgospa_eval.evaluation.preprocess import (  # lazy: for boxes only
+        benchmark_warnings,
+        preprocessed,
+    )
+
+    of_truth = resolved.each[0]
+
+    def everything(**changes: Any) -> Reading:
+        """With the rows that a flag leaves out, of all classes."""
+        options = replace(of_truth, classes=None, kept=(NOT_CONSIDERED,), **changes)
+        return read(paths[0], options, "truth", resolved.formats[0])
+
+    if resolved.preprocess:
+        ignoring = resolved.evaluation.ignoring
+        return preprocessed(
+            resolved.preprocess,
+            sides,
+            lambda: everything(attributes=(*of_truth.attributes, "conf")),
+            (paths[0], paths[1]),
+            None if ignoring is None else ignoring.regions,
+        )
+    warnings = benchmark_warnings(sides[0], lambda: everything(attributes=("class",)))
+    return replace(sides[0], warnings=(*sides[0].warnings, *warnings)), *sides[1:]
+
+
+def check_sides(
+    resolved: ResolvedRequest, sides: tuple[Reading, ...], paths: tuple[str, ...]
+) -> None:
+    """Whether some file has what was asked of all.
+
+    Raises
+    ------
+    InputError
+        None has a header that is mapped, or classes.
+    ConfigError
+        None has a class that was asked for, or the filters leave no row of any.
+    """
+    for name in sides[0].missing:
+        if all(name in side.missing for side in sides):
+            raise InputError(*dict.fromkeys(side.missing[name] for side in sides))
+    check_classes(sides, paths, resolved.reading.classes, resolved.each)
+    filters = {"time", "class", "region", "where"}
+    if not any(side.taken for side in sides) and any(
+        filters & side.left_out.keys() for side in sides
+    ):
+        used = (name.replace("_", "-") for name in resolved.recorded)
+        given = " and ".join(f"--{name}" for name in used if name.split("-")[-1] in filters)
+        raise NothingLeftError(f"{given}: no row is left to evaluate")
+
+
+def align_sides(
+    resolved: ResolvedRequest, sides: tuple[Reading, ...], names: tuple[str, ...]
+) -> tuple[AlignedPair, EvaluationRequest]:
+    """Two sides on the same steps, and what is asked of them.
+
+    Raises
+    ------
+    ConfigError
+        The options do not fit the sides.
+    InputError
+        The sides do not fit each other.
+    """
+    truth, estimate = (side.trajectories for side in sides)
+    check_columns(truth, estimate, (names[0], names[1]))
+    request = resolved.request(truth.columns)
+    fitted = fit(truth, estimate, request, (names[0], names[1]))
+    if not resolved.allow_empty:
+        kept = sum(len(side.step) for side in fitted.axis.sides)
+        check_left(request.time_matching, kept, fitted.axis.left_out)
+    return fitted, request
