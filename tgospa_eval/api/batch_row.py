@@ -28,7 +28,7 @@ from tgospa_eval.errors import InputError, SolverError, TgospaError
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.proof import PROOF_FOLDER
 from tgospa_eval.results.evaluation import RESULT_SCHEMA, Evaluation
-from tgospa_eval.text import as_unicode
+from tgospa_eval.text import as_unicode, option
 
 SMALL = 1 << 20
 """Bytes of a file that are read at once for its digest."""
@@ -319,7 +319,7 @@ def judged_row(
             )
 
             texts = proof_files(result, task.options.given)
-            write_texts(texts, task.folder, PROOF, force=False, option="--proof")
+            write_texts(texts, task.folder, PROOF, force=False, subject=option("proof"))
         if task.page:
             from tgospa_eval.show.html import page  # here: for folders only
 

@@ -5,7 +5,6 @@ import shutil
 import tempfile
 import weakref
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -15,7 +14,7 @@ from tgospa_eval.api.notices import about, about_same, pair_notices, slow_notice
 from tgospa_eval.api.resolve import Settings, called, make_settings
 from tgospa_eval.api.result import ByClass, Result, ResultInParts, result_of
 from tgospa_eval.common.frozen import dataclass, recast, replace
-from tgospa_eval.common.notices import Notice, in_python, warn_user
+from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import parsed_size
 from tgospa_eval.errors import ConfigError
@@ -87,7 +86,7 @@ def read_sides(
     stopwatch : Stopwatch
         Running clock.
     notify : callable, optional
-        What to do with what the user should know. Without, warnings are in the words of Python.
+        What to do with what the user should know.
     mapping : sequence of int, or pair of such, optional
         Of tracks with state vectors the components to compare.
     known : dict, optional
@@ -109,12 +108,8 @@ def read_sides(
         *pair_notices(fitted, request, sides),
         *(() if request.solver.referee else slow_notice()),
     ]
-    if notify is None:
-        spoken = partial(in_python, reads=False)
-        notices = [replace(n, text=spoken(n.text), remedy=spoken(n.remedy)) for n in notices]
-    else:
-        for notice in notices:
-            notify(notice)
+    for notice in notices if notify else ():
+        notify(notice)  # type: ignore[misc]
     paths = (name if is_path(side) else None for name, side in zip(names, given, strict=True))
     return SidesRead(
         read=sides,

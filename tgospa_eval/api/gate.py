@@ -54,7 +54,7 @@ from tgospa_eval.campaign.row import Row, job_name, labels_of, row_to_judge
 from tgospa_eval.campaign.store import SETTINGS_FILE, Store
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, in_python, warn_user
+from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.writing import write_file
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
@@ -63,7 +63,7 @@ from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import ACCURACY
-from tgospa_eval.text import clipped, quoted
+from tgospa_eval.text import clipped, option, quoted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -178,9 +178,11 @@ class GateOptions(Values):
             Something is wrong with them.
         """
         if self.group is None:
-            for option, value in (("confidence", self.confidence), ("seed-label", self.seed_label)):
+            for name, value in (("confidence", self.confidence), ("seed_label", self.seed_label)):
                 if value is not None and not groups:
-                    raise ConfigError(f"--{option} is for --group, or a suite with [[group]]")
+                    raise ConfigError(
+                        f"{option(name)} is for {option('group')}, or a suite with [[group]]"
+                    )
             return [
                 replace(
                     one,
@@ -194,7 +196,7 @@ class GateOptions(Values):
         texts = [getattr(self, name) for name in RULE_PARAMETERS.values()]
         labels = {label for pair in pairs for label in pair.labels}
         seed, confidence = self.seed_label or SEED, self.confidence or GroupTable.confidence
-        return [make_group(pattern, texts, confidence, seed, labels, f"--group {self.group}")]
+        return [make_group(pattern, texts, confidence, seed, labels, option("group", self.group))]
 
     def rules(self, pair: Job, *, baseline: bool = True, default: bool = True) -> list[Rule]:
         """The rules of a pair; `default`: whether the usual one holds where none is given.
@@ -215,9 +217,14 @@ class GateOptions(Values):
         )
         relative = [rule for rule in found if not rule.absolute]
         if not baseline and (relative or not found) and default:
-            why = f"{relative[0].text} needs one" if relative else "limits of --max need none"
+            why = (
+                f"{relative[0].text} needs one"
+                if relative
+                else f"limits of {option('limits')} need none"
+            )
             raise ConfigError(
-                f"{self.prefix(pair)}no baseline: name it with --baseline FILE; {why}"
+                f"{self.prefix(pair)}no baseline: name it with "
+                f"{option('baseline', metavar='FILE')}; {why}"
             )
         return found
 
@@ -259,9 +266,9 @@ def judge_all(
     """
     _check_junit(gate, truth, estimate)
     if truth is not None and is_store(truth):
-        for option, value in (("against", gate.against), ("newer-than", gate.newer_than)):
+        for name, value in (("against", gate.against), ("newer_than", gate.newer_than)):
             if value is not None:
-                raise ConfigError(f"--{option} is for files and suites, not for stores")
+                raise ConfigError(f"{option(name)} is for files and suites, not for stores")
         folder, path = _stores(gate, truth, estimate)
         table = _store_rows(folder)
         settings = _store_options(folder)
@@ -283,7 +290,9 @@ def judge_all(
         old = load_baseline(path) if path else None
         return _report(gate, pairs, [], path or "", old, evaluated, folder)
     if gate.against is not None and gate.update_baseline:
-        raise ConfigError("--against and --update-baseline: leave one of them out")
+        raise ConfigError(
+            f"{option('against')} and {option('update_baseline')}: leave one of them out"
+        )
     target = None if gate.against is None else Target(gate.against)
     pairs, groups, named = _pairs(gate, truth, estimate, notify, target)
     if truth is not None:
@@ -419,7 +428,8 @@ def _with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
         least = os.path.getmtime(since) if exists else datetime.fromisoformat(since).timestamp()
     except ValueError:
         raise ConfigError(
-            f"--newer-than {quoted(since)}: is neither a file nor a time, as 2026-11-28T06:00"
+            f"{option('newer_than')} {quoted(since)}: is neither a file nor a time, as "
+            "2026-11-28T06:00"
         ) from None
     for pair in pairs:
         files = files_at(file_of(pair.estimate))
@@ -447,7 +457,7 @@ def _check_junit(gate: GateOptions, *paths: str | None) -> None:
     for path in (*paths, gate.suite, gate.baseline, used and used.path):
         if path and os.path.realpath(path) == target:
             raise OverInputError(
-                f"--junit {gate.junit}: is an input of the gate; name another file"
+                f"{option('junit', gate.junit)}: is an input of the gate; name another file"
             )
 
 
@@ -459,12 +469,14 @@ def _check_options(gate: GateOptions, path: str) -> None:
     ConfigError
         They do not, or there is no file to make.
     """
-    for option, value in (("only", gate.only), ("prune", gate.prune), ("add", gate.add)):
+    for name, value in (("only", gate.only), ("prune", gate.prune), ("add", gate.add)):
         if value and not gate.update_baseline:
-            raise ConfigError(f"--{option} is for --update-baseline")
+            raise ConfigError(f"{option(name)} is for {option('update_baseline')}")
     if gate.update_baseline and (not path or is_store(path)):
         wrong = f"{path} is a batch, which tgospa-eval batch makes" if path else "no baseline"
-        raise ConfigError(f"{wrong}: name the file to make with --baseline FILE")
+        raise ConfigError(
+            f"{wrong}: name the file to make with {option('baseline', metavar='FILE')}"
+        )
 
 
 def _report(
@@ -483,9 +495,13 @@ def _report(
         gate = replace(gate, fail_on=(), warn_on=(), maximum=())
     alone = {pair.name for pair in pairs} == {ONLY_PAIR} and not gate.suite
     if alone and old and ONLY_PAIR not in old:
-        raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name --suite")
+        raise ConfigError(
+            f"{path}: is the baseline of a suite ({', '.join(old)}); name {option('suite')}"
+        )
     if groups and not path:
-        raise ConfigError("no baseline: name it with --baseline FILE; groups need one")
+        raise ConfigError(
+            f"no baseline: name it with {option('baseline', metavar='FILE')}; groups need one"
+        )
     rules = {
         pair.name: [replace(rule, warns=True) for rule in found if rule.absolute]
         if pair.is_new
@@ -565,7 +581,9 @@ def _judged(
             noisy = any(table.seed in pair.labels for table in tables[pair.name])
             outcome = judged_outcome(pair, now, entry, rules[pair.name], noisy=noisy, **about)
             if pair.is_new:
-                outcome = replace(outcome, verdict=Verdict.NEW, notes=(*outcome.notes, NEW))
+                note = "new, not judged: the target does not have it yet; its limits of "
+                note += f"{option('limits')} only warn"
+                outcome = replace(outcome, verdict=Verdict.NEW, notes=(*outcome.notes, note))
         if isinstance(now, Measured) and not pair.is_new:
             results[pair.name] = now
         hidden = len(pairs) > MAX_PAGES and not outcome.status
@@ -579,7 +597,10 @@ def _judged(
         judged = [*first, *added[MAX_PAGES:], *judged]
     named = {name for name in old if any(table.has(labels[name]) for table in groups)}
     named |= {pair.name for pair in pairs}
-    note = f"in the baseline and not in {whence}; --update-baseline --prune removes it"
+    note = (
+        f"in the baseline and not in {whence}; {option('update_baseline')} {option('prune')} "
+        "removes it"
+    )
     return judged + leftover(old, named, Verdict.INCOMPARABLE, note)
 
 
@@ -599,7 +620,6 @@ MAX_PAGES = 200
 """Pairs of which each has a page; of more those have one that do not pass."""
 
 IN_GROUP = "not in the baseline: judged in its group alone"
-NEW = "new, not judged: the target does not have it yet; its limits of --max only warn"
 
 
 def _updated(
@@ -621,7 +641,7 @@ def _updated(
     old = baseline or {}
     for pattern in gate.only:
         if not any(fnmatchcase(name, pattern) for name in (*(pair.name for pair in pairs), *old)):
-            raise ConfigError(f"--only {quoted(pattern)}: no pair is called so")
+            raise ConfigError(f"{option('only')} {quoted(pattern)}: no pair is called so")
     new, outcomes = dict(old), []
     for pair, (row, options) in zip(chosen, evaluated(chosen, old), strict=True):
         now, about = _measured(row)
@@ -639,8 +659,8 @@ def _updated(
     for name in gone if gate.prune else ():
         del new[name]
     if new != old or not os.path.exists(path):
-        write_file(path, dump(new), "--baseline")
-    note = "removed" if gate.prune else "kept; --prune removes it"
+        write_file(path, dump(new), option("baseline"))
+    note = "removed" if gate.prune else f"kept; {option('prune')} removes it"
     outcomes += leftover(old, {*old} - {*gone}, Verdict.UPDATED, f"not in {whence}: {note}")
     changed = sum(new[name] != old.get(name) for name in new)
     tally = {"updated": changed, "unchanged": len(new) - changed, "removed": len({*old} - {*new})}
@@ -664,7 +684,7 @@ def _pairs(
     path = gate.suite
     if truth is not None and estimate is not None:
         if path and gate.sources["suite"] == "commandline":
-            raise ConfigError("give TRUTH ESTIMATE or --suite, not both")
+            raise ConfigError(f"give TRUTH ESTIMATE or {option('suite')}, not both")
         return [Job(name=ONLY_PAIR, truth=truth, estimate=estimate)], [], None
     if truth is not None or not path:
         name = "TRUTH" if truth is None else "ESTIMATE"
@@ -751,8 +771,9 @@ def _task(
     options = Request.of({**given, **nees})
     if options.outage == "none" and any(rule.absolute for rule in rules):
         raise ConfigError(
-            f"{gate.prefix(pair)}--outage none: limits of a gate are for all that a tracker had to "
-            "report, and its silences are not charged; leave it out, or --max"
+            f"{gate.prefix(pair)}{option('outage', 'none')}: limits of a gate are for all that a "
+            "tracker had to report, and its silences are not charged; leave it out, or "
+            f"{option('limits')}"
         )
     return JobTask(
         job=pair,
@@ -823,13 +844,18 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
     if gate.proof:
         typed.append("proof")
     if typed:
-        raise ConfigError(f"--{typed[0]}: stores are compared as they are, nothing is evaluated")
+        raise ConfigError(
+            f"{option(typed[0])}: stores are compared as they are, nothing is evaluated"
+        )
     if gate.sources["suite"] == "commandline":
-        raise ConfigError("give a store or --suite, not both")
+        raise ConfigError(f"give a store or {option('suite')}, not both")
     if second is None:
         return first, gate.baseline
     if gate.strong("baseline"):
-        raise ConfigError("name the baseline once: OLD_STORE NEW_STORE, or STORE --baseline FILE")
+        raise ConfigError(
+            "name the baseline once: OLD_STORE NEW_STORE, or STORE "
+            f"{option('baseline', metavar='FILE')}"
+        )
     if not is_store(second):
         raise ConfigError(f"{second}: holds no batch, and {first} does; name two stores or one")
     return second, first
@@ -1044,7 +1070,7 @@ def gate(
         raise TypeError("gate() takes truth, estimate and baseline; or suite")
     for name in ("against", "newer_than", "group", "confidence", "seed_label", "only", "prune"):
         if getattr(judge_by, name) not in (None, (), False):
-            raise ConfigError(f"--{name.replace('_', '-')} is for suites")
+            raise ConfigError(f"{option(name)} is for suites")
     path = str(judge_by.baseline)
     old = load(path, judge_by.renewed)
     if old and ONLY_PAIR not in old:
@@ -1071,7 +1097,7 @@ def gate(
         lambda pairs, _: ((row, recorded) for _ in pairs),
         "",
     )
-    return GateResult(report=_in_python(report), result=result)
+    return GateResult(report=report, result=result)
 
 
 def _gate_of_suite(judge_by: GateOptions, options: Mapping[str, Any]) -> GateResult:
@@ -1085,17 +1111,8 @@ def _gate_of_suite(judge_by: GateOptions, options: Mapping[str, Any]) -> GateRes
     judge_by = replace(judge_by, evaluation=Request.of(values), sources=sources)
     warnings: list[str] = []
     report = judge_all(judge_by, None, None, warnings.append)
-    warn_user([Notice(text=in_python(text)) for text in warnings])
-    return GateResult(report=_in_python(report))
-
-
-def _in_python(report: Report) -> Report:
-    """A report whose notes name options as keywords."""
-    outcomes = (
-        replace(one, notes=tuple(in_python(note, reads=False) for note in one.notes))
-        for one in report.outcomes
-    )
-    return replace(report, outcomes=tuple(outcomes))
+    warn_user([Notice(text=text) for text in warnings])
+    return GateResult(report=report)
 
 
 def _texts(given: str | Iterable[str]) -> list[str]:

@@ -8,7 +8,7 @@ from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.api.distance import DistanceOptions, numbers_by_name
-from tgospa_eval.api.options import DEFAULTS, SETTINGS, Request, is_coverage
+from tgospa_eval.api.options import DEFAULTS, Request, is_coverage
 from tgospa_eval.api.places import check_places
 from tgospa_eval.common.files import is_regular
 from tgospa_eval.common.frozen import dataclass, replace
@@ -46,6 +46,7 @@ from tgospa_eval.formats.where import parse_where
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.numbers import Calibration
 from tgospa_eval.solvers import Solver, solver_class
+from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.durations import signed_seconds
@@ -274,7 +275,7 @@ class Settings:
         if is_path(given):
             options = options.beside_others(paths, roles)
             if len(paths) == 1:
-                options = replace(options, option="--columns")
+                options = replace(options, option="columns")
             return read(given, options, role, self.formats[side])
         frame = as_frame(given, name)
         if frame is not None:
@@ -292,8 +293,8 @@ class Settings:
                 return assemble(rows, options, "")
         if self.of_tables[side]:
             raise ConfigError(
-                f"--{self.of_tables[side][0]} is for files and tables, and {name} is none: choose "
-                "its rows and columns before"
+                f"{option(self.of_tables[side][0])} is for files and tables, and {name} is none: "
+                "choose its rows and columns before"
             )
         return of_object(given, name, self.evaluation, components)
 
@@ -391,8 +392,8 @@ class Settings:
         if not any(side.taken for side in sides) and any(
             filters & side.left_out.keys() for side in sides
         ):
-            used = (name.replace("_", "-") for name in self.recorded)
-            given = " and ".join(f"--{name}" for name in used if name.split("-")[-1] in filters)
+            used = (name for name in self.recorded if name.split("_")[-1] in filters)
+            given = " and ".join(option("class_" if name == "class" else name) for name in used)
             raise NothingLeftError(f"{given}: no row is left to evaluate")
 
     def request(self, columns: tuple[str, ...]) -> EvaluationRequest:
@@ -474,10 +475,13 @@ def _settings(options: Request) -> Settings:
     others, nees = tuple(name for name in asked if name != NEES), NEES in asked
     if options.by and others:
         raise ConfigError(
-            "--with takes all rows together, not --by class; choose one class by --class NAME"
+            f"{option('with_')} takes all rows together, not {option('by', 'class')}; choose one "
+            f"class by {option('class_', metavar='NAME')}"
         )
     if options.similarity is not None and options.step_weights is not None:
-        raise ConfigError("--similarity is of the mean over steps, not for --step-weights")
+        raise ConfigError(
+            f"{option('similarity')} is of the mean over steps, not for {option('step_weights')}"
+        )
     region, coverage = options.region, None
     if is_coverage(region):
         region, coverage = None, region
@@ -495,7 +499,7 @@ def _settings(options: Request) -> Settings:
         time=options.time,
         classes=_list(options.class_),
         region=region,
-        where=parse_where(options.where, "--where"),
+        where=parse_where(options.where, option("where")),
         by_class=options.by == "class",
         covariance=nees or bool(measure.named.kinds),
         fix_covariance=options.fix_cov,
@@ -510,25 +514,26 @@ def _settings(options: Request) -> Settings:
         measure.named, options.order, options.cutoff, options.switch_penalty, options.rho
     )
     conversion = Conversion(
-        time_offset=signed_seconds(options.time_offset, "--time-offset"),
+        time_offset=signed_seconds(options.time_offset, option("time_offset")),
         time_scale=options.time_scale,
         unit_scale=options.unit_scale,
         angles=tuple(measure.period),
-        scale=tuple(numbers_by_name("estimate-scale", options.estimate_scale).items()),
+        scale=tuple(numbers_by_name("estimate_scale", options.estimate_scale).items()),
     )
     of_truth = Conversion(
-        scale=tuple(numbers_by_name("truth-scale", options.truth_scale).items()),
-        scale_option="--truth-scale",
+        scale=tuple(numbers_by_name("truth_scale", options.truth_scale).items()),
+        scale_option="truth_scale",
     )
     if measure.is_record and conversion.recorded_of(ROLES[1]) and (options.time or options.region):
         raise ConfigError(
-            "--time and --region are in the units of the truth: choose the distance by its name"
+            f"{option('time')} and {option('region')} are in the units of the truth: choose the "
+            "distance by its name"
         )
     frames = _frames(options)
     if frames is not None and frames.begin and measure.named.on_earth:
         raise ConfigError(
-            f"--distance {measure.named.name} compares places on the Earth, and --origin brings "
-            "both sides to local metres: leave --distance out"
+            f"{option('distance', measure.named.name)} compares places on the Earth, and "
+            f"{option('origin')} brings both sides to local metres: leave {option('distance')} out"
         )
     if frames is not None and ignoring is not None and ignoring.regions is not None:
         placed = replace(ignoring.regions, origin=frames.begin)
@@ -540,7 +545,10 @@ def _settings(options: Request) -> Settings:
             replace(each[1], conversion=conversion),
         )
     if ignoring is not None and ignoring.classes:
-        each = replace(each[0], by_class=True, class_for="--ignore", also=ignoring.classes), each[1]
+        each = (
+            replace(each[0], by_class=True, class_for=option("ignore"), also=ignoring.classes),
+            each[1],
+        )
     if options.preprocess:
         each = _of_benchmark(options, measure, each[0]), each[1]
     return Settings(
@@ -609,34 +617,39 @@ def _ignoring(options: Request) -> "Ignoring | None":
 
     if options.existence == "use":
         raise ConfigError(
-            "--existence use does not go together with --ignore, --ignore-regions and --preprocess "
-            "NAME:ignore; leave one of them out"
+            f"{option('existence', 'use')} does not go together with {option('ignore')}, "
+            f"{option('ignore_regions')} and {option('preprocess')} NAME:ignore; leave one of "
+            "them out"
         )
     texts = (options.ignore,) if isinstance(options.ignore, str) else options.ignore
     found = replace(
         parse_ignoring(texts, speed), regions=as_regions(options.ignore_regions, options.decimal)
     )
     if IN_REGIONS in found.texts and found.regions is None:
-        raise ConfigError(f"--ignore {IN_REGIONS}: needs --ignore-regions FILE, which has them")
+        raise ConfigError(
+            f"{option('ignore', IN_REGIONS)}: needs {option('ignore_regions', metavar='FILE')}, "
+            "which has them"
+        )
     if options.max_speed is not None and not (found.gaps and 0 <= speed < math.inf):
         raise ConfigError(
-            f"--max-speed {speed:g}: must be >= 0 and finite, and is for --ignore truth-gaps"
+            f"{option('max_speed', f'{speed:g}')}: must be >= 0 and finite, and is for "
+            f"{option('ignore', 'truth-gaps')}"
         )
     if found.classes and options.by:
         raise ConfigError(
-            "--ignore class=NAME: with --by class each class is judged by itself; choose one by "
-            "--class NAME"
+            f"{option('ignore', 'class=NAME')}: with {option('by', 'class')} each class is judged "
+            f"by itself; choose one by {option('class_', metavar='NAME')}"
         )
     made = options.interpolate == "truth" or options.resample is not None
     if made and OUTSIDE in found.texts:
         raise ConfigError(
-            f"--ignore {OUTSIDE}: the truth is interpolated to other times; --ignore {GAPS} leaves "
-            "its gaps out"
+            f"{option('ignore', OUTSIDE)}: the truth is interpolated to other times; "
+            f"{option('ignore', GAPS)} leaves its gaps out"
         )
     if GAPS in found.texts and not made:
         raise ConfigError(
-            f"--ignore {GAPS}: is for --interpolate truth and --resample, whose --max-gap says "
-            "what a gap is"
+            f"{option('ignore', GAPS)}: is for {option('interpolate', 'truth')} and "
+            f"{option('resample')}, whose {option('max_gap')} says what a gap is"
         )
     return found
 
@@ -647,15 +660,19 @@ def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions
 
     rule = str(options.preprocess)
     if not measure.boxes:
-        raise ConfigError(f"--preprocess {rule}: looks at boxes; choose --distance iou")
+        raise ConfigError(
+            f"{option('preprocess', rule)}: looks at boxes; choose {option('distance', 'iou')}"
+        )
     if rule.startswith("uadetrac"):
         return truth
     truth = replace(truth, regions=True)
     if rule.startswith("visdrone"):
         return truth
     if options.by:
-        raise ConfigError(f"--preprocess {rule}: is of one class, not --by class")
-    truth = replace(truth, by_class=True, class_for="--preprocess")
+        raise ConfigError(
+            f"{option('preprocess', rule)}: is of one class, not {option('by', 'class')}"
+        )
+    truth = replace(truth, by_class=True, class_for=option("preprocess"))
     if rule.startswith("motchallenge"):
         return truth
     return replace(
@@ -694,12 +711,15 @@ def _frames(options: Request) -> "Frames | None":
     given = options.truth_crs, options.estimate_crs
     if given == (None, None):
         if options.origin is not None:
-            raise ConfigError("--origin is for --truth-crs and --estimate-crs; say which is local")
+            raise ConfigError(
+                f"{option('origin')} is for {option('truth_crs')} and {option('estimate_crs')}; "
+                "say which is local"
+            )
         return None
     from tgospa_eval.tracks.places import Frames, parse_frame, parse_origin  # here: as weights
 
     truth, estimate = (
-        parse_frame(text or "lat,lon", f"--{role}-crs")
+        parse_frame(text or "lat,lon", option(f"{role}_crs"))
         for text, role in zip(given, ROLES, strict=True)
     )
     origin = options.origin
@@ -717,7 +737,7 @@ def _of_tables(options: Request, side: str) -> tuple[str, ...]:
     )
     own = ("columns", "class", "where", "format", "time_format", "time_zone")
     names = (*(f"{side}_{name}" for name in own), *of_both)
-    return tuple(SETTINGS[name].key for name in names if getattr(options, name) != DEFAULTS[name])
+    return tuple(name for name in names if getattr(options, name) != DEFAULTS[name])
 
 
 def _calibration(options: Request) -> Calibration | None:
@@ -727,7 +747,7 @@ def _calibration(options: Request) -> Calibration | None:
     try:
         return Calibration(false_targets=options.similarity)
     except ConfigError as error:
-        raise ConfigError(f"--similarity: {error}") from None
+        raise ConfigError(f"{option('similarity')}: {error}") from None
 
 
 def _each(
@@ -758,9 +778,9 @@ def _each(
             columns=measure.columns(columns, needed),
             placed=(names if "t" in (names or ()) else shared_columns) or (),
             classes=classes or reading.classes,
-            where=(*reading.where, *parse_where(where, f"--{side}-where")),
+            where=(*reading.where, *parse_where(where, option(f"{side}_where"))),
             shared=shared if classes else (*shared, "class"),
-            option=f"--{side}-columns",
+            option=f"{side}_columns",
             form=_form(options, role),
         )
         for (names, classes, where), (columns, shared), needed, side, role, frame in zip(
@@ -783,7 +803,7 @@ def _solver(options: Request) -> Solver:
         for name in ("gap", "epsilon", "time_limit", "jobs"):
             if getattr(options, name) != DEFAULTS[name]:
                 raise ConfigError(
-                    f"--{SETTINGS[name].key} is for a solver by its name, not for a record with "
+                    f"{option(name)} is for a solver by its name, not for a record with "
                     "settings of its own"
                 )
         return as_solver(options.solver)

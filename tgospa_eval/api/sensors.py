@@ -8,7 +8,7 @@ from tgospa_eval.api.keywords import requested, taken, with_options
 from tgospa_eval.api.options import NOT_OF_SENSORS, SETTINGS, Request
 from tgospa_eval.api.resolve import Settings, called, make_settings
 from tgospa_eval.common.frozen import dataclass, recast, replace
-from tgospa_eval.common.notices import in_python, warn_user
+from tgospa_eval.common.notices import warn_user
 from tgospa_eval.distances import Effort, Reduction
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading
@@ -148,7 +148,7 @@ def _read(
     roles = ("estimate",) * len(given)
     sides = settings.read(*given, roles=roles, names=names, mapping=mapping)
     for side in sides:
-        warn_user(side.warnings, lambda text: in_python(text, reads=False))
+        warn_user(side.warnings)
     return sides
 
 

@@ -21,7 +21,7 @@ from tgospa_eval.formats.guess import file_of, folder_format
 from tgospa_eval.formats.loading import load
 from tgospa_eval.formats.text.lines import decode
 from tgospa_eval.formats.text.small import rows_of
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.durations import MAX_STEPS
 
 LAYOUTS = {
@@ -138,7 +138,8 @@ def of_patterns(
     unknown = [name for name in own if name not in theirs]
     if unknown:
         raise ConfigError(
-            f"--truth {truth}: the field {{{unknown[0]}}} is not in --estimate {estimate}"
+            f"{option('truth', truth)}: the field {{{unknown[0]}}} is not in "
+            f"{option('estimate', estimate)}"
         )
     jobs, faults = [], []
     meant = patterns.meant(
@@ -160,7 +161,7 @@ def of_patterns(
         jobs.append(Job(labels=values, truth=theirs_truth, estimate=whole))
     if not jobs and not faults and not sequences:
         what = "file" if file_of(estimate) == estimate else "variable of a file"
-        raise ConfigError(f"--estimate {estimate}: no {what} is like this", *notices)
+        raise ConfigError(f"{option('estimate', estimate)}: no {what} is like this", *notices)
     there = [values for _, values in truths.files] if own else [{}]
     for values, other in _without_estimate(own, theirs, there, jobs):
         if not sequences or values["sequence"] in sequences:
@@ -247,7 +248,7 @@ def _elsewhere(layout: str, shape: str, folder: str) -> str:
         below = (values for _, values in patterns.found(f"{inner}/{shape}", folder))
         near += sorted({os.path.join(folder, patterns.fill(inner, values)) for values in below})
     name = f"; name {'one of ' if len(near) > 1 else ''}{listed(near, 3)}" if near else ""
-    return f"{folder}: has no {shape}, which --layout {layout} looks for{name}"
+    return f"{folder}: has no {shape}, which {option('layout', layout)} looks for{name}"
 
 
 def read_sequences(path: str) -> list[str]:
