@@ -228,7 +228,7 @@ class DistanceOptions:
         if not self.chosen and columns[:2] == PLACES:
             raise ConfigError(
                 "lat,lon are degrees, whose differences are no lengths: choose "
-                f"{option('distance')} haversine or geodesic, in metres; "
+                f"{option('distance', 'haversine')} or geodesic, in metres; "
                 f"{option('distance', 'euclidean')} takes them as plain numbers"
             )
         period = _by_column("periodic", self.period, columns, math.inf)

@@ -252,8 +252,8 @@ def check_heights(headers: Sequence[str], distance: str) -> None:
     if distance == "haversine":
         raise ConfigError(
             f"both sides have heights ({listed(list(dict.fromkeys(headers)))}), and "
-            f"{option('distance')} haversine has none: {option('distance', 'geodesic')} compares "
-            f"them, {option('columns', 'lat,lon')} leaves them out"
+            f"{option('distance', 'haversine')} has none: {option('distance', 'geodesic')} "
+            f"compares them, {option('columns', 'lat,lon')} leaves them out"
         )
 
 

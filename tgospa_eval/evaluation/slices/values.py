@@ -94,7 +94,7 @@ def _unknown(sides: tuple[Trajectories, Trajectories], attribute: Attribute) -> 
     there = sorted(offered.union(*known))
     if name == "size":
         return (
-            f"{option('slices')} size: neither side has boxes, nor columns width and height "
+            f"{option('slices', 'size')}: neither side has boxes, nor columns width and height "
             f"(found: {listed(there)})"
         )
     return (
@@ -225,7 +225,7 @@ def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
             return None
         if values.dtype.kind != "f":
             raise ConfigError(
-                f"{option('slices')} region: column {quoted(name)} has texts, not numbers"
+                f"{option('slices', 'region')}: column {quoted(name)} has texts, not numbers"
             )
         known &= ~np.isnan(values.astype(np.float64))
         inside &= (values >= low) & (values <= high)
