@@ -124,7 +124,7 @@ def step_warnings(sides: "Fitted", matching: TimeMatching) -> list[Notice]:
                     code="steps-moved",
                     text=f"{name}: rows at {gone} are left out, and no row is at {free}; arrays "
                     "in Python and NumPy files count steps from 0, MAT files from 1",
-                    remedy=f"{option('steps')} {first}:{last} has all rows",
+                    remedy=f"{option('steps', f'{first}:{last}')} has all rows",
                 )
             ]
     return []
