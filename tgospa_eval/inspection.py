@@ -18,6 +18,7 @@ from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.results.records import Json
+from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -71,7 +72,7 @@ def _about(reading: Reading) -> Iterator[Notice]:
         yield Notice(
             code="duplicates",
             text=f"{counted(count, 'row repeats', 'rows repeat')} an (id, t)",
-            remedy="evaluate refuses them without --on-duplicate",
+            remedy=f"evaluate refuses them without {option('on_duplicate')}",
         )
 
 

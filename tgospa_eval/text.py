@@ -1,13 +1,20 @@
-"""What came from a user, as it is shown: on its line, and no command to whatever shows it.
+"""What messages quote, and how they spell options.
 
-Ids, names of files, columns and classes, units, settings and messages may hold anything. Control
-characters (C0 and C1), line breaks, marks that turn the direction of writing and what cannot be
-seen are written as Python would, and what CI systems take for a command loses its first character
-to such an escape.
+What came from a user is shown on its line, and is no command to whatever shows it. Ids, names of
+files, columns and classes, units, settings and messages may hold anything. Control characters (C0
+and C1), line breaks, marks that turn the direction of writing and what cannot be seen are written
+as Python would, and what CI systems take for a command loses its first character to such an escape.
+
+An option is spelled for the surface that the message is for: `option`.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import TypeVar
+
+T = TypeVar("T")
 
 CLIPPED_LENGTH = 60
 """Characters of a text that a message quotes."""
@@ -60,3 +67,82 @@ def listed(texts: Iterable[object], most: int = LISTED) -> str:
     names = list(texts)
     rest = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(clipped(str(name)) for name in names[:most]) + rest
+
+
+# -------------------------------------------------------------------------------------------------
+# Options, as the one who reads the message writes them.
+
+COMMAND, PYTHON, READER = "command", "python", "reader"
+"""Surfaces: the command line, keywords of Python, those of `read_trajectories`."""
+
+surface = ContextVar("surface", default=PYTHON)
+"""The one that messages are for. Threads and workers have to be told, see `on_surface`."""
+
+FLAGS = {"slices": "--slice", "limits": "--max"}
+"""Options that the command line does not call as their keywords."""
+
+LETTERS = {"cutoff": "-c", "switch_penalty": "-g", "output": "-o"}
+
+OF_READER = {
+    "class_": "classes",
+    "fix_cov": "fix_covariance",
+    "missing_cov": "missing_covariance",
+    "truth_columns": "columns",
+    "estimate_columns": "columns",
+    "truth_class": "classes",
+    "estimate_class": "classes",
+    "truth_where": "where",
+    "estimate_where": "where",
+    "truth_format": "format",
+    "estimate_format": "format",
+}
+"""What `read_trajectories` calls keywords."""
+
+
+NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?"
+"""Values that Python writes without quotes."""
+
+
+def option(name: str, value: object = None, *, metavar: str = "", short: bool = False) -> str:
+    """An option as the current surface spells it: ``--max-gap 10`` or ``max_gap=10``.
+
+    Parameters
+    ----------
+    name : str
+        The keyword.
+    value : object, optional
+        Its value, if the message knows one; True of a flag.
+    metavar : str
+        What stands for the value on the command line: ``FILE``.
+    short : bool
+        Whether the command line has its letter.
+    """
+    text = metavar if value is None or value is True else str(value)
+    if surface.get() == COMMAND:
+        flag = f"--{name.rstrip('_').replace('_', '-')}"
+        flag = LETTERS[name] if short else FLAGS.get(name, flag)
+        return f"{flag} {text}" if text else flag
+    if surface.get() == READER:
+        name = OF_READER.get(name, name)
+    if value is None:
+        return name
+    if name.endswith("columns"):
+        return f"{name}={tuple(text.split(','))}"
+    is_plain = value is True or re.fullmatch(NUMBER, text)
+    return f"{name}={text or value}" if is_plain else f'{name}="{text}"'
+
+
+@contextmanager
+def spelled_for(name: str) -> Iterator[None]:
+    """Let messages that are made inside spell options for a surface."""
+    token = surface.set(name)
+    try:
+        yield
+    finally:
+        surface.reset(token)
+
+
+def on_surface(name: str, function: Callable[..., T], *arguments: object) -> T:
+    """Call a function whose messages are for a surface; in a worker, for that of its parent."""
+    with spelled_for(name):
+        return function(*arguments)

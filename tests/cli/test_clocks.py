@@ -232,7 +232,9 @@ def test_decimals_that_differ_by_rounding_are_one_step(invoke: Invoke, tmp_path:
 
 def test_steps_that_count_from_another_number_are_told() -> None:
     truth = np.zeros((4, 1, 2)) + np.arange(4)[:, None, None]
-    with pytest.warns(TgospaWarning, match=r"steps 1:4: rows at 0 are left out.* 0:3 has all rows"):
+    with pytest.warns(
+        TgospaWarning, match=r'steps="1:4": rows at 0 are left out.* steps="0:3" has all rows'
+    ):
         evaluate(truth, truth + 0.1, **METRIC, steps="1:4")
     with warnings.catch_warnings():
         warnings.simplefilter("error")

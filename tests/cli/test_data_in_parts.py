@@ -447,7 +447,7 @@ def test_interrupted_work_is_kept_and_gone_on_with(
         partitioned.evaluate_parts(paths, other, output, "so")
     with (
         locked(folder / "work", (0, 1)),
-        pytest.raises(ConfigError, match="out: another process is at work on it"),
+        pytest.raises(ConfigError, match='out": another process is at work on it'),
     ):
         partitioned.evaluate_parts(paths, options, output, "so")
     monkeypatch.setattr(run, "solve_shard", pytest.fail)  # nothing is left to solve

@@ -146,7 +146,7 @@ def test_particles_are_converted_and_covariances_are_not() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"estimate_crs": "enu"}, "need origin LAT,LON, where the local axes begin"),
+        ({"estimate_crs": "enu"}, "need origin, where the local axes begin"),
         ({"estimate_crs": "EPSG:999999"}, "pyproj knows no such system"),
         ({"estimate_crs": "EPSG:4326"}, "is not projected; of latitudes and longitudes write"),
         ({"estimate_crs": "west"}, "must be lat,lon"),

@@ -155,7 +155,7 @@ def test_what_cannot_be_compared_is_an_error(invoke: Invoke) -> None:
                 "__import__('os').system('x') == 1",
             )
         ),
-        ("t < 2026-01-01", "texts are compared by == and != alone; --time"),
+        ("t < 2026-01-01", "texts are compared by == and != alone; time"),
         ("a > '1'", "texts are compared by == and != alone"),
     ],
 )

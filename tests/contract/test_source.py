@@ -122,3 +122,59 @@ def test_the_page_of_the_architecture_has_the_layers() -> None:
     layers = contracts["contracts"][0]["layers"]
     page = (DOCS / "architecture.md").read_text(encoding="utf-8")
     assert "\n".join("   " + layer.replace(" : ", " | ") for layer in layers) in page
+
+
+OF_OTHER_PROGRAMS = {
+    "api/options.py": "declarations and help of the options themselves",
+    "api/places.py": "commands to type in a shell",
+    "campaign/gate/baseline.py": "a command to type in a shell",
+    "campaign/gate/outcome.py": "arguments of the command that a gate proposes",
+    "campaign/gate/target.py": "arguments of git",
+    "common/words.py": "a command of uv",
+    "proof/check.py": "a command to type in a shell",
+    "results/saved.py": "files are saved by the command line",
+    "show/batch_page.py": "names of CSS",
+    "text.py": "the spelling itself",
+    "api/gate.py": "arguments of the command that a gate proposes",
+}
+"""Files in whose texts there are options, and why."""
+
+
+def texts(tree: ast.Module) -> Iterator[str]:
+    """Every text that is no docstring."""
+    docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docs:
+            yield node.value
+
+
+def test_options_in_messages_are_spelled_for_the_surface() -> None:
+    found = {
+        file
+        for file, (_, tree) in sources().items()
+        if not file.startswith("cli/") and file != "proof/verify_tgospa.py"
+        for text in texts(tree)
+        if re.search(r"(?<![\w-])--[a-z]", text)
+    }
+    assert found == set(OF_OTHER_PROGRAMS)
+
+
+def test_no_option_is_spelled_before_the_surface_is_known() -> None:
+    """That is at the import, by a constant or a default."""
+    early = set()
+    for file, (_, tree) in sources().items():
+        inside = {
+            id(node)
+            for function in ast.walk(tree)
+            if isinstance(function, ast.FunctionDef | ast.Lambda)
+            for part in (function.body if isinstance(function.body, list) else [function.body])
+            for node in ast.walk(part)
+        }
+        early |= {
+            f"{file}: {node.lineno}"
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Call) and id(node) not in inside
+            if isinstance(node.func, ast.Name) and node.func.id == "option"
+            if not file.startswith("cli/")  # where that declares one
+        }
+    assert early == set()

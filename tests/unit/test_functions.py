@@ -31,7 +31,6 @@ from tgospa_eval import (
 from tgospa_eval.api.keywords import OF_THE_COMMAND
 from tgospa_eval.api.options import OPTION_SPECS
 from tgospa_eval.cli.simulate import OPTIONS
-from tgospa_eval.common.notices import in_python
 from tgospa_eval.distances import Mahalanobis
 from tgospa_eval.simulation.settings import USUAL_ERRORS, usual_tracker
 
@@ -63,7 +62,7 @@ def test_every_option_is_a_keyword() -> None:
         evaluate([], [], region=3)
     with pytest.raises(ConfigError, match="time is for files and tables, and truth is none"):
         evaluate({"a": np.zeros((2, 2))}, [], time="0:1")
-    with pytest.raises(ConfigError, match="with_ takes all rows together, not by class"):
+    with pytest.raises(ConfigError, match='with_ takes all rows together, not by="class"'):
         evaluate([], [], by="class", with_="gospa")
     with pytest.raises(ConfigError, match="similarity is of the mean over steps, not for step"):
         evaluate([], [], similarity=1, step_weights=[1.0])
@@ -144,7 +143,7 @@ def test_python_and_the_command_make_one_document(
             del part["timings"]
         for warning in document["warnings"]:
             warning["remedy"] = ""  # each in its own words
-        document["notices"] = [in_python(text, reads=False) for text in document["notices"]]
+        document["notices"] = len(document["notices"])
     assert ours == theirs
 
 
@@ -287,7 +286,7 @@ def test_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.rows["with.gospa.total"].tolist() == pytest.approx([5.0, 5.0, 20.0, 20.0])
     assert "tracker" in str(found)
     Path("out/b/1.csv").write_text("id,t,x,y\n1,0,0,oops\n", encoding="utf-8")
-    with pytest.raises(ConfigError, match=r"^output store: holds a batch with other settings"):
+    with pytest.raises(ConfigError, match=r'^output="store": holds a batch with other settings'):
         batch(**patterns, output="store", cutoff=9.0)
     again = batch(**patterns, output="store", cutoff=10.0, with_=["gospa"])
     assert len(again.faults) == 1

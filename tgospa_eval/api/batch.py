@@ -44,7 +44,7 @@ from tgospa_eval.common import patterns
 from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.manifest import read_manifest, unchanged
-from tgospa_eval.common.notices import Notice, in_python, warn_user
+from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.words import counted, parsed_whole
 from tgospa_eval.engines.engine import Engine, spread
 from tgospa_eval.engines.processes import engine_of
@@ -59,7 +59,7 @@ from tgospa_eval.show.batch import BatchTables, curves_csv
 from tgospa_eval.show.batch_text import batch_report, slices_of_groups
 from tgospa_eval.show.files import BATCH, Files, folder_name, write_texts
 from tgospa_eval.show.rendering import csv_text
-from tgospa_eval.text import as_unicode, listed, quoted
+from tgospa_eval.text import as_unicode, listed, option, quoted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -237,8 +237,8 @@ def batch(
         except ConfigError as error:  # the rows are stored in any case
             told.append(f"the page is not written: {error}")
     told += (text.removeprefix("warning: ") for text in done.warnings)
-    warn_user([Notice(text=in_python(text)) for text in told])
-    return replace(done, faults=tuple(map(in_python, done.faults)))
+    warn_user([Notice(text=text) for text in told])
+    return done
 
 
 # -------------------------------------------------------------------------------------------------
@@ -322,16 +322,22 @@ def _check_options(batch: BatchOptions) -> None:
     """
     options = batch.evaluation
     if batch.proof and not batch.reports:
-        raise ConfigError("--proof is for the folders of --reports")
+        raise ConfigError(f"{option('proof')} is for the folders of {option('reports')}")
     if options.curve and not (batch.per_step or batch.reports):
-        raise ConfigError("--curve is for --per-step, or for the folders of --reports")
+        raise ConfigError(
+            f"{option('curve')} is for {option('per_step')}, or for the folders of "
+            f"{option('reports')}"
+        )
     for name, about in BatchOptions.settings().items():
         value, known = getattr(batch, name), about.choices
         if known and value not in (None, *known):
-            raise ConfigError(f"--{about.key} {quoted(value)}: must be one of {', '.join(known)}")
+            raise ConfigError(f"{option(name)} {quoted(value)}: must be one of {', '.join(known)}")
     parse_slices(options.slices)
     if batch.scheduler and batch.workers:
-        raise ConfigError("--scheduler has the workers that it has: --workers is for processes")
+        raise ConfigError(
+            f"{option('scheduler')} has the workers that it has: {option('workers')} is for "
+            "processes"
+        )
 
 
 def _record(paths: tuple[str, ...], batch: BatchOptions) -> Json:
@@ -359,7 +365,7 @@ def planned(paths: tuple[str, ...], batch: BatchOptions) -> BatchPlan:
     options, output = batch.evaluation, batch.output
     if batch.layout:
         if len(paths) != 2:
-            raise ConfigError(f"--layout {batch.layout} takes two folders, GT TRACKERS")
+            raise ConfigError(f"{option('layout', batch.layout)} takes two folders, GT TRACKERS")
         sequences = pairs.read_sequences(batch.seqmap) if batch.seqmap else ()
         plan = pairs.of_layout(batch.layout, *paths, sequences, output)
         if any(name in options.given for name in DECIDING):
@@ -373,8 +379,8 @@ def planned(paths: tuple[str, ...], batch: BatchOptions) -> BatchPlan:
         keys = {key for key, is_flag in FLAGS.items() if not is_flag}
         return pairs.of_manifest(paths[0], keys | {key.replace("-", "_") for key in keys})
     raise ConfigError(
-        "name the jobs by --truth PATTERN --estimate PATTERN, by a manifest, or by --layout NAME "
-        "GT TRACKERS"
+        f"name the jobs by {option('truth')} PATTERN {option('estimate')} PATTERN, by a manifest, "
+        f"or by {option('layout', metavar='NAME')} GT TRACKERS"
     )
 
 
@@ -406,9 +412,13 @@ def _check_missing(plan: BatchPlan, batch: BatchOptions, notify: Notify) -> None
     if len(plan.faults) > FAULTS_SHOWN:
         lines.append(f"and {len(plan.faults) - FAULTS_SHOWN} more")
     if plan.faults and not batch.allow_missing:
-        some = "; --seqmap FILE takes the sequences in that file alone" if batch.layout else ""
+        some = (
+            f"; {option('seqmap', metavar='FILE')} takes the sequences in that file alone"
+            if batch.layout
+            else ""
+        )
         raise ConfigError(
-            *lines, f"nothing is begun; --allow-missing goes on with the others{some}"
+            *lines, f"nothing is begun; {option('allow_missing')} goes on with the others{some}"
         )
     for text in lines:
         notify(text)
@@ -427,7 +437,7 @@ def shard_of(text: str | None) -> tuple[int, int]:
     first, slash, last = (text or "1/1").partition("/")
     number, count = (parsed_whole(part) or 0 for part in (first, last))
     if not slash or not 1 <= number <= count:
-        raise ConfigError(f"--shard {text}: must be K/N with 1 <= K <= N, such as 3/16")
+        raise ConfigError(f"{option('shard', text)}: must be K/N with 1 <= K <= N, such as 3/16")
     return number, count
 
 
@@ -449,8 +459,8 @@ def tasks_of(plan: BatchPlan, batch: BatchOptions) -> Iterator[JobTask]:
                 path = patterns.fill(chosen.ignore_regions, job.labels)
             except KeyError as error:
                 raise ConfigError(
-                    f"--ignore-regions {quoted(chosen.ignore_regions)}: jobs have no label "
-                    f"{quoted(error.args[0])}, but {listed(job.labels)}"
+                    f"{option('ignore_regions')} {quoted(chosen.ignore_regions)}: jobs have no "
+                    f"label {quoted(error.args[0])}, but {listed(job.labels)}"
                 ) from None
             chosen = replace(chosen, ignore_regions=path)
         folder = folder_of(batch.output, job.labels, job.options) if batch.reports else None
@@ -521,9 +531,9 @@ def _work(tasks: list[JobTask], store: Store, engine: Engine, tell: Notify) -> l
         for done, row in enumerate(rows, 1):
             if os.path.exists(row.pop(UNSEEN, "")):
                 raise ConfigError(
-                    f"--scheduler: {row['message']}: workers read and write files by themselves, "
-                    "under the same paths on a file system that all share; what is stored stays, "
-                    "and the same command goes on from there"
+                    f"{option('scheduler')}: {row['message']}: workers read and write files by "
+                    "themselves, under the same paths on a file system that all share; what is "
+                    "stored stays, and the same command goes on from there"
                 )
             pending.append(row)
             if row["status"] == "failed":
@@ -589,8 +599,10 @@ def tables_of(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchT
     steps = store.steps(rows)
     curves, told = rms_curves(rows, steps, by, batch.band or "interval", batch.over)
     if (batch.band or batch.over) and steps is None:
-        option = "--band" if batch.band else "--over"
-        told.append(f"{option} is for curves: no steps are stored; --per-step stores them")
+        curved = option("band" if batch.band else "over")
+        told.append(
+            f"{curved} is for curves: no steps are stored; {option('per_step')} stores them"
+        )
     # Without --by nobody asked what there is to compare.
     used = store.settings().get("settings_file")
     notes = (

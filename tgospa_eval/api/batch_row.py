@@ -29,7 +29,7 @@ from tgospa_eval.errors import InputError, SolverError, TgospaError
 from tgospa_eval.formats.guess import file_of, files_at
 from tgospa_eval.proof import PROOF_FOLDER
 from tgospa_eval.results.evaluation import RESULT_SCHEMA, Evaluation
-from tgospa_eval.text import as_unicode
+from tgospa_eval.text import as_unicode, option
 
 SMALL = 1 << 20
 """Bytes of a file that are read at once for its digest."""
@@ -223,7 +223,7 @@ def _judged(result: Evaluation, task: JobTask, here: JobTask) -> Row:
         from tgospa_eval.show.files import PROOF, proof_files, write_texts  # here: few ask for it
 
         texts = proof_files(result, task.options.given)
-        write_texts(texts, here.folder, PROOF, force=False, option="--proof")
+        write_texts(texts, here.folder, PROOF, force=False, subject=option("proof"))
     if not task.page:
         return {}
     from tgospa_eval.show.html import page  # here: for folders only

@@ -51,7 +51,7 @@ from tgospa_eval.results.saved import (
 )
 from tgospa_eval.show.comparison import estimates_columns, pairs_columns, render, solvers_columns
 from tgospa_eval.solvers import SOLVERS, Solver, as_solver
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.ignored import refuse_own_marks
 
 if TYPE_CHECKING:
@@ -164,11 +164,13 @@ def compare(
     settings, stopwatch = resolve_request(requested(given)), Stopwatch()
     check_solvers(chosen)
     notices: list[Notice] = []
-    pairs = PairReader(settings, stopwatch, notices.append, mapping=mapping, in_python=True)
+    pairs = PairReader(settings, stopwatch, notices.append, mapping=mapping, warnings_only=True)
     found: Json
     if chosen:
         if options.get("with_"):
-            raise ConfigError("--with is for estimates that are ranked, not for solvers")
+            raise ConfigError(
+                f"{option('with_')} is for estimates that are ranked, not for solvers"
+            )
         found = solvers_on(pairs, truth, cast("TrajectoriesLike", estimates), chosen)
     else:
         named = _named(estimates)
@@ -225,8 +227,8 @@ class PairReader:
         Gets notices.
     mapping : sequence of int, or pair of such, optional
         As of `evaluate`.
-    in_python : bool
-        Whether only warnings are given, in the words of Python.
+    warnings_only : bool
+        Whether only warnings are given.
     """
 
     def __init__(
@@ -236,12 +238,12 @@ class PairReader:
         notify: Notify,
         *,
         mapping: "Components | None" = None,
-        in_python: bool = False,
+        warnings_only: bool = False,
     ) -> None:
         if settings.evaluation.ignoring is not None:
             refuse_own_marks(settings.evaluation.ignoring.texts, "compare")
         self.settings, self.stopwatch, self.notify = settings, stopwatch, notify
-        self.mapping, self.in_python = mapping, in_python
+        self.mapping, self.warnings_only = mapping, warnings_only
         self.known: dict[str, Reading] = {}
         self.shown: list[Notice] = []
 
@@ -257,7 +259,9 @@ class PairReader:
         of_file = tuple(f"{path}: " for path in called((truth, estimate), ("", "")))
 
         def tell(notice: Notice) -> None:
-            is_default = notice.text.startswith("default ") and (self.in_python or not notice.code)
+            is_default = notice.text.startswith("default ") and (
+                self.warnings_only or not notice.code
+            )
             if name and not is_default and not notice.text.startswith(of_file):
                 notice = notice.about(name)
             if notice not in self.shown:
@@ -269,11 +273,11 @@ class PairReader:
             truth,
             estimate,
             self.stopwatch,
-            None if self.in_python else tell,
+            None if self.warnings_only else tell,
             mapping=self.mapping,
             known=self.known,
         )
-        for notice in sides.warnings if self.in_python else ():
+        for notice in sides.warnings if self.warnings_only else ():
             tell(notice)
         files = sides.records
         return prepare(sides.fitted, sides.request, files=files, stopwatch=self.stopwatch)
@@ -356,8 +360,8 @@ def solvers_on(
     states = takes_long(prepared) if spare else None
     if states is not None:
         chosen = [solver for solver in solvers if not solver.referee]
-        reason = f"{states:,} reduced states, it may take minutes; --solvers "
-        reason += f"{','.join(SOLVERS)} runs it all the same"
+        reason = f"{states:,} reduced states, it may take minutes; "
+        reason += f"{option('solvers', ','.join(SOLVERS))} runs it all the same"
         left_out = {solver.name: reason for solver in solvers if solver.referee}
     stopwatch.stage = "solve/lp"
     stopwatch.progress.begin(prepared.parameters.root)

@@ -15,7 +15,7 @@ from tgospa_eval.distances.registry import as_distance
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns.headers import BOX, parse_columns
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.trajectories import PLACES
 
 if TYPE_CHECKING:
@@ -43,7 +43,9 @@ def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) ->
     if size is None:
         alone = [name for name in given if name not in shared]
         if alone:
-            raise ConfigError(f"--{_spelt(alone[0])} is for --reduce N, which is missing")
+            raise ConfigError(
+                f"{option(alone[0])} is for {option('reduce', metavar='N')}, which is missing"
+            )
         return None
     method = given.pop("reduce_method", "sliced")
     for name in [name for name in given if method not in OPTION_SPECS[name].methods]:
@@ -51,7 +53,7 @@ def reduction(options: Request, size: int | None, shared: Sequence[str] = ()) ->
             del given[name]
         else:
             raise ConfigError(
-                f"--{name} is for the methods {', '.join(OPTION_SPECS[name].methods)}, "
+                f"{option(name)} is for the methods {', '.join(OPTION_SPECS[name].methods)}, "
                 f"not for {method}"
             )
     return Reduction(size=size, method=method, **given)
@@ -74,7 +76,7 @@ def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWassers
     pairwise = options.pairwise
     path = options.inner_cov
     if path is not None and inner != "mahalanobis":
-        raise ConfigError("--inner-cov is for --inner mahalanobis")
+        raise ConfigError(f"{option('inner_cov')} is for {option('inner', 'mahalanobis')}")
     matrix: Any = None
     if not isinstance(path, str):
         matrix = path
@@ -92,8 +94,8 @@ def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWassers
     if pair or (pairwise and inner == "mahalanobis" and path is None and plain):
         if not pairwise or not plain:
             raise ConfigError(
-                "--inner-cov pair makes no metric, and is for associate with cloud-wasserstein; "
-                "take global or a file"
+                f"{option('inner_cov', 'pair')} makes no metric, and is for associate with "
+                "cloud-wasserstein; take global or a file"
             )
         return PairCloudWasserstein(**settings)
     try:
@@ -102,10 +104,6 @@ def cloud_distance(options: Request, named: "CloudWasserstein") -> "CloudWassers
         if not isinstance(path, str):
             raise
         raise InputError(f"{path}: {error}") from None
-
-
-def _spelt(name: str) -> str:
-    return name.replace("_", "-")
 
 
 def _is_given(value: object, default: object) -> bool:
@@ -156,11 +154,18 @@ class DistanceOptions:
             is_free = not about.whose or name in allowed
             if not is_free and _is_given(getattr(options, name), DEFAULTS[name]):
                 other = "a record with settings of its own" if self.is_record else self.named.name
-                way = "; of local axes --scale z=W is the same" if name == "vertical_weight" else ""
-                raise ConfigError(f"--{_spelt(name)} is for {about.whose}, not for {other}{way}")
+                way = (
+                    f"; of local axes {option('scale', 'z=W')} is the same"
+                    if name == "vertical_weight"
+                    else ""
+                )
+                raise ConfigError(f"{option(name)} is for {about.whose}, not for {other}{way}")
         if of_matrix and not of_pairs:
             if self.path is None:
-                raise ConfigError(f"--distance {self.named.name} needs --covariance FILE")
+                raise ConfigError(
+                    f"{option('distance', self.named.name)} needs "
+                    f"{option('covariance', metavar='FILE')}"
+                )
             self.named = _with_covariance(self.named, self.path, options.decimal)
         if options.vertical_weight is not None:
             self.named = _with(self.named, vertical_weight=options.vertical_weight)
@@ -201,8 +206,9 @@ class DistanceOptions:
         """
         if not self.chosen and columns[:2] == PLACES:
             raise ConfigError(
-                "lat,lon are degrees, whose differences are no lengths: choose --distance "
-                "haversine or geodesic, in metres; --distance euclidean takes them as plain numbers"
+                "lat,lon are degrees, whose differences are no lengths: choose "
+                f"{option('distance', 'haversine')} or geodesic, in metres; "
+                f"{option('distance', 'euclidean')} takes them as plain numbers"
             )
         period = _by_column("periodic", self.period, columns, math.inf)
         scale = _by_column("scale", self.scale, columns, 1.0)
@@ -224,7 +230,7 @@ def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list
                 code="degrees" if mixed or cutoff >= WIDE else "",
                 text=f"{listed(columns)} are compared as plain numbers: "
                 + ("degrees are added to others" * mixed or "c, gamma and errors are in degrees"),
-                remedy=f"--distance {'geodesic' if mixed else 'haversine'} gives metres",
+                remedy=f"{option('distance', 'geodesic' if mixed else 'haversine')} gives metres",
             )
         )
     if cutoff > distance.largest:
@@ -258,7 +264,7 @@ def _with_covariance(distance: Distance, given: "str | ArrayLike", decimal: str)
 
 
 def numbers_by_name(
-    option: str, items: Sequence[str], default: float | None = None
+    keyword: str, items: Sequence[str], default: float | None = None
 ) -> dict[str, float]:
     """Numbers by name of ``name=number,name=number``."""
     found: dict[str, float] = {}
@@ -267,15 +273,17 @@ def numbers_by_name(
         number = default if default is not None and not equals else parsed(text)
         if not name or number is None or number <= 0:
             form = "name=number" if default is None else "name or name=number"
-            raise ConfigError(f"--{option} {quoted(item)}: must be {form}, with a number > 0")
+            raise ConfigError(
+                f"{option(keyword)} {quoted(item)}: must be {form}, with a number > 0"
+            )
         if name in found:
-            raise ConfigError(f"--{option}: {quoted(name)} is given twice")
+            raise ConfigError(f"{option(keyword)}: {quoted(name)} is given twice")
         found[name] = number
     return found
 
 
 def _by_column(
-    option: str, numbers: dict[str, float], columns: tuple[str, ...], other: float
+    keyword: str, numbers: dict[str, float], columns: tuple[str, ...], other: float
 ) -> tuple[float, ...] | None:
     """One number for each column, None if none is given."""
     if not numbers:
@@ -283,7 +291,7 @@ def _by_column(
     unknown = [name for name in numbers if name not in columns]
     if unknown:
         raise ConfigError(
-            f"--{option}: {quoted(unknown[0])} is none of the state columns {','.join(columns)}; "
-            "choose them with --columns"
+            f"{option(keyword)}: {quoted(unknown[0])} is none of the state columns "
+            f"{','.join(columns)}; choose them with {option('columns')}"
         )
     return tuple(numbers.get(name, other) for name in columns)

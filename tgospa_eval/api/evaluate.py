@@ -1,7 +1,6 @@
 """Read this first: the line of one evaluation, from two sides to a result."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 from tgospa_eval.api.in_parts import in_parts_if_large
@@ -11,7 +10,7 @@ from tgospa_eval.api.reading import align_sides, called, read_pair
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.api.result import ByClass, Result, ResultInParts, result_of
 from tgospa_eval.common.frozen import dataclass, recast, replace
-from tgospa_eval.common.notices import Notice, in_python, warn_user
+from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import natural, parsed_size
 from tgospa_eval.distances import Effort
@@ -176,12 +175,8 @@ def read_sides(
     names = called(given)
     fitted, request = align_sides(resolved, sides, names)
     notices = list(pair_notices(given, names, sides, fitted, request))
-    if notify is None:
-        spoken = partial(in_python, reads=False)
-        notices = [replace(n, text=spoken(n.text), remedy=spoken(n.remedy)) for n in notices]
-    else:
-        for notice in notices:
-            notify(notice)
+    for notice in notices if notify else ():
+        notify(notice)  # type: ignore[misc]
     paths = (name if is_path(side) else None for name, side in zip(names, given, strict=True))
     return TrackPair(
         read=sides,

@@ -44,14 +44,14 @@ from tgospa_eval.campaign.pairs import Job
 from tgospa_eval.campaign.row import Row, job_name, labels_of, row_to_judge
 from tgospa_eval.campaign.store import SETTINGS_FILE, Store, is_store
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, in_python, warn_user
+from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.formats.objects import TrajectoriesLike
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import ACCURACY
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,7 +110,9 @@ def judge_all(
     if truth is not None and is_store(truth):
         return _judge_store(gate, truth, estimate)
     if gate.against is not None and gate.update_baseline:
-        raise ConfigError("--against and --update-baseline: leave one of them out")
+        raise ConfigError(
+            f"{option('against')} and {option('update_baseline')}: leave one of them out"
+        )
     target = None if gate.against is None else Target(gate.against)
     pairs, groups, named = _pairs(gate, truth, estimate, notify, target)
     if truth is not None:
@@ -139,9 +141,9 @@ def judge_all(
 
 def _judge_store(gate: GateOptions, first: str, second: str | None) -> Report:
     """Judge the jobs of a store, by those of another or by a file."""
-    for option, value in (("against", gate.against), ("newer-than", gate.newer_than)):
+    for name, value in (("against", gate.against), ("newer_than", gate.newer_than)):
         if value is not None:
-            raise ConfigError(f"--{option} is for files and suites, not for stores")
+            raise ConfigError(f"{option(name)} is for files and suites, not for stores")
     folder, baseline = _stores(gate, first, second)
     path = baseline or ""
     table = _stored(folder, path)
@@ -268,13 +270,14 @@ def _pairs(
     path = gate.suite
     if truth is not None and estimate is not None:
         if path and gate.sources.get("suite") == "commandline":
-            raise ConfigError("give TRUTH ESTIMATE or --suite, not both")
+            raise ConfigError(f"give TRUTH ESTIMATE or {option('suite')}, not both")
         return [Job(name=ONLY_PAIR, truth=truth, estimate=estimate)], [], None
     if truth is not None or not path:
         name = "TRUTH" if truth is None else "ESTIMATE"
         raise ConfigError(
             f"{name} is missing; type tgospa-eval gate {truth or 'TRUTH'} ESTIMATE "
-            "--baseline FILE, or tgospa-eval gate --suite FILE"
+            f"{option('baseline', metavar='FILE')}, or tgospa-eval gate "
+            f"{option('suite', metavar='FILE')}"
         )
     pairs, groups, baseline, notices = load_suite(path, FLAGS, target)
     for text in () if gate.quiet else notices:
@@ -356,8 +359,9 @@ def _task(
     options = Request.of({**given, **nees})
     if options.outage == "none" and any(rule.absolute for rule in rules):
         raise ConfigError(
-            f"{gate.prefix(pair.name)}--outage none: limits of a gate are for all that a tracker "
-            "had to report, and its silences are not charged; leave it out, or --max"
+            f"{gate.prefix(pair.name)}{option('outage', 'none')}: limits of a gate are for all "
+            "that a tracker had to report, and its silences are not charged; leave it out, or "
+            f"{option('limits')}"
         )
     return JobTask(
         job=pair,
@@ -420,17 +424,22 @@ def _stores(gate: GateOptions, first: str, second: str | None) -> tuple[str, str
     ConfigError
         An option is given that is for evaluating, or the baseline twice.
     """
-    typed = [OPTION_SPECS[name].key for name in gate.given("commandline")]
+    typed = [*gate.given("commandline")]
     if gate.proof:
         typed.append("proof")
     if typed:
-        raise ConfigError(f"--{typed[0]}: stores are compared as they are, nothing is evaluated")
+        raise ConfigError(
+            f"{option(typed[0])}: stores are compared as they are, nothing is evaluated"
+        )
     if gate.sources.get("suite") == "commandline":
-        raise ConfigError("give a store or --suite, not both")
+        raise ConfigError(f"give a store or {option('suite')}, not both")
     if second is None:
         return first, gate.baseline
     if gate.strong("baseline"):
-        raise ConfigError("name the baseline once: OLD_STORE NEW_STORE, or STORE --baseline FILE")
+        raise ConfigError(
+            "name the baseline once: OLD_STORE NEW_STORE, or STORE "
+            f"{option('baseline', metavar='FILE')}"
+        )
     if not is_store(second):
         raise ConfigError(f"{second}: holds no batch, and {first} does; name two stores or one")
     return second, first
@@ -623,7 +632,7 @@ def gate(
         raise TypeError("gate() takes truth, estimate and baseline; or suite")
     for name in ("against", "newer_than", "group", "confidence", "seed_label", "only", "prune"):
         if getattr(judge_by, name) not in (None, (), False):
-            raise ConfigError(f"--{name.replace('_', '-')} is for suites")
+            raise ConfigError(f"{option(name)} is for suites")
     return _gate_of_pair(judge_by, truth, estimate, options)
 
 
@@ -654,7 +663,7 @@ def _gate_of_pair(
     report = judge_pairs(
         judge_by, [pair], [], path, old, lambda pairs, _: ((row, recorded) for _ in pairs), ""
     )
-    return GateResult(report=_in_python(report), result=result)
+    return GateResult(report=report, result=result)
 
 
 def _gate_of_suite(judge_by: GateOptions, options: Mapping[str, Any]) -> GateResult:
@@ -667,17 +676,8 @@ def _gate_of_suite(judge_by: GateOptions, options: Mapping[str, Any]) -> GateRes
     judge_by = replace(judge_by, evaluation=values, sources=sources)
     warnings: list[str] = []
     report = judge_all(judge_by, None, None, warnings.append)
-    warn_user([Notice(text=in_python(text)) for text in warnings])
-    return GateResult(report=_in_python(report))
-
-
-def _in_python(report: Report) -> Report:
-    """A report whose notes name options as keywords."""
-    outcomes = (
-        replace(one, notes=tuple(in_python(note, reads=False) for note in one.notes))
-        for one in report.outcomes
-    )
-    return replace(report, outcomes=tuple(outcomes))
+    warn_user([Notice(text=text) for text in warnings])
+    return GateResult(report=report)
 
 
 def _called(side: object, otherwise: str) -> str:

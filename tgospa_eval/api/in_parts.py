@@ -33,6 +33,7 @@ from tgospa_eval.formats.loading import TABLE, TEXT
 from tgospa_eval.formats.objects import is_path
 from tgospa_eval.formats.times import parse_times
 from tgospa_eval.results.consistency import NEES
+from tgospa_eval.text import option
 
 if TYPE_CHECKING:
     from tgospa_eval.results.partitioned import PartitionedResult
@@ -71,7 +72,7 @@ def parts_in_words(paths: tuple[str, str], options: Request) -> str | None:
         if fine:
             return f"{folders[0]} is a folder of tables"
         said = options.memory is not None and not any(map(folder_format, folders))
-        return f"{folders[0]} is a folder, and --memory is given" if said else None
+        return f"{folders[0]} is a folder, and {option('memory')} is given" if said else None
     if options.max_input is not None:  # which allows to read it at once
         return None
     for path in paths:
@@ -80,7 +81,7 @@ def parts_in_words(paths: tuple[str, str], options: Request) -> str | None:
         if memory is not None and needed > memory:
             return (
                 f"{path} takes some {needed / 1e9:.3g} GB to read, and the memory for it is "
-                f"{memory / 1e9:.3g} GB (--memory)"
+                f"{memory / 1e9:.3g} GB ({option('memory')})"
             )
     return None
 
@@ -107,13 +108,18 @@ def check_parts(options: Request, why: str, others: Iterable[tuple[str, str]] = 
         for name, about in OPTION_SPECS.items()
         if about.parts and getattr(options, name) not in (DEFAULTS[name], NEES)
     ]
-    requested += others
+    requested += ((option(name), advice) for name, advice in others)
     if is_coverage(options.region):
-        requested.append(("region", "name ranges of columns, x=-50:50"))
+        requested.append((option("region"), "name ranges of columns, x=-50:50"))
     if options.distance is not None and "cloud" in as_distance(options.distance).kinds:
-        requested.append((f"distance {options.distance}", "compare means, by another --distance"))
-    for name, advice in requested[:1]:
-        raise ConfigError(f"--{name} is not supported for data in parts ({why}); {advice}")
+        requested.append(
+            (
+                option("distance", options.distance),
+                f"compare means, by another {option('distance')}",
+            )
+        )
+    for asked, advice in requested[:1]:
+        raise ConfigError(f"{asked} is not supported for data in parts ({why}); {advice}")
 
 
 def jobs_of(options: Request) -> int:

@@ -10,7 +10,6 @@ from types import NoneType
 from typing import Any, ParamSpec, TypeVar, get_args
 
 from tgospa_eval.api.options import DEFAULTS, OPTION_SPECS, TYPES, Request
-from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.common.options import OptionSpec
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import quoted
@@ -60,8 +59,7 @@ def taken(without: Iterable[str] = ()) -> list[str]:
 def with_options(*without: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Let a function take every option of an evaluation as a keyword, but for some.
 
-    Its last parameter is ``**options``. Signature and docstring have them by name, and errors that
-    it raises call them so.
+    Its last parameter is ``**options``. Signature and docstring have them by name.
     """
     names = taken(without)
 
@@ -78,8 +76,7 @@ def with_options(*without: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
         @functools.wraps(function)
         def called(*args: P.args, **kwargs: P.kwargs) -> T:
             check_names(function.__name__, kwargs, known)
-            with spoken_in_python(reads=False):
-                return function(*args, **kwargs)
+            return function(*args, **kwargs)
 
         described: Any = called
         described.__signature__ = signature.replace(parameters=[*own, *more])

@@ -23,6 +23,7 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.formats.objects import is_path
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.results.evaluation import Evaluation
+from tgospa_eval.text import option
 from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -127,17 +128,17 @@ def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
 def about_defaults(options: Request, *, boxes: bool) -> Iterator[str]:
     """What nobody chose, once for all jobs, in the words that a single evaluation has for it."""
     if boxes and options.distance in (None, "euclidean") and not options.columns:
-        yield "boxes are compared by their centres (x, y); overlap: --distance iou"
-    given = {"cutoff": options.cutoff, "switch-penalty": options.switch_penalty}
+        yield f"boxes are compared by their centres (x, y); overlap: {option('distance', 'iou')}"
+    given = {"cutoff": options.cutoff, "switch_penalty": options.switch_penalty}
     values = zip(given, as_distance(options.distance).defaults, strict=True)
     used = {name: value for name, value in values if given[name] is None}
     if used:
         shown = " and ".join(
             f"{letter} = {used[name]:g}"
-            for name, letter in (("cutoff", "c"), ("switch-penalty", "gamma"))
+            for name, letter in (("cutoff", "c"), ("switch_penalty", "gamma"))
             if name in used
         )
-        yield f"default {shown}; choose with {' and '.join(f'--{name}' for name in used)}"
+        yield f"default {shown}; choose with {' and '.join(option(name) for name in used)}"
 
 
 def about_run(

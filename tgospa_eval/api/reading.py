@@ -26,6 +26,7 @@ from tgospa_eval.formats.objects import (
 )
 from tgospa_eval.formats.reading import by_one_place, check_classes, in_one_clock, with_heights
 from tgospa_eval.formats.rows import NOT_CONSIDERED
+from tgospa_eval.text import option
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.objects import Components, TrajectoriesLike
@@ -110,7 +111,7 @@ def _read(
     def read_side(k: int, chosen: Sequence[int] | None, options: ReadOptions) -> Reading:
         if is_path(given[k]):
             options = options.beside_others(paths, roles)
-            options = replace(options, option="--columns") if len(paths) == 1 else options
+            options = replace(options, option="columns") if len(paths) == 1 else options
         about = roles[k], resolved.formats[k], names[k]
         return read(given[k], options, *about, columns=distance.columns, mapping=chosen)
 
@@ -264,8 +265,8 @@ def check_sides(
     if not any(side.taken for side in sides) and any(
         filters & side.left_out.keys() for side in sides
     ):
-        used = (name.replace("_", "-") for name in resolved.recorded)
-        given = " and ".join(f"--{name}" for name in used if name.split("-")[-1] in filters)
+        used = (name for name in resolved.recorded if name.split("_")[-1] in filters)
+        given = " and ".join(option("class_" if name == "class" else name) for name in used)
         raise NothingLeftError(f"{given}: no row is left to evaluate")
 
 

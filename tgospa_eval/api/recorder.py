@@ -7,7 +7,6 @@ import numpy as np
 
 from tgospa_eval.api.evaluate import evaluate
 from tgospa_eval.common.arrays import Floats
-from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.distances.registry import as_distance
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import ROLES
@@ -116,7 +115,6 @@ class Recorder:
         """The estimate up to now."""
         return self._trajectories("estimate", None)
 
-    @spoken_in_python(reads=False)
     def evaluate(self, **options: Any) -> "Result":
         """TGOSPA of what was kept.
 

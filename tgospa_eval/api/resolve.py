@@ -23,6 +23,7 @@ from tgospa_eval.formats.where import parse_where
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.numbers import Calibration
 from tgospa_eval.solvers import Solver, as_solver, solver_class
+from tgospa_eval.text import option, surface
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.durations import signed_seconds
@@ -155,7 +156,7 @@ def resolve_request(options: Request) -> ResolvedRequest:
         hash(options)
     except TypeError:  # arrays of Python
         return _resolved(options)
-    return _kept(options)
+    return _kept(options, surface.get())
 
 
 def _resolved(options: Request) -> ResolvedRequest:
@@ -163,10 +164,13 @@ def _resolved(options: Request) -> ResolvedRequest:
     others, nees = tuple(name for name in asked if name != NEES), NEES in asked
     if options.by and others:
         raise ConfigError(
-            "--with takes all rows together, not --by class; choose one class by --class NAME"
+            f"{option('with_')} takes all rows together, not {option('by', 'class')}; choose one "
+            f"class by {option('class_', metavar='NAME')}"
         )
     if options.similarity is not None and options.step_weights is not None:
-        raise ConfigError("--similarity is of the mean over steps, not for --step-weights")
+        raise ConfigError(
+            f"{option('similarity')} is of the mean over steps, not for {option('step_weights')}"
+        )
     measure = DistanceOptions(options, nees=nees)
     slices, columns = _slices(options)
     ignoring = _ignoring(options)
@@ -210,7 +214,10 @@ def _resolved(options: Request) -> ResolvedRequest:
     )
 
 
-_kept = lru_cache(maxsize=8)(_resolved)
+@lru_cache(maxsize=8)
+def _kept(options: Request, _: str) -> ResolvedRequest:
+    """The same, made once for each surface: readers keep what messages call options."""
+    return _resolved(options)
 
 
 def _reading(
@@ -231,7 +238,7 @@ def _reading(
         time=options.time,
         classes=_list(options.class_),
         region=None if is_coverage(options.region) else options.region,
-        where=parse_where(options.where, "--where"),
+        where=parse_where(options.where, option("where")),
         by_class=options.by == "class",
         covariance=nees or bool(measure.named.kinds),
         fix_covariance=options.fix_cov,
@@ -247,19 +254,20 @@ def _reading(
 def _conversions(options: Request, measure: DistanceOptions) -> tuple[Conversion, Conversion]:
     """From the stamps and states of truth and estimate to those that are compared."""
     of_estimate = Conversion(
-        time_offset=signed_seconds(options.time_offset, "--time-offset"),
+        time_offset=signed_seconds(options.time_offset, option("time_offset")),
         time_scale=options.time_scale,
         unit_scale=options.unit_scale,
         angles=tuple(measure.period),
-        scale=tuple(numbers_by_name("estimate-scale", options.estimate_scale).items()),
+        scale=tuple(numbers_by_name("estimate_scale", options.estimate_scale).items()),
     )
     of_truth = Conversion(
-        scale=tuple(numbers_by_name("truth-scale", options.truth_scale).items()),
-        scale_option="--truth-scale",
+        scale=tuple(numbers_by_name("truth_scale", options.truth_scale).items()),
+        scale_option="truth_scale",
     )
     if measure.is_record and of_estimate.recorded_of(ROLES[1]) and (options.time or options.region):
         raise ConfigError(
-            "--time and --region are in the units of the truth: choose the distance by its name"
+            f"{option('time')} and {option('region')} are in the units of the truth: choose the "
+            "distance by its name"
         )
     return of_truth, of_estimate
 
@@ -305,34 +313,39 @@ def _ignoring(options: Request) -> "Ignoring | None":
 
     if options.existence == "use":
         raise ConfigError(
-            "--existence use does not go together with --ignore, --ignore-regions and --preprocess "
-            "NAME:ignore; leave one of them out"
+            f"{option('existence', 'use')} does not go together with {option('ignore')}, "
+            f"{option('ignore_regions')} and {option('preprocess')} NAME:ignore; leave one of "
+            "them out"
         )
     texts = (options.ignore,) if isinstance(options.ignore, str) else options.ignore
     found = replace(
         parse_ignoring(texts, speed), regions=as_regions(options.ignore_regions, options.decimal)
     )
     if IN_REGIONS in found.texts and found.regions is None:
-        raise ConfigError(f"--ignore {IN_REGIONS}: needs --ignore-regions FILE, which has them")
+        raise ConfigError(
+            f"{option('ignore', IN_REGIONS)}: needs {option('ignore_regions', metavar='FILE')}, "
+            "which has them"
+        )
     if options.max_speed is not None and not (found.gaps and 0 <= speed < math.inf):
         raise ConfigError(
-            f"--max-speed {speed:g}: must be >= 0 and finite, and is for --ignore truth-gaps"
+            f"{option('max_speed', f'{speed:g}')}: must be >= 0 and finite, and is for "
+            f"{option('ignore', 'truth-gaps')}"
         )
     if found.classes and options.by:
         raise ConfigError(
-            "--ignore class=NAME: with --by class each class is judged by itself; choose one by "
-            "--class NAME"
+            f"{option('ignore', 'class=NAME')}: with {option('by', 'class')} each class is judged "
+            f"by itself; choose one by {option('class_', metavar='NAME')}"
         )
     made = options.interpolate == "truth" or options.resample is not None
     if made and OUTSIDE in found.texts:
         raise ConfigError(
-            f"--ignore {OUTSIDE}: the truth is interpolated to other times; --ignore {GAPS} leaves "
-            "its gaps out"
+            f"{option('ignore', OUTSIDE)}: the truth is interpolated to other times; "
+            f"{option('ignore', GAPS)} leaves its gaps out"
         )
     if GAPS in found.texts and not made:
         raise ConfigError(
-            f"--ignore {GAPS}: is for --interpolate truth and --resample, whose --max-gap says "
-            "what a gap is"
+            f"{option('ignore', GAPS)}: is for {option('interpolate', 'truth')} and "
+            f"{option('resample')}, whose {option('max_gap')} says what a gap is"
         )
     return found
 
@@ -343,15 +356,19 @@ def _of_benchmark(options: Request, measure: DistanceOptions, truth: ReadOptions
 
     rule = str(options.preprocess)
     if not measure.boxes:
-        raise ConfigError(f"--preprocess {rule}: looks at boxes; choose --distance iou")
+        raise ConfigError(
+            f"{option('preprocess', rule)}: looks at boxes; choose {option('distance', 'iou')}"
+        )
     if rule.startswith("uadetrac"):
         return truth
     truth = replace(truth, regions=True)
     if rule.startswith("visdrone"):
         return truth
     if options.by:
-        raise ConfigError(f"--preprocess {rule}: is of one class, not --by class")
-    truth = replace(truth, by_class=True, class_for="--preprocess")
+        raise ConfigError(
+            f"{option('preprocess', rule)}: is of one class, not {option('by', 'class')}"
+        )
+    truth = replace(truth, by_class=True, class_for=option("preprocess"))
     if rule.startswith("motchallenge"):
         return truth
     return replace(
@@ -376,12 +393,15 @@ def _frames(options: Request, measure: DistanceOptions) -> "Frames | None":
     given = options.truth_crs, options.estimate_crs
     if given == (None, None):
         if options.origin is not None:
-            raise ConfigError("--origin is for --truth-crs and --estimate-crs; say which is local")
+            raise ConfigError(
+                f"{option('origin')} is for {option('truth_crs')} and {option('estimate_crs')}; "
+                "say which is local"
+            )
         return None
     from tgospa_eval.tracks.places import Frames, parse_frame, parse_origin  # here: as weights
 
     truth, estimate = (
-        parse_frame(text or "lat,lon", f"--{role}-crs")
+        parse_frame(text or "lat,lon", option(f"{role}_crs"))
         for text, role in zip(given, ROLES, strict=True)
     )
     origin = options.origin
@@ -392,8 +412,8 @@ def _frames(options: Request, measure: DistanceOptions) -> "Frames | None":
     frames = Frames(frames=(truth, estimate), origin=begin)
     if frames.begin and measure.named.on_earth:
         raise ConfigError(
-            f"--distance {measure.named.name} compares places on the Earth, and --origin brings "
-            "both sides to local metres: leave --distance out"
+            f"{option('distance', measure.named.name)} compares places on the Earth, and "
+            f"{option('origin')} brings both sides to local metres: leave {option('distance')} out"
         )
     return frames
 
@@ -407,7 +427,7 @@ def _of_tables(options: Request, side: str) -> str:
     own = ("columns", "class", "where", "format", "time_format", "time_zone")
     names = (*(f"{side}_{name}" for name in own), *of_both)
     used = (name for name in names if getattr(options, name) != DEFAULTS[name])
-    return next((OPTION_SPECS[name].key for name in used), "")
+    return next(used, "")
 
 
 def _calibration(options: Request) -> Calibration | None:
@@ -417,7 +437,7 @@ def _calibration(options: Request) -> Calibration | None:
     try:
         return Calibration(false_targets=options.similarity)
     except ConfigError as error:
-        raise ConfigError(f"--similarity: {error}") from None
+        raise ConfigError(f"{option('similarity')}: {error}") from None
 
 
 def _each(
@@ -453,9 +473,9 @@ def _each(
             columns=measure.columns(columns, needed),
             placed=(names if "t" in (names or ()) else shared_columns) or (),
             classes=classes or reading.classes,
-            where=(*reading.where, *parse_where(where, f"--{side}-where")),
+            where=(*reading.where, *parse_where(where, option(f"{side}_where"))),
             shared=shared if classes else (*shared, "class"),
-            option=f"--{side}-columns",
+            option=f"{side}_columns",
             form=_form(options, role),
             of_tables=_of_tables(options, role),
             conversion=Conversion() if measure.is_record else conversion,  # else angles are known
@@ -468,7 +488,7 @@ def _each(
         )
     )
     if ignoring is not None and ignoring.classes:
-        truth = replace(truth, by_class=True, class_for="--ignore", also=ignoring.classes)
+        truth = replace(truth, by_class=True, class_for=option("ignore"), also=ignoring.classes)
     if options.preprocess:
         truth = _of_benchmark(options, measure, truth)
     return truth, estimate
@@ -487,8 +507,8 @@ def _solver(options: Request) -> Solver:
         for name in ("gap", "epsilon", "time_limit", "jobs"):
             if getattr(options, name) != DEFAULTS[name]:
                 raise ConfigError(
-                    f"--{OPTION_SPECS[name].key} is for a solver by its name, not for a "
-                    "record with settings of its own"
+                    f"{option(name)} is for a solver by its name, not for a record with "
+                    "settings of its own"
                 )
         return as_solver(options.solver)
     settings: dict[str, float | None] = {"time_limit": options.time_limit}

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from tgospa_eval.common.frozen import dataclass, recast
-from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.by_class import EvaluationByClass
 from tgospa_eval.evaluation.pair import PairEvaluation
@@ -71,8 +70,7 @@ class Showable(Evaluation):
         from tgospa_eval.evaluation.slices.split import slices_of  # lazy: slow to import
 
         assert isinstance(self, (PairEvaluation, EvaluationByClass))
-        with spoken_in_python(reads=False):
-            return slices_of(self, by)
+        return slices_of(self, by)
 
     def plot_costs(
         self, *, style: str = "screen", components: Sequence[str] | None = None

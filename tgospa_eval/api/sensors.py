@@ -9,7 +9,7 @@ from tgospa_eval.api.options import OPTION_SPECS, Request
 from tgospa_eval.api.reading import align_sides, called, read_pair
 from tgospa_eval.api.resolve import ResolvedRequest, resolve_request
 from tgospa_eval.common.frozen import dataclass, recast, replace
-from tgospa_eval.common.notices import in_python, warn_user
+from tgospa_eval.common.notices import warn_user
 from tgospa_eval.distances import Effort, Reduction
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading
@@ -149,7 +149,7 @@ def _read(
     roles = ("estimate",) * len(given)
     sides = read_pair(resolved, *given, roles=roles, names=names, mapping=mapping)
     for side in sides:
-        warn_user(side.warnings, lambda text: in_python(text, reads=False))
+        warn_user(side.warnings)
     return sides
 
 

@@ -30,7 +30,7 @@ from tgospa_eval.show.batch import (
     CurveKind,
     RmsCurve,
 )
-from tgospa_eval.text import listed
+from tgospa_eval.text import listed, option
 from tgospa_eval.tracks.durations import SECOND
 
 if TYPE_CHECKING:
@@ -145,13 +145,13 @@ def _curves(
     if shown[1] is None and runs.over == "start":
         notes.append(
             "the runs have no time in common: t is the time since the start of each run, and a run "
-            "counts up to its last step; --over stamps keeps its stamps"
+            f"counts up to its last step; {option('over', 'stamps')} keeps its stamps"
         )
     elif runs.apart:
         bands = f"; more than {MOST_BANDED:,} times have no bands" if runs.many else ""
         notes.append(
             "at most times half of the runs or fewer have a step, and the others count with "
-            f"cost 0{bands}; where their stamps differ, --resample puts all on one clock"
+            f"cost 0{bands}; where their stamps differ, {option('resample')} puts all on one clock"
         )
     costs = runs.columns(COST_COLUMNS)
     yield "step", runs, [runs.line(row, carried=False) for row in costs], None

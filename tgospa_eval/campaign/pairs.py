@@ -21,7 +21,7 @@ from tgospa_eval.formats.guess import file_of, folder_format
 from tgospa_eval.formats.loading import load
 from tgospa_eval.formats.text.lines import decode
 from tgospa_eval.formats.text.small import rows_of
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.durations import MAX_STEPS
 
 LAYOUTS = {
@@ -167,7 +167,8 @@ def of_patterns(
     unknown = [name for name in own if name not in theirs]
     if unknown:
         raise ConfigError(
-            f"--truth {truth}: the field {{{unknown[0]}}} is not in --estimate {estimate}"
+            f"{option('truth', truth)}: the field {{{unknown[0]}}} is not in "
+            f"{option('estimate', estimate)}"
         )
     jobs, faults = [], []
     truths, estimates, notices = match(truth, estimate, folders, output, inside)
@@ -185,7 +186,7 @@ def of_patterns(
         jobs.append(Job(labels=values, truth=theirs_truth, estimate=whole))
     if not jobs and not faults and not sequences:
         what = "file" if file_of(estimate) == estimate else "variable of a file"
-        raise ConfigError(f"--estimate {estimate}: no {what} is like this", *notices)
+        raise ConfigError(f"{option('estimate', estimate)}: no {what} is like this", *notices)
     groups = groups_of((job.labels for job in jobs), [name for name in theirs if name not in own])
     known = {frozenset(job.labels.items()) for job in jobs}
     for values, group in itertools.product(truths, groups):
@@ -259,7 +260,7 @@ def _elsewhere(layout: str, shape: str, folder: str) -> str:
         below = (values for _, values in patterns.found(f"{inner}/{shape}", folder))
         near += sorted({os.path.join(folder, patterns.fill(inner, values)) for values in below})
     name = f"; name {'one of ' if len(near) > 1 else ''}{listed(near, 3)}" if near else ""
-    return f"{folder}: has no {shape}, which --layout {layout} looks for{name}"
+    return f"{folder}: has no {shape}, which {option('layout', layout)} looks for{name}"
 
 
 def read_sequences(path: str) -> list[str]:

@@ -59,9 +59,10 @@ from tgospa_eval.results.saved import of_metric
 from tgospa_eval.show.batch import Places, Ranking
 from tgospa_eval.show.phrases import RULES, Rule
 from tgospa_eval.show.side_tables import COMPARED
+from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Times
 from tgospa_eval.tracks.ignored import OWN_MARKS
-from tgospa_eval.tracks.judged import DIGESTS, JUDGE_ALIKE, incomparable, judged_of
+from tgospa_eval.tracks.judged import DIGESTS, incomparable, judge_alike, judged_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -398,7 +399,7 @@ def ranking_document(
         both = zip(entrants, outcomes, strict=True)
         wrong = incomparable({f"{name}, {item.path}": item.judged for name, item in both})
         if wrong:
-            raise ConfigError(f"no order: {wrong}; {JUDGE_ALIKE}")
+            raise ConfigError(f"no order: {wrong}; {judge_alike()}")
     names, order = list(entrants), parameters["order"]
     steps = [max(item.judged["steps"], 1) for item in entrants[names[0]]]
     costs = {
@@ -484,7 +485,7 @@ def about_covariances(estimates: Sequence[Json]) -> Iterator[Notice]:
             code="order-by-covariances",
             text=f"{least['name']} has smaller errors of means than {first['name']}, cost "
             f"{' against '.join(costs)}: covariances make this order",
-            remedy="compare means and NEES as well, or --distance euclidean",
+            remedy=f"compare means and NEES as well, or {option('distance', 'euclidean')}",
         )
 
 
@@ -611,7 +612,7 @@ def _ranking(
     if any(OWN_MARKS in json.loads(text).get("ignore", ()) for text in part["parameters"].unique()):
         yield (
             f"{label} is not ranked: its estimates say themselves what they are not judged by "
-            f"(--ignore {OWN_MARKS})"
+            f"({option('ignore', OWN_MARKS)})"
         )
         return
     part = part.assign(_pair=pair_numbers(part, [label]), _truth=truths(part))
@@ -633,7 +634,7 @@ def _ranking(
     if (kinds > 1).any():
         jobs = common[common["_pair"] == kinds.index[kinds > 1][0]]
         wrong = incomparable({row[column]: judged_of(row) for row in jobs.to_dict("records")})
-        yield f"{label} is not ranked: {jobs['truth'].iloc[0]}: {wrong}; {JUDGE_ALIKE}"
+        yield f"{label} is not ranked: {jobs['truth'].iloc[0]}: {wrong}; {judge_alike()}"
         return
     names, lower, upper = _side_by_side(common, column, names)
     entries, comparisons = _orders(common, column, names, (lower, upper))

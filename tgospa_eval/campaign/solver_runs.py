@@ -36,6 +36,7 @@ from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.entropic import entropic_trace
+from tgospa_eval.text import option
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -181,9 +182,9 @@ def check_solvers(solvers: Sequence[Solver]) -> None:
     """
     if KERNEL == "numpy" and any(solver.name == "sinkhorn" for solver in solvers):
         raise ConfigError(
-            "--solvers sinkhorn: without compiled kernels it is the same linear programme as "
-            "certified, and no approximation to compare; choose certified,exact, or install with a "
-            "C compiler at hand"
+            f"{option('solvers', 'sinkhorn')}: without compiled kernels it is the same linear "
+            "programme as certified, and no approximation to compare; choose certified,exact, or "
+            "install with a C compiler at hand"
         )
     seen = list(map(name_of, solvers))
     twice = next((name for name in seen if seen.count(name) > 1), None)

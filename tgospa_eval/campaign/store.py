@@ -37,7 +37,7 @@ from tgospa_eval.results.contradictions import ADD_UP, AGREE, TINY
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.saved import SETTINGS_FILE as USED_FILE
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -238,13 +238,15 @@ def locked(folder: Path, shard: tuple[int, int], said: Path | None = None) -> It
             _take(stack, folder, shard)
         except (BlockingIOError, PermissionError):
             raise ConfigError(
-                f"-o {said or folder}: another process is at work on it; wait, or name another"
+                f"{option('output', said or folder, short=True)}: another process is at work on "
+                "it; wait, or name another"
             ) from None
         except OSError as error:
             if error.errno not in NO_LOCKS:
                 raise
             files.announce(
-                f"-o {said or folder}: no locks there; let nothing else work on it meanwhile"
+                f"{option('output', said or folder, short=True)}: no locks there; let nothing "
+                "else work on it meanwhile"
             )
         yield
 
@@ -254,7 +256,7 @@ def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
     number, count = shard
 
     def opened(name: str) -> Any:
-        with files.named(f"-o {folder}", ConfigError, "cannot be written"):
+        with files.named(option("output", folder, short=True), ConfigError, "cannot be written"):
             return stack.enter_context((folder / name).open("a+"))  # NFS shares what can be read
 
     byte = (count * (count - 1) // 2 + number) % ALL_BYTES
@@ -311,15 +313,16 @@ class Store:
             The folder has other files, or is a store with other settings.
         """
         path = self.folder / SETTINGS_FILE
-        with named(f"-o {self.folder}", ConfigError, "cannot be written"):
+        with named(option("output", self.folder, short=True), ConfigError, "cannot be written"):
             self.folder.mkdir(parents=True, exist_ok=True)
             if not path.exists():
                 if any(not name.startswith(".") for name in os.listdir(self.folder)):
                     raise ConfigError(
-                        f"-o {self.folder}: is not empty, and no batch; name another folder"
+                        f"{option('output', self.folder, short=True)}: is not empty, and no "
+                        "batch; name another folder"
                     )
                 # Several shards may begin at once: all write the same, and who is later looks.
-                with writing(path, f"-o {self.folder}") as beside:
+                with writing(path, option("output", self.folder, short=True)) as beside:
                     beside.write_text(
                         json.dumps(settings, indent=1, sort_keys=True) + "\n", encoding="utf-8"
                     )
@@ -334,8 +337,8 @@ class Store:
         ]
         if differing:
             raise ConfigError(
-                f"-o {self.folder}: holds a batch with other settings: {'; '.join(differing)}; "
-                "name another folder"
+                f"{option('output', self.folder, short=True)}: holds a batch with other settings: "
+                f"{'; '.join(differing)}; name another folder"
             )
 
     def settings(self) -> dict[str, Any]:
@@ -416,7 +419,7 @@ class Store:
     def _write(self, folder: str, name: str, write: Callable[[Path], None]) -> None:
         """Write a part beside its place, and rename it."""
         path = self.folder / folder / name
-        where = f"-o {self.folder}"
+        where = option("output", self.folder, short=True)
         with named(where, ConfigError, "cannot be written"), writing(path, where) as beside:
             write(beside)
 

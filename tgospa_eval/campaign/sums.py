@@ -32,6 +32,7 @@ from tgospa_eval.results.numbers import MEAN
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, OtherMetrics
 from tgospa_eval.results.slices import Slicing, added_up
 from tgospa_eval.show.batch import BatchTables, Ranking
+from tgospa_eval.text import option
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -119,8 +120,8 @@ def check_labels(by: Sequence[str], known: Collection[str]) -> None:
     unknown = [name for name in by if name not in known]
     if unknown:
         raise ConfigError(
-            f"--by {unknown[0]}: no such label; there are {', '.join(known) or 'none'}"
-            f"{'; --slice class splits costs by class' if unknown[0] == 'class' else ''}"
+            f"{option('by', unknown[0])}: no such label; there are {', '.join(known) or 'none'}"
+            + f"; {option('slices', 'class')} splits costs by class" * (unknown[0] == "class")
         )
 
 

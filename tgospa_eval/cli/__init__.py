@@ -23,6 +23,7 @@ from tgospa_eval.cli.verbs import CONFIG
 from tgospa_eval.common import files
 from tgospa_eval.common.machine import is_of_memory
 from tgospa_eval.errors import ConfigError, ExitStatus, TgospaError
+from tgospa_eval.text import COMMAND, spelled_for
 
 NEW_OBJECTS = 50_000
 """New objects from which on one looks for cycles among them: there are next to none. The 700 of
@@ -40,7 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     def work() -> int:
         try:
-            return _run(arguments)
+            with spelled_for(COMMAND):
+                return _run(arguments)
         except Exception as error:
             _print_internal(error)
             return ExitStatus.NOT_REACHED

@@ -229,7 +229,7 @@ def _make_setting(folder: str, name: str, seed: int, *, force: bool) -> tuple[st
 
     names = "truth.csv", "estimate.csv", "measurements.csv"
     setting, kind = PUBLISHED[name], _kind(names)
-    probe_folder(folder, kind, force=force, option=OPTION)
+    probe_folder(folder, kind, force=force, subject=OPTION)
     truth, estimate, measurements = run_setting(setting, seed)
     # A row for each measurement, shuffled within a step.
     rows = (
@@ -239,7 +239,7 @@ def _make_setting(folder: str, name: str, seed: int, *, force: bool) -> tuple[st
     )
     texts = csv_text(truth), csv_text(estimate), "".join(["t,x,y\n", *rows])
     files = dict(zip(names, texts, strict=True))
-    write_texts(files, folder, kind, force=force, option=OPTION)
+    write_texts(files, folder, kind, force=force, subject=OPTION)
     count = sum(map(len, measurements))
     return (
         f"{folder}: {name}, {counted(setting.steps, 'step')}; "
@@ -275,7 +275,7 @@ def _make_scene(
 
     names = ("truth.csv", "estimate.csv") if format_ == "csv" else ("gt.txt", "res.txt")
     kind = _kind(names)
-    probe_folder(folder, kind, force=force, option=OPTION)
+    probe_folder(folder, kind, force=force, subject=OPTION)
     boxes = format_ != "csv"
     if boxes and state not in (None, "box"):
         raise ConfigError(f"--state {state}: {format_} files hold boxes; leave it out")
@@ -298,7 +298,7 @@ def _make_scene(
         name: WRITERS[format_](side, role)
         for name, side, role in zip(names, sides, ("truth", "estimate"), strict=True)
     }
-    write_texts(texts, folder, kind, force=force, option=OPTION)
+    write_texts(texts, folder, kind, force=force, subject=OPTION)
     cutoff = max(scene.area / 20, 5 * tracker.noise)
     formats = f" --truth-format {format_} --estimate-format {format_}" if boxes else ""
     if state in DISTANCE_OF_STATE:

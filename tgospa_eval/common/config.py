@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 from tgospa_eval.common.files import read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 
 FILE = "tgospa-eval.toml"
 TOOL_TABLE = "tgospa-eval"
@@ -112,7 +112,7 @@ def load(
     if refused and not named:
         raise ConfigError(
             f"{path}: a file that nobody named may not set {', '.join(refused)}; if it is yours, "
-            f"name it: --config {path}"
+            f"name it: {option('config', path)}"
         )
     return SettingsFile(path=path, named=named, options=options)
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 
 
 def _pyproj(what: str) -> Any:
@@ -25,7 +25,7 @@ def ellipsoid() -> Any:
     ConfigError
         The extra is not installed.
     """
-    return _pyproj("--distance geodesic").Geod(ellps="WGS84")
+    return _pyproj(option("distance", "geodesic")).Geod(ellps="WGS84")
 
 
 @functools.lru_cache(maxsize=8)
@@ -52,7 +52,7 @@ def from_crs(text: str, option: str) -> Any:
 @functools.lru_cache(maxsize=8)
 def topocentric(latitude: float, longitude: float, height: float) -> Any:
     """From longitude, latitude and height to metres east, north and up of a place."""
-    return _pyproj("--origin").Transformer.from_pipeline(
+    return _pyproj(option("origin")).Transformer.from_pipeline(
         "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad"
         " +step +proj=cart +ellps=WGS84"
         f" +step +proj=topocentric +ellps=WGS84 +lat_0={latitude!r} +lon_0={longitude!r}"

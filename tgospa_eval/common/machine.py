@@ -4,6 +4,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from contextvars import copy_context
 from importlib import import_module
 from itertools import islice
 from typing import Any, TypeVar
@@ -114,8 +115,10 @@ def in_order(work: Callable[[T], R], items: Iterable[T], threads: int) -> Iterat
 
     left = iter(items)
     with ThreadPoolExecutor(threads) as pool:
-        waiting = deque(pool.submit(work, item) for item in islice(left, AHEAD * threads))
+        waiting = deque(
+            pool.submit(copy_context().run, work, item) for item in islice(left, AHEAD * threads)
+        )
         while waiting:
             found = waiting.popleft().result()
-            waiting.extend(pool.submit(work, item) for item in islice(left, 1))
+            waiting.extend(pool.submit(copy_context().run, work, item) for item in islice(left, 1))
             yield found

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from contextvars import copy_context
 from dataclasses import field
 from enum import StrEnum
 from typing import Generic, TypeVar
@@ -151,7 +152,7 @@ class BackgroundTask(Generic[T]):
         self._work = work
         self._answer: list[T] = []
         self._failure: list[BaseException] = []
-        self._thread = threading.Thread(target=self._body, daemon=True)
+        self._thread = threading.Thread(target=copy_context().run, args=(self._body,), daemon=True)
         self._thread.start()
 
     def _body(self) -> None:

@@ -13,7 +13,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -264,7 +264,7 @@ class Distance(ABC):
             needed = ",".join(self.columns)
             raise InputError(
                 f"{name}: the distance {self.name} needs the state columns {needed}, not "
-                f"{','.join(columns)}; name or map them with --columns {needed}"
+                f"{','.join(columns)}; name or map them with {option('columns', needed)}"
             )
         check_length("scale", self.scale, columns, name)
         check_length("period", self.period, columns, name)

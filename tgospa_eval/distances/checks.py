@@ -4,7 +4,7 @@ import numpy as np
 
 from tgospa_eval.distances.base import Distance
 from tgospa_eval.errors import InputError
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.trajectories import PLACES, Trajectories
 
 
@@ -22,12 +22,13 @@ def check_columns(
         extra = [column for column in own.columns if column not in other.columns]
         if extra:
             common = [column for column in own.columns if column in other.columns]
-            remedy = f"choose what to compare with --columns {','.join(common) or 'x,y'}"
+            remedy = f"choose what to compare with {option('columns', ','.join(common) or 'x,y')}"
             if {*PLACES} <= {*truth.columns} ^ {*estimate.columns}:
                 local = "truth" if "lat" in estimate.columns else "estimate"
                 remedy = (
-                    f"--{local}-crs enu (or ned) and --origin LAT,LON bring local axes and places "
-                    "on the Earth together"
+                    f"{option(f'{local}_crs')} enu (or ned) and "
+                    f"{option('origin', metavar='LAT,LON')} bring local axes and places on the "
+                    "Earth together"
                 )
             raise InputError(
                 f"{name} has a column {quoted(extra[0])} that {missing} lacks; {remedy}"
@@ -75,15 +76,18 @@ def _check_kinds(
     if {"gaussian", "cloud"} <= set(named):
         raise InputError(
             f"{named['gaussian']} has covariances, {named['cloud']} particles: the distance of a "
-            "normal law from a cloud has no closed form; --distance gaussian-wasserstein --mixed "
-            "moments takes a cloud as the normal law of its mean and covariance"
+            "normal law from a cloud has no closed form; "
+            f"{option('distance', 'gaussian-wasserstein')} {option('mixed', 'moments')} takes a "
+            "cloud as the normal law of its mean and covariance"
         )
     if "cloud" in refused:
         raise InputError(
-            f"{named['cloud']} has particles: clouds are no normal laws; take --distance "
-            "cloud-wasserstein, or --mixed moments, the normal law of their means and covariances"
+            f"{named['cloud']} has particles: clouds are no normal laws; take "
+            f"{option('distance', 'cloud-wasserstein')}, or {option('mixed', 'moments')}, the "
+            "normal law of their means and covariances"
         )
     raise InputError(
-        f"{named['gaussian']} has covariances, not particles; take --distance "
-        "gaussian-wasserstein, or leave the columns out to compare it as points"
+        f"{named['gaussian']} has covariances, not particles; take "
+        f"{option('distance', 'gaussian-wasserstein')}, or leave the columns out to compare it as "
+        "points"
     )

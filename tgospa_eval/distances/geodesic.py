@@ -12,6 +12,7 @@ from tgospa_eval.distances.base import REACH_ROUNDING, Distance, DistanceSetting
 from tgospa_eval.distances.sphere import RADIUS, Haversine
 from tgospa_eval.distances.vector import positive_numbers, shares
 from tgospa_eval.errors import InputError
+from tgospa_eval.text import option
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
 
 SEMI_MAJOR, FLATTENING = 6378137.0, 1 / 298.257223563
@@ -70,12 +71,12 @@ class Geodesic(Distance):
         if columns not in (PLACES, (*PLACES, HEIGHT)):
             raise InputError(
                 f"{name}: the distance geodesic needs the state columns lat,lon or lat,lon,alt, "
-                f"not {','.join(columns)}; name or map them with --columns lat,lon"
+                f"not {','.join(columns)}; name or map them with {option('columns', 'lat,lon')}"
             )
         if self.vertical_weight != 1 and HEIGHT not in columns:
             raise InputError(
-                f"{name}: --vertical-weight is for heights, and the state columns are lat,lon; "
-                "name or map them with --columns lat,lon,alt"
+                f"{name}: {option('vertical_weight')} is for heights, and the state columns are "
+                f"lat,lon; name or map them with {option('columns', 'lat,lon,alt')}"
             )
 
     def settings(self, columns: tuple[str, ...]) -> DistanceSettings:

@@ -20,6 +20,7 @@ from tgospa_eval.distances.base import (
 )
 from tgospa_eval.distances.vector import positive_numbers, shares
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.text import option
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -128,9 +129,7 @@ class Mahalanobis(Distance):
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
         """Whether covariance and scale are for so many columns."""
         if self.covariance is None:
-            raise ConfigError(
-                "mahalanobis needs a covariance: --covariance FILE, or Mahalanobis(covariance=...)"
-            )
+            raise ConfigError("mahalanobis needs a covariance: Mahalanobis(covariance=...)")
         check_length("covariance", np.asarray(self.covariance), columns, name)
         super().check_columns(columns, name)
 
@@ -183,7 +182,7 @@ class PairMahalanobis(Distance):
         if sides[0].kind == sides[1].kind == "point":
             raise InputError(
                 "neither side has covariances: mahalanobis needs those of the states, columns "
-                "cov_xx and so on, or --covariance FILE"
+                f"cov_xx and so on, or {option('covariance', metavar='FILE')}"
             )
         return self
 
@@ -237,7 +236,7 @@ class PairMahalanobis(Distance):
         if len(singular):
             raise InputError(
                 f"{pair_named(sides, i[singular[0]], j[singular[0]])}: the covariance of the pair "
-                "is singular; take --covariance FILE, or another distance"
+                f"is singular; take {option('covariance', metavar='FILE')}, or another distance"
             )
         return pairs
 

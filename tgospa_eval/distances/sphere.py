@@ -10,6 +10,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Sides
 from tgospa_eval.distances.vector import shares
 from tgospa_eval.errors import InputError
+from tgospa_eval.text import option
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
 
 RADIUS = 6371008.8
@@ -42,8 +43,9 @@ class Haversine(Distance):
         """
         if columns == (*PLACES, HEIGHT):
             raise InputError(
-                f"{name}: --distance haversine has no heights; --distance geodesic has, and "
-                "--columns lat,lon leaves them out"
+                f"{name}: {option('distance', 'haversine')} has no heights; "
+                f"{option('distance', 'geodesic')} has, and {option('columns', 'lat,lon')} leaves "
+                "them out"
             )
         super().check_columns(columns, name)
 

@@ -19,6 +19,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.engines.engine import POLL, DiedError, Future
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.text import on_surface, option, surface
 
 CONNECT = 10.0
 """Seconds in which a scheduler must answer."""
@@ -50,7 +51,7 @@ class Cluster:
             from distributed.versions import VersionMismatchWarning
         except ModuleNotFoundError:
             raise ConfigError(
-                f"--scheduler needs the extra cluster: {install('cluster')}"
+                f"{option('scheduler')} needs the extra cluster: {install('cluster')}"
             ) from None
         self._reach()
         with _silent_logs():
@@ -83,7 +84,8 @@ class Cluster:
             asyncio.run(reach())  # a client that finds none would complain long after
         except (OSError, ValueError) as error:
             raise ConfigError(
-                f"--scheduler {self.address}: no Dask scheduler answers: {files.reason(error)}"
+                f"{option('scheduler', self.address)}: no Dask scheduler answers: "
+                f"{files.reason(error)}"
             ) from None
 
 
@@ -124,7 +126,7 @@ class Remote:
     def submit(self, function: Callable[..., object], *arguments: object) -> Future:
         """Have a function called; the scheduler sees bytes alone."""
         with self._lost_told():
-            content = pickle.dumps((function, arguments))
+            content = pickle.dumps((on_surface, (surface.get(), function, *arguments)))
             # Not pure: the same job twice is meant.
             future: Future = self.client.submit(call, content, __version__, pure=False)
             return future
@@ -162,8 +164,8 @@ class Remote:
 
     def _lacking(self, error: ImportError) -> ConfigError:
         return ConfigError(
-            f"--scheduler {self.address}: {error}; install tgospa-eval {__version__} with what it "
-            "needs where the scheduler and its workers run"
+            f"{option('scheduler', self.address)}: {error}; install tgospa-eval {__version__} "
+            "with what it needs where the scheduler and its workers run"
         )
 
     @contextmanager
@@ -175,8 +177,8 @@ class Remote:
             yield
         except (OSError, CancelledError):
             raise ConfigError(
-                f"--scheduler {self.address}: the connection was lost; what is stored stays, and "
-                "the same command goes on from there"
+                f"{option('scheduler', self.address)}: the connection was lost; what is stored "
+                "stays, and the same command goes on from there"
             ) from None
 
     def close(self) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 
 from tgospa_eval.engines.engine import DiedError
 from tgospa_eval.engines.processes import ONE_THREAD, uninterrupted
+from tgospa_eval.text import on_surface, surface
 
 SERVE = (
     "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
@@ -37,7 +38,9 @@ def call(function: Callable[..., Any], *arguments: object) -> Any:
         Whatever the function raises.
     """
     with _lock:
-        is_done, result = _answer(_started(os.getpid()), (function, arguments))
+        is_done, result = _answer(
+            _started(os.getpid()), (on_surface, (surface.get(), function, *arguments))
+        )
     if not is_done:
         raise result
     return result

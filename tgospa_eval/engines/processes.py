@@ -14,6 +14,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.machine import available_memory, cores
 from tgospa_eval.engines.cluster import Cluster
 from tgospa_eval.engines.engine import DiedError, Engine, Future, Pool
+from tgospa_eval.text import on_surface, surface
 
 PARENT_CHECK = 1.0
 """Seconds between looks at whether the parent is there."""
@@ -75,7 +76,7 @@ class Local:
     def submit(self, function: Callable[..., object], *arguments: object) -> Future:
         """Have a function called."""
         with self._told_when_dead(), uninterrupted():
-            future: Future = self.pool.submit(function, *arguments)
+            future: Future = self.pool.submit(on_surface, surface.get(), function, *arguments)
             return future
 
     def answer(self, future: Any) -> Any:

@@ -12,6 +12,7 @@ from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.pair_search import prepared_pairs
 from tgospa_eval.errors import ConfigError, NothingLeftError
 from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, align, comparable
 from tgospa_eval.tracks.durations import SECOND, Duration, multiples
 from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
@@ -118,7 +119,7 @@ def on_axis(
 
         ticks = _stamped(matching.steps.ticks(), axis.horizon, matching.steps.clock)
         first, second = (
-            at_ticks(side, ticks, matching.near, (name, "--steps"))
+            at_ticks(side, ticks, matching.near, (name, option("steps")))
             for side, name in zip(axis.sides, names, strict=True)
         )
         left_out = (
@@ -153,8 +154,9 @@ def _resampled(
         found = multiples(ends[0], ends[1], matching.resample, truth.clock)
         if not len(found):
             raise ConfigError(
-                f"--resample {matching.resample.text}: no multiple of it is between the first and "
-                f"the last time of {names[0]}, {truth.shown[0]} and {truth.shown[-1]}; give less"
+                f"{option('resample', matching.resample.text)}: no multiple of it is between the "
+                f"first and the last time of {names[0]}, {truth.shown[0]} and {truth.shown[-1]}; "
+                "give less"
             )
     ticks = _stamped(found, truth, truth.clock)
     make = partial(
@@ -163,7 +165,7 @@ def _resampled(
         gap=matching.gaps[0],
         matching=matching,
         distance=distance,
-        names=(names[0], "--resample"),
+        names=(names[0], option("resample")),
         across=across,
     )
     made, estimate, held = make(ticks), axis.sides[1], None
@@ -173,7 +175,7 @@ def _resampled(
         def truth_at(side: Trajectories) -> Trajectories:
             return replace_times(make(side).side, side)
 
-        named = names[1], "--resample"
+        named = names[1], option("resample")
         estimate, held = hold(truth, estimate, ticks, matching, truth_at, named)
     return Axis(
         sides=(replace_times(made.side, ticks), replace_times(estimate, ticks)),
@@ -326,8 +328,8 @@ def check_left(matching: TimeMatching, kept: int, left_out: tuple[int, int]) -> 
     """
     if matching.steps is not None and not kept and any(left_out):
         raise NothingLeftError(
-            f"--steps {matching.steps.text}: no row of either file is at one of these steps; all "
-            f"{sum(left_out):,} are at other times"
+            f"{option('steps', matching.steps.text)}: no row of either file is at one of these "
+            f"steps; all {sum(left_out):,} are at other times"
         )
 
 

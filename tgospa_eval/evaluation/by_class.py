@@ -17,6 +17,7 @@ from tgospa_eval.results.consistency import NeesSums
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import PARTS, Columns, Costs, Json, input_record
 from tgospa_eval.results.slices import added_up
+from tgospa_eval.text import option
 
 B = TypeVar("B", bound=Brackets)
 
@@ -84,8 +85,9 @@ def add_up(
     first = parts[0]
     if any(part.labels.times != first.labels.times for part in parts):
         raise ConfigError(
-            "--by class: --interpolate leaves each class steps of its own, and their costs do not "
-            "add up; --resample gives all the same, or choose one class by --class NAME"
+            f"{option('by', 'class')}: {option('interpolate')} leaves each class steps of its "
+            f"own, and their costs do not add up; {option('resample')} gives all the same, or "
+            f"choose one class by {option('class_', metavar='NAME')}"
         )
     bounds = [part.proof.bounds for part in parts]
     splits = [part.proof.breakdown for part in parts]

@@ -19,6 +19,7 @@ from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.problem.problem import sum_by
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.gradient import Gradient
+from tgospa_eval.text import option
 
 
 def gradient(result: PairEvaluation) -> Gradient:
@@ -26,8 +27,9 @@ def gradient(result: PairEvaluation) -> Gradient:
     sides, request = source_of(result)
     if sides.alignment.held is not None:
         raise ConfigError(
-            "--resample: reports hold for several steps, and no derivative by their states is "
-            "known; evaluate at the times of the estimate, --interpolate truth"
+            f"{option('resample')}: reports hold for several steps, and no derivative by their "
+            "states is known; evaluate at the times of the estimate, "
+            f"{option('interpolate', 'truth')}"
         )
     proof = result.proof
     states, problem, parameters = proof.states, proof.states.problem, proof.parameters
@@ -78,7 +80,7 @@ def _moved(
     if isinstance(distance, CloudWasserstein) and distance != given:
         raise ConfigError(
             "no derivative is known where the covariance of the particles is taken from the data: "
-            "name one with --inner-cov FILE"
+            f"name one with {option('inner_cov', metavar='FILE')}"
         )
     if clouds is None:
         slopes = by_particle * change[:, None]

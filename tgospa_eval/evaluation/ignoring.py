@@ -18,7 +18,7 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.regions import inside
 from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.options import class_named
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.attributes import Values
 from tgospa_eval.tracks.ignored import MARKED, MARKS, OWN_MARKS, marked, marks_of
 from tgospa_eval.tracks.interpolation import found_near
@@ -75,8 +75,8 @@ class Condition:
                 if None in numbers and not np.isnan(values).all():
                     wrong = self.values[numbers.index(None)]
                     raise ConfigError(
-                        f"--ignore {quoted(self.text)}: column {quoted(self.column)} has numbers, "
-                        f"and {quoted(wrong)} is none"
+                        f"{option('ignore')} {quoted(self.text)}: column {quoted(self.column)} "
+                        f"has numbers, and {quoted(wrong)} is none"
                     )
                 return np.isin(values, [number for number in numbers if number is not None])
             return np.array([text in self.values for text in values.tolist()], bool)
@@ -84,8 +84,8 @@ class Condition:
             given = [text for text in values.tolist() if text]
             if given:
                 raise ConfigError(
-                    f"--ignore {quoted(self.text)}: column {quoted(self.column)} has texts, such "
-                    f"as {quoted(given[0])}; compare them by ="
+                    f"{option('ignore')} {quoted(self.text)}: column {quoted(self.column)} has "
+                    f"texts, such as {quoted(given[0])}; compare them by ="
                 )
             return np.zeros(len(values), bool)
         found: Mask = COMPARISONS[self.sign](values, numbers[0])  # NaN fits none
@@ -166,7 +166,7 @@ class Ignoring:
         for (rule, column), there, name in zip(MARKS.items(), attributes, names, strict=True):
             if rule in self.texts and column not in there:
                 other = f"; for marks of estimates there is {OWN_MARKS}" * (rule == MARKED)
-                raise ConfigError(f"--ignore {rule}: {name} has no column {column}{other}")
+                raise ConfigError(f"{option('ignore', rule)}: {name} has no column {column}{other}")
 
     def spelt(self, named: Sequence[str]) -> tuple["Ignoring", list[str]]:
         """With classes as the truth writes them, which has these; what to say of absent ones.
@@ -178,7 +178,7 @@ class Ignoring:
             if rule.column == CLASS:
                 found = {value: class_named(value, named) for value in rule.values}
                 absent += [
-                    f"--ignore {rule.text}: no row of class {quoted(value)}; there are "
+                    f"{option('ignore', rule.text)}: no row of class {quoted(value)}; there are "
                     f"{listed(named)}"
                     for value, name in found.items()
                     if name is None
@@ -220,7 +220,7 @@ class Ignoring:
             found = "no state of the estimate is inside" if self.regions.shapes else "no regions"
             yield f"{self.regions.name}: {found}"
         if self.texts and not (ignored or excused):
-            yield f"--ignore {listed(self.texts)}: no state fits, all are judged"
+            yield f"{option('ignore')} {listed(self.texts)}: no state fits, all are judged"
 
     def excuse(
         self, estimate: Trajectories, truth: Trajectories, tolerance: float, names: tuple[str, str]
@@ -254,15 +254,15 @@ def parse_ignoring(texts: Iterable[str], max_speed: float = 0.0) -> Ignoring:
         values = tuple(v.strip() for v in match[3].split(",")) if match else ()
         if match is None or not all(values):
             raise ConfigError(
-                f"--ignore {quoted(text)}: must be COLUMN=VALUE[,VALUE], COLUMN<NUMBER, "
+                f"{option('ignore')} {quoted(text)}: must be COLUMN=VALUE[,VALUE], COLUMN<NUMBER, "
                 f"COLUMN>NUMBER, {', '.join(WORDS[:-1])} or {GAPS}, such as class=Van "
                 "or occlusion>1"
             )
         if match[1] == CLASS and match[2] != "=":
-            raise ConfigError(f"--ignore {quoted(text)}: classes are compared by =")
+            raise ConfigError(f"{option('ignore')} {quoted(text)}: classes are compared by =")
         if match[2] != "=" and (len(values) > 1 or parsed(values[0]) is None):
             raise ConfigError(
-                f"--ignore {quoted(text)}: {quoted(match[3])} is no plain, finite number"
+                f"{option('ignore')} {quoted(text)}: {quoted(match[3])} is no plain, finite number"
             )
         conditions.append(Condition(text=text, column=match[1], sign=match[2], values=values))
     return Ignoring(texts=given, conditions=tuple(conditions), max_speed=max_speed)
@@ -288,10 +288,10 @@ def _values(truth: Reading, rule: Condition, name: str) -> Values:
         found = truth.trajectories.attributes.get(rule.column)
         if found is None:
             raise ConfigError(
-                f"--ignore {quoted(rule.text)}: {name} has no column {quoted(rule.column)}; it has "
-                f"{listed(truth.trajectories.offered)}"
+                f"{option('ignore')} {quoted(rule.text)}: {name} has no column "
+                f"{quoted(rule.column)}; it has {listed(truth.trajectories.offered)}"
             )
         return found
     if truth.klass is None:
-        raise ConfigError(f"--ignore {quoted(rule.text)}: {name} has no classes")
+        raise ConfigError(f"{option('ignore')} {quoted(rule.text)}: {name} has no classes")
     return np.array(truth.classes, dtype=object)[truth.klass]

@@ -16,6 +16,7 @@ from tgospa_eval.problem.readout import read_assigned
 from tgospa_eval.problem.solution import Bounds
 from tgospa_eval.results.numbers import MEAN, SPREAD
 from tgospa_eval.results.proof import PairProof
+from tgospa_eval.text import option
 
 LARGE = 1e7
 """Coordinates below this have nine decimals of which all are kept."""
@@ -48,7 +49,8 @@ def at_cutoff(pairs: int) -> tuple[Notice, ...]:
             text=f"{counted(pairs, f'pair of {of} is', f'pairs of {of} are')} at the cutoff within "
             "rounding: nearer ones cost nothing, others are false, so the last digits of the "
             "states decide",
-            remedy="a slightly larger --cutoff makes them cost nothing, a smaller one false",
+            remedy=f"a slightly larger {option('cutoff')} makes them cost nothing, a smaller one "
+            "false",
         ),
     )
 

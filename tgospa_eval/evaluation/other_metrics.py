@@ -28,6 +28,7 @@ from tgospa_eval.problem.gospa import per_step_gospa
 from tgospa_eval.problem.readout import judged_rows
 from tgospa_eval.results.proof import PairProof
 from tgospa_eval.results.records import OtherMetrics
+from tgospa_eval.text import option
 from tgospa_eval.tracks.attributes import file_order
 from tgospa_eval.tracks.held import Held
 
@@ -152,8 +153,8 @@ def other_metrics(
                 sides = first, second
             if prepared.held is not None and prepared.states.problem.unjudged is not None:
                 raise ConfigError(
-                    "--with hota, clear and identity do not go together with --resample and "
-                    "--ignore; leave one out"
+                    f"{option('with_')} hota, clear and identity do not go together with "
+                    f"{option('resample')} and {option('ignore')}; leave one out"
                 )
             data = _sequence(sides, prepared.distance, zero, effort, prepared.held)
             found = {name: _metric(name).eval_sequence(data) for name in asked}

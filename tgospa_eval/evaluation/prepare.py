@@ -31,6 +31,7 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.proof import ComparedSides
 from tgospa_eval.results.records import Json, Labels, input_record
+from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, align
 from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
 from tgospa_eval.tracks.ignored import AWAY, NOT_JUDGED, marks_of
@@ -499,13 +500,13 @@ def fit(
         axis = replace(axis, horizon=aligned.truth)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(
-            f"--grid {time_matching.grid}: no step is left, none of {aligned.union:,} counts; if "
-            "the clocks differ, see --time-tolerance"
+            f"{option('grid', time_matching.grid)}: no step is left, none of {aligned.union:,} "
+            f"counts; if the clocks differ, see {option('time_tolerance')}"
         )
     if request.nees and len(aligned.estimate.step) and aligned.estimate.kind == "point":
         raise InputError(
-            f"{names[1]}: --with {NEES}: its states have neither covariances (columns cov_xx, "
-            "cov_xy, cov_yy or std_x, std_y) nor particles, which are not interpolated"
+            f"{names[1]}: {option('with_', NEES)}: its states have neither covariances (columns "
+            "cov_xx, cov_xy, cov_yy or std_x, std_y) nor particles, which are not interpolated"
         )
     if request.sliding is not None:
         request.sliding.check(aligned.truth.clock)

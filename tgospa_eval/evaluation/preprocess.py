@@ -29,7 +29,7 @@ from tgospa_eval.evaluation.regions import inside
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.rows import AS_REGIONS
 from tgospa_eval.formats.text.table import IGNORED
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.attributes import file_order
 from tgospa_eval.tracks.ignored import marked
@@ -99,19 +99,21 @@ def preprocessed(
         The truth does not say what is not judged.
     """
     benchmark, _, how = rule.partition(":")
-    option = f"--preprocess {rule}"
+    chosen = option("preprocess", rule)
     truth, estimate = sides
     if benchmark == "uadetrac":
         if regions is None:
-            raise ConfigError(f"{option}: needs the regions of the sequence, by --ignore-regions")
+            raise ConfigError(
+                f"{chosen}: needs the regions of the sequence, by {option('ignore_regions')}"
+            )
     elif truth.format != benchmark:
         raise ConfigError(
-            f"{option}: {names[0]} is read as {truth.format or 'a table'}; only files of "
+            f"{chosen}: {names[0]} is read as {truth.format or 'a table'}; only files of "
             f"{benchmark} say what is not judged"
         )
     if benchmark == "motchallenge":
         if truth.klass is None:
-            raise ConfigError(f"{option}: {names[0]} has no classes, column 8")
+            raise ConfigError(f"{chosen}: {names[0]} has no classes, column 8")
         found = _motchallenge(truth, estimate, everything(), names, whole=how == IGNORE)
     elif benchmark == "kitti":
         found = _kitti(truth, estimate, names)
@@ -160,11 +162,13 @@ def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Ite
             "tracker is charged for it"
         )
     if text:
-        rule = truth.format + " --class car, or pedestrian," * (truth.format == "kitti")
+        rule = truth.format
+        way = f"{option('preprocess', rule)}"
+        way += f" {option('class_', 'car')}, or pedestrian," * (rule == "kitti")
         yield Notice(
             code="benchmark-rules",
             text=f"{text}: HOTA, MOTA and IDF1 are not those of the tables",
-            remedy=f"--preprocess {rule} leaves out what they leave out",
+            remedy=f"{way} leaves out what they leave out",
         )
 
 
@@ -180,7 +184,8 @@ def judged_class(classes: tuple[str, ...] | None, rule: str) -> str:
     if len(asked) != 1 or asked[0] not in NEIGHBOURS:
         given = f", not for {quoted(','.join(classes))}" if classes else ""
         raise ConfigError(
-            f"--preprocess {rule}: is for one class{given}: --class car or --class pedestrian"
+            f"{option('preprocess', rule)}: is for one class{given}: {option('class_', 'car')} or "
+            f"{option('class_', 'pedestrian')}"
         )
     return asked[0]
 
@@ -295,5 +300,5 @@ def kept_rows(reading: Reading, keep: Mask, rule: str = "preprocess") -> Reading
         trajectories=reading.trajectories.chosen(rows),
         klass=None if reading.klass is None else reading.klass[rows],
         left_out={**reading.left_out, rule: count},
-        notices=(*reading.notices, f"{counted(count, 'row')} left out by --{rule}"),
+        notices=(*reading.notices, f"{counted(count, 'row')} left out by {option(rule)}"),
     )

@@ -13,7 +13,7 @@ from tgospa_eval.distances.sphere import Haversine
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.objects import as_frame, is_path
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.interpolation import found_near
 from tgospa_eval.tracks.places import on_earth
 from tgospa_eval.tracks.regions import BOX, CAP, CIRCLE, GEOJSON, POLYGON, SHAPES, Regions, Shape
@@ -99,10 +99,10 @@ def coverage(text: str, decimal: str = ".", *, earth: bool) -> Regions:
     header = SHAPES[CAP if earth else CIRCLE]
     if len(row) != len(header) or not all(map(is_number, row)):
         raise ConfigError(
-            f"--region {quoted(text)}: must be circle=LAT,LON,RADIUS, in degrees and metres, or "
-            "circle=X,Y,RADIUS"
+            f"{option('region')} {quoted(text)}: must be circle=LAT,LON,RADIUS, in degrees and "
+            "metres, or circle=X,Y,RADIUS"
         )
-    return of_rows(header, [row], ["--region"] * 2, ".", f"--region {text}")
+    return of_rows(header, [row], [option("region")] * 2, ".", option("region", text))
 
 
 @np.errstate(over="ignore")  # infinitely far is right
@@ -347,7 +347,7 @@ def _shapely() -> Any:
         import shapely  # here: of an extra
     except ModuleNotFoundError:
         raise ConfigError(
-            f"--ignore-regions: polygons need the extra regions: {install('regions')}"
+            f"{option('ignore_regions')}: polygons need the extra regions: {install('regions')}"
         ) from None
     return shapely
 

@@ -13,10 +13,10 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted, install
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.problem.metric_family import NEEDS_SYMMETRY, Parameters
+from tgospa_eval.problem.metric_family import Parameters, needs_symmetry
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.solvers import Solver
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.durations import MAX_STEPS, SECOND, TIME_UNITS, Duration
@@ -89,7 +89,7 @@ class Sliding:
         ConfigError
             They are plain numbers.
         """
-        for value, name in ((self.size, "--window"), (self.every, "--every")):
+        for value, name in ((self.size, option("window")), (self.every, option("every"))):
             if isinstance(value, Duration):
                 value.check(clock, name, "give a number of steps")
 
@@ -152,7 +152,7 @@ def _spans_of_time(times: TimeArray, size: Duration, every: Duration) -> tuple[I
     count = max((end - length - begin) // apart + 1, 0)
     if count > MAX_STEPS:
         raise ConfigError(
-            f"--every {every.text}: there are {count:,} windows; at most {MAX_STEPS:,}"
+            f"{option('every', every.text)}: there are {count:,} windows; at most {MAX_STEPS:,}"
         )
     opens = np.append(begin + apart * np.arange(count, dtype=np.int64), end - length + 1)
     first = np.searchsorted(times, opens)
@@ -233,9 +233,11 @@ class EvaluationRequest:
 
     def __post_init__(self) -> None:
         if self.existence not in ("ignore", "use"):
-            raise ConfigError(f"--existence {quoted(self.existence)}: must be ignore or use")
+            raise ConfigError(
+                f"{option('existence')} {quoted(self.existence)}: must be ignore or use"
+            )
         if self.probabilistic and self.parameters.rho != 0.5:
-            raise ConfigError(NEEDS_SYMMETRY)
+            raise ConfigError(needs_symmetry())
         for asked, what in ((self.curve, "the curve needs"), (self.sliding, "windows need")):
             if asked and not self.solver.proves:
                 raise ConfigError(f"{what} the solver certified, not {self.solver.name}")
@@ -283,8 +285,12 @@ def chosen_metrics(names: str | Iterable[str]) -> tuple[str, ...]:
     asked = [part.strip() for part in names.split(",")] if isinstance(names, str) else list(names)
     for name in asked:
         if name not in OTHER_METRICS:
-            raise ConfigError(f"--with {quoted(name)}: must be of {', '.join(OTHER_METRICS)}")
+            raise ConfigError(
+                f"{option('with_')} {quoted(name)}: must be of {', '.join(OTHER_METRICS)}"
+            )
     missing = [name for name in OF_TRACKEVAL if name in asked]
     if missing and find_spec("trackeval") is None:
-        raise ConfigError(f"--with {','.join(missing)}: needs the extra mot: {install('mot')}")
+        raise ConfigError(
+            f"{option('with_', ','.join(missing))}: needs the extra mot: {install('mot')}"
+        )
     return tuple(name for name in OTHER_METRICS if name in asked)

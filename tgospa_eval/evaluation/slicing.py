@@ -9,7 +9,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import floats, is_number
 from tgospa_eval.formats.options import parse_region
 from tgospa_eval.results.slices import CROSSED
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 
 AS_WEIGHT = "weight"
 """In place of edges: the attribute is a share."""
@@ -93,14 +93,16 @@ def parse_slices(texts: str | Iterable[str], *, summed: bool = False) -> tuple[S
     several = [texts] if isinstance(texts, str) or not isinstance(texts, Iterable) else texts
     for text in several:
         if not isinstance(text, str):
-            raise ConfigError(f"--slice {text!r}: must be a text such as range=0:50:100")
+            raise ConfigError(f"{option('slices')} {text!r}: must be a text such as range=0:50:100")
         parts = [part.strip() for part in text.split(CROSSED.strip())]
         if len(parts) > MOST_CROSSED:
-            raise ConfigError(f"--slice {quoted(text)}: at most two attributes can be crossed")
+            raise ConfigError(
+                f"{option('slices')} {quoted(text)}: at most two attributes can be crossed"
+            )
         attributes = tuple(_attribute(part, text) for part in parts)
         by = CROSSED.join(parts)
         if by in found:
-            raise ConfigError(f"--slice {quoted(text)}: given twice")
+            raise ConfigError(f"{option('slices')} {quoted(text)}: given twice")
         found[by] = SliceBy(text=by, attributes=attributes, summed=summed)
     return tuple(found.values())
 
@@ -116,7 +118,7 @@ def _attribute(part: str, text: str) -> Attribute:
     name, equals, rest = (piece.strip() for piece in part.partition("="))
     if not name or (equals and not rest):
         raise ConfigError(
-            f"--slice {quoted(text)}: must be NAME, NAME=EDGES or NAME=weight, as "
+            f"{option('slices')} {quoted(text)}: must be NAME, NAME=EDGES or NAME=weight, as "
             "range=0:50:100; two of them with * between"
         )
     if name == OF_REGION:
@@ -133,7 +135,7 @@ def _attribute(part: str, text: str) -> Attribute:
     if all(not end or is_number(end) for end in ends):
         return Attribute(name=name, origin=origin, edges=_edges(ends, text))
     if not all(ends) or len(set(ends)) < len(ends):
-        raise ConfigError(f"--slice {quoted(text)}: a value is blank or given twice")
+        raise ConfigError(f"{option('slices')} {quoted(text)}: a value is blank or given twice")
     return Attribute(name=name, origin=origin, values=tuple(ends))
 
 
@@ -142,16 +144,17 @@ def _edges(ends: list[str], text: str) -> tuple[float, ...]:
     values = floats(given).tolist()
     if any(not end for end in ends[1:-1]) or not all(map(math.isfinite, values)):
         raise ConfigError(
-            f"--slice {quoted(text)}: edges are finite numbers; the first and the last may be blank"
+            f"{option('slices')} {quoted(text)}: edges are finite numbers; the first and the last "
+            "may be blank"
         )
     if any(low >= high for low, high in pairwise(values)):
-        raise ConfigError(f"--slice {quoted(text)}: edges must increase")
+        raise ConfigError(f"{option('slices')} {quoted(text)}: edges must increase")
     if len(ends) == 1:  # below it, and from it on
         return -math.inf, *values, math.inf
     low = () if ends[0] else (-math.inf,)
     high = () if ends[-1] else (math.inf,)
     if not values:
-        raise ConfigError(f"--slice {quoted(text)}: names no edge")
+        raise ConfigError(f"{option('slices')} {quoted(text)}: names no edge")
     return (*low, *values, *high)
 
 
@@ -159,7 +162,8 @@ def _origin(point: str, text: str) -> tuple[float, ...]:
     parts = [part.strip() for part in point.split(",")]
     if not all(map(is_number, parts)):
         raise ConfigError(
-            f"--slice {quoted(text)}: the point behind @ must be numbers, as range@0,0=0:50:100"
+            f"{option('slices')} {quoted(text)}: the point behind @ must be numbers, as "
+            "range@0,0=0:50:100"
         )
     return tuple(floats(parts).tolist())
 
@@ -171,7 +175,8 @@ def _region(rest: str, text: str) -> Attribute:
         ranges = {}
     if not ranges:
         raise ConfigError(
-            f"--slice {quoted(text)}: must name ranges of columns, region=x=-50:50,y=0:100"
+            f"{option('slices')} {quoted(text)}: must name ranges of columns, "
+            "region=x=-50:50,y=0:100"
         )
     return Attribute(
         name=OF_REGION, ranges=tuple((name, low, high) for name, (low, high) in ranges.items())

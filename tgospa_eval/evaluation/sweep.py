@@ -27,6 +27,7 @@ from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.sweep import Point, Sweep
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
+from tgospa_eval.text import option
 
 CONCAVE = ("cutoff", "switch_penalty")
 """Parameters along which prices between those of two neighbours are good for something."""
@@ -70,7 +71,7 @@ def _check_steps(
     if not np.array_equal(first, last):
         raise ConfigError(
             "which steps count depends on the cutoff, as silences of the estimate are charged: "
-            "sweep it on a common clock, --resample"
+            f"sweep it on a common clock, {option('resample')}"
         )
 
 

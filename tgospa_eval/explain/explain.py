@@ -46,6 +46,7 @@ from tgospa_eval.results.records import Columns
 from tgospa_eval.solvers.block_costs import feasible_costs
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, WarmStart, make_warm_start
+from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.existence import existence_of
@@ -290,8 +291,9 @@ def explain(
     sides, request = source_of(result)
     if sides.alignment.held is not None:
         raise ConfigError(
-            "explain: repairs are not known for --resample, where a report holds for several "
-            "steps; evaluate at the times of the estimate, --interpolate truth"
+            f"explain: repairs are not known for {option('resample')}, where a report holds for "
+            "several steps; evaluate at the times of the estimate, "
+            f"{option('interpolate', 'truth')}"
         )
     without = not_explained(request)
     stopwatch = stopwatch or Stopwatch()
@@ -338,8 +340,8 @@ def not_explained(request: EvaluationRequest) -> tuple[str, ...]:
     filters = request.recorded
     if "preprocess" in filters:
         raise ConfigError(
-            "--preprocess: what it leaves out depends on the repair; explain files without such "
-            "objects"
+            f"{option('preprocess')}: what it leaves out depends on the repair; explain files "
+            "without such objects"
         )
     is_of_rows = not {"where", "estimate_where"}.isdisjoint(filters)
     moving = ("shift",) if "time" in filters or is_of_rows else ()

@@ -22,7 +22,7 @@ from tgospa_eval.formats.columns.headers import BOX, find_roles
 from tgospa_eval.formats.loading import TABLE, check_memory, unreadable
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.trajectories import as_doubles, column_names
 
 AXES = 3
@@ -291,8 +291,8 @@ def all_compared(names: tuple[str, ...]) -> Notice:
     return Notice(
         code="all-components",
         text=f"all {len(names)} components of the states, {names[0]} to {names[-1]}, are compared",
-        remedy=f"if some are velocities choose the positions, --columns x={names[0]},y={names[2]} "
-        "(in Python also mapping=(0, 2))",
+        remedy=f"if some are velocities choose the positions, "
+        f"{option('columns', f'x={names[0]},y={names[2]}')} (in Python also mapping=(0, 2))",
     )
 
 

@@ -16,7 +16,7 @@ from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.options import ReadOptions, class_named, is_alike
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import AS_REGIONS, Rows, named_ids
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.attributes import ROW, Values
 from tgospa_eval.tracks.conversion import scaled, scaled_spread
 from tgospa_eval.tracks.regions import BOX, Regions, Shape
@@ -30,18 +30,27 @@ if TYPE_CHECKING:
 AIS_UNKNOWN = (91.0, 181.0)
 """Latitude and longitude that ships send while they do not know theirs (ITU-R M.1371)."""
 
-RULES_SAID = {
-    "time": "left out by --time",
-    "blank": "with a blank or NaN position: absent at that step",
-    "no place": "without a position (latitude 91, longitude 181, of AIS): absent at that step",
-    "class": "left out by --class",
-    "region": "left out by --region",
-    "invalid": "left out by --on-invalid drop",
-}
-"""What is said of rows that do not take part, by the rule that leaves them out."""
 
-NO_CLASSES = "no column class: --class leaves all its rows in"
-CENTRES = "boxes are compared by their centres (x, y); overlap: --distance iou"
+def rules_said() -> dict[str, str]:
+    """What is said of rows that do not take part, by the rule that leaves them out."""
+    return {
+        "time": f"left out by {option('time')}",
+        "blank": "with a blank or NaN position: absent at that step",
+        "no place": "without a position (latitude 91, longitude 181, of AIS): absent at that step",
+        "class": f"left out by {option('class_')}",
+        "region": f"left out by {option('region')}",
+        "invalid": f"left out by {option('on_invalid', 'drop')}",
+    }
+
+
+def no_classes() -> str:
+    """Notice where classes are asked for and there are none."""
+    return f"no column class: {option('class_')} leaves all its rows in"
+
+
+def centres_compared() -> str:
+    """Notice where boxes are compared as points."""
+    return f"boxes are compared by their centres (x, y); overlap: {option('distance', 'iou')}"
 
 
 def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
@@ -129,7 +138,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         rows=len(state),
         notices=(
             *roles.notices(clouds=clouds is not None),
-            *([CENTRES] if roles.centres else ()),
+            *([centres_compared()] if roles.centres else ()),
             *choice.notices,
         ),
         warnings=tuple(choice.warnings),
@@ -241,11 +250,13 @@ SAMPLED, EXCHANGED = 10_000, 5.0
 OFTEN_NONE = "many programs write it where a row belongs to no track"
 
 
-def without_id(name: str, rows: Rows, option: str) -> str:
+def without_id(name: str, rows: Rows, columns: str) -> str:
     """What leaves out the rows of an id, for messages."""
     header = rows.roles.headers[rows.roles.id] if rows.roles.headers else "id"
-    where = option.replace("columns", "where") if option.startswith("-") else "where"
-    return f"{where} '{header} != {name}' leaves such rows out"
+    return (
+        f"{option(columns.replace('columns', 'where') or 'where')} '{header} != {name}' leaves "
+        "such rows out"
+    )
 
 
 UNKNOWN = (-1.0, 0.0)
@@ -291,7 +302,7 @@ def said_of(rule: str, count: int, which: str) -> str:
     if rule == "duplicate":
         rows_repeat = counted(count, "row repeats", "rows repeat")
         return f"{rows_repeat} an (id, t): the {which} one was taken"
-    return f"{counted(count, 'row')} {RULES_SAID[rule]}"
+    return f"{counted(count, 'row')} {rules_said()[rule]}"
 
 
 def class_notices(options: ReadOptions, there: Sequence[str], *, whole: bool) -> Iterator[str]:
@@ -382,7 +393,7 @@ def _keep_classes(rows: Rows, options: ReadOptions, choice: _Choice) -> None:
     if options.classes is None:
         return
     if rows.classes is None:
-        choice.notices.append(NO_CLASSES)
+        choice.notices.append(no_classes())
         return
     there = rows.classes[0].tolist()
     asked = [name.strip() for name in options.classes]
@@ -456,11 +467,15 @@ def _check_states(
         text = f"{of_column}: {fault}{more(len(at)) if remedy else ''}{remedy}"
         if options.on_invalid == "error" or not droppable:
             left = (choice.mask & ~wrong).any()
-            way = "; --on-invalid drop leaves such rows out" if droppable and left else ""
+            way = (
+                f"; {option('on_invalid', 'drop')} leaves such rows out"
+                if droppable and left
+                else ""
+            )
             way = way if left else ", and no other row is right"
             raise InputError(f"{rows.where(int(at[0]))}{text}{way}")
         place = rows.where(int(at[0])).removeprefix(f"{rows.name}, ")  # which begins every notice
-        choice.keep(~wrong, "invalid", f"{RULES_SAID['invalid']}: {place}{text}")
+        choice.keep(~wrong, "invalid", f"{rules_said()['invalid']}: {place}{text}")
 
     if rows.roles.centres or options.boxes:
         infinite = np.asarray(~np.isfinite(state).all(axis=1))
@@ -468,7 +483,7 @@ def _check_states(
     for name, size in zip(("width", "height"), rows.roles.sizes, strict=False):
         extent = rows.roles.mixed(rows.numbers, (size,))[:, 0]
         wrong = np.asarray(~(extent > 0 if options.boxes else extent >= 0)) & choice.mask
-        least = "> 0 for --distance iou" if options.boxes else ">= 0"
+        least = f"> 0 for {option('distance', 'iou')}" if options.boxes else ">= 0"
         first = extent[wrong][:1].sum()
         leave_out(wrong, name, f"{first:g} is no {name} of a box", f"; it must be {least}")
     while options.fault is not None:
@@ -515,7 +530,7 @@ def _repeats(
                 text=f"{len(again):,} of {len(taken):,} rows repeat an (id, t), and the {which} "
                 "one was taken: the number says little about the tracker",
                 remedy=_cause(taken, again, rows, options.option)
-                or "name the columns of ids and times, --columns id=HEADER,t=HEADER",
+                or f"name the columns of ids and times, {option('columns', 'id=HEADER,t=HEADER')}",
             )
         )
     choice.notices.append(said_of("duplicate", len(again), which))
@@ -626,7 +641,7 @@ def only_detections(name: str) -> str:
 
 
 def refusal(
-    taken: Ints, again: Ints, key: Ints, rows: Rows, format: str, option: str = "--columns"
+    taken: Ints, again: Ints, key: Ints, rows: Rows, format: str, columns: str = "columns"
 ) -> str:
     """Message for the repeated row that comes first in the file.
 
@@ -640,8 +655,8 @@ def refusal(
         Of all rows, by id and time.
     rows, format
         The file, and how it was read.
-    option : str
-        How the user names columns.
+    columns : str
+        The keyword by which the user names columns; blank of a DataFrame.
     """
     second = taken[again + 1]
     k = int(np.argmin(second))
@@ -652,7 +667,7 @@ def refusal(
         f"{where(row)}: id {rows.called(row)} at t {rows.moment(row)} was given before, "
         f"{where(first)}{more(len(again))}; "
     )
-    cause = _cause(taken, again, rows, option)
+    cause = _cause(taken, again, rows, columns)
     if cause:
         return message + cause
     groups = [
@@ -663,19 +678,19 @@ def refusal(
     ]
     if groups:
         whole_id = "+".join([*groups, roles.headers[roles.id]])
-        mapped = "" if groups[0] == "class" else f"{ask(option, [f'class={groups[0]}'])} with "
+        mapped = "" if groups[0] == "class" else f"{ask(columns, [f'class={groups[0]}'])} with "
         return (
             f"{message}ids are numbered anew in each {quoted(groups[0])}: "
-            f"{ask(option, [f'id={whole_id}'])} makes one scene of all, "
-            f"{mapped}--by class a sum of each by itself"
+            f"{ask(columns, [f'id={whole_id}'])} makes one scene of all, "
+            f"{mapped}{option('by', 'class')} a sum of each by itself"
         )
-    remedy = "--on-duplicate first or last"
+    remedy = f"{option('on_duplicate', 'first')} or last"
     if format == "frame":
         remedy = f"drop_duplicates({[roles.headers[roles.id], roles.headers[roles.time]]!r})"
     return f"{message}one row per object and step, or {remedy}; {PARTICLES_HINT}"
 
 
-def _cause(taken: Ints, again: Ints, rows: Rows, option: str) -> str:
+def _cause(taken: Ints, again: Ints, rows: Rows, columns: str) -> str:
     """Why rows may repeat an (id, t), with a remedy; blank if it is not known."""
     counts = np.bincount(rows.ids[1][taken])
     name = rows.ids[0][int(counts.argmax())]
@@ -684,11 +699,11 @@ def _cause(taken: Ints, again: Ints, rows: Rows, option: str) -> str:
     repeated = {rows.ids[0][k] for k in np.unique(rows.ids[1][taken[again]]).tolist()}
     if len(repeated) == 1 and len(rows.ids[0]) > 1 and repeated <= {*NO_TRACK, "0"}:
         (name,) = repeated
-        return f"{OFTEN_NONE}; {without_id(name, rows, option)}"
+        return f"{OFTEN_NONE}; {without_id(name, rows, columns)}"
     if counts.max() < NEARLY_ALL * len(taken) or 2 * len(again) <= len(taken):
         return ""
     return (
         f"nearly every id is {quoted(name)}, as of detections, and TGOSPA compares tracks; if "
         f"another column than {quoted(rows.roles.headers[rows.roles.id])} has the ids, name it, "
-        f"--columns id=HEADER; {PARTICLES_HINT}"
+        f"{option('columns', 'id=HEADER')}; {PARTICLES_HINT}"
     )

@@ -12,7 +12,7 @@ from tgospa_eval.common.words import more, plain
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.times import EARLIEST, LATEST, TimeError, Times
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.conversion import iso
 from tgospa_eval.tracks.durations import SECOND, TIME_UNITS
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
@@ -61,10 +61,10 @@ class TimeForm:
     role: str = "truth"
 
     def __post_init__(self) -> None:
-        option = f"--{self.role}-time-format {quoted(self.format)}"
+        asked = f"{option(f'{self.role}_time_format')} {quoted(self.format)}"
         if self.format and "%" not in self.format and self.format not in (*EPOCHS, GPS):
             raise ConfigError(
-                f"{option}: must be a format such as '%d/%m/%Y %H:%M:%S', {', '.join(EPOCHS)} "
+                f"{asked}: must be a format such as '%d/%m/%Y %H:%M:%S', {', '.join(EPOCHS)} "
                 f"since 1970, or {GPS} for weeks and seconds"
             )
         if self.zone:
@@ -74,8 +74,8 @@ class TimeForm:
                 ZoneInfo(self.zone)
             except (ZoneInfoNotFoundError, ValueError, OSError):
                 raise ConfigError(
-                    f"--{self.role}-time-zone {quoted(self.zone)}: there is no such zone; write "
-                    "UTC, or one such as Europe/Copenhagen"
+                    f"{option(f'{self.role}_time_zone')} {quoted(self.zone)}: there is no such "
+                    "zone; write UTC, or one such as Europe/Copenhagen"
                 ) from None
 
     def read(self, column: Coded) -> Times | None:
@@ -119,7 +119,9 @@ class TimeForm:
                 utc="%z" in self.format,
             )
         except ValueError as error:
-            raise ConfigError(f"--{self.role}-time-format {quoted(self.format)}: {error}") from None
+            raise ConfigError(
+                f"{option(f'{self.role}_time_format')} {quoted(self.format)}: {error}"
+            ) from None
         missing = parsed.isna().to_numpy()
         if missing.any():
             raise self._misfit(column, missing[column.code])
@@ -134,8 +136,8 @@ class TimeForm:
         row = int(np.argmax(wrong))
         return TimeError(
             row,
-            f"{quoted(column[row])} does not fit --{self.role}-time-format {quoted(self.format)}"
-            f"{more(int(np.count_nonzero(wrong)))}"
+            f"{quoted(column[row])} does not fit {option(f'{self.role}_time_format')} "
+            f"{quoted(self.format)}{more(int(np.count_nonzero(wrong)))}"
             + "; write week and seconds, such as 2295 86418"
             * (self.format == GPS),
         )
@@ -213,8 +215,8 @@ def carried(times: Times, begins: float, name: str) -> Times:
     first = 0 if unit == 1 else int(value.min()) // day * day
     if value.min() < first or value.max() >= first + day:
         raise InputError(
-            f"{name}: --day-begins {plain(begins)}: is for times of day, below {day // unit:,}, "
-            "and there are others; leave it out where times have dates"
+            f"{name}: {option('day_begins', plain(begins))}: is for times of day, below "
+            f"{day // unit:,}, and there are others; leave it out where times have dates"
         )
     later = np.where(value - first < begins * unit, value + np.asarray(day, value.dtype), value)
     if unit == 1:
@@ -255,7 +257,7 @@ def over_midnight(times: Times, moments: TimeArray, track: Ints) -> tuple[int, s
     low, high = ((float(moments[gap + k]) - first) / unit for k in (0, 1))
     noon = day / unit / 2
     cut = noon if low < noon <= high else round((low + high) / 2)
-    way = f"--day-begins {plain(float(cut))} makes times before that those of the next day"
+    way = f"{option('day_begins', plain(float(cut)))} makes times before that those of the next day"
     return int(back.min()), way if low < cut <= high else "write the times with dates"
 
 

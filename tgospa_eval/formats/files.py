@@ -10,12 +10,12 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 from tgospa_eval.common.files import is_regular
-from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.objects import is_path, read_object
 from tgospa_eval.formats.options import ROLES, ReadOptions, one_of
 from tgospa_eval.formats.reading import Reading, by_place
 from tgospa_eval.formats.registry import FORMATS
+from tgospa_eval.text import READER, option, spelled_for
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -120,7 +120,10 @@ def _read_file(
 
     reading = by_place(read_by, options)
     if format is None and chosen not in ("csv", "wide"):
-        notice = f"read as {chosen}, by its name and content; --{role}-format to say otherwise"
+        notice = (
+            f"read as {chosen}, by its name and content; {option(f'{role}_format')} to say "
+            "otherwise"
+        )
         reading = replace(reading, notices=(notice, *reading.notices))
     return reading
 
@@ -152,7 +155,7 @@ def runs_inside(path: str, max_input: float | None = None) -> list[str]:
     return names_of_runs(path, unpacked_file(path, max_input), max_input)
 
 
-@spoken_in_python()
+@spelled_for(READER)
 def read_trajectories(
     path: str | os.PathLike[str],
     *,

@@ -22,9 +22,9 @@ from tgospa_eval.formats.fields import Coded, attribute_of
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import (
-    NAME_OBJECTS,
     Rows,
     blanks,
+    name_objects,
     named_ids,
     numbered,
     without_ids,
@@ -119,7 +119,7 @@ def frame_rows(
         header = frame.columns[roles.id]
         raise InputError(
             f"{where(int(blank[0]))}, column {quoted(header)}: blank id{more(len(blank))}; "
-            f"{NAME_OBJECTS}"
+            f"{name_objects()}"
         )
     return Rows(
         name=name,

@@ -18,6 +18,7 @@ from tgospa_eval.common.files import CHUNK, SETTINGS, STDIN, named, read_bytes
 from tgospa_eval.common.machine import available_memory
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.text import option
 
 GIGABYTE = 1e9
 DEFAULT_GIGABYTES = 4.0
@@ -30,8 +31,11 @@ TABLE, TEXT = 6, 3
 """Bytes that reading takes for each byte of a table of doubles, and of a text. Measured at 10
 million rows: 4.2 (npz), 4.7 (Parquet) and 2.9 (CSV)."""
 
-MORE_MEMORY = "; if it is meant, allow more with --max-input GB, or any with 0"
-"""Ends messages about files for which there is no room."""
+
+def more_memory() -> str:
+    """The end of messages about files for which there is no room."""
+    return f"; if it is meant, allow more with {option('max_input', metavar='GB')}, or any with 0"
+
 
 MODEST = 1e8
 """Bytes that are there on any machine: to ask takes longer than to read a small file."""
@@ -75,7 +79,7 @@ def check_memory(path: str, size: float, file: int, limit: float | None, what: s
         needed = size / GIGABYTE
         raise InputError(
             f"{path}: {what}: reading it takes some {needed:.2g} GB, {kind} are {most:.2g} GB"
-            f"{MORE_MEMORY}"
+            f"{more_memory()}"
         )
 
 
@@ -142,7 +146,7 @@ def unpack(data: bytes, path: str, most: int = SETTINGS) -> bytes:
             if size > most:
                 raise InputError(
                     f"{path}: {len(data):,} bytes that unpack to more than {most / 1e9:.2g} GB"
-                    f"{MORE_MEMORY}"
+                    f"{more_memory()}"
                 )
             pieces.append(piece)
     return b"".join(pieces)
@@ -231,7 +235,12 @@ def load(path: str, most: int = SETTINGS) -> bytes:
     try:
         if most == SETTINGS:
             return read_bytes(path, InputError)
-        return read_bytes(path, InputError, most, "allow more with --max-input GB, or any with 0")
+        return read_bytes(
+            path,
+            InputError,
+            most,
+            f"allow more with {option('max_input', metavar='GB')}, or any with 0",
+        )
     except MemoryError:
         raise InputError(f"{path}: larger than the memory of this machine") from None
 

@@ -33,9 +33,9 @@ from tgospa_eval.formats.arrays import MATLAB, NAMES, array_rows, meant, sized
 from tgospa_eval.formats.guess import file_of
 from tgospa_eval.formats.loading import (
     GIGABYTE,
-    MORE_MEMORY,
     TABLE,
     check_memory,
+    more_memory,
     most_memory,
     unreadable,
 )
@@ -344,7 +344,7 @@ def _sets(path: str, file: str, data: bytes, limit: float | None) -> "Iterator[_
         raise
     except MemoryError:
         raise InputError(
-            f"{path}: reading it takes more than {most / GIGABYTE:.2g} GB{MORE_MEMORY}"
+            f"{path}: reading it takes more than {most / GIGABYTE:.2g} GB{more_memory()}"
         ) from None
     except Exception as error:  # damaged files end in errors of many kinds
         raise unreadable(path, "MAT", error) from None

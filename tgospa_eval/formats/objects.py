@@ -16,7 +16,7 @@ from tgospa_eval.formats.columns.headers import find_roles
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading, by_place
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.step_weights import WeightsByTime, repeated
 from tgospa_eval.tracks.trajectories import Trajectories, as_doubles, column_names
 
@@ -336,7 +336,7 @@ def read_object(
         return assemble(rows, options, "")
     if options.of_tables:
         raise ConfigError(
-            f"--{options.of_tables} is for files and tables, and {name} is none: choose "
+            f"{option(options.of_tables)} is for files and tables, and {name} is none: choose "
             "its rows and columns before"
         )
     if isinstance(side, Trajectories):

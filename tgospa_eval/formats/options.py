@@ -15,7 +15,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.times import TimeError, parse_times
 from tgospa_eval.formats.where import Where
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.durations import Duration, Steps
 from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray
@@ -53,8 +53,8 @@ class TimeRange:
         """
         if clock != self.clock and len(times):
             raise ConfigError(
-                f"--time {self.text}: {CLOCKS[self.clock]}, but {where} has {CLOCKS[clock]}; "
-                "write the range alike"
+                f"{option('time', self.text)}: {CLOCKS[self.clock]}, but {where} has "
+                f"{CLOCKS[clock]}; write the range alike"
             )
         keep = np.ones(len(times), bool)
         for end, is_low in ((self.low, True), (self.high, False)):
@@ -84,12 +84,12 @@ def parse_moments(text: str | None) -> TimeRange | None:
             found.append(TimeRange(low=low, high=high, clock=times.clock, text=text))
     if len(found) != 1:
         raise ConfigError(
-            f"--time {quoted(text)}: must be A:B, two numbers or two ISO times, of which one may "
-            "be blank"
+            f"{option('time')} {quoted(text)}: must be A:B, two numbers or two ISO times, of "
+            "which one may be blank"
         )
     low, high = found[0].low, found[0].high
     if low is not None and high is not None and low > high:
-        raise ConfigError(f"--time {quoted(text)}: ends before it begins")
+        raise ConfigError(f"{option('time')} {quoted(text)}: ends before it begins")
     return found[0]
 
 
@@ -109,22 +109,25 @@ def parse_steps(text: str | None, within: TimeRange | None = None) -> Steps | No
     for given in (*_splits(text, 2), *_splits(text, 3)):
         with suppress(TimeError, ConfigError):
             times = parse_times(given[:2], floats)
-            every = Duration.of(given[2], "--steps") if given[2:] else None
+            every = Duration.of(given[2], option("steps")) if given[2:] else None
             low, high = times.value.tolist()
             found.append(Steps(first=low, last=high, every=every, clock=times.clock, text=text))
     if len(found) != 1:
         raise ConfigError(
-            f"--steps {quoted(text)}: must be FIRST:LAST or FIRST:LAST:EVERY, two numbers or two "
-            "ISO times, and how far apart the steps are, such as 0:99 or 0:10:100ms"
+            f"{option('steps')} {quoted(text)}: must be FIRST:LAST or FIRST:LAST:EVERY, two "
+            "numbers or two ISO times, and how far apart the steps are, such as 0:99 or "
+            "0:10:100ms"
         )
     if found[0].first > found[0].last:
-        raise ConfigError(f"--steps {quoted(text)}: ends before it begins")
+        raise ConfigError(f"{option('steps')} {quoted(text)}: ends before it begins")
     if within is None:
         return found[0]
     ticks = found[0].ticks()
-    ticks = ticks[within.inside(ticks, found[0].clock, f"--steps {text}")]
+    ticks = ticks[within.inside(ticks, found[0].clock, option("steps", text))]
     if not len(ticks):
-        raise ConfigError(f"--time {within.text}: is beyond all steps of --steps {text}")
+        raise ConfigError(
+            f"{option('time', within.text)}: is beyond all steps of {option('steps', text)}"
+        )
     return replace(found[0], first=ticks[0].item(), last=ticks[-1].item())
 
 
@@ -167,8 +170,8 @@ def parse_region(text: str | None) -> dict[str, tuple[float, float]]:
                 raise ValueError
         except ValueError:
             raise ConfigError(
-                f"--region {quoted(item)}: must be NAME=LOW:HIGH, each name once, LOW <= HIGH, "
-                "of which one may be blank"
+                f"{option('region')} {quoted(item)}: must be NAME=LOW:HIGH, each name once, LOW "
+                "<= HIGH, of which one may be blank"
             ) from None
         ranges[name] = (float(low), float(high))
     return ranges
@@ -218,7 +221,7 @@ class ReadOptions:
     by_class : bool
         The reading has the class of each row.
     class_for : str
-        The option that `by_class` is of, for messages.
+        The option that `by_class` is of, for messages; by default ``by``.
     covariance : bool
         Read covariances, if there are columns of such.
     fix_covariance : bool
@@ -280,7 +283,7 @@ class ReadOptions:
     region: str | None = None
     where: tuple[Where, ...] = ()
     by_class: bool = False
-    class_for: str = "--by class"
+    class_for: str = ""
     covariance: bool = False
     fix_covariance: bool = False
     missing_covariance: str = "error"
@@ -311,7 +314,9 @@ class ReadOptions:
         ):
             one_of(name.replace("_", "-"), getattr(self, name), allowed)
         if self.classes is not None and not all(name.strip() for name in self.classes):
-            raise ConfigError("class: a name is blank; name classes, --class car,van")
+            raise ConfigError(
+                f"class: a name is blank; name classes, {option('class_', 'car,van')}"
+            )
         parse_moments(self.time)
         parse_region(self.region)
 

@@ -8,6 +8,7 @@ from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import BLANK
+from tgospa_eval.text import option
 from tgospa_eval.tracks.clouds import LARGEST_COORDINATE, UNEVEN_SUM, Clouds, are_normalised
 
 RULE = "weights must be >= 0 and not all zero"
@@ -76,7 +77,7 @@ class Particles:
             one = "cloud of {} particles is compared by its mean"
             many = "clouds of {} particles are compared by their means"
             what = (one if len(clouds) == 1 else many).format(len(clouds.points))
-            found.append(f"{len(clouds)} {what}; whole: --distance cloud-wasserstein")
+            found.append(f"{len(clouds)} {what}; whole: {option('distance', 'cloud-wasserstein')}")
         if self.uneven:
             have = counted(self.uneven, "cloud has", "clouds have")
             found.append(

@@ -9,11 +9,11 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, in_python, warn_user
+from tgospa_eval.common.notices import Notice, warn_user
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, InputError, NothingLeftError
 from tgospa_eval.formats.options import ROLES, ReadOptions, class_named, is_alike
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.regions import Regions
 from tgospa_eval.tracks.trajectories import PLACES, Trajectories
 
@@ -96,7 +96,7 @@ class Reading:
 
     def warn(self) -> Trajectories:
         """The trajectories, with a Python warning for each of its own."""
-        warn_user(self.warnings, in_python)
+        warn_user(self.warnings)
         return self.trajectories
 
     def of_class(self, name: str) -> Trajectories:
@@ -134,17 +134,9 @@ def by_place(read_by: Callable[[ReadOptions], Reading], options: ReadOptions) ->
     warning = Notice(
         code="no-place",
         text=f"{fault}, as of a place that is not known",
-        remedy="name the columns of places, --columns x=HEADER,y=HEADER",
+        remedy=f"name the columns of places, {option('columns', 'x=HEADER,y=HEADER')}",
     )
     return replace(reading, warnings=(*reading.warnings, warning))
-
-
-UNLIKE = Notice(
-    code="no-place",
-    text="its place is not known, and centres of its boxes are compared with points of the other "
-    "side",
-    remedy="name the columns of both, --truth-columns and --estimate-columns",
-)
 
 
 def by_one_place(
@@ -178,8 +170,15 @@ def by_one_place(
                     one = replace(other, notices=(text, *other.notices))
         answer.append(one)
     unlike = len({one.centres for one in answer if one is not None}) > 1
+    warning = Notice(
+        code="no-place",
+        text="its place is not known, and centres of its boxes are compared with points of the "
+        "other side",
+        remedy=f"name the columns of both, {option('truth_columns')} and "
+        f"{option('estimate_columns')}",
+    )
     return [
-        replace(one, warnings=(*one.warnings, UNLIKE)) if one and one.hidden and unlike else one
+        replace(one, warnings=(*one.warnings, warning)) if one and one.hidden and unlike else one
         for one in answer
     ]
 
@@ -224,7 +223,8 @@ def with_heights(
             if read_by is None:
                 raise ConfigError(
                     f"{name}: {quoted(one.height)} may be heights, and it cannot be read again; "
-                    f"name all states, or leave them out by {own.option} {','.join(PLACES)}"
+                    "name all states, or leave them out by "
+                    f"{option(own.option or 'columns', ','.join(PLACES))}"
                 )
             high = read_by(replace(own, heights="use"))
             if high.taken < one.taken:
@@ -256,7 +256,7 @@ def in_one_clock(sides: tuple[Reading, ...]) -> tuple[Reading, ...]:
     if not unit:
         return sides
     text = f"times are taken as {unit} since 1970, by their size; "
-    text += f"--{ROLES[k]}-time-format {unit} says so"
+    text += f"{option(f'{ROLES[k]}_time_format', unit)} says so"
     side = replace(sides[k], trajectories=made, notices=(*sides[k].notices, text))
     return (side, sides[1]) if k == 0 else (sides[0], side)
 
@@ -271,15 +271,18 @@ def check_heights(headers: Sequence[str], distance: str) -> None:
     """
     if distance == "haversine":
         raise ConfigError(
-            f"both sides have heights ({listed(list(dict.fromkeys(headers)))}), and --distance "
-            "haversine has none: --distance geodesic compares them, --columns lat,lon leaves them "
-            "out"
+            f"both sides have heights ({listed(list(dict.fromkeys(headers)))}), and "
+            f"{option('distance', 'haversine')} has none: {option('distance', 'geodesic')} "
+            f"compares them, {option('columns', 'lat,lon')} leaves them out"
         )
 
 
 def told_heights(header: str, options: ReadOptions) -> str:
     """A notice about heights that are compared."""
-    return f"heights are compared ({header}); {options.option} {','.join(PLACES)} leaves them out"
+    return (
+        f"heights are compared ({header}); "
+        f"{option(options.option or 'columns', ','.join(PLACES))} leaves them out"
+    )
 
 
 def left_out_heights(header: str, other: str) -> str:
@@ -311,24 +314,24 @@ def check_classes(
     ConfigError
         There is none of one, or it is not clear which is meant.
     """
-    asked = [("--class", name, tuple(sides), "") for name in classes or ()]
+    asked = [(option("class_"), name, tuple(sides), "") for name in classes or ()]
     for path, role, side, options in zip(paths, ROLES, sides, each, strict=False):
         if options.classes != classes:
             own = options.classes or ()
-            asked += [(f"--{role}-class", name, (side,), f" of {path}") for name in own]
-    for option, name, those, of in asked:
+            asked += [(option(f"{role}_class"), name, (side,), f" of {path}") for name in own]
+    for way, name, those, of in asked:
         alike = [sorted(known for known in side.named if is_alike(name, known)) for side in those]
         mixed = any(len(found) > 1 for found in alike)
         for side, found in zip(those, alike, strict=True):
             if found and name not in found and (mixed or not side.has_class(name)):
                 shown = " and ".join(map(quoted, sorted(set().union(*alike))))
                 raise ConfigError(
-                    f"{option} {quoted(name)}: there is {shown}; write it as in the files, by "
-                    "--truth-class and --estimate-class where they differ"
+                    f"{way} {quoted(name)}: there is {shown}; write it as in the files, by "
+                    f"{option('truth_class')} and {option('estimate_class')} where they differ"
                 )
         if not any(side.has_class(name) for side in those):
             there = sorted({known for side in those for known in side.named})
             shown = ", ".join(map(quoted, there[:10])) or "none"
             raise NothingLeftError(
-                f"{option} {quoted(name)}: no row{of} is of that class; there are {shown}"
+                f"{way} {quoted(name)}: no row{of} is of that class; there are {shown}"
             )

@@ -17,7 +17,7 @@ from tgospa_eval.formats.guess import foreign
 from tgospa_eval.formats.loading import TABLE, check_memory, load, most_bytes, unpack, unreadable
 from tgospa_eval.formats.nuscenes import is_unicode, load_json
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.text import listed
+from tgospa_eval.text import listed, option
 
 Record = dict[str, Any]
 
@@ -158,7 +158,8 @@ def _times(path: str, images: Mapping[Any, Record], options: ReadOptions) -> dic
     if len(videos) > 1 and options.classes is None and not options.by_class:
         raise InputError(
             f"{path}: {len(videos)} videos ({listed(videos)}), which are no one recording; "
-            "--columns class=video_id --class VIDEO reads one, or write a file for each"
+            f"{option('columns', 'class=video_id')} {option('class_', metavar='VIDEO')} reads "
+            "one, or write a file for each"
         )
     for key in FRAMES:
         if all(key in image for image in images.values()):

@@ -14,7 +14,7 @@ from tgospa_eval.common.words import natural
 from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.times import Times
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.attributes import Values
 
 Numbered = tuple[NDArray[np.object_], Ints]
@@ -123,8 +123,9 @@ def numbered(column: Coded, name: Callable[[str], str] = str.strip) -> Numbered:
     return table, number[column.code]
 
 
-NAME_OBJECTS = "name the object, or --on-invalid drop leaves such rows out"
-"""What to do about a blank id."""
+def name_objects() -> str:
+    """What to do about a blank id, for messages."""
+    return f"name the object, or {option('on_invalid', 'drop')} leaves such rows out"
 
 
 def named_ids(columns: Sequence[Coded], name: Callable[[str], str] = str.strip) -> Numbered:
@@ -151,7 +152,7 @@ def without_ids(ids: Numbered) -> dict[str, tuple[Mask, str]]:
         return {}
     apart = np.zeros(len(ids[1]), bool)
     apart[blank] = True
-    return {"no id": (apart, "without an id left out, by --on-invalid drop")}
+    return {"no id": (apart, f"without an id left out, by {option('on_invalid', 'drop')}")}
 
 
 def blanks(column: Numbered) -> Ints:

@@ -12,7 +12,7 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
 from tgospa_eval.formats.fields import Coded, floats, joined_texts
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.conversion import iso
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import TimeArray
@@ -181,8 +181,8 @@ def _of_fractions(column: Coded, digits: int) -> Times | None:
         raise TimeError(
             row,
             f"{quoted(column[row])} is no second and its fraction; name the column of the fraction "
-            "nsec, usec or msec, or say how both are written, --truth-time-format or "
-            "--estimate-time-format",
+            f"nsec, usec or msec, or say how both are written, {option('truth_time_format')} or "
+            f"{option('estimate_time_format')}",
         )
     if is_epoch:
         exact = [whole * SECOND + part * 10 ** (9 - digits) for whole, part in pairs]
@@ -280,7 +280,10 @@ def _reading_of(text: str) -> str:
     """What to do about a date of days and months: both readings, where both are possible."""
     if re.fullmatch(r"\d{1,2}:\d\d(:\d\d)?(\.\d+)?", text.strip()):
         shown = "%H:%M" + ":%S" * (text.count(":") == 2) + ".%f" * ("." in text)
-        return f"'{shown}' with --truth-time-format or --estimate-time-format reads times of day"
+        return (
+            f"'{shown}' with {option('truth_time_format')} or {option('estimate_time_format')} "
+            "reads times of day"
+        )
     found = DATE.fullmatch(text.strip())
     if found is None:
         return ""
@@ -293,7 +296,10 @@ def _reading_of(text: str) -> str:
             ways.append(f"'{shown}' reads {year}-{month:02d}-{day:02d}")
     if not ways:
         return ""
-    return f"choose with --truth-time-format or --estimate-time-format: {', '.join(ways)}"
+    return (
+        f"choose with {option('truth_time_format')} or {option('estimate_time_format')}: "
+        f"{', '.join(ways)}"
+    )
 
 
 BLANK = "leave it blank where the object is absent"
@@ -309,7 +315,7 @@ def remedy_for(text: str) -> str:
     if with_words:
         return f"write the number alone, {with_words[1]}, and the unit in the header"
     if "," in text:
-        return "use a decimal point, or --decimal ,"
+        return f"use a decimal point, or {option('decimal', ',')}"
     if "." in text:
-        return "use one decimal mark (--decimal) and no thousands separator"
+        return f"use one decimal mark ({option('decimal')}) and no thousands separator"
     return BLANK

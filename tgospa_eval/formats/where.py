@@ -11,7 +11,7 @@ from tgospa_eval.common.arrays import Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more, parsed, parsed_whole
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 
 if TYPE_CHECKING:
     from tgospa_eval.tracks.attributes import Values
@@ -48,10 +48,10 @@ class Comparison:
     mark: str
     value: int | float | str
 
-    def holds(self, values: "Values", at: Callable[[int], str], option: str) -> Mask:
+    def holds(self, values: "Values", at: Callable[[int], str], asked: str) -> Mask:
         """Which rows fulfil it; a blank does so with a text alone.
 
-        `at` says where a row is, `option` what asks for this, for messages.
+        `at` says where a row is, `asked` what asks for this, for messages.
 
         Raises
         ------
@@ -65,7 +65,7 @@ class Comparison:
             if len(filled) and value and number is None:
                 raise InputError(
                     f"{at(int(filled[0]))}, column {quoted(self.column)}: "
-                    f"{values[filled[0]]:g} is a number, and {option} compares with a text; "
+                    f"{values[filled[0]]:g} is a number, and {asked} compares with a text; "
                     "compare with a number"
                 )
             if number is None:  # which a blank may be
@@ -80,7 +80,7 @@ class Comparison:
                 rows = np.flatnonzero(np.isin(values, wrong))
                 raise InputError(
                     f"{at(int(rows[0]))}, column {quoted(self.column)}: {quoted(wrong[0])} is no "
-                    f"number as for {option}{more(len(rows))}; leave it blank, or compare texts, "
+                    f"number as for {asked}{more(len(rows))}; leave it blank, or compare texts, "
                     f"{self.column} == '{value}'"
                 )
             values = np.array([numbers[text] for text in values.tolist()], float)
@@ -112,12 +112,12 @@ class Where:
 
     def inside(self, values: Mapping[str, "Values"], at: Callable[[int], str]) -> Mask:
         """Which rows fulfil it, from the values by column; parameters as of `Comparison.holds`."""
-        option = f"{self.option} {quoted(self.text)}"
-        masks = (one.holds(values[one.column], at, option) for one in self.comparisons)
+        asked = f"{self.option} {quoted(self.text)}"
+        masks = (one.holds(values[one.column], at, asked) for one in self.comparisons)
         return np.asarray(np.logical_and.reduce(list(masks)), bool)
 
 
-def parse_where(texts: str | Iterable[str], option: str) -> tuple[Where, ...]:
+def parse_where(texts: str | Iterable[str], asked_by: str) -> tuple[Where, ...]:
     """Filters of an option that may be given several times.
 
     Raises
@@ -127,18 +127,18 @@ def parse_where(texts: str | Iterable[str], option: str) -> tuple[Where, ...]:
     """
     each = (texts,) if isinstance(texts, str) else texts
     return tuple(
-        Where(option=option, text=text, comparisons=_parsed(text, option)) for text in each
+        Where(option=asked_by, text=text, comparisons=_parsed(text, asked_by)) for text in each
     )
 
 
-def _parsed(text: str, option: str) -> tuple[Comparison, ...]:
+def _parsed(text: str, asked_by: str) -> tuple[Comparison, ...]:
     comparisons: list[Comparison] = []
     end, is_joined = 0, True
     while is_joined:
         match = ONE.match(text, end)
         if match is None:
             raise ConfigError(
-                f"{option} {quoted(text)}: must be COLUMN >= NUMBER or COLUMN == TEXT, with ==, "
+                f"{asked_by} {quoted(text)}: must be COLUMN >= NUMBER or COLUMN == TEXT, with ==, "
                 "!=, <, <=, > or >=, several joined by and; what has blanks in quotes, 'a b' >= 1"
             )
         (column, given), mark = (_unquoted(match[k]) for k in (1, 3)), match[2]
@@ -147,8 +147,8 @@ def _parsed(text: str, option: str) -> tuple[Comparison, ...]:
         value = given if number is None else number
         if isinstance(value, str) and mark not in ("==", "!="):
             raise ConfigError(
-                f"{option} {quoted(text)}: {quoted(value)} is no number, and texts are compared by "
-                "== and != alone; --time is for ranges of times"
+                f"{asked_by} {quoted(text)}: {quoted(value)} is no number, and texts are compared "
+                f"by == and != alone; {option('time')} is for ranges of times"
             )
         comparisons.append(Comparison(column=column, mark=mark, value=value))
         end, is_joined = match.end(), bool(match[4])

@@ -44,6 +44,7 @@ from tgospa_eval.problem.solution import Bounds, Breakdown
 from tgospa_eval.results.consistency import NeesSums
 from tgospa_eval.results.records import Arrays, Costs, Json
 from tgospa_eval.solvers.certified import Certified
+from tgospa_eval.text import option
 
 # -------------------------------------------------------------------------------------------------
 # What the stages of a partitioned evaluation say of themselves while they go on.
@@ -362,9 +363,10 @@ def check_memory(shards: Shards, memory: int, *, masked: bool) -> None:
     if entries > SHARD_ENTRIES and needed > memory:
         gigabytes = math.ceil(needed / 1e8) / 10
         raise MemoryTooSmallError(
-            f"objects near one another make a component of {entries:,} near pairs, which is solved "
-            f"at once in {gigabytes:g} GB: allow --memory {gigabytes:g}GB with --jobs 1, choose a "
-            "smaller cutoff, or evaluate parts of the recording, by --time"
+            f"objects near one another make a component of {entries:,} near pairs, which is "
+            f"solved at once in {gigabytes:g} GB: allow {option('memory', f'{gigabytes:g}GB')} "
+            f"with {option('jobs', 1)}, choose a smaller cutoff, or evaluate parts of the "
+            f"recording, by {option('time')}"
         )
 
 

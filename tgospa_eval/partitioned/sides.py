@@ -22,12 +22,12 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.writing import writing_folder
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.assemble import (
-    CENTRES,
-    NO_CLASSES,
-    RULES_SAID,
     assemble,
+    centres_compared,
     class_notices,
+    no_classes,
     only_detections,
+    rules_said,
     said_of,
 )
 from tgospa_eval.formats.columns.headers import Roles
@@ -47,7 +47,7 @@ from tgospa_eval.partitioned.input.runs import (
 )
 from tgospa_eval.partitioned.input.tables import FilePiece, open_table, read_head, size_of
 from tgospa_eval.partitioned.tasks import Run, Task
-from tgospa_eval.text import listed
+from tgospa_eval.text import listed, option
 from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
 
@@ -199,7 +199,7 @@ def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> Non
     raise InputError(
         f"{file.path}: read by its columns {listed(columns_in_use(roles))}, and "
         f"{first_file.path} by {listed(columns_in_use(first))}; write the same into all files, or "
-        "name them with --columns"
+        f"name them with {option('columns')}"
     )
 
 
@@ -316,7 +316,8 @@ def steps_of(store: str) -> SideSteps:
         return SideSteps(**known, **arrays)
     except (ValueError, TypeError, KeyError, AttributeError, OSError) as error:
         raise ConfigError(
-            f"{folder}: is damaged, or was not made by this program ({error}); --force begins anew"
+            f"{folder}: is damaged, or was not made by this program ({error}); {option('force')} "
+            "begins anew"
         ) from None
 
 
@@ -436,10 +437,13 @@ class PartsSide:
             Sums over the blocks, by rule (`Reading.left_out`).
         """
         which = self.options.on_duplicate
-        rules = (*RULES_SAID, "duplicate")
-        notices = [*self.roles.notices(clouds=False), *([CENTRES] if self.roles.centres else ())]
+        rules = (*rules_said(), "duplicate")
+        notices = [
+            *self.roles.notices(clouds=False),
+            *([centres_compared()] if self.roles.centres else ()),
+        ]
         if self.options.classes is not None and self.roles.klass is None:
-            notices.append(NO_CLASSES)
+            notices.append(no_classes())
         for rule in rules:
             if rule in left_out:
                 notices.append(said_of(rule, left_out[rule], which))

@@ -14,6 +14,7 @@ from tgospa_eval.evaluation.axis import Axis, Sides, on_axis
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned.sides import PartsSide
+from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, Times, align
 from tgospa_eval.tracks.interpolation import found_at
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -188,14 +189,17 @@ def find_steps(
     axis = on_axis(clocks, matching, request.distance, names, request.parameters.cutoff)
     if matching.of_estimate and matching.outage != "none":
         raise ConfigError(
-            f"--grid {matching.grid}: what a tracker misses while it is silent is not known for "
-            "data in parts; --grid truth, or --outage none if it reports only what it sees"
+            f"{option('grid', matching.grid)}: what a tracker misses while it is silent is not "
+            f"known for data in parts; {option('grid', 'truth')}, or {option('outage', 'none')} "
+            "if it reports only what it sees"
         )
     grid = align(*axis.sides, matching, names)
     if matching.of_estimate:
         axis = replace(axis, horizon=grid.truth)
     if grid.union and not len(grid.truth.times):
-        raise ConfigError(f"--grid {matching.grid}: no step is left, none of {grid.union:,} counts")
+        raise ConfigError(
+            f"{option('grid', matching.grid)}: no step is left, none of {grid.union:,} counts"
+        )
     step = _step_of(sides[0], grid.truth), _step_of(sides[1], grid.estimate)
     sides = replace(sides[0], clock=grid.truth.clock), replace(sides[1], clock=grid.truth.clock)
     plan = BlockPlan(times=grid.truth.times, sides=sides, step=step, request=request, names=names)

@@ -12,6 +12,7 @@ from pathlib import Path
 from tgospa_eval.engines.engine import spread
 from tgospa_eval.engines.processes import PersistentPool
 from tgospa_eval.errors import SolverError
+from tgospa_eval.text import option
 
 REMOVED = ".removed-"
 """Begins the names of folders with what is being removed."""
@@ -74,8 +75,8 @@ def run_tasks(
     for output, lost in spread(do_task, left, _lost, engine):
         if lost:
             raise SolverError(
-                f"a process died of {os.path.basename(output)}, most likely for want of "
-                "memory: allow less with --memory, or fewer processes with --jobs"
+                f"a process died of {os.path.basename(output)}, most likely for want of memory: "
+                f"allow less with {option('memory')}, or fewer processes with {option('jobs')}"
             )
         done(output)
 

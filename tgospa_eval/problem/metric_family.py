@@ -12,6 +12,7 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask, freeze
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem.problem import Problem
+from tgospa_eval.text import option
 
 POWER = 2.0**-50
 """Largest relative error of a power of doubles, 8 units of rounding: the mathematical libraries in
@@ -251,11 +252,6 @@ def _check_powers(distance: Floats, cost: Floats, parameters: Parameters) -> Non
 LARGEST_WEIGHT, SMALLEST_WEIGHT = 1e100, 1e-100
 """Weights beyond these would drive costs out of the range of doubles."""
 
-NEEDS_SYMMETRY = (
-    "--existence use needs --rho 0.5: with other prices of missed and false targets no proof is "
-    "known that the result is a metric"
-)
-
 ROUNDED = 6 * 2.0**-53
 """Relative error of products with weights: of each number no more than four are rounded."""
 
@@ -344,13 +340,21 @@ def weight_existence(problem: Problem, truth: Floats, estimate: Floats) -> Probl
         Prices of missed and false targets differ: nobody has proven that a metric.
     """
     if np.any(problem.truth_price != 0.5) or np.any(problem.estimate_price != 0.5):
-        raise ConfigError(NEEDS_SYMMETRY)
+        raise ConfigError(needs_symmetry())
     if (truth == 1).all() and (estimate == 1).all():
         return problem
     first, second = truth[problem.truth_row], estimate[problem.estimate_row]
     cost = np.minimum(first, second) * problem.cost + 0.5 * np.abs(first - second)
     certain = replace(problem, distance_power=problem.cost)
     return _repriced(certain, 0.5 * truth, 0.5 * estimate, cost)
+
+
+def needs_symmetry() -> str:
+    """Message about other prices of missed and false targets."""
+    return (
+        f"{option('existence', 'use')} needs {option('rho', 0.5)}: with other prices of missed and "
+        "false targets no proof is known that the result is a metric"
+    )
 
 
 def ignore_states(problem: Problem, ignored: Mask, excused: Mask) -> Problem:

@@ -31,6 +31,7 @@ from tgospa_eval.results.evaluation import BRACKET, RESULT_SCHEMA
 from tgospa_eval.results.numbers import SPLIT_PARTS
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Json
 from tgospa_eval.results.slices import SLICE_NUMBERS
+from tgospa_eval.text import option
 
 ROLES = ("truth", "estimate")
 
@@ -159,7 +160,7 @@ def read_result(path: str) -> Json:
     if "per_step" not in document and "tables" in document:
         raise InputError(
             f"{path}: of data in parts, with more steps than a ranking takes; evaluate parts of "
-            "the recording, by --time"
+            f"the recording, by {option('time')}"
         )
     wrong = result_fault(document)
     if wrong:

@@ -39,7 +39,7 @@ from tgospa_eval.show.side_tables import (
     grouped_table,
     other_records,
 )
-from tgospa_eval.text import listed
+from tgospa_eval.text import listed, option
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -373,7 +373,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
     texts = tables.rows["parameters"].dropna().unique() if "parameters" in tables.rows else ()
     for name in sorted({str(json.loads(text).get("preprocess") or "") for text in texts} - {""}):
         done = "are not judged" if name.endswith(":ignore") else "were left out before all metrics"
-        yield f"by --preprocess {name} boxes {done}"
+        yield f"by {option('preprocess', name)} boxes {done}"
     yield from about_others(tables)
     yield from about_slices_of(tables)
 

@@ -25,7 +25,7 @@ from tgospa_eval.sensors.association import Pairing
 from tgospa_eval.show.charts import CHARTS, pictures
 from tgospa_eval.show.rendering import csv_text
 from tgospa_eval.show.style import FILES
-from tgospa_eval.text import as_unicode
+from tgospa_eval.text import as_unicode, option
 
 Files: TypeAlias = Mapping[str, str | bytes | Path]
 """Contents by name; a path is of a file that is taken as it is."""
@@ -138,9 +138,7 @@ BATCH = Kind(
 )
 
 
-def check_folder(
-    folder: str, kind: Kind | None = None, *, force: bool, option: str = "--output"
-) -> None:
+def check_folder(folder: str, kind: Kind | None = None, *, force: bool, subject: str = "") -> None:
     """See that a folder can be written, before any work is done.
 
     Parameters
@@ -151,8 +149,8 @@ def check_folder(
         A folder of this kind may be written anew.
     force : bool
         Whether it may hold whatever it does.
-    option : str
-        What messages begin with.
+    subject : str
+        What messages begin with; by default the option of the folder.
 
     Raises
     ------
@@ -160,16 +158,19 @@ def check_folder(
         The path is a file, or looks like the name of one; or the folder holds anything but what an
         older run of this kind wrote, without `force`.
     """
+    subject = subject or option("output")
     if not folder:
-        raise ConfigError(f"{option} is empty; name a folder")
+        raise ConfigError(f"{subject} is empty; name a folder")
     path = Path(folder)
-    with named(f"{option} {folder}", ConfigError, "cannot be written"):
+    with named(f"{subject} {folder}", ConfigError, "cannot be written"):
         if path.exists() and not path.is_dir():
-            raise ConfigError(f"{option} {folder}: is a file; name a folder")
+            raise ConfigError(f"{subject} {folder}: is a file; name a folder")
         if not path.is_dir():
-            _check_name(folder, option)
+            _check_name(folder, subject)
         elif not force and not (kind and kind.owns(path)) and any(manifest.others(path)):
-            raise ConfigError(f"{option} {folder}: is not empty; name another folder, or --force")
+            raise ConfigError(
+                f"{subject} {folder}: is not empty; name another folder, or {option('force', True)}"
+            )
 
 
 def probe_folder(
@@ -177,7 +178,7 @@ def probe_folder(
     kind: Kind | None = None,
     *,
     force: bool,
-    option: str = "--output",
+    subject: str = "",
     also: Collection[str] = (),
 ) -> None:
     """`check_folder`, and see that files can be made where `write_texts` will make them.
@@ -189,8 +190,9 @@ def probe_folder(
     ConfigError
         As for `check_folder`, or nothing can be written there, or only over files of others.
     """
-    check_folder(folder, kind, force=force, option=option)
-    with named(f"{option} {folder}", ConfigError, "cannot be written"):
+    subject = subject or option("output")
+    check_folder(folder, kind, force=force, subject=subject)
+    with named(f"{subject} {folder}", ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
         if path.is_symlink():
             path.stat()  # links that go in a circle, which this refuses
@@ -201,7 +203,7 @@ def probe_folder(
             probe.rmdir()
         if kind is not None and there == path and not force:
             with turn(path):
-                _check_names(path, kind, (*kind.names, *also), f"{option} {folder}")
+                _check_names(path, kind, (*kind.names, *also), f"{subject} {folder}")
 
 
 def write_texts(
@@ -210,7 +212,7 @@ def write_texts(
     kind: Kind | None = None,
     *,
     force: bool,
-    option: str = "--output",
+    subject: str = "",
 ) -> str:
     """Write the files of a folder, in place of those that an older run of its kind has left.
 
@@ -224,13 +226,14 @@ def write_texts(
     ConfigError
         As for `check_folder`, or the folder cannot be written, or only over files of others.
     """
-    check_folder(folder, kind, force=force, option=option)
-    where = f"{option} {folder}"
+    subject = subject or option("output")
+    check_folder(folder, kind, force=force, subject=subject)
+    where = f"{subject} {folder}"
     with named(where, ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
         removed, files = 0, None if path.exists() else _write_new(texts, path, kind, where)
         if files is None:  # it is there, perhaps since a moment ago
-            check_folder(folder, kind, force=force, option=option)
+            check_folder(folder, kind, force=force, subject=subject)
             removed, files = _write_over(texts, path, kind, None if force else where)
     names = [entry.name for entry in files]
     pictures = sum(name.endswith(PICTURES) for name in names)
@@ -253,7 +256,7 @@ def _take(file: Path, place: Path, work: Path) -> None:
     shutil.copyfile(file, place)
 
 
-def _check_name(folder: str, option: str) -> None:
+def _check_name(folder: str, subject: str) -> None:
     """A folder that is not there yet and is called like a file is a misunderstanding.
 
     Raises
@@ -266,9 +269,9 @@ def _check_name(folder: str, option: str) -> None:
     if suffix not in (*AS_FORMAT, *(f".{kind}" for kind in (*PICTURES, "html", "txt"))):
         return
     remedy = f"name it {stem}"
-    if option == "--output" and suffix in AS_FORMAT:
-        remedy = f"type --format {AS_FORMAT[suffix]} > {folder}"
-    raise ConfigError(f"{option} {folder}: must be a folder, not a file; {remedy}")
+    if subject == option("output") and suffix in AS_FORMAT:
+        remedy = f"type {option('format', AS_FORMAT[suffix])} > {folder}"
+    raise ConfigError(f"{subject} {folder}: must be a folder, not a file; {remedy}")
 
 
 def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> None:
@@ -284,7 +287,7 @@ def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> 
         if os.path.lexists(path / name) and name not in own:
             raise ConfigError(
                 f"{where}: {name} in it was not written by a run before, or was changed since; "
-                "name another folder, or --force"
+                f"name another folder, or {option('force', True)}"
             )
 
 
@@ -394,7 +397,7 @@ def result_texts(
 
 def check_file(
     path: str,
-    option: str,
+    subject: str,
     *,
     force: bool,
     others: Iterable[str] = (),
@@ -406,8 +409,8 @@ def check_file(
     ----------
     path : str
         The file.
-    option : str
-        What messages begin with.
+    subject : str
+        What messages begin with; by default the option of the folder.
     force : bool
         Whether it may be there.
     others : iterable of str
@@ -421,18 +424,20 @@ def check_file(
         A folder or, without `force`, a file of the name is there, or its folder is not; it is one
         of the `others`, or has another ending.
     """
-    with named(f"{option} {path}", ConfigError, "cannot be written"):
+    with named(f"{subject} {path}", ConfigError, "cannot be written"):
         if Path(path).is_dir():
-            raise ConfigError(f"{option} {path}: is a folder; name a file")
+            raise ConfigError(f"{subject} {path}: is a folder; name a file")
         if not force and Path(path).exists():
-            raise ConfigError(f"{option} {path}: exists; name another file, or --force")
+            raise ConfigError(
+                f"{subject} {path}: exists; name another file, or {option('force', True)}"
+            )
         if not Path(path).absolute().parent.is_dir():
-            raise ConfigError(f"{option} {path}: there is no such folder; make it first")
+            raise ConfigError(f"{subject} {path}: there is no such folder; make it first")
     if any(os.path.realpath(path) == os.path.realpath(other) for other in others):
-        raise ConfigError(f"{option} {path}: is read or written otherwise; name another file")
+        raise ConfigError(f"{subject} {path}: is read or written otherwise; name another file")
     ending = os.path.splitext(path)[1].casefold()
     if endings and ending not in endings:
-        raise ConfigError(f"{option} {path}: must end in {', '.join(endings)}")
+        raise ConfigError(f"{subject} {path}: must end in {', '.join(endings)}")
     return ending
 
 
@@ -440,14 +445,14 @@ def save(result: Evaluation | Pairing, folder: "str | os.PathLike[str]", *, forc
     """`Result.save`: the result folder, with what the extras that are installed can draw."""
     path, kind = os.fspath(folder), RESULT if isinstance(result, Evaluation) else ASSOCIATION
     try:
-        probe_folder(path, kind, force=force, option="folder")
+        probe_folder(path, kind, force=force, subject="folder")
         if isinstance(result, Pairing):
             files = association_files(result)
         else:
             files = {**result_texts(result), **result_pictures(result)}
-        write_texts(files, path, kind, force=force, option="folder")
+        write_texts(files, path, kind, force=force, subject="folder")
     except ConfigError as error:
-        raise ConfigError(str(error).replace("--force", "force=True")) from None
+        raise ConfigError(str(error).replace(option("force"), "force=True")) from None
 
 
 def result_pictures(result: Evaluation, *wanted: Any) -> dict[str, bytes]:
@@ -550,4 +555,4 @@ def save_proof(proof: PairProof, folder: "str | os.PathLike[str]", *, force: boo
 
     texts = proof_texts(proof)
     check_proofs([texts])
-    write_texts(texts, os.fspath(folder), PROOF, force=force, option="folder")
+    write_texts(texts, os.fspath(folder), PROOF, force=force, subject="folder")

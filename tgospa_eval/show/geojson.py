@@ -14,6 +14,7 @@ from tgospa_eval.problem.readout import read_assigned, read_switches, read_track
 from tgospa_eval.problem.weights import ONE, assigned, spare
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.results.records import Json
+from tgospa_eval.text import option
 from tgospa_eval.tracks.places import EARTH, on_earth
 
 ROLES = ("truth", "estimate")
@@ -32,7 +33,9 @@ def geojson(result: Evaluation) -> str:
     parts = result.results if isinstance(result, EvaluationByClass) else {"": result}
     for name, part in parts.items():
         if not isinstance(part, PairEvaluation):
-            raise ConfigError("--geojson: data in parts have no states at hand; evaluate a part")
+            raise ConfigError(
+                f"{option('geojson')}: data in parts have no states at hand; evaluate a part"
+            )
         places = _places(part)
         found = [*_tracks(part, places), *_unassigned(part, places), *_pairs(part, places)]
         for feature in (*found, *_switches(part, places)):
@@ -52,8 +55,9 @@ def _places(result: PairEvaluation) -> tuple[list[list[float]], list[list[float]
         origin: Any = compared.settings.get("origin")
         if origin is None or "truth_crs" not in compared.settings:
             raise ConfigError(
-                f"--geojson needs places on the Earth, and the states are {','.join(columns)}: "
-                "--truth-crs, --estimate-crs and --origin say where they are"
+                f"{option('geojson')} needs places on the Earth, and the states are "
+                f"{','.join(columns)}: {option('truth_crs')}, {option('estimate_crs')} and "
+                f"{option('origin')} say where they are"
             )
         states = on_earth(states[0], origin), on_earth(states[1], origin)
     first, second = (

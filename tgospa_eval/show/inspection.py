@@ -8,7 +8,7 @@ from tgospa_eval.common.words import counted, in_both, number, plain, shortest
 from tgospa_eval.distances.registry import DISTANCES
 from tgospa_eval.results.records import Json, Time
 from tgospa_eval.show.rendering import WIDTH, Table, clip, text_lines, wrap
-from tgospa_eval.text import ending
+from tgospa_eval.text import ending, option
 
 Extent = dict[str, float]
 """From where to where, as min and max; with a median too."""
@@ -21,15 +21,6 @@ NAME_WIDTH = 18
 
 CELL = 28
 """Least width of the columns of the files; two of them and a gap of 2 fit in a line."""
-
-LEFT_OUT = {
-    "blank": "no position",
-    "duplicate": "repeated",
-    "time": "outside --time",
-    "class": "not in --class",
-    "region": "outside --region",
-}
-"""Why rows are left out, where the JSON's word for it is not enough."""
 
 
 def table(document: Json) -> str:
@@ -68,9 +59,16 @@ def _files(files: list[Json]) -> Iterator[Row]:
         named = [(f"{k}={clip(v, CELL)}" for k, v in file["headers"].items()) for file in files]
         yield "headers", [", ".join(names) or "-" for names in named]
     yield "rows", [f"{file['rows']:,}" for file in files]
+    reasons = {  # where the JSON's word for it is not enough
+        "blank": "no position",
+        "duplicate": "repeated",
+        "time": f"outside {option('time')}",
+        "class": f"not in {option('class_')}",
+        "region": f"outside {option('region')}",
+    }
     for rule in dict.fromkeys(rule for file in files for rule in file["left_out"]):
         counts = [f"{file['left_out'].get(rule, 0):,}" for file in files]
-        yield f"  {LEFT_OUT.get(rule, rule)}", counts
+        yield f"  {reasons.get(rule, rule)}", counts
     yield "trajectories", [f"{file['trajectories']:,}" for file in files]
     yield "  length", [_range(file["length"], "row", "rows") for file in files]
     yield "  with holes", [_holes(file["holes"]) for file in files]
@@ -113,7 +111,10 @@ def _both(both: Json, parameters: dict[str, object], *, warned: bool) -> Iterato
     )
     for side, rows in both["left_out"].items():
         if rows:
-            yield f"{counted(rows, 'row')} of the {side} left out (--grid {parameters['grid']})"
+            yield (
+                f"{counted(rows, 'row')} of the {side} left out "
+                f"({option('grid', parameters['grid'])})"
+            )
     yield from wrap(_stretch(both["time"]))
     if both["clock"] is not None and not warned:
         yield from wrap(f"  {_clock(both['clock'])}")
@@ -157,7 +158,7 @@ def _clock(clock: Json) -> str:
     """The stamps of the estimate that fit better."""
     values = {name: clock[name] for name in ("time_scale", "time_offset")}
     settings = " ".join(
-        f"--{name.replace('_', '-')} {plain(value)}"
+        option(name, plain(value))
         for (name, value), neutral in zip(values.items(), (1, 0), strict=True)
         if value != neutral
     )

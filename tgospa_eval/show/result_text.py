@@ -37,7 +37,7 @@ from tgospa_eval.show.side_tables import (
     slices_lines,
     slices_table,
 )
-from tgospa_eval.text import ending, visible
+from tgospa_eval.text import ending, option, visible
 
 if TYPE_CHECKING:
     from tgospa_eval.sensors.association import Pairing
@@ -394,7 +394,13 @@ def _switches(result: Evaluation) -> Iterator[str]:
         half = "" if mass == 1 else f"  ({number(mass, 3)} of a switch)"
         rows.append((time, f"{truth}: {before} -> {after}{half}"))
     if count > SHOWN:
-        rows.append(("", f"and {count - SHOWN} more (--format json, or -o DIR)"))
+        rows.append(
+            (
+                "",
+                f"and {count - SHOWN} more ({option('format', 'json')}, or "
+                f"{option('output', metavar='DIR', short=True)})",
+            )
+        )
     head = (f"{'switches':<17}{'t':>10}", "truth: from -> to")
     yield from text_lines(Table(head=head, rows=rows, align="rl", wrapped=(1,)))
 
@@ -569,7 +575,9 @@ def _aligned(head: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]
     table = Table(head=head, rows=[list(map(_cell, row)) for row in rows[:ROWS]])
     lines = text_lines(table, "") if rows else []
     rest = len(rows) - ROWS
-    return [*lines, f"and {rest} more; all of them: --format csv"] if rest > 0 else lines
+    return (
+        [*lines, f"and {rest} more; all of them: {option('format', 'csv')}"] if rest > 0 else lines
+    )
 
 
 def _cell(value: object) -> str:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Ints, Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.durations import SECOND, Duration, Steps
 from tgospa_eval.tracks.trajectories import CLOCKS, Trajectories
 
@@ -104,36 +104,46 @@ class TimeMatching:
             They do not.
         """
         chosen = [
-            option
-            for option, is_given in (
-                (f"--interpolate {self.interpolate}", self.interpolate),
-                ("--resample", self.resample is not None),
+            chosen
+            for chosen, is_given in (
+                (option("interpolate", self.interpolate), self.interpolate),
+                (option("resample"), self.resample is not None),
             )
             if is_given
         ]
         if chosen and self.max_gap is None:
             raise ConfigError(
-                f"{chosen[0]} needs --max-gap, the longest time between two states of a track to "
-                "interpolate across"
+                f"{chosen[0]} needs {option('max_gap')}, the longest time between two states of a "
+                "track to interpolate across"
             )
         if self.max_gap is not None and not chosen:
             raise ConfigError(
-                "--max-gap is for --interpolate and --resample; say which, or leave it out"
+                f"{option('max_gap')} is for {option('interpolate')} and {option('resample')}; "
+                "say which, or leave it out"
             )
         if len(chosen) > 1:
-            raise ConfigError("--resample has a clock of its own; leave --interpolate out")
+            raise ConfigError(
+                f"{option('resample')} has a clock of its own; leave {option('interpolate')} out"
+            )
         if self.period is not None and self.resample is None:
-            raise ConfigError("--period is for --resample; leave it out")
+            raise ConfigError(f"{option('period')} is for {option('resample')}; leave it out")
         if self.interpolate and len(self.gaps) > 1:
-            raise ConfigError("--max-gap TRUTH,ESTIMATE is for --resample; give one")
+            raise ConfigError(
+                f"{option('max_gap', metavar='TRUTH,ESTIMATE')} is for {option('resample')}; give "
+                "one"
+            )
         if self.outage is not None and not self.of_estimate:
             raise ConfigError(
-                "--outage is for --interpolate truth and --grid estimate or common; leave it out"
+                f"{option('outage')} is for {option('interpolate', 'truth')} and "
+                f"{option('grid', 'estimate')} or common; leave it out"
             )
         if self.steps is not None and self.resample is not None:
-            raise ConfigError("--steps and --resample both say which steps count; leave one out")
+            raise ConfigError(
+                f"{option('steps')} and {option('resample')} both say which steps count; leave "
+                "one out"
+            )
         if self.decided and self.grid != "union":
-            raise ConfigError(f"{self.decided} says which steps count; leave --grid out")
+            raise ConfigError(f"{self.decided} says which steps count; leave {option('grid')} out")
 
     def check_units(self, clock: str) -> None:
         """Whether durations with units are of stamps that are times.
@@ -144,10 +154,10 @@ class TimeMatching:
             One is not.
         """
         for name, value in (
-            ("--time-tolerance", self.tolerance),
-            ("--outage", self.outage),
-            ("--period", self.period),
-            *(("--max-gap", gap) for gap in self.gaps),
+            (option("time_tolerance"), self.tolerance),
+            (option("outage"), self.outage),
+            (option("period"), self.period),
+            *((option("max_gap"), gap) for gap in self.gaps),
         ):
             if isinstance(value, Duration):
                 value.check(clock, name)
@@ -173,8 +183,8 @@ class TimeMatching:
     def decided(self) -> str:
         """The option that says which steps count, whatever stamps there are; blank without."""
         if self.steps is not None:
-            return "--steps"
-        return "--resample" if self.resample is not None else ""
+            return option("steps")
+        return option("resample") if self.resample is not None else ""
 
     @property
     def near(self) -> float:
@@ -372,7 +382,10 @@ def comparable(
         remedy = "write both as ISO times or both as numbers, such as Unix seconds"
         if "local" in (truth.clock, estimate.clock):
             role = "truth" if truth.clock == "local" else "estimate"
-            remedy = f"--{role}-time-zone UTC, or another, says what zone the ISO times are of"
+            remedy = (
+                f"{option(f'{role}_time_zone', 'UTC')}, or another, says what zone the ISO times "
+                "are of"
+            )
         raise InputError(
             f"{names[0]} has {CLOCKS[truth.clock]}, {names[1]} has {CLOCKS[estimate.clock]}; "
             f"times of one run must be of one kind: {remedy}"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import CLOCKS, PLACES, TimeArray, Trajectories
 
@@ -55,16 +55,15 @@ class Conversion:
     unit_scale: float = 1.0
     angles: tuple[str, ...] = ()
     scale: tuple[tuple[str, float], ...] = ()
-    scale_option: str = "--estimate-scale"
+    scale_option: str = "estimate_scale"
 
     def __post_init__(self) -> None:
         for name in ("time_offset", "time_scale", "unit_scale"):
-            option = f"--{name.replace('_', '-')}"
-            value = real_number(option, getattr(self, name))
+            value = real_number(option(name), getattr(self, name))
             if not math.isfinite(value):
-                raise ConfigError(f"{option} is {value:g}: must be finite")
+                raise ConfigError(f"{option(name)} is {value:g}: must be finite")
             if name != "time_offset" and value <= 0:
-                raise ConfigError(f"{option} is {value:g}: must be > 0")
+                raise ConfigError(f"{option(name)} is {value:g}: must be > 0")
             object.__setattr__(self, name, value + 0.0)
 
     def recorded_of(self, role: str) -> dict[str, object]:
@@ -116,8 +115,9 @@ class Conversion:
         if len(same):
             k = int(same[0])
             raise ConfigError(
-                f"--time-offset, --time-scale: the times {times[k]} and {times[k + 1]} of {name} "
-                f"would both become {converted[k]}; a double has no more digits"
+                f"{option('time_offset')}, {option('time_scale')}: the times {times[k]} and "
+                f"{times[k + 1]} of {name} would both become {converted[k]}; a double has no more "
+                "digits"
             )
         return converted, None
 
@@ -172,7 +172,7 @@ class Conversion:
     def _calendar(self, times: TimeArray, clock: str, name: str) -> TimeArray:
         if self.time_scale != 1:
             raise ConfigError(
-                f"--time-scale is for times that are numbers; {name} has {CLOCKS[clock]}"
+                f"{option('time_scale')} is for times that are numbers; {name} has {CLOCKS[clock]}"
             )
         from decimal import Decimal  # here: as above
 
@@ -193,15 +193,15 @@ class Conversion:
         unknown = [name for name in own if name not in columns]
         if unknown:
             raise ConfigError(
-                f"{self.scale_option}: {quoted(unknown[0])} is none of the state columns "
-                f"{','.join(columns)}; choose them with --columns"
+                f"{option(self.scale_option)}: {quoted(unknown[0])} is none of the state columns "
+                f"{','.join(columns)}; choose them with {option('columns')}"
             )
         if self.unit_scale == 1:
             return np.array([own.get(name, 1.0) for name in columns]) if own else None
         if any(column in PLACES for column in columns):
             raise ConfigError(
-                "--unit-scale is for lengths, and lat,lon are degrees; --estimate-scale alt=0.3048 "
-                "has a factor for a column"
+                f"{option('unit_scale')} is for lengths, and lat,lon are degrees; "
+                f"{option('estimate_scale', 'alt=0.3048')} has a factor for a column"
             )
         return np.array(
             [
@@ -260,7 +260,7 @@ def scaled_spread(packed: Floats, factors: Floats, name: str) -> Floats:
 
 
 def _beyond(name: str) -> str:
-    return f"--time-offset, --time-scale: times of {name} become too large"
+    return f"{option('time_offset')}, {option('time_scale')}: times of {name} become too large"
 
 
 def iso(nanoseconds: int, clock: str) -> str:

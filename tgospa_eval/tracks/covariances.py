@@ -13,6 +13,7 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
+from tgospa_eval.text import option
 
 MACHINE_EPSILON = 2.0**-52
 
@@ -243,7 +244,7 @@ def accept(
         value = diagonal[:, wrong[0]].min()
         raise InputError(
             f"{where(int(wrong[0]))}: negative variance {value:g}{more(len(wrong))}; "
-            "correct it or use --fix-cov"
+            f"correct it or use {option('fix_cov')}"
         )
     answer, ratio = project(packed)
     refused = ratio < -CLAMPED_EIGENVALUE
@@ -253,7 +254,7 @@ def accept(
         raise InputError(
             f"{where(int(wrong[0]))}: covariance not positive semi-definite (eigenvalues "
             f"{', '.join(f'{value:.6g}' for value in values)}){more(len(wrong))}; "
-            "correct it or use --fix-cov"
+            f"correct it or use {option('fix_cov')}"
         )
     notices = []
     mended = np.flatnonzero(refused | negative)
@@ -262,7 +263,7 @@ def accept(
         notices.append(
             Notice(
                 text=f"{what} replaced by the nearest positive semi-definite one "
-                f"(--fix-cov), the first at {where(int(mended[0]))}"
+                f"({option('fix_cov')}), the first at {where(int(mended[0]))}"
             )
         )
     clamped = np.flatnonzero((ratio < 0) & ~refused & ~negative)

@@ -8,7 +8,7 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.trajectories import TimeArray
 
 SECOND = 1_000_000_000
@@ -129,11 +129,12 @@ class Steps:
         if every is None:
             if self.clock != "number" or not whole:
                 raise ConfigError(
-                    f"--steps {self.text}: say how far apart the steps are, FIRST:LAST:EVERY"
+                    f"{option('steps', self.text)}: say how far apart the steps are, "
+                    "FIRST:LAST:EVERY"
                 )
-            every = Duration.of(1, "--steps")
-        every.check(self.clock, "--steps")
-        return stretch(self.first, self.last, every, self.clock, f"--steps {self.text}")
+            every = Duration.of(1, option("steps"))
+        every.check(self.clock, option("steps"))
+        return stretch(self.first, self.last, every, self.clock, option("steps", self.text))
 
 
 def signed_seconds(given: object, name: str) -> float:
@@ -159,8 +160,8 @@ def multiples(first: int | float, last: int | float, every: Duration, clock: str
     ConfigError
         They are too many.
     """
-    every.check(clock, "--resample")
-    return stretch(first, last, every, clock, f"--resample {every.text}", aligned=True)
+    every.check(clock, option("resample"))
+    return stretch(first, last, every, clock, option("resample", every.text), aligned=True)
 
 
 def stretch(

@@ -5,7 +5,7 @@ import numpy as np
 from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import more, parsed
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
 EXISTENCE = "existence"
@@ -35,7 +35,8 @@ def expected(
     sides = truth, estimate
     if not any(EXISTENCE in side.attributes for side in sides):
         raise ConfigError(
-            f"--existence use: neither {names[0]} nor {names[1]} has a column {EXISTENCE}"
+            f"{option('existence', 'use')}: neither {names[0]} nor {names[1]} has a column "
+            f"{EXISTENCE}"
         )
     found = [_possible(side, name) for side, name in zip(sides, names, strict=True)]
     return found[0], found[1]

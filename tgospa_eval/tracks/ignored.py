@@ -7,7 +7,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Mask
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
 IGNORED, EXCUSED = "ignored", "excused"
@@ -76,7 +76,7 @@ def refuse_own_marks(rules: Iterable[object], verb: str) -> None:
     """
     if OWN_MARKS in rules:
         raise ConfigError(
-            f"--ignore {OWN_MARKS}: {verb} does not take marks of estimates, for a tracker would "
-            f"say itself what it is not judged by; mark the truth (--ignore {MARKED}) or give "
-            "--ignore-regions"
+            f"{option('ignore', OWN_MARKS)}: {verb} does not take marks of estimates, for a "
+            "tracker would say itself what it is not judged by; mark the truth "
+            f"({option('ignore', MARKED)}) or give {option('ignore_regions')}"
         )

@@ -9,6 +9,7 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import number
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import (
     TimeMatching,
     Times,
@@ -102,8 +103,8 @@ def interpolated(
         return Interpolated(side=side, between=0, own=rows, unused=0)
     if side.clouds is not None:
         raise ConfigError(
-            f"--interpolate: {names[0]} has clouds of particles, which are not interpolated; leave "
-            "it out, or compare means with another --distance"
+            f"{option('interpolate')}: {names[0]} has clouds of particles, which are not "
+            f"interpolated; leave it out, or compare means with another {option('distance')}"
         )
     mine, _ = joined_to(mine, theirs, tolerance, side.clock)
     at, there = found_at(mine, theirs)
@@ -280,8 +281,9 @@ def hold(
     if step > period * (1 + SLACK):
         shown = number(period, 6)
         raise ConfigError(
-            f"--resample {step:g}: a report of {names[0]} holds for its period, {shown}, and "
-            f"could fall between two steps; give at most {shown}, or --period if it is longer"
+            f"{option('resample', f'{step:g}')}: a report of {names[0]} holds for its period, "
+            f"{shown}, and could fall between two steps; give at most {shown}, or "
+            f"{option('period')} if it is longer"
         )
     limit = float(matching.run) if matching.run else RUN * period
     joined = same & (gap <= limit * (1 + SLACK))

@@ -16,6 +16,7 @@ from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.text import option
 from tgospa_eval.tracks.existence import existence_of
 from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of
 from tgospa_eval.tracks.trajectories import TimeArray, Trajectories
@@ -38,8 +39,11 @@ DOWN, MODULUS, HASHED = np.uint64(32), 1 << 64, 1 << 14
 NO_SUMS = (0,) * (1 + len(LANES))
 """The `row_sums` of no rows."""
 
-JUDGE_ALIKE = "evaluate all on a common clock, --resample, or with --steps or --grid truth"
-"""What makes values comparable."""
+
+def judge_alike() -> str:
+    """What makes values comparable, for messages."""
+    ways = f"{option('resample')}, or with {option('steps')} or {option('grid', 'truth')}"
+    return f"evaluate all on a common clock, {ways}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -20,7 +20,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import more, parsed
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Trajectories
 
 EARTH = (*PLACES, HEIGHT)
@@ -66,7 +66,7 @@ class Frame:
     columns: tuple[str, ...] | None = None
     down: bool = False
     turn: float = 0.0
-    option: str = "--truth-crs"
+    option: str
 
     def fault(self, columns: tuple[str, ...], axes: Floats) -> tuple[Mask, str, str] | None:
         """Which places (d, R) are none in a column, the column, and what the first is."""
@@ -145,8 +145,8 @@ def parse_origin(text: str) -> tuple[float, float, float]:
         or not all(abs(known[k]) <= most for k, _, _, most in LIMITS["earth"])
     ):
         raise ConfigError(
-            f"--origin {quoted(text)}: must be LAT,LON or LAT,LON,ALT, degrees and metres, such as "
-            "55.7,12.6"
+            f"{option('origin')} {quoted(text)}: must be LAT,LON or LAT,LON,ALT, degrees and "
+            "metres, such as 55.7,12.6"
         )
     latitude, longitude, *height = known
     return latitude, longitude, height[0] if height else 0.0
@@ -187,8 +187,9 @@ class Frames:
     def __post_init__(self) -> None:
         if len(self.is_local) == 2 and self.origin is None:
             raise ConfigError(
-                f"--truth-crs {self.frames[0].text} and --estimate-crs {self.frames[1].text} need "
-                "--origin LAT,LON, where the local axes begin"
+                f"{option('truth_crs', self.frames[0].text)} and "
+                f"{option('estimate_crs', self.frames[1].text)} need "
+                f"{option('origin', metavar='LAT,LON')}, where the local axes begin"
             )
 
     @property
@@ -267,7 +268,7 @@ class Frames:
         if side.covariance is not None:
             raise InputError(
                 f"{name}: has covariances, which are not converted to other coordinates; compare "
-                "means with another --distance, or write both files in one frame"
+                f"means with another {option('distance')}, or write both files in one frame"
             )
         for k, what, least, most in LIMITS.get(frame.kind, ()):
             if k >= len(wanted) or not len(side.state):

@@ -49,7 +49,7 @@ HOSTILE = [
 def outcome(
     name: str, now: float = 1.0, slack: str = "total:+0", warns: bool = False
 ) -> PairOutcome:
-    rule = parse_rule(slack, option="warn-on" if warns else "fail-on")
+    rule = parse_rule(slack, name="warn_on" if warns else "fail_on")
     found = judge(rule, Value(lower=now, upper=now, proven=True, unit=1.0), 1.0)
     verdict = Verdict.PASS if warns else found.verdict
     return PairOutcome(

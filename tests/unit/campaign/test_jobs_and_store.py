@@ -37,7 +37,7 @@ def test_patterns(tree: Path) -> None:
     (tree / "out/b/s9.csv").touch()
     plan = jobs.of_patterns("gt/{sequence}.csv", "out/{tracker}/{sequence}.csv")
     assert "out/b/s9.csv: there is no truth gt/s9.csv" in plan.faults
-    with pytest.raises(ConfigError, match=r"the field \{run\} is not in --estimate"):
+    with pytest.raises(ConfigError, match=r'the field \{run\} is not in estimate="'):
         jobs.of_patterns("gt/{run}.csv", "out/{tracker}/{sequence}.csv")
     with pytest.raises(ConfigError, match="no file is like this"):
         jobs.of_patterns("gt/{sequence}.csv", "none/{sequence}.csv")
@@ -111,7 +111,7 @@ def test_the_right_level_of_a_layout_is_named(
     touch("trackers/MOT17-train/a/data/s1.txt", "trackers/MOT20-train/{a}/data/s1.txt")
     with pytest.raises(ConfigError) as caught:
         jobs.of_layout("motchallenge", truth, trackers)
-    assert f"which --layout motchallenge looks for; name {name}" in str(caught.value)
+    assert f'which layout="motchallenge" looks for; name {name}' in str(caught.value)
 
 
 def test_folders_of_a_layout_that_are_not_there_or_have_braces(tree: Path) -> None:
@@ -230,5 +230,5 @@ def test_costs_are_added_and_roots_are_not() -> None:
     # Other parameters are another group, whatever was asked for.
     rows.loc[2, "cutoff"] = 6.0
     assert tabulated(rows, []).groups["cutoff"].tolist() == [5.0, 6.0]
-    with pytest.raises(ConfigError, match="--by x: no such label; there are t"):
+    with pytest.raises(ConfigError, match='by="x": no such label; there are t'):
         tabulated(rows, ["x"])

@@ -114,7 +114,7 @@ def test_worse_is_never_judged_better(rule: Rule, base: float, values: list[floa
     ],
 )  # fmt: skip
 def test_no_rules(text: str) -> None:
-    with pytest.raises(ConfigError, match="--fail-on"):
+    with pytest.raises(ConfigError, match="fail_on"):
         parse_rule(text)
 
 
@@ -123,7 +123,7 @@ def test_no_rules(text: str) -> None:
     ["", "tgospa", "tgospa=", "tgospa=x", "tgospa=-1", "tgospa=inf", "tgospa=1_0", "tgospa=\uff11"],
 )
 def test_no_maxima(text: str) -> None:
-    with pytest.raises(ConfigError, match="--max"):
+    with pytest.raises(ConfigError, match="limits"):
         parse_maximum(text)
 
 
@@ -132,7 +132,7 @@ def test_rules_are_read() -> None:
     assert parse_rule("by_class.a.b:c.counts.switch:+1").path == "by_class.a.b:c.counts.switch"
     assert parse_rule("total:+1e-3%").slack == 1e-5
     assert [parse_rule(f"total:+{text}").slack for text in (".5", "2.", "1.5E+2")] == [0.5, 2, 150]
-    assert parse_rule("switch:+1", option="warn-on").warns
+    assert parse_rule("switch:+1", name="warn_on").warns
 
 
 def test_a_proven_regression_comes_first_and_nothing_else_passes() -> None:

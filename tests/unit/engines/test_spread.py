@@ -185,7 +185,8 @@ def test_a_file_system_without_locks(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(files, "announce", told.append)
     with locked(tmp_path, (1, 1)):
         pass
-    assert told == [f"-o {tmp_path}: no locks there; let nothing else work on it meanwhile"]
+    said = f'output="{tmp_path}": no locks there; let nothing else work on it meanwhile'
+    assert told == [said]
 
 
 def test_a_worker_whose_parent_is_gone_when_it_begins() -> None:

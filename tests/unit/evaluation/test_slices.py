@@ -230,7 +230,7 @@ def test_errors_of_the_command_line(
 def test_sums_of_results_need_edges(quickstart: tuple[str, str]) -> None:
     parts = {name: evaluate(*quickstart, 10, 2, 5) for name in ("near", "far")}
     whole = recast(add_up(parts, [{"rows": 1, "left_out": {}}] * 2, 0.0), ByClass)
-    with pytest.raises(ConfigError, match=r"slices y: .* need edges: y=:\d+:\d+:\d+:$"):
+    with pytest.raises(ConfigError, match=r'slices="y": .* need edges: y=:\d+:\d+:\d+:$'):
         whole.slices("y")
     check_sums(whole, whole.slices("y=0:100:200", "age=5"))
 
@@ -336,7 +336,7 @@ def test_ties_are_said() -> None:
         ("lane=L::R", "a value is blank or given twice"),
         ("lane=L:L", "a value is blank or given twice"),
         ("lane=Q", "there is none of these, but L, R"),
-        ("lane=0:1", r"has texts \(L, R\), for which there is no edges; by value: slices lane"),
+        ("lane=0:1", r'has texts \(L, R\), for which there is no edges; by value: slices="lane"'),
         ("lane=weight", r"has texts \(L, R\), for which there is no weight"),
         ("x=weight", "x of the truth is 3; a weight must be from 0 to 1"),
         ("size", "neither side has boxes, nor columns width and height"),

@@ -176,10 +176,10 @@ def test_invalid_rows_are_left_out_if_that_is_asked(write: Write, tmp_path: Path
         what = f'{where}, column "width": -3 is no width of a box (and 1 more); it must be >= 0'
         with pytest.raises(InputError) as caught:
             read(path)
-        assert str(caught.value) == f"{path}, {what}; --on-invalid drop leaves such rows out"
+        assert str(caught.value) == f'{path}, {what}; on_invalid="drop" leaves such rows out'
         reading = read(path, ReadOptions(on_invalid="drop"))
         assert (reading.rows, reading.taken, reading.left_out) == (4, 2, {"invalid": 2})
-        assert f"2 rows left out by --on-invalid drop: {what}" in reading.notices
+        assert f'2 rows left out by on_invalid="drop": {what}' in reading.notices
         with pytest.raises(InputError, match=r'on_invalid="drop" leaves such rows out$'):
             read_trajectories(path)
         side = read_trajectories(path, on_invalid="drop")
@@ -268,12 +268,12 @@ def test_invalid_rows_in_every_verb(write: Write, invoke: Run, tmp_path: Path) -
         ("x,1,2,3,4,5,1\n", "motchallenge", [', line 1, column "frame": not a time: "x"']),
         ("0 1 Car 0\n", "kitti", [", line 1: 4 fields", "17, or 18"]),
         (KITTI.replace("140", "oops"), None, [', line 2, column "right": ', '"oops"']),
-        (MOT + "1,7,1,1,1,1,1,-1,-1,-1\n", None, [", line 4: ", "line 1", "--on-duplicate"]),
+        (MOT + "1,7,1,1,1,1,1,-1,-1,-1\n", None, [", line 4: ", "line 1", "on_duplicate"]),
         ("1,-1,2,3,4,5,0.3\n1,-1,2,3,4,5,1\n", None, [", line 1: ", "-1", "detections"]),
         (
             "1,1,2,3,4,5\n",
             "csv",
-            [", line 1: 6 numbers", "columns in their order", "--truth-format"],
+            [", line 1: 6 numbers", "columns in their order", "truth_format"],
         ),
         (b"\x00\x01", "motchallenge", ["binary"]),
         (b"PAR1 and no more", None, ["no readable Parquet file"]),
@@ -391,7 +391,7 @@ def test_values_that_are_no_field_of_a_table(tmp_path: Path, header: str) -> Non
             read(path, ReadOptions(by_class=True))
         message = str(caught.value)
         assert f'{path}, column "{header}": {str(type_)[:4]}' in message
-        assert "--decimal" not in message
+        assert "decimal=" not in message
         plain = {"id": ["a", "b"], "t": [0, 1], "x": [1.0, 2.0], "class": ["car", "van"]}
         frame = pd.DataFrame(plain | {header: pd.Series(values, dtype=object)})
         kind = type(values[0]).__name__
@@ -522,7 +522,7 @@ def test_filters(
     assert "".join(reading.trajectories.ids) == kept
     assert reading.left_out == (left_out or {"time": 1, "class": 1, "region": 1})
     for option, count in reading.left_out.items():
-        assert any(f"{count} row" in n and f"--{option}" in n for n in reading.notices)
+        assert any(f"{count} row" in n and f"by {option}" in n for n in reading.notices)
 
 
 @pytest.mark.usefixtures("way")

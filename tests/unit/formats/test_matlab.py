@@ -210,7 +210,7 @@ def test_no_room_for_what_is_only_claimed(tmp_path: Path) -> None:
     data = path.read_bytes()
     at = data.index(struct.pack("<4i", 4, 0, 5, 8)) + 16
     path.write_bytes(data[:at] + struct.pack("<2i", 2**30, 1) + data[at + 8 :])
-    with pytest.raises(InputError, match=r"reading it takes more than .* allow more with --max-in"):
+    with pytest.raises(InputError, match=r"reading it takes more than .* allow more with max_in"):
         read(path)
 
 

@@ -88,7 +88,7 @@ def test_ships_and_aircraft(truth: str, estimate: str, metres: int, scene: Any) 
         (("2024-06-01T12:01:00", "2024-06-01T12:01:00Z"), ["mixed kinds of time"]),
         (("2024-06-01T12:01:00", "01/06/2024 12:01"), ["line 2", "BaseDateTime", "not a time"]),
         (("003660001", ""), ["line 2", "MMSI", "blank id"]),
-        (("003660002", "003660001"), ["line 3", "particles", "--on-duplicate"]),
+        (("003660002", "003660001"), ["line 3", "particles", "on-duplicate"]),
         (("28.507614", "28.5N"), ["line 2", "LAT", "not a number"]),
     ],
 )

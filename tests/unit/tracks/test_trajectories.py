@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from tgospa_eval import evaluate, read_trajectories
-from tgospa_eval.common.notices import in_python
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.text import COMMAND, PYTHON, READER, option, spelled_for
 from tgospa_eval.tracks.trajectories import Trajectories
 
 
@@ -138,16 +138,30 @@ def test_a_frame_is_no_path() -> None:
     assert str(raised.value) == said
 
 
-def test_options_are_spelled_as_arguments() -> None:
-    for text, spelled in (
-        ("or use --fix-cov", "or use fix_covariance"),
-        ("use --missing-cov zero", 'use missing_covariance="zero"'),
-        ("or --decimal ,", 'or decimal=","'),
-        ("try --truth-columns id=trk,x=px", "try columns=('id=trk', 'x=px')"),
-        ("with --columns a=B, or", "with columns=('a=B',), or"),
-        ("use --time-scale 0.001 --time-offset -5;", "use time_scale=0.001 time_offset=-5;"),
-        ("--steps 0:9 has 10", "steps 0:9 has 10"),
-        ("choose with -c and -g", "choose with cutoff and switch_penalty"),
-        ("only 1 -- or 2", "only 1 -- or 2"),
+def test_options_are_spelled_for_the_surface() -> None:
+    for arguments, command, python, reader in (
+        (("fix_cov",), "--fix-cov", "fix_cov", "fix_covariance"),
+        (("missing_cov", "zero"), "--missing-cov zero", 'missing_cov="zero"', None),
+        (("decimal", ","), "--decimal ,", 'decimal=","', 'decimal=","'),
+        (("truth_columns", "id=trk,x=px"), "--truth-columns id=trk,x=px", None, None),
+        (("columns", "a=B"), "--columns a=B", "columns=('a=B',)", "columns=('a=B',)"),
+        (("time_scale", 0.001), "--time-scale 0.001", "time_scale=0.001", "time_scale=0.001"),
+        (("time_offset", "-5"), "--time-offset -5", "time_offset=-5", "time_offset=-5"),
+        (("resample", "3s"), "--resample 3s", 'resample="3s"', 'resample="3s"'),
+        (("class_", "car"), "--class car", 'class_="car"', 'classes="car"'),
+        (("slices",), "--slice", "slices", "slices"),
+        (("limits",), "--max", "limits", "limits"),
+        (("force", True), "--force", "force=True", "force=True"),
     ):
-        assert in_python(text) == spelled
+        names = (COMMAND, PYTHON, READER)
+        for name, spelled in zip(names, (command, python, reader), strict=True):
+            with spelled_for(name):
+                assert spelled in (None, option(*arguments))
+    with spelled_for(READER):
+        assert option("estimate_columns", "x,y") == "columns=('x', 'y')"
+    assert option("covariance", metavar="FILE") == "covariance"
+    assert option("cutoff", short=True) == "cutoff"
+    with spelled_for(COMMAND):
+        assert option("covariance", metavar="FILE") == "--covariance FILE"
+        assert option("cutoff", short=True) == "-c"
+        assert option("cutoff") == "--cutoff"

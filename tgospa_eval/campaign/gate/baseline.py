@@ -20,9 +20,9 @@ from tgospa_eval.results.consistency import NEES, NeesSums, fits_sums
 from tgospa_eval.results.contradictions import contradiction
 from tgospa_eval.results.records import Json, json_text
 from tgospa_eval.results.saved import JUDGED, NEES_RECORD, PARAMETERS, unlike
-from tgospa_eval.text import clipped
+from tgospa_eval.text import clipped, option
 from tgospa_eval.tracks.ignored import refuse_own_marks
-from tgospa_eval.tracks.judged import JUDGE_ALIKE, JUDGED_FIELDS, incomparable, judged_of
+from tgospa_eval.tracks.judged import JUDGED_FIELDS, incomparable, judge_alike, judged_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,21 +83,27 @@ class Measured:
         """Which option makes the bracket narrower, by how the solver ended."""
         settings, name = self.parameters, self.parameters["solver"]
         if "time limit" in self.status and "time_limit" in settings:
-            return f"a larger --time-limit than {settings['time_limit']:g}"
+            return f"a larger {option('time_limit')} than {settings['time_limit']:g}"
         if name == "sinkhorn":
             if "bracket is met" in self.status:
-                return f"a smaller --gap than {settings['gap']:g}, or --solver certified"
-            return f"a smaller --epsilon than {settings['epsilon']:g}, or --solver certified"
+                return (
+                    f"a smaller {option('gap')} than {settings['gap']:g}, or "
+                    f"{option('solver', 'certified')}"
+                )
+            return (
+                f"a smaller {option('epsilon')} than {settings['epsilon']:g}, or "
+                f"{option('solver', 'certified')}"
+            )
         if name == "exact":
-            return "--solver certified narrows the bracket"
+            return f"{option('solver', 'certified')} narrows the bracket"
         if not self.certified:
             return (
-                f'the solver ended with "{self.status}"; let the rule allow more, or try --solver '
-                "exact"
+                f'the solver ended with "{self.status}"; let the rule allow more, or try '
+                f"{option('solver', 'exact')}"
             )
         if float(str(settings["gap"])) <= ROUNDING_GAP:
             return "the bracket is about as narrow as rounding; let the rule allow more"
-        return f"a smaller --gap than {settings['gap']:g}"
+        return f"a smaller {option('gap')} than {settings['gap']:g}"
 
 
 ROUNDING_GAP = 1e-9
@@ -163,11 +169,14 @@ def nees_values(nees: NeesSums | None) -> dict[str, Value]:
     return {path: Value.of(value) for path, value in numbers.items()}
 
 
+def _remedy() -> str:
+    return f"mend it, or delete it and make it anew with {option('update_baseline')}"
+
+
 SCHEMA = "tgospa-eval/baseline/2"
 BOUNDS = ("lower_bound", "upper_bound")
 MEASURED = (*PROVEN, *SPLIT)
 BASELINE_VALUES = (*MEASURED, *BOUNDS)
-REMEDY = "mend it, or delete it and make it anew with --update-baseline"
 
 Baseline: TypeAlias = dict[str, Json]
 """An entry for each pair, by its name, as the JSON has it: `values` (`upper_bound` and what follows
@@ -301,7 +310,7 @@ def differences(entry: Json, now: Measured) -> list[str]:
         if all(old[name] == now.judged[name] for name in JUDGED_FIELDS if name != "truth_sha256"):
             wrong = f"{CHANGED} truth: its states changed, as many as before at the same steps"
         return [*found, f"{wrong}; if that is right, make the baseline anew"]
-    return [*found, f"{wrong}; {JUDGE_ALIKE}"] if wrong else found
+    return [*found, f"{wrong}; {judge_alike()}"] if wrong else found
 
 
 def check_equal(entry: Json, now: Measured) -> None:
@@ -359,7 +368,7 @@ def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = Non
         name = f"{path}: has a merge conflict"
         texts = (re.sub(MARK, b"", re.sub(CONFLICT, side, content)) for side in (rb"\1", rb"\2"))
         pairs, other = (
-            document_of(text, name, SCHEMA, BASELINE, ConfigError, remedy=REMEDY)["pairs"]
+            document_of(text, name, SCHEMA, BASELINE, ConfigError, remedy=_remedy())["pairs"]
             for text in texts
         )
         open_ = {pair for pair in {*pairs, *other} if pairs.get(pair) != other.get(pair)}
@@ -373,11 +382,11 @@ def parse(content: bytes, path: str, renewed: Callable[[str], bool] | None = Non
                 remedy = "delete the lines of its marks, <<<<<<<, ======= and >>>>>>>"
             raise ConfigError(f"{name}; {remedy}")
     else:
-        pairs = document_of(content, name, SCHEMA, BASELINE, ConfigError, remedy=REMEDY)["pairs"]
+        pairs = document_of(content, name, SCHEMA, BASELINE, ConfigError, remedy=_remedy())["pairs"]
     for pair, entry in pairs.items():
         wrong = None if pair in open_ else _contradiction(entry)
         if wrong:
-            raise ConfigError(f"{name}: pairs.{clipped(pair)}.{wrong}; {REMEDY}")
+            raise ConfigError(f"{name}: pairs.{clipped(pair)}.{wrong}; {_remedy()}")
     return pairs
 
 

@@ -50,7 +50,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.consistency import NeesSums
 from tgospa_eval.results.records import Json
 from tgospa_eval.results.saved import unlike
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.text import listed, option, quoted
 
 FEWEST_RUNS = 5
 """With fewer nothing is inferred."""
@@ -290,7 +290,7 @@ def few_runs(tables: Sequence[GroupTable], labels: Mapping[str, Labels], nights:
                 scenes.add(tuple(sorted(i for i in own.items() if i[0] != table.seed)) or (name,))
         share = ((1.0 - OF_ALL) / len(runs) if len(runs) > 1 else 1.0) / max(columns, 1)
         needed = max(FEWEST_RUNS, fewest(1 - (1 - table.confidence) * share, nights=nights))
-        more = "with these nights" if nights > 1 else "or further nights with --add"
+        more = "with these nights" if nights > 1 else f"or further nights with {option('add')}"
         few = sorted((name for name in runs if runs[name] < needed), key=natural)
         if few and len(scenes) < sum(runs.values()):
             found.append(

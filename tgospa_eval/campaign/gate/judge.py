@@ -40,7 +40,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.writing import write_file
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.formats.guess import file_of, files_at
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 
 RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
 """Rules by their names in a suite and as parameters."""
@@ -63,9 +63,11 @@ def tables_of(
         Something is wrong with them.
     """
     if gate.group is None:
-        for option, value in (("confidence", gate.confidence), ("seed-label", gate.seed_label)):
+        for name, value in (("confidence", gate.confidence), ("seed_label", gate.seed_label)):
             if value is not None and not groups:
-                raise ConfigError(f"--{option} is for --group, or a suite with [[group]]")
+                raise ConfigError(
+                    f"{option(name)} is for {option('group')}, or a suite with [[group]]"
+                )
         return [
             replace(
                 one,
@@ -79,7 +81,7 @@ def tables_of(
     texts = [getattr(gate, name) for name in RULE_PARAMETERS.values()]
     labels = {label for pair in pairs for label in pair.labels}
     seed, confidence = gate.seed_label or SEED, gate.confidence or GroupTable.confidence
-    return [make_group(pattern, texts, confidence, seed, labels, f"--group {gate.group}")]
+    return [make_group(pattern, texts, confidence, seed, labels, option("group", gate.group))]
 
 
 def rules_of(
@@ -103,9 +105,14 @@ def rules_of(
     )
     relative = [rule for rule in found if not rule.absolute]
     if not baseline and (relative or not found) and default:
-        why = f"{relative[0].text} needs one" if relative else "limits of --max need none"
+        why = (
+            f"{relative[0].text} needs one"
+            if relative
+            else f"limits of {option('limits')} need none"
+        )
         raise ConfigError(
-            f"{gate.prefix(pair.name)}no baseline: name it with --baseline FILE; {why}"
+            f"{gate.prefix(pair.name)}no baseline: name it with "
+            f"{option('baseline', metavar='FILE')}; {why}"
         )
     return found
 
@@ -128,7 +135,7 @@ def check_junit(gate: GateOptions, *paths: str | None) -> None:
     for path in (*paths, gate.suite, gate.baseline, used and used.path):
         if path and os.path.realpath(path) == target:
             raise OverInputError(
-                f"--junit {gate.junit}: is an input of the gate; name another file"
+                f"{option('junit', gate.junit)}: is an input of the gate; name another file"
             )
 
 
@@ -140,12 +147,14 @@ def _check_options(gate: GateOptions, path: str) -> None:
     ConfigError
         They do not, or there is no file to make.
     """
-    for option, value in (("only", gate.only), ("prune", gate.prune), ("add", gate.add)):
+    for name, value in (("only", gate.only), ("prune", gate.prune), ("add", gate.add)):
         if value and not gate.update_baseline:
-            raise ConfigError(f"--{option} is for --update-baseline")
+            raise ConfigError(f"{option(name)} is for {option('update_baseline')}")
     if gate.update_baseline and (not path or is_store(path)):
         wrong = f"{path} is a batch, which tgospa-eval batch makes" if path else "no baseline"
-        raise ConfigError(f"{wrong}: name the file to make with --baseline FILE")
+        raise ConfigError(
+            f"{wrong}: name the file to make with {option('baseline', metavar='FILE')}"
+        )
 
 
 def with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
@@ -161,7 +170,8 @@ def with_stale(pairs: Iterable[Job], since: str) -> Iterator[Job]:
         least = os.path.getmtime(since) if exists else datetime.fromisoformat(since).timestamp()
     except ValueError:
         raise ConfigError(
-            f"--newer-than {quoted(since)}: is neither a file nor a time, as 2026-11-28T06:00"
+            f"{option('newer_than')} {quoted(since)}: is neither a file nor a time, as "
+            "2026-11-28T06:00"
         ) from None
     for pair in pairs:
         files = files_at(file_of(pair.estimate))
@@ -191,9 +201,13 @@ def judge_pairs(
         gate = replace(gate, fail_on=(), warn_on=(), maximum=())
     alone = {pair.name for pair in pairs} == {ONLY_PAIR} and not gate.suite
     if alone and old and ONLY_PAIR not in old:
-        raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name --suite")
+        raise ConfigError(
+            f"{path}: is the baseline of a suite ({', '.join(old)}); name {option('suite')}"
+        )
     if groups and not path:
-        raise ConfigError("no baseline: name it with --baseline FILE; groups need one")
+        raise ConfigError(
+            f"no baseline: name it with {option('baseline', metavar='FILE')}; groups need one"
+        )
     rules = {
         pair.name: [replace(rule, warns=True) for rule in found if rule.absolute]
         if pair.is_new
@@ -290,7 +304,10 @@ def _judged(
         judged = [*first, *added[MAX_PAGES:], *judged]
     named = {name for name in old if any(table.has(labels[name]) for table in groups)}
     named |= {pair.name for pair in pairs}
-    note = f"in the baseline and not in {whence}; --update-baseline --prune removes it"
+    note = (
+        f"in the baseline and not in {whence}; {option('update_baseline')} {option('prune')} "
+        "removes it"
+    )
     return judged + leftover(old, named, Verdict.INCOMPARABLE, note)
 
 
@@ -310,7 +327,9 @@ MAX_PAGES = 200
 """Pairs of which each has a page; of more those have one that do not pass."""
 
 IN_GROUP = "not in the baseline: judged in its group alone"
-NEW = "new, not judged: the target does not have it yet; its limits of --max only warn"
+NEW = (
+    f"new, not judged: the target does not have it yet; its limits of {option('limits')} only warn"
+)
 
 
 def _updated(
@@ -332,7 +351,7 @@ def _updated(
     old = baseline or {}
     for pattern in gate.only:
         if not any(fnmatchcase(name, pattern) for name in (*(pair.name for pair in pairs), *old)):
-            raise ConfigError(f"--only {quoted(pattern)}: no pair is called so")
+            raise ConfigError(f"{option('only')} {quoted(pattern)}: no pair is called so")
     new, outcomes = dict(old), []
     for pair, (row, options) in zip(chosen, evaluated(chosen, old), strict=True):
         now, about = _measured(row)
@@ -350,8 +369,8 @@ def _updated(
     for name in gone if gate.prune else ():
         del new[name]
     if new != old or not os.path.exists(path):
-        write_file(path, dump(new), "--baseline")
-    note = "removed" if gate.prune else "kept; --prune removes it"
+        write_file(path, dump(new), option("baseline"))
+    note = "removed" if gate.prune else f"kept; {option('prune')} removes it"
     outcomes += leftover(old, {*old} - {*gone}, Verdict.UPDATED, f"not in {whence}: {note}")
     changed = sum(new[name] != old.get(name) for name in new)
     tally = {"updated": changed, "unchanged": len(new) - changed, "removed": len({*old} - {*new})}

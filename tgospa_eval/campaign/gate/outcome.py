@@ -38,6 +38,7 @@ from tgospa_eval.common.words import number
 from tgospa_eval.errors import SolverError
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.results.saved import unlike
+from tgospa_eval.text import option
 from tgospa_eval.tracks.judged import incomparable
 
 WORST_FIRST = tuple(
@@ -342,10 +343,12 @@ def _absent(finding: Finding) -> str:
     if path not in OF_NEES:
         return f"the result has no {path}, nor has a baseline"
     if not math.isnan(finding.now.upper):
-        return "the baseline has no NEES; make it anew with --update-baseline and this rule"
+        return (
+            f"the baseline has no NEES; make it anew with {option('update_baseline')} and this rule"
+        )
     return (
         "the result has no NEES: no assigned state has a covariance that can be inverted, or it "
-        "was stored without --with nees"
+        f"was stored without {option('with_', 'nees')}"
     )
 
 
@@ -367,7 +370,7 @@ def _inferred(finding: Finding, inference: Inference, warning: str) -> Iterator[
         yield f"inferred of the tracker: it is worse than allowed, by {runs}, {p}"
     if supported or inference.jump:
         return
-    mark = "by --strict, though " if finding.verdict is Verdict.FAIL else ""
+    mark = f"by {option('strict')}, though " if finding.verdict is Verdict.FAIL else ""
     if inference.runs < inference.needed:
         yield (
             f"{mark}in noise: {runs} can support nothing less than a jump: {inference.needed} are "
@@ -477,7 +480,7 @@ def _update_notes(before: Json | None, entry: Json, now: Measured) -> Iterator[s
     if kept > 1:
         yield f"{kept} nights, whose mean is the baseline"
     elif nights > 1:
-        yield f"one night in place of {nights}; --add keeps those of the same data"
+        yield f"one night in place of {nights}; {option('add')} keeps those of the same data"
     for name, now_is, was in unlike(entry["parameters"], before["parameters"]) if before else ():
         yield f"{name} is {now_is}, was {was}"
     if not now.certified:
@@ -538,4 +541,8 @@ def accepting_options(
         return []
     some = [] if names >= there.keys() else patterns_of(names, {*there, *old})
     chosen = [text for pattern in some for text in ("--only", pattern)]
-    return ["--update-baseline", *(["--prune"] if names - there.keys() else []), *chosen]
+    return [
+        "--update-baseline",
+        *(["--prune"] if names - there.keys() else []),
+        *chosen,
+    ]

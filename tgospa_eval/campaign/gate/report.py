@@ -28,7 +28,7 @@ from tgospa_eval.show.rendering import (
     workflow_property,
     xml,
 )
-from tgospa_eval.text import as_unicode, clipped, ending, listed, visible
+from tgospa_eval.text import as_unicode, clipped, ending, listed, option, visible
 
 SCHEMA = "tgospa-eval/gate/1"
 WIDTHS = (16, 20, 11, 11, 11, 0)
@@ -429,7 +429,7 @@ def append_summary(report: Report, path: str | None) -> None:
     """
     if not path:
         return
-    with named(f"--github: {path}", ConfigError, "cannot be written"):
+    with named(f"{option('github')}: {path}", ConfigError, "cannot be written"):
         used = 0 if is_missing(path) else os.stat(path).st_size
         with patience(path, "a reader of"), open(path, "ab") as file:
             file.write(summary(report, SUMMARY - used))

@@ -11,7 +11,7 @@ from tgospa_eval.common.words import parsed
 from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.results.consistency import NEES
 from tgospa_eval.results.records import PARTS
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 
 PROVEN = ("total", "tgospa", "normalised.tgospa")
 """Values with a proven bracket."""
@@ -276,7 +276,7 @@ def judge(rule: Rule, now: Value, base: float | None) -> Finding:
     return Finding(rule=rule, base=base, limit=limit, now=now, verdict=verdict)
 
 
-def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
+def parse_rule(text: str, *, name: str = "fail_on") -> Rule:
     """The rule of ``PATH:+N`` or ``PATH:+N%``.
 
     ``PATH:-N`` is how much less than the baseline NEES, or the share of states inside, may be.
@@ -288,28 +288,28 @@ def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
     """
     if "best-of-last" in text:
         raise ConfigError(
-            f"--{option} {quoted(text)}: best-of-last is gone: a rule such as total:+5% judges by "
-            "the baseline, which does not drift until it is renewed"
+            f"{option(name)} {quoted(text)}: best-of-last is gone: a rule such as total:+5% "
+            "judges by the baseline, which does not drift until it is renewed"
         )
     found = re.fullmatch(_RULE, text.strip())
     slack = _not_negative(found["slack"]) if found else None
     if found is None or slack is None:
         raise ConfigError(
-            f"--{option} {quoted(text)}: must be PATH:+N or PATH:+N%, as total:+0.1%, or "
+            f"{option(name)} {quoted(text)}: must be PATH:+N or PATH:+N%, as total:+0.1%, or "
             "PATH:LEAST..MOST"
         )
-    path = _path(found["path"].strip(), option, text)
+    path = _path(found["path"].strip(), name, text)
     relative, less = found["percent"] == "%", found["sign"] == "-"
     if path not in OF_NEES if less else path == OF_NEES[-1]:
         right = "is worse the larger it is: PATH:+N" if less else "is worse the less it is: PATH:-N"
-        raise ConfigError(f"--{option} {quoted(text)}: {path} {right}")
+        raise ConfigError(f"{option(name)} {quoted(text)}: {path} {right}")
     return Rule(
         text=f"{path}:{found['sign']}{found['slack'].strip()}{found['percent']}",
         path=path,
         slack=slack / 100 if relative else slack,
         relative=relative,
         least=less,
-        warns=option == "warn-on",
+        warns=name == "warn_on",
     )
 
 
@@ -324,7 +324,7 @@ def parse_maximum(text: str) -> Rule:
     name, equals, number = text.rpartition("=")
     limit = _not_negative(number)
     if not equals or limit is None:
-        raise ConfigError(f"--max {quoted(text)}: must be NAME=VALUE, as tgospa=50")
+        raise ConfigError(f"{option('limits')} {quoted(text)}: must be NAME=VALUE, as tgospa=50")
     path = _path(name.strip(), "max", text)
     return Rule(text=f"{path}<={number.strip()}", path=path, slack=limit, absolute=True)
 
@@ -346,25 +346,25 @@ def parse_rules(
     ]
 
 
-def _parsed(rules: Iterable[str], option: str) -> Iterator[Rule]:
+def _parsed(rules: Iterable[str], name: str) -> Iterator[Rule]:
     """Those of one option; a range ``PATH:LEAST..MOST`` is a rule for each end that it has."""
     for text in _each(rules):
         ends = re.fullmatch(_RANGE, text.strip())
         if ends is None:
-            yield parse_rule(text, option=option)
+            yield parse_rule(text, name=name)
             continue
         given = {sign: ends[sign] for sign in ("least", "most") if ends[sign]}
         limits = {sign: _not_negative(number) for sign, number in given.items()}
-        path = _path(ends["path"].strip(), option, text)
+        path = _path(ends["path"].strip(), name, text)
         for sign, limit in (limits or {"": None}).items():
             if limit is None:
                 raise ConfigError(
-                    f"--{option} {quoted(text)}: must be PATH:LEAST..MOST, PATH:LEAST.. or "
+                    f"{option(name)} {quoted(text)}: must be PATH:LEAST..MOST, PATH:LEAST.. or "
                     "PATH:..MOST, as nees:1.5..2.5"
                 )
             least = sign == "least"
             shown = f"{path}{'>=' if least else '<='}{given[sign]}"
-            warns = option == "warn-on"
+            warns = name == "warn_on"
             yield Rule(text=shown, path=path, slack=limit, absolute=True, least=least, warns=warns)
 
 
@@ -396,10 +396,10 @@ def _not_negative(text: str) -> float | None:
     return None if number is None or number < 0 else number
 
 
-def _path(path: str, option: str, text: str) -> str:
+def _path(path: str, name: str, text: str) -> str:
     if not any(value in JUDGED for _, value in meanings(path)):
         raise ConfigError(
-            f"--{option} {quoted(text)}: {quoted(path)} cannot be judged; there are "
-            f"{', '.join(JUDGED)}, and with --by class {BY_CLASS}NAME.total and so on"
+            f"{option(name)} {quoted(text)}: {quoted(path)} cannot be judged; there are "
+            f"{', '.join(JUDGED)}, and with {option('by', 'class')} {BY_CLASS}NAME.total and so on"
         )
     return path

@@ -25,11 +25,11 @@ from tgospa_eval.distances.base import Distance, DistanceSettings, Effort, Pairs
 from tgospa_eval.distances.clouds.reduction import Reduction
 from tgospa_eval.distances.clouds.transport import (
     MOST_PARTICLES,
-    TOO_LARGE,
     Cloud,
     check_order,
     distance,
     plan,
+    too_large,
     whitened,
     whitened_points,
 )
@@ -37,7 +37,7 @@ from tgospa_eval.distances.gaussian import bures
 from tgospa_eval.distances.mahalanobis import Mahalanobis, cholesky
 from tgospa_eval.distances.vector import EUCLIDEAN, Norm
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.clouds import Clouds, single
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -110,7 +110,7 @@ class CloudPairs(Distance):
         works = self.works(sizes, rows, sides)
         most = max(int(size.max(initial=0)) for size in sizes)
         what = f"{counted(len(at), 'distance')} of clouds of up to {most} particles"
-        what += "; --reduce 50 makes them small" if most > MANY_PARTICLES else ""
+        what += f"; {option('reduce', 50)} makes them small" if most > MANY_PARTICLES else ""
         value[at] = _solved(partial(self.one, (a, b)), rows, works, what, effort)
         near = np.flatnonzero(value < cutoff)
         return Pairs(truth_row=i[near], estimate_row=j[near], distance=value[near])
@@ -166,7 +166,7 @@ class OwnCovariance(CloudPairs):
             except ConfigError:
                 raise InputError(
                     f"{pair_named(sides, i[k], j[k])}: the covariance of the pair is singular, too "
-                    "few distinct particles; take --inner-cov global or a file"
+                    f"few distinct particles; take {option('inner_cov', 'global')} or a file"
                 ) from None
             apart = whitened_points(truth.state[i[k]][None], factor, estimate.state[j[k]])
             if not self.gating or np.linalg.norm(apart) < cutoff * (1 + SLACK):
@@ -233,7 +233,7 @@ def _check_sizes(sizes: tuple[Ints, Ints], rows: tuple[Ints, Ints], sides: Sides
     if len(wrong):
         k = int(wrong[0])
         which = [f" with {size[k]} particles" for size in sizes]
-        raise InputError(f"{pair_named(sides, rows[0][k], rows[1][k], *which)}: {TOO_LARGE}")
+        raise InputError(f"{pair_named(sides, rows[0][k], rows[1][k], *which)}: {too_large()}")
 
 
 def slopes_of_particles(
@@ -388,7 +388,7 @@ class CloudWasserstein(Distance):
         if not spreads:
             raise ConfigError(
                 "the inner distance mahalanobis takes the mean covariance of the clouds, and there "
-                "are none; name one with --inner-cov FILE"
+                f"are none; name one with {option('inner_cov', metavar='FILE')}"
             )
         matrices = np.concatenate(spreads)
         mean = matrices.mean(axis=0) * np.multiply.outer(*2 * [np.array(self.scale or 1.0)])
@@ -397,7 +397,7 @@ class CloudWasserstein(Distance):
         except ConfigError:
             raise InputError(
                 "the mean covariance of the clouds is singular, too few distinct particles for the "
-                "inner distance mahalanobis; name one with --inner-cov FILE"
+                f"inner distance mahalanobis; name one with {option('inner_cov', metavar='FILE')}"
             ) from None
 
     def prepared(self, sides: Sides, effort: Effort) -> tuple[Sides, Distance]:

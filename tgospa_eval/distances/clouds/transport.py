@@ -22,7 +22,7 @@ from tgospa_eval.common.arrays import Floats
 from tgospa_eval.common.words import install
 from tgospa_eval.distances.mahalanobis import cholesky
 from tgospa_eval.errors import ConfigError, SolverError, TgospaWarning, real_number, whole_number
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.clouds import LARGEST_COORDINATE, UNEVEN_SUM, are_normalised
 
 Ints = NDArray[np.intp]
@@ -242,10 +242,14 @@ WIDEST = 1e150
 MOST_PARTICLES = 4000
 """Particles of two clouds each: the costs of the pair take 128 MB, its transport half a minute."""
 
-TOO_LARGE = (
-    f"more than {MOST_PARTICLES} x {MOST_PARTICLES} particles of a pair take too long and too much "
-    "memory; reduce the clouds first, --reduce 100 or reduce_cloud"
-)
+
+def too_large() -> str:
+    """Message about a pair of clouds of more particles."""
+    return (
+        f"more than {MOST_PARTICLES} x {MOST_PARTICLES} particles of a pair take too long and too "
+        f"much memory; reduce the clouds first, {option('reduce', 100)} or reduce_cloud"
+    )
+
 
 POT_NEEDED = f"distances of particle clouds need the extra clouds: {install('clouds')}"
 
@@ -560,7 +564,7 @@ def line_costs(a: Lines, b: Lines, order: int) -> Floats:
 
 def _check_size(a: Cloud, b: Cloud) -> None:
     if len(a[0]) * len(b[0]) > MOST_PARTICLES**2:
-        raise ConfigError(f"clouds of {len(a[0])} and {len(b[0])} particles: {TOO_LARGE}")
+        raise ConfigError(f"clouds of {len(a[0])} and {len(b[0])} particles: {too_large()}")
 
 
 def _costs(x: Floats, y: Floats, order: int) -> Floats:

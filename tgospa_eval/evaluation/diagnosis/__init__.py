@@ -19,6 +19,7 @@ from tgospa_eval.evaluation.diagnosis.clock import clock_warnings
 from tgospa_eval.evaluation.diagnosis.costs import FIRST_STEPS, Sample
 from tgospa_eval.evaluation.diagnosis.states import side_warnings, state_warnings
 from tgospa_eval.problem.metric_family import Parameters
+from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching
 from tgospa_eval.tracks.conversion import iso
 
@@ -63,7 +64,7 @@ def in_other_axes(notice: Notice, crs: str) -> Notice:
     if "negated" in notice.text:
         return notice
     other = "ned" if name == "enu" else "enu"
-    return replace(notice, remedy=f"--estimate-crs {other}{turned}")
+    return replace(notice, remedy=f"{option('estimate_crs', other + turned)}")
 
 
 def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
@@ -83,7 +84,11 @@ def axis_notices(axis: "Axis", matching: TimeMatching) -> Iterator[Notice]:
     if axis.held is not None:
         held, steps = axis.held, counted(len(axis.horizon.times), "step")
         used, reports = len(np.unique(held.row)), len(held.reports.step)
-        which = "--period" if held.declared else f"the {held.source}; --period declares it"
+        which = (
+            option("period")
+            if held.declared
+            else f"the {held.source}; {option('period')} declares it"
+        )
         off = f"; {reports - used:,} outside of all steps" if used < reports else ""
         alone = f" ({held.alone:,} alone)" if held.alone else ""
         yield Notice(
@@ -109,7 +114,7 @@ def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
     outside = there[~np.isin(there, ticks)]
     for empty, missed, move in ((-1, ticks[0] - every, -every), (0, ticks[-1] + every, every)):
         if outside.tolist() == [missed] and ticks[empty] not in there:
-            name, clock = f"--steps {matching.steps.text}", sides.axis.horizon.clock
+            name, clock = option("steps", matching.steps.text), sides.axis.horizon.clock
             first, last, gone, free = (
                 t if clock == "number" else iso(int(t), clock)
                 for t in (ticks[0] + move, ticks[-1] + move, missed, ticks[empty])
@@ -119,7 +124,7 @@ def step_warnings(sides: "AlignedPair", matching: TimeMatching) -> list[Notice]:
                     code="steps-moved",
                     text=f"{name}: rows at {gone} are left out, and no row is at {free}; arrays "
                     "in Python and NumPy files count steps from 0, MAT files from 1",
-                    remedy=f"--steps {first}:{last} has all rows",
+                    remedy=f"{option('steps', f'{first}:{last}')} has all rows",
                 )
             ]
     return []
@@ -142,7 +147,8 @@ def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
             Notice(
                 code="silences-not-charged",
                 text=f"{text}: silences are not charged, {states} in them are not judged",
-                remedy="leave --outage none out where the tracker reports at all times",
+                remedy=f"leave {option('outage', 'none')} out where the tracker reports at all "
+                "times",
             )
         ]
     cost = found.states * (1 - parameters.rho) * parameters.cutoff**parameters.order
@@ -150,7 +156,7 @@ def silence_warnings(axis: "Axis", parameters: Parameters) -> list[Notice]:
         Notice(
             code="silences",
             text=f"{text}: {states} in them are missed, cost {number(cost)}",
-            remedy="--outage none if the tracker reports only when it sees something",
+            remedy=f"{option('outage', 'none')} if the tracker reports only when it sees something",
         )
     ]
 
@@ -173,15 +179,15 @@ def gap_warnings(sides: "AlignedPair", request: "EvaluationRequest") -> list[Not
         return [Notice(text=text)]
     if request.ignoring is not None and request.ignoring.gaps:
         near = f"{counted(states, 'estimate state')} within c of the straight line across"
-        return [Notice(text=f"{text}: --ignore truth-gaps, {near} cost nothing")]
+        return [Notice(text=f"{text}: {option('ignore', 'truth-gaps')}, {near} cost nothing")]
     cost = states * parameters.rho * parameters.cutoff**parameters.order
     return [
         Notice(
             code="truth-gaps",
             text=f"{text}: {counted(states, 'estimate state')} within c of the straight line "
             f"across are false because the truth is silent, cost up to {number(cost)}",
-            remedy="--ignore truth-gaps does not judge them; a longer --max-gap if the truth moves "
-            "straight in them",
+            remedy=f"{option('ignore', 'truth-gaps')} does not judge them; a longer "
+            f"{option('max_gap')} if the truth moves straight in them",
         )
     ]
 
@@ -196,12 +202,15 @@ def alignment_notices(aligned: Alignment, matching: TimeMatching) -> list[str]:
     notices = [in_both(aligned.common, aligned.union) + (f"; {at}" * bool(costly))]
     if aligned.joined:
         pairs = counted(aligned.joined, "pair of stamps was", "pairs of stamps were")
-        how = f"the farthest {number(aligned.farthest)} apart (--time-tolerance), with their states"
+        how = (
+            f"the farthest {number(aligned.farthest)} apart ({option('time_tolerance')}), with "
+            "their states"
+        )
         notices.append(f"{pairs} joined, {how if matching.near else 'apart by rounding alone'}")
     if any(aligned.left_out):
         steps = aligned.union - len(aligned.truth.times)
         notices.append(
-            f"{counted(steps, 'step')} left out (--grid {matching.grid}), with "
+            f"{counted(steps, 'step')} left out ({option('grid', matching.grid)}), with "
             f"{counted(aligned.left_out[0], 'row')} of the truth and {aligned.left_out[1]} of the "
             "estimate"
         )

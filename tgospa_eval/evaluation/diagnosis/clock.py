@@ -22,6 +22,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
 )
 from tgospa_eval.evaluation.diagnosis.offset import Fit, Search, sharpest, significance
 from tgospa_eval.problem.metric_family import Parameters
+from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching, Times, nearest, within
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -99,7 +100,7 @@ def _unit_of_time(sides: "tuple[Trajectories, Trajectories]") -> Notice | None:
                 code="clock-shift",
                 text="the stamps of both files have no time in common, and those of the estimate "
                 f"are of the same stretch of time if they are multiplied by {plain(scale)}",
-                remedy=f"--time-scale {plain(scale)}",
+                remedy=option("time_scale", plain(scale)),
             )
     return None
 
@@ -117,7 +118,8 @@ def _few_common(sides: "AlignedPair", matching: TimeMatching) -> Notice | None:
     return Notice(
         code="steps-unmatched",
         text=f"only {share} of the steps are in both files, and {meaning}",
-        remedy="if the clocks differ, see --time-tolerance, --time-offset and --resample",
+        remedy=f"if the clocks differ, see {option('time_tolerance')}, {option('time_offset')} and "
+        f"{option('resample')}",
     )
 
 
@@ -147,7 +149,7 @@ def _near_misses(
         code="stamps-near",
         text=f"{pairs} nearly the same, of {counted(others, 'stamp')} that one file only has, at "
         f"most {named} apart where the median step is {_step_text(min(steps), clock, *times)}",
-        remedy=f"--time-tolerance {float(named)} makes each pair one step",
+        remedy=f"{option('time_tolerance', float(named))} makes each pair one step",
     )
 
 
@@ -336,9 +338,9 @@ def _rounded(value: float, noise: float) -> float:
 
 
 def _clock_warning(clock: ClockError, kind: str) -> Notice:
-    cures = [] if clock.time_scale == 1 else [f"--time-scale {plain(clock.time_scale)}"]
+    cures = [] if clock.time_scale == 1 else [option("time_scale", plain(clock.time_scale))]
     if clock.time_offset:
-        cures.append(f"--time-offset {plain(clock.time_offset)}")
+        cures.append(option("time_offset", plain(clock.time_offset)))
     return Notice(
         code="clock-shift",
         text=f"the clock of the estimate seems to {_clock_text(clock, kind)}: without that the "

@@ -6,12 +6,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats, median
-from tgospa_eval.common.notices import SHORT_OPTIONS, Notice
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.pair_search import plain_norm, rows_at
 from tgospa_eval.formats.columns.headers import METRES
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.metric_family import Parameters
+from tgospa_eval.text import option
 from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -139,14 +140,14 @@ def default_notice(
     scale = "" if not known else f"; the median nearest estimate is {nearest:.3g} away"
     far = nearest is not None and nearest >= parameters.cutoff and "cutoff" in defaults
     first = (
-        "--distance iou compares the boxes themselves; or "
+        f"{option('distance', 'iou')} compares the boxes themselves; or "
         if boxes and "cutoff" in defaults
         else ""
     )
     return Notice(
         code="default-parameters" if far and not others else "",
         text=f"default {used}{scale}",
-        remedy=f"{first}choose with " + " and ".join(SHORT_OPTIONS[name] for name in defaults),
+        remedy=f"{first}choose with " + " and ".join(option(name, short=True) for name in defaults),
     )
 
 
@@ -162,5 +163,6 @@ def unit_notices(unit: str | None) -> Iterator[Notice]:
             code="unit-label",
             text=f"the unit is called {unit}, and centres of boxes of MOTChallenge and KITTI are "
             "in pixels, and so are c and gamma",
-            remedy="say --unit px; of KITTI --columns x,y,z compares places in metres",
+            remedy=f"say {option('unit', 'px')}; of KITTI {option('columns', 'x,y,z')} compares "
+            "places in metres",
         )

@@ -25,7 +25,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     with_state,
 )
 from tgospa_eval.formats.columns.headers import BOX
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES, Trajectories
 
 SIDES = ("truth", "estimate")
@@ -323,15 +323,16 @@ def _linear(sample: Sample) -> Iterator[_Change]:
         straight = np.array([name in names for name in columns])
         for by, far, (own, other) in ((factor, "small", units[::-1]), (1 / factor, "large", units)):
             value = plain(float(f"{by:.15g}"))
-            option = f", or use --unit-scale {value}"  # which angles have not
+            way = option("unit_scale", value)  # which angles have not
             if angles or names != lengths:
-                option = f", or use --estimate-scale {','.join(f'{n}={value}' for n in names)}"
+                way = option("estimate_scale", ",".join(f"{n}={value}" for n in names))
             yield _Change(
                 code="unit-scale",
                 text=f"coordinates of the estimate seem {factor:.6g} times too {far} for those "
                 f"of the truth, like {own} beside {other}: with {named} of the estimate times "
                 f"{by:.6g}",
-                remedy="write both files in one unit" + option * ("degrees" not in units),
+                remedy="write both files in one unit"
+                + f", or use {way}" * ("degrees" not in units),
                 order=same,
                 factor=np.where(straight, by, 1.0),
                 offset=none,
@@ -386,7 +387,7 @@ def _turned(
     else:
         text = f"{' and '.join(negated)} of the estimate {'seem' if len(negated) > 1 else 'seems'}"
         text += " negated"
-    named = f", or name the headers in the other order with --estimate-columns {mapping}"
+    named = f", or name the headers in the other order with {option('estimate_columns', mapping)}"
 
     return _Change(
         code="axis-swap" if moved else "axis-sign",

@@ -21,7 +21,7 @@ from tgospa_eval.results.slices import (
     UNDER,
     UNNAMED,
 )
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.attributes import Values
 
 MOST_DISTINCT = 20
@@ -118,8 +118,9 @@ def members(
     if summed:
         shown = ":".join(f"{edge:g}" for edge in edges)
         raise ConfigError(
-            f"--slice {attribute.name}: {len(distinct):,} different values from {distinct[0]:g} to "
-            f"{distinct[-1]:g}; slices that are added up need edges: {attribute.name}=:{shown}:"
+            f"{option('slices', attribute.name)}: {len(distinct):,} different values from "
+            f"{distinct[0]:g} to {distinct[-1]:g}; slices that are added up need edges: "
+            f"{attribute.name}=:{shown}:"
         )
     return _ranged((-np.inf, *edges, np.inf), numbers, rows)
 
@@ -135,8 +136,8 @@ def _numbers(
         given = texts[0][texts[0] != ""]
         shown = listed(sorted(set(given.tolist()))[:5])
         raise ConfigError(
-            f"--slice {quoted(attribute.name)}: has texts ({shown}), for which there is no "
-            f"{wanted}; by value: --slice {attribute.name}"
+            f"{option('slices')} {quoted(attribute.name)}: has texts ({shown}), for which there "
+            f"is no {wanted}; by value: {option('slices', attribute.name)}"
         )
     return [
         None
@@ -160,8 +161,8 @@ def _weighted(
             wrong = side[(side < 0) | (side > 1)]
             if len(wrong):
                 raise ConfigError(
-                    f"--slice {attribute.name}=weight: {attribute.name} of the {role} is "
-                    f"{wrong[0]:g}; a weight must be from 0 to 1"
+                    f"{option('slices')} {attribute.name}=weight: {attribute.name} of the {role} "
+                    f"is {wrong[0]:g}; a weight must be from 0 to 1"
                 )
     names = [attribute.name, f"1 - {attribute.name}"]
     whole = _numbered(
@@ -211,13 +212,13 @@ def _by_text(
     names = list(attribute.values) or sorted(there, key=natural)
     if there and not summed and attribute.values and not there & set(names):
         raise ConfigError(
-            f"--slice {attribute.name}={':'.join(names)}: there is none of these, but "
+            f"{option('slices')} {attribute.name}={':'.join(names)}: there is none of these, but "
             f"{listed(sorted(there, key=natural)[:10])}"
         )
     if len(names) > MOST_SLICES:
         raise ConfigError(
-            f"--slice {attribute.name}: {len(names):,} different values; name those that are of "
-            f"interest, {attribute.name}={names[0]}:{names[1]}"
+            f"{option('slices', attribute.name)}: {len(names):,} different values; name those "
+            f"that are of interest, {attribute.name}={names[0]}:{names[1]}"
         )
     number_of = {text: k for k, text in enumerate(names)} | {"": -1}
     if there - set(names):

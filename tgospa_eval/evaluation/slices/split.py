@@ -24,7 +24,7 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes, spare
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.slices import Slice, Slicing, added_up
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 
 RowCosts = tuple[dict[str, Floats], dict[str, Floats]]
 """What each row of truth and estimate costs, in units of c^p, and how often: localisation, misses
@@ -85,7 +85,9 @@ def _members(by: SliceBy, fitted: AlignedPair, cutoff: float) -> Members:
         found.append(members(attribute, values, rows, summed=by.summed))
     whole = found[0] if len(found) == 1 else found[0].crossed(found[1])
     if len(whole.names) > MOST_CROSSINGS:
-        raise ConfigError(f"--slice {quoted(by.text)}: would make {len(whole.names):,} slices")
+        raise ConfigError(
+            f"{option('slices')} {quoted(by.text)}: would make {len(whole.names):,} slices"
+        )
     return whole
 
 

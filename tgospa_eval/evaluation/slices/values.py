@@ -12,7 +12,7 @@ from tgospa_eval.distances.sphere import Haversine
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.slicing import DERIVED, Attribute
 from tgospa_eval.formats.columns.headers import BOX
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.text import listed, option, quoted
 from tgospa_eval.tracks.attributes import Values
 from tgospa_eval.tracks.durations import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -86,17 +86,20 @@ def _unknown(sides: tuple[Trajectories, Trajectories], attribute: Attribute) -> 
             name = column
             break
     if name in offered:
-        return f"--slice {quoted(name)}: the column was not read; name it where the files are read"
+        return (
+            f"{option('slices')} {quoted(name)}: the column was not read; name it where the files "
+            "are read"
+        )
     known = (("id", "t", *side.columns, *side.attributes) for side in sides)
     there = sorted(offered.union(*known))
     if name == "size":
         return (
-            "--slice size: neither side has boxes, nor columns width and height (found: "
-            f"{listed(there)})"
+            f"{option('slices', 'size')}: neither side has boxes, nor columns width and height "
+            f"(found: {listed(there)})"
         )
     return (
-        f"--slice {quoted(name)}: neither side has such a column (found: {listed(there)}); "
-        f"beside columns there are {', '.join(DERIVED)}"
+        f"{option('slices')} {quoted(name)}: neither side has such a column (found: "
+        f"{listed(there)}); beside columns there are {', '.join(DERIVED)}"
     )
 
 
@@ -147,11 +150,13 @@ def _ranges(side: Trajectories, attribute: Attribute) -> Floats:
     places = _positions(side)
     origin = np.array(attribute.origin or (0.0,) * len(places))
     if _is_earth(side) and len(origin) != len(places):
-        raise ConfigError("--slice range: of latitudes and longitudes write range@LAT,LON")
+        raise ConfigError(
+            f"{option('slices', 'range')}: of latitudes and longitudes write range@LAT,LON"
+        )
     if len(origin) > len(places):
         raise ConfigError(
-            f"--slice {attribute.name}: the point has {len(origin)} numbers, positions have "
-            f"{len(places)} ({', '.join(side.columns)})"
+            f"{option('slices', attribute.name)}: the point has {len(origin)} numbers, positions "
+            f"have {len(places)} ({', '.join(side.columns)})"
         )
     places = places[: len(origin)]
     return _apart(side, places, np.broadcast_to(origin[:, None], places.shape))
@@ -219,7 +224,9 @@ def _inside(side: Trajectories, attribute: Attribute) -> Values | None:
         if values is None:
             return None
         if values.dtype.kind != "f":
-            raise ConfigError(f"--slice region: column {quoted(name)} has texts, not numbers")
+            raise ConfigError(
+                f"{option('slices', 'region')}: column {quoted(name)} has texts, not numbers"
+            )
         known &= ~np.isnan(values.astype(np.float64))
         inside &= (values >= low) & (values <= high)
     names = np.array(["", OUTSIDE, INSIDE], dtype=object)

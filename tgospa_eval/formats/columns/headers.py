@@ -22,7 +22,7 @@ from tgospa_eval.formats.columns.patterns import (
 )
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.text import listed, quoted
+from tgospa_eval.text import COMMAND, listed, option, quoted, surface
 from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.trajectories import HEIGHT, PLACES
 
@@ -109,17 +109,16 @@ def has_patterns(options: ReadOptions) -> bool:
     return any(ID_MARK in item for item in options.columns or ())
 
 
-def ask(option: str, items: Sequence[str]) -> str:
+def ask(name: str, items: Sequence[str]) -> str:
     """What to type or write so that these items are columns: ready to be pasted.
 
-    `option` is an option of the command line, an argument of Python, or nothing for a DataFrame.
+    `name` is that of the option, or nothing for a DataFrame.
     """
-    if option.startswith("-"):
+    if name:
         from shlex import quote  # here: for messages only
 
-        return f"{option} {quote(','.join(items))}"
-    if option:
-        return f"{option}={tuple(items)!r}"
+        value = ",".join(items)
+        return option(name, quote(value) if surface.get() == COMMAND else value)
     names = (item.partition("=")[::2] for item in items)
     return f"rename(columns={ ({header: name for name, header in names if header})!r})"
 
@@ -281,7 +280,7 @@ class Headers:
                 return found
         return None if plainly else self._only(self.places(name), name)
 
-    def compared(self, name: str, option: str) -> int:
+    def compared(self, name: str, asked_by: str) -> int:
         """Position of a column that a filter compares, also one that is something else as well.
 
         Raises
@@ -292,18 +291,19 @@ class Headers:
         column = None if name in self.mapped else self.spelt(name, name)
         column = self.find(name) if column is None else column
         if column is None:
-            way = f"; {self.way_of_one_side}" if option == "--where" else ""
+            way = f"; {self.way_of_one_side}" if asked_by == option("where") else ""
             raise InputError(
-                f"{self.where}: no column {quoted(name)} for {option} (found: {self.shown}); name "
-                f"one of these{way}"
+                f"{self.where}: no column {quoted(name)} for {asked_by} (found: {self.shown}); "
+                f"name one of these{way}"
             )
         return column
 
     @property
     def way_of_one_side(self) -> str:
         """What to do about a column that one file alone has, for messages."""
-        first, second = ("a", "b") if self.option[:4] in ("--a-", "--b-") else ("truth", "estimate")
-        return f"--{first}-where or --{second}-where is for a column of one file, 'score >= 0.5'"
+        first, second = ("a", "b") if self.option[:2] in ("a_", "b_") else ("truth", "estimate")
+        ways = f"{option(f'{first}_where')} or {option(f'{second}_where')}"
+        return f"{ways} is for a column of one file, 'score >= 0.5'"
 
     @property
     def taken(self) -> set[int]:
@@ -633,7 +633,7 @@ class Roles:
             if name in self.missing:
                 yield (
                     f"{name} is read from column {quoted(header)}: it has no header as named by "
-                    "--columns"
+                    f"{option('columns')}"
                 )
         yield from self.passed
         asked = self.options.covariance and not self.options.clouds
@@ -646,9 +646,12 @@ class Roles:
             folded = {name.casefold() for name in unused}
             way = ""
             if not (asked or clouds) and any(map(SPREAD.fullmatch, folded)):
-                way = "; --distance gaussian-wasserstein compares covariances; see also --with nees"
+                way = (
+                    f"; {option('distance', 'gaussian-wasserstein')} compares covariances; see "
+                    f"also {option('with_', 'nees')}"
+                )
             if EXISTENCE in folded:
-                way += "; --existence use takes existence as probabilities"
+                way += f"; {option('existence', 'use')} takes existence as probabilities"
             yield f"columns not used: {listed(unused)}{way}"
         if self.spread is not None and not clouds:
             read = [self.headers[column] for column in self.spread.columns]
@@ -930,7 +933,7 @@ class _Mixes:
         mix = self.of(name, states)
         if mix is None:
             raise InputError(
-                f"{self.headers.where}: no column {quoted(name)} for --region (found: "
+                f"{self.headers.where}: no column {quoted(name)} for {option('region')} (found: "
                 f"{self.headers.shown}); name one that both files have; "
                 f"{self.headers.way_of_one_side}"
             )
@@ -964,12 +967,13 @@ def _class_column(
         return None
     klass = headers.find("class")
     if klass is None:
-        option = "--class" if options.classes is not None else options.class_for
+        way = options.class_for or option("by", "class")
+        way = way if options.classes is None else option("class_")
         meant = (name for name in headers.names if re.search("class|categor|type", name, re.I))
         mapped = f"class={next(meant, 'HEADER')}"
         remedy = f"add it, or map it with {ask(headers.option, [mapped])}"
         fault = (
-            f"{headers.where}: no column class for {option} (found: {headers.shown}); "
+            f"{headers.where}: no column class for {way} (found: {headers.shown}); "
             f"{'rows of this length have none' if fixed else remedy}"
         )
         if options.by_class or "class" not in options.shared:
@@ -1044,13 +1048,13 @@ def are_numbers(fields: Sequence[str]) -> bool:
     return 2 * sum(map(is_number, fields)) > len(fields)
 
 
-def without_header(fields: Sequence[str], option: str, where: str) -> str:
+def without_header(fields: Sequence[str], name: str, where: str) -> str:
     """Message about a table that begins with numbers."""
     return (
         f"{where}: {counted(len(fields), 'number')} where the header should be "
         f"({listed([*map(str.strip, fields)])}); name the columns in their order with "
-        f"{option or 'columns'}, of t, id, x, y, z or left, top, width, height, and - for others, "
-        "or name the format (--truth-format, --estimate-format)"
+        f"{option(name or 'columns')}, of t, id, x, y, z or left, top, width, height, and - for "
+        f"others, or name the format ({option('truth_format')}, {option('estimate_format')})"
     )
 
 
@@ -1067,7 +1071,8 @@ def placed_names(columns: Sequence[str] | None, count: int, where: str) -> list[
         return None
     if len(names) > count:
         raise InputError(
-            f"{where}: {counted(count, 'column')}, and --columns names {len(names)}; name no more"
+            f"{where}: {counted(count, 'column')}, and {option('columns')} names {len(names)}; "
+            "name no more"
         )
     shown = [name if name not in SKIPPED else "" for name in names]
     return [
@@ -1079,10 +1084,10 @@ SKIPPED = ("-", "_")
 """Names of columns that are nothing."""
 
 
-def _check_names(names: list[str], where: str, option: str) -> None:
+def _check_names(names: list[str], where: str, keyword: str) -> None:
     """Whether these are the headers of columns that are distinct."""
     if are_numbers(names):
-        raise InputError(without_header(names, option, where))
+        raise InputError(without_header(names, keyword, where))
     seen: set[str] = set()
     for k, name in enumerate(names, start=1):
         if not name:

@@ -14,6 +14,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
+from tgospa_eval.text import option
 from tgospa_eval.tracks.covariances import LARGEST_VARIANCE, accept, size_of, symmetric
 
 BEYOND = 1e-3
@@ -137,11 +138,11 @@ def find_spread(
         found = SpreadColumns(names=tuple(names), entries=tuple(entries), spelling=spelling)
         for (i, j, label), entry in zip(found.labels(), entries, strict=True):
             if i == j and not entry:
-                usual = spelt(i, i, names)[0]
+                header = label if found.deviations else spelt(i, i, names)[0]
                 raise InputError(
                     f"{where}: no column {label}, but others of the covariance; add it, map it "
-                    f"with --columns {usual if not found.deviations else label}=HEADER, or choose "
-                    "state columns with --columns"
+                    f"with {option('columns', f'{header}=HEADER')}, "
+                    f"or choose state columns with {option('columns')}"
                 )
         return found
     return None
@@ -194,11 +195,11 @@ def covariances_of(
         if missing == "error":
             _, place, others = first(without)
             raise InputError(
-                f"{place}: no covariance{others}; add it, or --missing-cov zero makes such states "
-                "points"
+                f"{place}: no covariance{others}; add it, or {option('missing_cov', 'zero')} "
+                "makes such states points"
             )
         states = counted(int(np.count_nonzero(without)), "state has", "states have")
-        text = f"{states} no covariance: compared as points (--missing-cov zero)"
+        text = f"{states} no covariance: compared as points ({option('missing_cov', 'zero')})"
         notices.append(Notice(text=text))
     packed = np.zeros((len(spread.entries), len(without)))
     for k in range(len(packed)):
@@ -232,7 +233,7 @@ def _blank(values: Mapping[int, Floats], spread: SpreadColumns, first: First) ->
         ]
         raise InputError(
             f"{place}: {labels[0]} is blank and other entries of the covariance are not{others}; "
-            "fill it, or leave all blank and use --missing-cov zero"
+            f"fill it, or leave all blank and use {option('missing_cov', 'zero')}"
         )
     return without
 
@@ -277,7 +278,7 @@ def _products(packed: Floats, spread: SpreadColumns, first: First, *, fix: bool)
         wrong = ~((packed[k] >= least) & (packed[k] <= most))
         if wrong.any():
             at, place, others = first(wrong)
-            rule = f"0 to {most:g}" if i == j else "-1 to 1; correct it or use --fix-cov"
+            rule = f"0 to {most:g}" if i == j else f"-1 to 1; correct it or use {option('fix_cov')}"
             raise InputError(
                 f"{place}: {label} is {packed[k, at]:g}{others}; it must be from {rule}"
             )

@@ -24,15 +24,15 @@ from tgospa_eval.formats.columns.headers import Roles
 from tgospa_eval.formats.fields import MISSING, Coded, attribute_of, floats, is_number
 from tgospa_eval.formats.guess import COMMENTS
 from tgospa_eval.formats.rows import (
-    NAME_OBJECTS,
     Rows,
     blanks,
+    name_objects,
     named_ids,
     numbered,
     without_ids,
 )
 from tgospa_eval.formats.times import TimeError, read_times, remedy_for
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 
 scanner: Any = compiled("tgospa_eval.formats.text._scan")
 """The extension module, or None: then large files take some ten times as long."""
@@ -81,7 +81,8 @@ def check_text(data: bytes, path: str) -> None:
     if not data:
         raise InputError(
             f"{path}: the file is empty; a set without objects is a header alone, or text of "
-            "MOTChallenge or KITTI whose format is named (--truth-format, --estimate-format)"
+            f"MOTChallenge or KITTI whose format is named ({option('truth_format')}, "
+            f"{option('estimate_format')})"
         )
     for magic, program in COMPRESSED.items():
         if data.startswith(magic):
@@ -428,7 +429,7 @@ def convert(
     blank = blanks(ids)
     if len(blank) and roles.options.on_invalid != "drop":
         place = f"{where(int(blank[0]))}, column {quoted(names[roles.id])}"
-        problems.append(f"{place}: blank id{more(len(blank))}; {NAME_OBJECTS}")
+        problems.append(f"{place}: blank id{more(len(blank))}; {name_objects()}")
     for column, row, message in fields.mistakes:
         wrong = of_weights if column == roles.weight else problems
         wrong.append(f"{where(row)}, column {quoted(names[column])}: {message}")

@@ -60,7 +60,7 @@ from tgospa_eval.formats.text.lines import (
     plain_id,
     scanned,
 )
-from tgospa_eval.text import quoted
+from tgospa_eval.text import option, quoted
 
 DELIMITERS = ",;\t"
 
@@ -509,8 +509,9 @@ def _leave_out_unknown(rows: Rows, unknown: float) -> None:
     apart = np.asarray((state == unknown).all(axis=1), bool)
     if len(apart) and apart.all():
         raise InputError(
-            f"{rows.name}: no row has a place in space, all are {unknown:g}; without --columns the "
-            "centres of the boxes are compared, with --distance iou the boxes"
+            f"{rows.name}: no row has a place in space, all are {unknown:g}; without "
+            f"{option('columns')} the centres of the boxes are compared, with "
+            f"{option('distance', 'iou')} the boxes"
         )
     rows.apart["no place"] = apart, f"without a place in space ({unknown:g}): absent at that step"
 

@@ -232,7 +232,7 @@ def test_the_user_is_told_of_long_work(monkeypatch: pytest.MonkeyPatch) -> None:
     stopwatch.notify = said.append
     near_pairs(scene(11), scene(12), 5, CloudWasserstein(), Effort(jobs=1, stopwatch=stopwatch))
     assert re.fullmatch(
-        r"\d+ distances of clouds of up to 9 particles; --reduce 50 makes them small, "
+        r"\d+ distances of clouds of up to 9 particles; reduce=50 makes them small, "
         r"about 0 s left",
         said[0],
     )
