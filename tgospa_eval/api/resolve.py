@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from tgospa_eval.api.distance import DistanceOptions, numbers_by_name
-from tgospa_eval.api.options import DEFAULTS, OPTION_SPECS, Request, is_coverage
+from tgospa_eval.api.options import DEFAULTS, Request, is_coverage
 from tgospa_eval.common.frozen import dataclass, replace
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.request import (
