@@ -135,7 +135,8 @@ OF_OTHER_PROGRAMS = {
     "results/saved.py": "files are saved by the command line",
     "show/batch_page.py": "names of CSS",
     "text.py": "the spelling itself",
-    "api/gate.py": "arguments of the command that a gate proposes",
+    "campaign/gate/judge.py": "arguments of the command that a gate proposes",
+    "campaign/gate/options.py": "help",
 }
 """Files in whose texts there are options, and why."""
 

@@ -104,7 +104,7 @@ def check_parts(options: Request, why: str, others: Iterable[tuple[str, str]] = 
         There is one.
     """
     requested = [
-        (about.key, about.parts)
+        (option(name), about.parts)
         for name, about in OPTION_SPECS.items()
         if about.parts and getattr(options, name) not in (DEFAULTS[name], NEES)
     ]

@@ -152,7 +152,7 @@ def test_failing_and_contradicting_scenes_are_counted(
 ) -> None:
     """Of four scenes the first cannot be made, a solver fails in the second, the third is wrong."""
     kept = {"prepare": solver_runs.prepare, "run_here": solver_runs.run_here}
-    scenes = iter(range(1, 5))
+    scenes = iter(range(-1, 5))  # before the first two solvers are warmed up
     at, elsewhere = [0], []
 
     def prepare(*sides, **options):

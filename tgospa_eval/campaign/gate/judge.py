@@ -290,7 +290,9 @@ def _judged(
             else:
                 outcome = judged_outcome(pair, now, entry, own, noisy=noisy, **about)
             if pair.is_new:
-                outcome = replace(outcome, verdict=Verdict.NEW, notes=(*outcome.notes, NEW))
+                note = "new, not judged: the target does not have it yet; its limits of "
+                note += f"{option('limits')} only warn"
+                outcome = replace(outcome, verdict=Verdict.NEW, notes=(*outcome.notes, note))
             else:
                 results[pair.name] = now
         hidden = len(pairs) > MAX_PAGES and not outcome.status
@@ -327,9 +329,6 @@ MAX_PAGES = 200
 """Pairs of which each has a page; of more those have one that do not pass."""
 
 IN_GROUP = "not in the baseline: judged in its group alone"
-NEW = (
-    f"new, not judged: the target does not have it yet; its limits of {option('limits')} only warn"
-)
 
 
 def _updated(

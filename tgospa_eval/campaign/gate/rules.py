@@ -340,8 +340,8 @@ def parse_rules(
         One is wrong.
     """
     return [
-        *([*_parsed(fail_on, "fail-on")] or [DEFAULT][:default]),
-        *_parsed(warn_on, "warn-on"),
+        *([*_parsed(fail_on, "fail_on")] or [DEFAULT][:default]),
+        *_parsed(warn_on, "warn_on"),
         *(parse_maximum(text) for text in _each(maximum)),
     ]
 
