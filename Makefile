@@ -71,7 +71,7 @@ lock: .venv/bin/python
 		--no-emit-package setuptools --output-file requirements-dev.txt pyproject.toml
 
 clean:
-	rm -rf .venv .venv-oldest .venv-newest build demo dist docs/_build *.egg-info .coverage* tgospa_eval/problem/_kernels.c tgospa_eval/formats/text/_scan.c tgospa_eval/problem/*.so \
+	rm -rf .venv .venv-oldest .venv-newest build demo dist docs/_build *.egg-info .coverage* tgospa_eval/kernels/_kernels.c tgospa_eval/formats/text/_scan.c tgospa_eval/kernels/*.so \
 		tgospa_eval/formats/text/*.so
 
 .venv/bin/python:
@@ -79,7 +79,7 @@ clean:
 	$(PYTHON) -m venv .venv
 
 # The one step that builds the package and its extension; the others only add to it.
-.venv/installed: .venv/bin/python pyproject.toml tgospa_eval/problem/_kernels.pyx tgospa_eval/formats/text/_scan.pyx
+.venv/installed: .venv/bin/python pyproject.toml tgospa_eval/kernels/_kernels.pyx $(wildcard tgospa_eval/kernels/*.pxi) tgospa_eval/formats/text/_scan.pyx
 	@echo 'Installing tgospa-eval and its libraries into .venv, and compiling its inner loops, a few minutes ...'
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	touch $@

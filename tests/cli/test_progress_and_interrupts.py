@@ -24,7 +24,7 @@ from tgospa_eval.distances.registry import as_distance
 from tgospa_eval.evaluation.prepare import fit, prepare
 from tgospa_eval.evaluation.prove import solve
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.kernels import KERNEL
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.show.charts import CHARTS
 from tgospa_eval.solvers import Solver, batches, certified

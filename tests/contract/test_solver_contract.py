@@ -10,8 +10,8 @@ from strategies import ORDERS, SWITCH, few_among_many, pairs_of_sets, scene
 from tgospa_eval import Certified, ConfigError, Exact, Sinkhorn, evaluate
 from tgospa_eval.api.result import Result
 from tgospa_eval.common.progress import Status, Stopwatch
+from tgospa_eval.kernels import KERNEL
 from tgospa_eval.problem.certificate import certify
-from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.metric_family import Parameters, tgospa_problem
 from tgospa_eval.problem.problem import Problem

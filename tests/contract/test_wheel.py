@@ -18,7 +18,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
     tree = tmp_path_factory.mktemp("tree")
     for name in ("LICENSE", "README.md", "pyproject.toml", "setup.py"):
         shutil.copy(ROOT / name, tree)
-    for name in ("problem/_kernels.pyx", "formats/text/_scan.pyx", "kept.py"):
+    for name in ("kernels/_kernels.pyx", "formats/text/_scan.pyx", "kept.py"):
         (tree / "tgospa_eval" / name).parent.mkdir(parents=True, exist_ok=True)
         (tree / "tgospa_eval" / name).touch()
     shutil.copy(ROOT / "tgospa_eval/_version.py", tree / "tgospa_eval")

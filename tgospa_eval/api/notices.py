@@ -21,7 +21,7 @@ from tgospa_eval.evaluation.prepare import AlignedPair
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.objects import is_path
-from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.kernels import KERNEL
 from tgospa_eval.results.evaluation import Evaluation
 from tgospa_eval.text import option
 from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of

@@ -30,7 +30,7 @@ from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.evaluation.prepare import PreparedPair, fit, prepare
 from tgospa_eval.evaluation.prove import solve, solver_settings
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.kernels import KERNEL
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.results.records import PARTS, Json
 from tgospa_eval.simulation import Scene, Tracker, simulate

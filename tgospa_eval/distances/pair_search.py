@@ -17,7 +17,7 @@ from tgospa_eval.common.machine import cores, in_order
 from tgospa_eval.distances.base import Distance, Effort, Pairs, Sides
 from tgospa_eval.distances.registry import DISTANCES
 from tgospa_eval.distances.vector import Norm
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.tracks.trajectories import Trajectories
 
 MOST_PAIRS = 128

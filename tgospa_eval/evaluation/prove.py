@@ -14,8 +14,8 @@ from tgospa_eval.evaluation.localisation import (
 from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.evaluation.prepare import PreparedPair
 from tgospa_eval.evaluation.request import EvaluationRequest, in_words
+from tgospa_eval.kernels import KERNEL
 from tgospa_eval.problem.certificate import certify
-from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.metric_family import Parameters, check_underflow
 from tgospa_eval.problem.readout import read_unjudged
 from tgospa_eval.problem.solution import Solution

@@ -18,7 +18,7 @@ from tgospa_eval.evaluation.pair import PairEvaluation
 from tgospa_eval.evaluation.prepare import AlignedPair, MeasuredSides, NearPairs, fit, measure
 from tgospa_eval.evaluation.prove import prove, solver_settings
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.solution import Solution

@@ -15,7 +15,7 @@ import itertools
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Mask
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.paths import turns
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE

@@ -12,7 +12,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, places_of
 from tgospa_eval.errors import SolverError
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.paths import best_values, down, lower_sums, relative_gains, row_steps, up
 from tgospa_eval.problem.problem import Problem, sum_by, sum_parts
 from tgospa_eval.problem.slots import PART, Slots

@@ -6,7 +6,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Ints, concatenated
 from tgospa_eval.errors import check_size
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.slots import make_slots
 from tgospa_eval.problem.states import States, connected_components

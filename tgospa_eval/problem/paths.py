@@ -10,7 +10,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.problem import sum_parts
 from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.states import States

@@ -15,10 +15,6 @@ from tgospa_eval.common.arrays import Floats, Ints, Mask, freeze
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 
-REGRET = 1e-11
-"""What a row could gain by leaving its path that is rounding: sums of gains round to 1e-12."""
-
-
 _END = np.zeros(1)
 """After the last value: reduceat knows no part that begins there."""
 

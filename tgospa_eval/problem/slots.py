@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.problem import sum_parts
 
 PART = 1 << 19

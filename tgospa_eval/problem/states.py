@@ -13,7 +13,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated, places_of
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.slots import Slots, make_slots
 

@@ -12,7 +12,7 @@ import numpy as np
 from tgospa_eval.common.arrays import places_of
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Status
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.solvers.batches import Answer, BatchSolver, BlockBatch, Routine
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.lp_rounds import Programmes

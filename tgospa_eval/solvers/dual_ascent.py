@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
-from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.problem.problem import REGRET, sum_by, sum_parts
+from tgospa_eval.kernels import REGRET, kernels
+from tgospa_eval.problem.problem import sum_by, sum_parts
 from tgospa_eval.problem.states import States, connected_components
 from tgospa_eval.solvers.block_costs import price_cap, unassigned_costs
 from tgospa_eval.solvers.trivial import assign_steps

@@ -17,7 +17,7 @@ from collections.abc import Callable
 import numpy as np
 
 from tgospa_eval.common.arrays import Floats
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.sinkhorn import WARM_STAGES, WARM_SWEEPS
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask, concatenated
 from tgospa_eval.common.progress import StoppedError
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.slots import make_slots
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import Floats, Ints, Mask
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.capacities import CapacityRows, capacity_rows
 

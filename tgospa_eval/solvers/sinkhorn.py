@@ -18,7 +18,7 @@ from tgospa_eval.common.arrays import Mask
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Status
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.solvers.batches import Answer, BatchSolver, BlockBatch, Routine
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps

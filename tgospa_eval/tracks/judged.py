@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.arrays import Floats, Ints
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.text import option
 from tgospa_eval.tracks.existence import existence_of
 from tgospa_eval.tracks.ignored import NOT_JUDGED, marks_of

@@ -11,7 +11,7 @@ from tgospa_eval.distances import DISTANCES, near_pairs
 from tgospa_eval.distances import pair_search as points
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.evaluation.diagnosis.scale import median_nearest
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 
 NORMS = ("euclidean", "manhattan", "chebyshev")
 

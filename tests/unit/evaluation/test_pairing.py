@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tgospa_eval.evaluation.diagnosis import costs as pairing
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 
 compiled_only = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
 

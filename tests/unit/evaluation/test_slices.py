@@ -19,7 +19,7 @@ from tgospa_eval import ConfigError, Trajectories, evaluate
 from tgospa_eval.api.result import ByClass, Result
 from tgospa_eval.common.frozen import recast
 from tgospa_eval.evaluation.by_class import add_up
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.results.slices import Slicing, added_up
 
 PARTS = ("localisation", "missed", "false", "switch")

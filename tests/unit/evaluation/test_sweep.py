@@ -22,8 +22,8 @@ from tgospa_eval.evaluation.prepare import MeasuredSides, NearPairs, fit, measur
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import ReadOptions
 from tgospa_eval.formats.objects import read_object
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.certificate import certify
-from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE

@@ -6,7 +6,7 @@ from scipy import sparse
 from scipy.optimize import linprog
 
 from tgospa_eval import Certified, Result, evaluate
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.solvers import interior_point, restricted_lp
 from tgospa_eval.solvers.interior_point import Inequalities, solve_nearest
 from tgospa_eval.solvers.tuning import CROWDS

@@ -10,7 +10,7 @@ from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.evaluation.prepare import PreparedPair, fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.entropic import Trace, entropic_trace, gains

@@ -13,9 +13,9 @@ import tgospa_eval.solvers.sinkhorn as sinkhorn_module
 from tgospa_eval import Certified, Result, Sinkhorn, evaluate
 from tgospa_eval.common.progress import Stopwatch
 from tgospa_eval.errors import InputError, check_size
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem import merging, slots, states
 from tgospa_eval.problem.certificate import break_down, certify, lower_bounds
-from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.paths import best_values, relative_gains, row_steps
 from tgospa_eval.problem.problem import Problem, sum_parts

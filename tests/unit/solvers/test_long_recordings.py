@@ -11,8 +11,8 @@ import tgospa_eval.solvers.restricted_lp as restricted_lp_module
 import tgospa_eval.solvers.whole_lp as whole_lp_module
 from tgospa_eval import Certified, Exact, Sinkhorn, evaluate
 from tgospa_eval.common.progress import Status, Stopwatch
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.certificate import certify
-from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.block_costs import price_cap
 from tgospa_eval.solvers.dual_ascent import Ascent

@@ -8,8 +8,8 @@ from strategies import dice, scene
 
 from tgospa_eval import Certified, Result, evaluate
 from tgospa_eval.common.progress import Stopwatch
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.certificate import certify
-from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.solution import Bounds
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.time_windows import Division, divisible_blocks

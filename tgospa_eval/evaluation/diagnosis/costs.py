@@ -17,7 +17,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance, near_pairs
 from tgospa_eval.distances.pair_search import near_points, rows_at
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.kernels import kernels
 from tgospa_eval.problem.gospa import assign_pairs
 from tgospa_eval.problem.metric_family import Parameters
 from tgospa_eval.tracks.trajectories import Trajectories

@@ -4,7 +4,10 @@ from typing import Any
 
 from tgospa_eval.common.machine import compiled
 
-kernels: Any = compiled("tgospa_eval.problem._kernels")
+REGRET = 1e-11
+"""What a row could gain by leaving its path that is rounding: sums of gains round to 1e-12."""
+
+kernels: Any = compiled("tgospa_eval.kernels._kernels")
 """The extension module, or None. ``TGOSPA_EVAL_KERNEL=numpy`` leaves it aside, for comparison."""
 
 KERNEL = "compiled" if kernels else "numpy"

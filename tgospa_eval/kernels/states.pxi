@@ -1,0 +1,742 @@
+# Reduced states: merging, slots, exact sums, gains, and the certificate.
+
+
+# --- sums in NumPy's order ---------------------------------------------------------------------
+
+
+cdef double pairwise(const double* value, Py_ssize_t size) noexcept nogil:
+    """Sum by halves, down to eight sums side by side, as NumPy's: its rounding hardly grows."""
+    cdef double part[8]
+    cdef double total = 0.0
+    cdef Py_ssize_t i, half, whole = size - size % 8
+    if size > 128:
+        half = size // 2
+        half -= half % 8
+        return pairwise(value, half) + pairwise(value + half, size - half)
+    if whole:
+        for i in range(8):
+            part[i] = value[i]
+        for i in range(8, whole):
+            part[i % 8] += value[i]
+        total = (((part[0] + part[1]) + (part[2] + part[3]))
+                 + ((part[4] + part[5]) + (part[6] + part[7])))
+    for i in range(whole, size):
+        total += value[i]
+    return total
+
+
+# --- merging of runs: the twins are in problem.merging and problem.slots -------------------------
+
+
+cdef void sort_by(const i32[::1] key, i32[::1] at, i32[::1] order) noexcept nogil:
+    """Positions by (key, position): a counting sort.
+
+    `at` comes as zeros, one more than there are keys, and becomes the end of each key in `order`.
+    """
+    cdef Py_ssize_t n
+    for n in range(key.shape[0]):
+        at[key[n] + 1] += 1
+    for n in range(at.shape[0] - 1):
+        at[n + 1] += at[n]
+    for n in range(key.shape[0]):
+        order[at[key[n]]] = <i32>n
+        at[key[n]] += 1
+
+
+def number_pairs(const i32[::1] truth, const i32[::1] estimate, int truths, int estimates):
+    """Pair of each entry, and truth and estimate of each pair, in order of truth and appearance.
+
+    The entries of one truth are visited together, so that a stamp for each estimate is enough.
+    """
+    cdef Py_ssize_t N = truth.shape[0], e, a
+    cdef i32 j, pairs = 0
+    cdef i32[::1] at = np.zeros(truths + 1, np.int32)
+    cdef i32[::1] order = np.empty(N, np.int32)
+    cdef i32[::1] pair_of = np.empty(N, np.int32)
+    cdef i32[::1] stamp = full_of(max(estimates, 1), -1)
+    cdef i32[::1] number = np.empty(max(estimates, 1), np.int32)
+    with nogil:
+        sort_by(truth, at, order)
+        for a in range(N):
+            e = order[a]
+            j = estimate[e]
+            if stamp[j] != truth[e]:
+                stamp[j] = truth[e]
+                number[j] = pairs
+                pairs += 1
+            pair_of[e] = number[j]
+    pair_truth = np.empty(pairs, np.int32)
+    pair_estimate = np.empty(pairs, np.int32)
+    cdef i32[::1] pt = pair_truth, pe = pair_estimate
+    with nogil:
+        for e in range(N):
+            pt[pair_of[e]] = truth[e]
+            pe[pair_of[e]] = estimate[e]
+    return np.asarray(pair_of), pair_truth, pair_estimate
+
+
+def components(const i32[::1] a, const i32[::1] b, int nodes):
+    """Smallest node of the component of each node: union and find with halving."""
+    root_array = np.arange(nodes, dtype=np.int32)
+    cdef i32[::1] root = root_array
+    cdef Py_ssize_t e
+    cdef i32 x, y
+    with nogil:
+        for e in range(a.shape[0]):
+            x, y = a[e], b[e]
+            while root[x] != x:
+                root[x] = root[root[x]]
+                x = root[x]
+            while root[y] != y:
+                root[y] = root[root[y]]
+                y = root[y]
+            if x < y:
+                root[y] = x
+            elif y < x:
+                root[x] = y
+        for x in range(nodes):
+            root[x] = root[root[x]]
+    return root_array
+
+
+def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] step, int truths,
+                int estimates, bint transpose):
+    """Pairs, nodes and blocks from the truth, the estimate and the step of each entry, in time.
+
+    The pair of each entry, then the fields of `problem.merging.PairGraph`, in their order;
+    `transpose` is that of `merge_runs`.
+    """
+    pair_of, tracks, others = number_pairs(truth, estimate, truths, estimates)
+    cdef const i32[::1] root = components(tracks, others + np.int32(truths), truths + estimates)
+    cdef i32[::1] of_entry = pair_of
+    cdef const i32[::1] pt = tracks, pe = others
+    cdef Py_ssize_t P = pt.shape[0], p, i, e, nodes = truths + estimates, count = 0
+    cdef i32 b, blocks = 0, total = 0
+    cdef bint is_row
+    cdef i32[::1] number = full_of(nodes, -1)    # of the block with this root
+    cdef i32[::1] block_of = full_of(nodes, -1)  # of each track
+    with nogil:
+        for p in range(P):  # by truth: the root of a block is the first that is met
+            if number[root[pt[p]]] < 0:
+                number[root[pt[p]]] = blocks
+                blocks += 1
+            block_of[pt[p]] = block_of[truths + pe[p]] = number[root[pt[p]]]
+        for i in range(nodes):
+            count += block_of[i] >= 0
+    transposed = np.zeros(blocks, bool)
+    node_block = np.empty(count, np.int32)
+    window = np.zeros((2, blocks), np.int32)
+    row, column, block = np.empty(P, np.int32), np.empty(P, np.int32), np.empty(P, np.int32)
+    pair_truth, pair_estimate = np.empty(P, np.int32), np.empty(P, np.int32)
+    cdef u8[::1] flip = transposed.view(np.uint8)
+    cdef i32[::1] node_blocks = node_block, rows = row, columns = column, own_block = block
+    cdef i32[::1] own_truth = pair_truth, own_estimate = pair_estimate
+    cdef i32[:, ::1] ends = window, side = np.zeros((2, blocks), np.int32)
+    cdef i32[::1] key = np.empty(P, np.int32), by_column = np.empty(P, np.int32)
+    cdef i32[::1] order = np.empty(P, np.int32), rank = np.empty(P, np.int32)
+    cdef i32[::1] first = np.zeros(count + 1, np.int32), next = np.zeros(count + 1, np.int32)
+    with nogil:
+        for i in range(nodes):
+            if block_of[i] >= 0:
+                side[i >= truths, block_of[i]] += 1
+        for b in range(blocks):  # rows are truths, unless there is a single estimate for several
+            flip[b] = transpose and side[1, b] == 1 and side[0, b] > 1
+            i = side[0, b] + side[1, b]
+            side[1, b] = total + (1 if flip[b] else side[0, b])
+            side[0, b] = total
+            total += <i32>i
+        for i in range(nodes):
+            b = block_of[i]
+            if b >= 0:
+                is_row = (i < truths) != flip[b]
+                number[i] = side[not is_row, b]
+                side[not is_row, b] += 1
+                node_blocks[number[i]] = b
+        for p in range(P):
+            b = block_of[pt[p]]
+            key[p] = number[pt[p]] if flip[b] else number[truths + pe[p]]
+        sort_by(key, first, by_column)
+        for p in range(P):
+            i = by_column[p]
+            b = block_of[pt[i]]
+            key[p] = number[truths + pe[i]] if flip[b] else number[pt[i]]
+        sort_by(key, next, order)
+        for p in range(P):
+            i = by_column[order[p]]
+            b = own_block[p] = block_of[pt[i]]
+            own_truth[p], own_estimate[p], rank[i] = pt[i], pe[i], <i32>p
+            rows[p] = number[truths + pe[i]] if flip[b] else number[pt[i]]
+            columns[p] = number[pt[i]] if flip[b] else number[truths + pe[i]]
+        for e in range(of_entry.shape[0] - 1, -1, -1):
+            of_entry[e] = rank[of_entry[e]]
+            ends[0, own_block[of_entry[e]]] = step[e]
+        for e in range(of_entry.shape[0]):
+            ends[1, own_block[of_entry[e]]] = step[e]
+    return (pair_of, row, column, block, pair_truth, pair_estimate, node_block, window[0],
+            window[1], transposed)
+
+
+def split(const i32[::1] pair_of, const i32[::1] step, const i32[::1] first, const i32[::1] last,
+          bint single):
+    """States of every pair in order of time: `pair_first`, `begin`, `entry` (-1 for a run).
+
+    `first`, `last` (P,): the window of each pair. With `single` a run is one state for each step.
+    Entries come in order of time.
+    """
+    cdef Py_ssize_t N = pair_of.shape[0], a, P = first.shape[0], p, n = 0
+    cdef i32 k, next_step
+    cdef i32[::1] at = np.zeros(P + 1, np.int32)
+    cdef i32[::1] order = np.empty(N, np.int32)
+    pair_first = np.zeros(P + 1, np.int32)
+    cdef i32[::1] pf = pair_first
+    with nogil:
+        sort_by(pair_of, at, order)
+        a = 0
+        for p in range(P):
+            next_step = first[p]
+            while a < at[p]:
+                k = step[order[a]]
+                if k > next_step:
+                    n += k - next_step if single else 1
+                n += 1
+                next_step = k + 1
+                a += 1
+            if next_step <= last[p]:
+                n += last[p] - next_step + 1 if single else 1
+            pf[p + 1] = <i32>n
+    check_size("states", n)
+    begin = np.empty(n, np.int32)
+    entry = np.empty(n, np.int32)
+    cdef i32[::1] begins = begin, entries = entry
+    with nogil:
+        n = 0
+        a = 0
+        for p in range(P):
+            next_step = first[p]
+            while True:
+                k = step[order[a]] if a < at[p] else last[p] + 1
+                if k > next_step:
+                    begins[n], entries[n] = next_step, -1
+                    n += 1
+                    if single:
+                        for next_step in range(next_step + 1, k):
+                            begins[n], entries[n] = next_step, -1
+                            n += 1
+                if a == at[p]:
+                    break
+                begins[n], entries[n] = k, order[a]
+                n += 1
+                a += 1
+                next_step = k + 1
+    return pair_first, begin, entry
+
+
+def in_time(const i32[::1] begin, int steps):
+    """The states by (begin, number): a stable counting sort."""
+    order = np.empty(begin.shape[0], np.int32)
+    cdef i32[::1] out = order
+    cdef i32[::1] at = np.zeros(steps + 1, np.int32)
+    with nogil:
+        sort_by(begin, at, out)
+    return order
+
+
+def slots(const i32[::1] order, const i32[::1] begin, const i32[::1] pair_first,
+          const i32[::1] pair_node, const u8[::1] shared):
+    """Slots of the shared nodes: first slot of each node, step of each, and of each state its first.
+
+    `order` has the states in time. States of nodes that are not shared get the (empty) place of
+    their node.
+    """
+    cdef Py_ssize_t S = begin.shape[0], P = pair_node.shape[0], nodes = shared.shape[0], s, p, a
+    cdef i32 node
+    cdef i32[::1] node_of = np.empty(S, np.int32)
+    cdef i32[::1] latest = full_of(nodes, -1)
+    node_first = np.zeros(nodes + 1, np.int32)
+    cdef i32[::1] first = node_first
+    slot_begin = np.empty(S, np.int32)
+    cdef i32[::1] begins = slot_begin
+    with nogil:
+        for p in range(P):
+            for s in range(pair_first[p], pair_first[p + 1]):
+                node_of[s] = pair_node[p]
+        for a in range(S):
+            s = order[a]
+            node = node_of[s]
+            if shared[node] and latest[node] != begin[s]:
+                latest[node] = begin[s]
+                first[node + 1] += 1
+        for node in range(nodes):
+            first[node + 1] += first[node]
+            latest[node] = -1
+    step = np.empty(first[nodes], np.int32)
+    cdef i32[::1] steps = step
+    cdef i32[::1] filled = node_first.copy()
+    with nogil:
+        for a in range(S):
+            s = order[a]
+            node = node_of[s]
+            if not shared[node]:
+                begins[s] = first[node]
+                continue
+            if latest[node] != begin[s]:
+                latest[node] = begin[s]
+                steps[filled[node]] = begin[s]
+                filled[node] += 1
+            begins[s] = filled[node] - 1
+    return node_first, step, slot_begin
+
+
+def by_row(const i32[::1] order, const i32[::1] pair_first, const i32[::1] pair_row, int nodes):
+    """The states by (row, begin, number), and the place of the first of each node, (nodes + 1,)."""
+    cdef Py_ssize_t S = order.shape[0], P = pair_row.shape[0], s, p, a
+    cdef i32 node
+    row_first = np.zeros(nodes + 1, np.int32)
+    cdef i32[::1] first = row_first
+    cdef i32[::1] row_of = np.empty(S, np.int32)
+    ordered = np.empty(S, np.int32)
+    cdef i32[::1] out = ordered
+    with nogil:
+        for p in range(P):
+            first[pair_row[p] + 1] += pair_first[p + 1] - pair_first[p]
+            for s in range(pair_first[p], pair_first[p + 1]):
+                row_of[s] = pair_row[p]
+        for node in range(nodes):
+            first[node + 1] += first[node]
+    cdef i32[::1] at = row_first.copy()
+    with nogil:
+        for a in range(S):
+            s = order[a]
+            out[at[row_of[s]]] = <i32>s
+            at[row_of[s]] += 1
+    return ordered, row_first
+
+
+# --- exact sums over slots: the twins are in problem.slots, with the same bits -------------------
+#
+# Sums over all slots may overflow, differences of them do not: they are computed without sign.
+
+
+def slot_sums(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_first,
+              const i32[::1] pair_node, const int64_t[::1] weight):
+    """Sum of the integer weights (S,) of the states over each slot, (K,): `Slots.sums`."""
+    cdef Py_ssize_t K = first[first.shape[0] - 1], p, s, t
+    cdef int64_t held
+    change = np.zeros(K + 1, np.int64)
+    cdef uint64_t[::1] total = change.view(np.uint64)
+    with nogil:
+        for p in range(pair_node.shape[0]):
+            held = 0
+            for s in range(pair_first[p], pair_first[p + 1]):
+                if weight[s] != held:
+                    total[begin[s]] += <uint64_t>weight[s] - <uint64_t>held
+                    held = weight[s]
+            total[first[pair_node[p] + 1]] -= <uint64_t>held
+        for t in range(1, K):
+            total[t] += total[t - 1]
+    return change[:-1]
+
+
+def slot_loads(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_first,
+               const i32[::1] pair_node, const double[::1] weight):
+    """Sum of the weights (S,) of the states over each slot, (K,): `Slots.loads`."""
+    cdef Py_ssize_t p, s, t
+    cdef i32 node
+    cdef double held
+    change = np.zeros(first[first.shape[0] - 1])
+    cdef double[::1] total = change
+    with nogil:
+        for p in range(pair_node.shape[0]):
+            node = pair_node[p]
+            if first[node] == first[node + 1]:
+                continue
+            held = 0.0
+            for s in range(pair_first[p], pair_first[p + 1]):
+                if weight[s] != held:
+                    total[begin[s]] += weight[s] - held
+                    held = weight[s]
+        for node in range(first.shape[0] - 1):
+            for t in range(first[node] + 1, first[node + 1]):
+                total[t] += total[t - 1]
+    return change
+
+
+def whole_sums(const double[::1] value, const i32[::1] first, const double[::1] unit, bint down):
+    """Sums of ``value / unit`` before each slot (K + 1,), rounded first: `exact_running`."""
+    cdef Py_ssize_t i, t
+    cdef double whole
+    sums = np.zeros(value.shape[0] + 1, np.int64)
+    cdef uint64_t[::1] total = sums.view(np.uint64)
+    with nogil:
+        for i in range(unit.shape[0]):
+            for t in range(first[i], first[i + 1]):
+                whole = value[t] / unit[i]
+                whole = floor(whole) if down else rint(whole)
+                total[t + 1] = total[t] + <uint64_t><int64_t>whole
+    return sums
+
+
+def spans(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_first,
+          const i32[::1] pair_node, const double[::1] unit, const int64_t[::1] sums, bint down):
+    """Sum over the slots of each state, (S,), from the sums before each: `Slots.spans`."""
+    cdef Py_ssize_t p, s
+    cdef uint64_t before, after
+    found = np.empty(begin.shape[0])
+    cdef double[::1] total = found
+    with nogil:
+        for p in range(pair_node.shape[0]):
+            after = <uint64_t>sums[first[pair_node[p] + 1]]
+            for s in range(pair_first[p + 1] - 1, pair_first[p] - 1, -1):
+                before = <uint64_t>sums[begin[s]]
+                total[s] = unit[pair_node[p]] * <double><int64_t>(after - before)
+                if down:
+                    total[s] = nextafter(total[s], 0.0)
+                after = before
+    return found
+
+
+# --- gains relative to the cheapest pair: the twin is problem.paths.relative_gains --------------
+
+
+cdef inline void add_to(double* total, double* rest, double part) noexcept nogil:
+    """Add to a sum of two doubles: what `total` loses by rounding goes to `rest` (Knuth)."""
+    cdef double new = total[0] + part
+    cdef double got = new - total[0]
+    rest[0] += (total[0] - (new - got)) + (part - got)
+    total[0] = new
+
+
+def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1] begin,
+                   const i32[::1] entry, const double[::1] cost, double price,
+                   const double[::1] prices=None):
+    """``G - r = (D_best - D) + (A + B) - (A + B)_best``, and ``r = (A + B - D)_best`` of each group.
+
+    A *group* are the states of a row that begin together, "best" the cheapest pair of it: sums of
+    gains near 1 lose the digits that differences of costs keep. A run loses the r while it lasts,
+    and so does "none", in `row_forward`.
+
+    Parameters
+    ----------
+    price : float
+        Cost of leaving both objects of an entry unassigned, where that is the same for all.
+    prices : (N,) float array, optional
+        The same for each entry.
+
+    Returns
+    -------
+    gain : (S,) float array
+    group_first : (nodes + 1,) int array
+        The first group of each row.
+    offset : (G,) float array
+        What was taken off in each group.
+    """
+    cdef Py_ssize_t S = order.shape[0], nodes = row_first.shape[0] - 1, i, a, c, low, high, width
+    cdef i32 s, k, g, total = 0
+    cdef double least, least_price, running, rest
+    cdef bint vary = prices is not None
+    group_first_array = np.zeros(nodes + 1, np.int32)
+    cdef i32[::1] group_first = group_first_array
+    with nogil:
+        width = 0
+        for i in range(nodes):
+            low, high = row_first[i], row_first[i + 1]
+            if high - low > width:
+                width = high - low
+            for a in range(low, high):
+                if a == low or begin[order[a]] != begin[order[a - 1]]:
+                    total += 1
+            group_first[i + 1] = total
+    gain_array, offset_array = np.empty(S), np.zeros(total)
+    cdef double[::1] gain = gain_array, offset = offset_array
+    # What was taken off before the group of a state, in two parts.
+    cdef double[::1] before = np.empty(width + 1), lost = np.empty(width + 1)
+    cdef i32[::1] group = np.empty(width + 1, np.int32)
+    with nogil:
+        for i in range(nodes):
+            low, high = row_first[i], row_first[i + 1]
+            g = group_first[i]
+            running = rest = 0.0
+            a = low
+            while a < high:
+                k = begin[order[a]]
+                c = a
+                least = NEVER
+                while c < high and begin[order[c]] == k:
+                    s = order[c]
+                    before[s - low], lost[s - low], group[s - low] = running, rest, g
+                    if entry[s] >= 0 and cost[entry[s]] < least:
+                        least = cost[entry[s]]
+                        least_price = prices[entry[s]] if vary else price
+                    if k > begin[low] and entry[s - 1] < 0:
+                        gain[s - 1] = (-offset[g - 1] if group[s - 1 - low] == g - 1
+                                       else (before[s - 1 - low] - running)
+                                       + (lost[s - 1 - low] - rest))
+                    c += 1
+                if least < NEVER:
+                    offset[g] = least_price - least
+                while a < c:
+                    s = order[a]
+                    if entry[s] >= 0:
+                        gain[s] = least - cost[entry[s]]
+                        if vary:
+                            gain[s] += prices[entry[s]] - least_price
+                    a += 1
+                add_to(&running, &rest, offset[g])
+                g += 1
+            for s in range(<i32>low, <i32>high):
+                if (s + 1 == high or begin[s + 1] == begin[low]) and entry[s] < 0:
+                    gain[s] = (-offset[g - 1] if group[s - low] == g - 1
+                               else (before[s - low] - running) + (lost[s - low] - rest))
+    return gain_array, group_first_array, offset_array
+
+
+# --- the certificate: the twins are in problem.paths and problem.certificate, with the same bits --
+#
+# Nothing above or below is called but `sort_by` and `pairwise`, and no solver calls these.
+
+
+cdef inline double up(double value) noexcept nogil:
+    """The next larger double: `nextafter`, of which the library takes several times as long."""
+    cdef int64_t bits
+    if value == 0.0:
+        return 5e-324
+    if not value < INFINITY:
+        return value
+    memcpy(&bits, &value, sizeof(bits))
+    bits += 1 if value > 0.0 else -1
+    memcpy(&value, &bits, sizeof(bits))
+    return value
+
+
+cdef inline double down(double value) noexcept nogil:
+    return -up(-value)
+
+
+def upper_gains(const i32[::1] group, Py_ssize_t groups, const i32[::1] entry,
+                const double[::1] cost, const double[::1] price, double base):
+    """`Gains` where A + B is `base` for all pairs; those of runs remain to be filled in.
+
+    `group` (S,) is the row and step that each state begins at, `price` (S,) that of each state.
+    """
+    cdef Py_ssize_t S = entry.shape[0], s, b, g
+    cdef double loss, d
+    relative_array, offset_array = np.empty(S), np.empty(groups)
+    best_array = np.empty(groups, np.int64)
+    cdef double[::1] relative = relative_array, offset = offset_array
+    cdef int64_t[::1] best = best_array
+    with nogil:
+        for g in range(groups):
+            best[g], offset[g] = -1, 0.0  # first the least loss
+        for s in range(S):
+            if entry[s] >= 0:
+                loss = cost[entry[s]] + price[s] - base
+                if loss < 0.0 and loss <= offset[group[s]]:
+                    best[group[s]], offset[group[s]] = s, loss
+        for g in range(groups):
+            b = best[g]
+            if b >= 0:
+                offset[g] = fmax(down(down(down(base) - cost[entry[b]]) - price[b]), 0.0)
+        for s in range(S):
+            if entry[s] < 0:
+                continue
+            b, d = best[group[s]], cost[entry[s]]
+            if b >= 0:
+                relative[s] = up(up(cost[entry[b]] - d) + up(price[b] - price[s]))
+            else:
+                relative[s] = up(up(up(base - d)) - price[s])
+    return relative_array, offset_array, best_array
+
+
+def upper_values(const i32[::1] group, const i32[::1] group_first, const i32[::1] pair_first,
+                 const i32[::1] pair_row, const i32[::1] begin, const double[::1] value,
+                 const double[::1] switch_price, const double[::1] offset):
+    """Upper bound of the value of the best path of each row, (nodes,): `best_values`.
+
+    `group` (S,) is the row and step that each state begins at, `group_first` (nodes + 1,) the first
+    of each row; `switch_price` is one number, or one for each step.
+    """
+    cdef Py_ssize_t S = begin.shape[0], nodes = group_first.shape[0] - 1, a, c, p
+    cdef i32 i, g, s
+    cdef bint varies = switch_price.shape[0] > 1
+    cdef double price = switch_price[0], none, enter
+    cdef i32[::1] at = np.zeros(group_first[nodes] + 1, np.int32)
+    cdef i32[::1] order = np.empty(S, np.int32)
+    cdef double[::1] reached = np.empty(S)
+    none_array = np.zeros(nodes)
+    cdef double[::1] unassigned = none_array
+    with nogil:
+        sort_by(group, at, order)
+        a = 0
+        for i in range(<i32>nodes):
+            none = 0.0
+            for g in range(group_first[i], group_first[i + 1]):
+                if varies:
+                    price = switch_price[begin[order[a]]]
+                for c in range(a, at[g]):
+                    s = order[c]
+                    reached[s] = 0.0 if g == group_first[i] else reached[s - 1]
+                    none = fmax(none, up(reached[s] - price))
+                enter = up(none - price)
+                for c in range(a, at[g]):
+                    s = order[c]
+                    reached[s] = up(fmax(reached[s], enter) + value[s])
+                none = up(none - offset[g])
+                a = at[g]
+            unassigned[i] = none
+        for p in range(pair_row.shape[0]):
+            i = pair_row[p]
+            unassigned[i] = fmax(unassigned[i], reached[pair_first[p + 1] - 1])
+    return none_array
+
+
+def run_gains(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_first,
+              const i32[::1] pair_node, const double[::1] unit, const int64_t[::1] sums,
+              const i32[::1] entry, const double[::1] price, double[::1] relative):
+    """Fill in the relative gains of runs, ``-v - sum r``: the end of `problem.paths.relative_gains`.
+
+    `unit` and `sums` are the running sums of the offsets over the slots of `first` and `begin`.
+    """
+    cdef Py_ssize_t p, s
+    cdef uint64_t before, after
+    cdef double lost
+    with nogil:
+        for p in range(pair_node.shape[0]):
+            after = <uint64_t>sums[first[pair_node[p] + 1]]
+            for s in range(pair_first[p + 1] - 1, pair_first[p] - 1, -1):
+                before = <uint64_t>sums[begin[s]]
+                if entry[s] < 0:
+                    lost = unit[pair_node[p]] * <double><int64_t>(after - before)
+                    relative[s] = up(-price[s] - (down(lost) if lost > 0.0 else lost))
+                after = before
+
+
+def put_aside(const int64_t[::1] best, const i32[::1] group, const i32[::1] entry,
+              const double[::1] cost, const i32[::1] first, const i32[::1] begin,
+              const i32[::1] pair_first, const i32[::1] pair_node, i32[::1] left):
+    """Cost of the best pair of each group, 0 without one; `left` is less 1 at its column slot.
+
+    `best` (G,) and `group` (S,) as in `Gains` and `row_steps`; `first`, `begin`, `pair_first` and
+    `pair_node` are those of the columns.
+    """
+    cdef Py_ssize_t p, s
+    cdef i32 end
+    found = np.zeros(best.shape[0])
+    cdef double[::1] least = found
+    with nogil:
+        for p in range(pair_node.shape[0]):
+            end = first[pair_node[p] + 1]
+            for s in range(pair_first[p + 1] - 1, pair_first[p] - 1, -1):
+                if best[group[s]] == s:
+                    least[group[s]] = cost[entry[s]]
+                    if end > begin[s]:
+                        left[begin[s]] -= 1
+                end = begin[s]
+    return found
+
+
+def idle_prices(const double[::1] unit, const int64_t[::1] sums, const i32[::1] left,
+                const i32[::1] first):
+    """``-sum (left v)`` of the slots of each node in two halves, (2, nodes), from above.
+
+    Prices are `unit` times the differences of `sums`; the halves keep sums from overflow.
+    """
+    cdef Py_ssize_t i, t
+    cdef int64_t whole, low, high
+    found = np.empty((2, unit.shape[0]))
+    cdef double[:, ::1] part = found
+    with nogil:
+        for i in range(unit.shape[0]):
+            low = high = 0
+            for t in range(first[i], first[i + 1]):
+                whole = <int64_t>(<uint64_t>sums[t + 1] - <uint64_t>sums[t])
+                low += (whole & 0x7fffffff) * left[t]
+                high += (whole >> 31) * left[t]
+            part[0, i] = -up(unit[i] * <double>low)
+            part[1, i] = -up(unit[i] * 2147483648.0 * <double>high)
+    return found
+
+
+cdef class Terms:
+    """Terms of a cost, added up in groups of 64: `problem.certificate._in_chunks`."""
+
+    cdef double[::1] sums
+    cdef double[64] group
+    cdef Py_ssize_t count, size
+
+    def __init__(self, Py_ssize_t most):
+        self.sums = np.empty(most // 64 + 4)
+
+    cdef void add(self, double term) noexcept nogil:
+        self.group[self.size] = term
+        self.size += 1
+        if self.size == 64:
+            self.close()
+
+    cdef void close(self) noexcept nogil:
+        if self.size:
+            self.sums[self.count] = self.group[0] + pairwise(&self.group[1], self.size - 1)
+            self.count += 1
+            self.size = 0
+
+
+def break_down(states, const int64_t[::1] weight, int64_t one):
+    """The sums of `problem.certificate.break_down`, of a problem that is one part.
+
+    Returns
+    -------
+    costs : (6, T) float array
+        Localisation, missed, false, missed count, false count, variation.
+    terms : list of float
+        Sums of some terms of the total each.
+    """
+    problem = states.problem
+    cdef const i32[::1] begin = states.begin, entry = states.entry, pair_first = states.pair_first
+    cdef const double[::1] cost = problem.cost
+    cdef const double[::1] switch_price = problem.switch_price_at
+    cdef const i32[::1] row, step
+    cdef const double[:] price
+    cdef Py_ssize_t s, e, p, steps = problem.steps, side, i
+    cdef double whole = one, share, paid
+    cdef int64_t rise
+    cdef int64_t[::1] free
+    costs = np.zeros((6, steps))
+    cdef double[:, ::1] at = costs
+    cdef Terms terms = Terms(2 * begin.shape[0] + len(problem.truth_step)
+                             + len(problem.estimate_step))
+    for side, objects in enumerate(problem.sides):
+        row = objects.row.astype(np.int32, copy=False)
+        step = objects.step.astype(np.int32, copy=False)
+        price = objects.price
+        free = full_of(step.shape[0], one, np.int64)
+        with nogil:
+            for s in range(begin.shape[0]):
+                e = entry[s]
+                if e < 0 or weight[s] == 0:
+                    continue
+                free[row[e]] -= weight[s]
+                if side == 0:
+                    paid = <double>weight[s] / whole * cost[e]
+                    at[0, begin[s]] += paid
+                    terms.add(paid)
+            terms.close()
+        if objects.unjudged is not None:
+            np.asarray(free)[objects.unjudged] = 0
+        with nogil:
+            for i in range(step.shape[0]):
+                if free[i]:
+                    share = <double>free[i] / whole
+                    at[3 + side, step[i]] += share
+                    paid = share * price[i]
+                    at[1 + side, step[i]] += paid
+                    terms.add(paid)
+            terms.close()
+    with nogil:
+        for p in range(pair_first.shape[0] - 1):
+            for s in range(pair_first[p] + 1, pair_first[p + 1]):
+                rise = weight[s] - weight[s - 1]
+                if rise:
+                    share = <double>(rise if rise > 0 else -rise) / whole
+                    at[5, begin[s]] += share
+                    terms.add(switch_price[begin[s]] * share)
+        terms.close()
+    return costs, np.asarray(terms.sums[:terms.count]).tolist()
